@@ -20,7 +20,7 @@ from shared import by_name, nearest, of_tests
 
 from kaju import Deflection, Reaction, Scene, Stress, solve
 from kaju.errors import KajuError
-from kaju.model.elastic.spawning.quantities import described, quantities_of
+from kaju.model.elastic.goals.quantities import described, quantities_of
 
 
 def mean(low: tuple[float, ...], high: tuple[float, ...], component: str) -> Stress:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from shared import by_name, in_turn, timed
 
 from kaju import Scene, solve
-from kaju.model.elastic.bracket import bracket_of
+from kaju.model.elastic.bounds.energy_bounds import bracket_of
 
 SIDE = 0.2
 MATERIALS = {

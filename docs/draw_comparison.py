@@ -14,7 +14,7 @@ from pathlib import Path
 
 from kaju import load_scene
 from kaju.agents.rules import ElasticRule
-from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.study.compare import Comparison, compare
 from kaju.model.study.fitting import Fit, fit_rule
 from kaju.model.study.reference import Reference

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
-from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 

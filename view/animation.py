@@ -20,11 +20,11 @@ from kaju.model.results.result import Result
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
+from kaju.view.films import Film
 
 from .motion import film_of_motion
 from .picture_files import new_folder
 from .plots import check_options
-from .reels import Reel
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -164,7 +164,7 @@ def _chosen(known: Mapping[str, str], result: object, what: str | None) -> Calla
     return cast(Callable[..., Any], fetch(known[name]))
 
 
-def _image(reel: Reel, frame: int, mode: str = "RGB") -> Image.Image:
+def _image(reel: Film, frame: int, mode: str = "RGB") -> Image.Image:
     reel.show(frame)
     canvas = cast(Any, reel.figure.canvas)  # Agg's, which arrives untyped
     canvas.draw()
@@ -178,7 +178,7 @@ def _durations(frames: list[int], fps: float, hold: float) -> list[int]:
     return durations
 
 
-def _write_gif(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
+def _write_gif(reel: Film, frames: list[int], path: Path, fps: float, hold: float) -> None:
     # One palette for all frames, or colours would flicker: that of a few of them, side by side.
     some = {k: _image(reel, k) for k in (frames[0], frames[len(frames) // 2], frames[-1])}
     strip = Image.fromarray(np.concatenate([np.asarray(image) for image in some.values()]))
@@ -200,14 +200,14 @@ def _indexed(image: Image.Image, palette: Image.Image) -> Image.Image:
     return indexed
 
 
-def _write_webp(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
+def _write_webp(reel: Film, frames: list[int], path: Path, fps: float, hold: float) -> None:
     first, *rest = (_image(reel, frame) for frame in frames)
     durations = _durations(frames, fps, hold)
     options: dict[str, Any] = {"duration": durations, "loop": 0, "lossless": True}
     first.save(path, "WEBP", save_all=True, append_images=rest, **options)
 
 
-def _write_mp4(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
+def _write_mp4(reel: Film, frames: list[int], path: Path, fps: float, hold: float) -> None:
     with rc_context({"animation.ffmpeg_path": _ffmpeg(path)}):
         writer = FFMpegWriter(fps=cast(int, fps))
         with writer.saving(reel.figure, str(path), _RESOLUTION):
@@ -232,7 +232,7 @@ def _ffmpeg(target: Path) -> str:
     return program
 
 
-def _write_frames(reel: Reel, frames: list[int], folder: Path) -> None:
+def _write_frames(reel: Film, frames: list[int], folder: Path) -> None:
     reel.figure.patch.set_alpha(0.0)
     for axes in reel.figure.axes:
         axes.patch.set_alpha(0.0)

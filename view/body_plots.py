@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.scene import AppliedLoads, Scene, kinds
+from kaju.model.scene import AppliedLoads, Scene, cell_types
 
 from .section import Section
 from .style import (
@@ -129,10 +129,10 @@ def draw_forces(
 
 
 _SUPPORTS = {
-    kinds.RIGID: ("rigid", "////"),
-    kinds.ROLLER: ("roller", "oo"),
-    kinds.FOUNDATION: ("elastic bed", "xx"),
-    kinds.DISPLACED: ("moved wall", "\\\\\\\\"),
+    cell_types.RIGID: ("rigid", "////"),
+    cell_types.ROLLER: ("roller", "oo"),
+    cell_types.FOUNDATION: ("elastic bed", "xx"),
+    cell_types.DISPLACED: ("moved wall", "\\\\\\\\"),
 }
 _EDGES_UP_TO = 90  # tiles across, above which their edges are not drawn
 _WIDEST = 3.0  # pictures are at most this much wider than high

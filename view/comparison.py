@@ -42,7 +42,7 @@ from .units import quantity as with_unit
 
 if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
-    from kaju.model.study.beside_elasticity import BesideElasticity, StraightWay
+    from kaju.model.study.rule_study import RuleStudy, StraightWay
 
 
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")
@@ -373,9 +373,7 @@ def _place(ax: Axes, section: Section, title: str) -> None:
 BELIEVED = "elasticity"
 
 
-def pictures_beside(
-    study: BesideElasticity, depths: Sequence[float] | None = None
-) -> dict[str, Figure]:
+def pictures_beside(study: RuleStudy, depths: Sequence[float] | None = None) -> dict[str, Figure]:
     """Return the figures, by what they show, with rows at `depths` below the load (m).
 
     "stress_ratio": stress down from the load as a share of the pressure, over that of elasticity,
@@ -400,14 +398,14 @@ def pictures_beside(
     return figures
 
 
-def _line(study: BesideElasticity, way: StraightWay) -> Line:
+def _line(study: RuleStudy, way: StraightWay) -> Line:
     across = "xyz"[0 if study.axis else 1]
     if way.depth is None:
         return Line("way down from the load", way.start, way.end)
     return Line(f"{across}, {quantity(way.depth, 'm')} below the load", way.start, way.end)
 
 
-def _stress_rows(study: BesideElasticity, rows: Sequence[Line], axes: tuple[str, str]) -> Figure:
+def _stress_rows(study: RuleStudy, rows: Sequence[Line], axes: tuple[str, str]) -> Figure:
     figure = new_figure((4.1 * len(rows) + 0.5, 7.2))
     panels = figure.subplots(len(axes), len(rows), squeeze=False)
     for axis, row in zip(axes, panels, strict=True):
@@ -419,7 +417,7 @@ def _stress_rows(study: BesideElasticity, rows: Sequence[Line], axes: tuple[str,
     return figure
 
 
-def _cuts_beside(study: BesideElasticity) -> Figure:
+def _cuts_beside(study: RuleStudy) -> Figure:
     """Draw what every answer carries through its cuts, each over its way from the load."""
     figure = new_figure((6.4, 4.2))
     ax = figure.add_subplot()
@@ -433,7 +431,7 @@ def _cuts_beside(study: BesideElasticity) -> Figure:
     return figure
 
 
-def words_beside(study: BesideElasticity) -> list[str]:
+def words_beside(study: RuleStudy) -> list[str]:
     """Say how far each of the answers is off, and where."""
     told = []
     unreached = study.unreached()

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError
 from kaju.model.results.result import Curves
+from kaju.view.films import Film
 
 from .body_plots import draw_forces, finish
 from .comparison import COLOURS
 from .deformed import draw_deformation, moving_cells
 from .network_plots import Colour, Stand, plot_network
-from .reels import Reel
 from .section import section_of
 from .style import FAINT, INK, LINE, caption, label_axis, new_axes, new_figure
 from .units import quantity
@@ -26,7 +26,7 @@ from .units import quantity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kaju.model.rheology.creep_result import BodyCourse, Course
+    from kaju.model.rheology.creep_result import BodyCourse, TimeResult
     from kaju.model.rheology.network import NetworkCreepResult
 
 
@@ -132,7 +132,7 @@ def plot_network_at(
 
 def network_over_time(
     course: NetworkCreepResult, colour: Colour = "tension", magnification: float | None = None
-) -> Reel:
+) -> Film:
     """Return the network as it stood at the times asked for."""
     stand = Stand(course.to_network_result(), None, colour, magnification)
 
@@ -142,7 +142,7 @@ def network_over_time(
     return stand.reel(words)
 
 
-def curves_over_time(course: Course) -> Reel:
+def curves_over_time(course: TimeResult) -> Film:
     """Return the curves as they grow, a dot at where they have come to."""
     every = course.curves()
     figure, panels = panels_for(every)
@@ -163,14 +163,14 @@ def curves_over_time(course: Course) -> Reel:
     def words(number: int) -> str:
         return _moment(course, number)
 
-    return Reel(figure, len(course.times) - 1, draw, notes, words)
+    return Film(figure, len(course.times) - 1, draw, notes, words)
 
 
-def _moment(course: Course, record: int) -> str:
+def _moment(course: TimeResult, record: int) -> str:
     return f"time {course.times[record]:.4g} s; history at {course.factors[record]:.3g}"
 
 
-def _checked(course: Course, record: int) -> int:
+def _checked(course: TimeResult, record: int) -> int:
     count = len(course.times)
     if not -count <= record < count:
         raise ParameterError(f"record: this result has the times 0 to {count - 1}, got {record}")

@@ -20,19 +20,19 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.view.films import TWO_LINES, Film
 
 from .agents import spawn_bar, spawn_norm
 from .body_plots import draw_body, draw_forces, finish
 from .cut_plots import plot_cuts
 from .deformed import plot_deformed
 from .maps import plot_displacement, plot_strain, plot_stress, plot_von_mises
-from .reels import TWO_LINES, Reel
 from .section import Section, section_of
 from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, figure_of, new_axes, new_figure
 from .units import counted, quantity
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.elastic.relaxation.elastic_run import ElasticRun
 
 Cut = Mapping[str, float]
 
@@ -86,7 +86,7 @@ def plot_left(
     return ax
 
 
-def waves(run: ElasticRun, *, cut: Cut | None = None, crop: bool | None = None) -> Reel:
+def waves(run: ElasticRun, *, cut: Cut | None = None, crop: bool | None = None) -> Film:
     """Return the steps of a run: on the left what is left, on the right who acts."""
     moments, agents = run.moments, run.agents
     levels = [
@@ -126,7 +126,7 @@ def waves(run: ElasticRun, *, cut: Cut | None = None, crop: bool | None = None) 
         stood = int(np.sum((agents.spawn_step <= step) & (agents.level == 0)))
         return f"step {step} of {last}: {counted(stood, 'agent')} awake\nenergy {energy}"
 
-    return Reel(figure_of(rest), len(moments.step) - 1, draw, notes, words)
+    return Film(figure_of(rest), len(moments.step) - 1, draw, notes, words)
 
 
 def _who(acted: Floats, level: Ints) -> str:

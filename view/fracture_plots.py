@@ -19,10 +19,10 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
+from kaju.view.films import TWO_LINES, Film
 
 from .body_plots import draw_body, draw_forces, finish
 from .network_plots import Stand
-from .reels import TWO_LINES, Reel
 from .section import Section, section_of
 from .style import (
     DIVERGING,
@@ -189,7 +189,7 @@ def breaking(
     result: FractureResult,
     magnification: float | None = None,
     cut: Mapping[str, float] | None = None,
-) -> Reel:
+) -> Film:
     """Return what is left after every break, one frame each, as far as it resists."""
     last = result.standing
 
@@ -206,7 +206,7 @@ def breaking(
         def cells(count: int) -> list[Artist]:
             return _draw_cells(ax, section, result, count, stresses[count], norm)
 
-        return Reel(figure_of(ax), last, cells, notes, words)
+        return Film(figure_of(ax), last, cells, notes, words)
     stand = Stand(cast("NetworkResult", result.state(last)), None, "tension", magnification)
     first = stand.draw_springs(1)
     stand.bar(first[0])
@@ -219,4 +219,4 @@ def breaking(
         now.network = now.result.network
         return [*now.draw_springs(1), _draw_broken(now, result, count)]
 
-    return Reel(figure_of(stand.ax), last, draw, stand.finish(TWO_LINES), words)
+    return Film(figure_of(stand.ax), last, draw, stand.finish(TWO_LINES), words)

@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
+from kaju.view.films import TWO_LINES, Film
+
 from .body_plots import draw_body, draw_forces, finish
-from .reels import TWO_LINES, Reel
 from .section import Section, section_of
 from .style import (
     FAINT,
@@ -91,7 +92,7 @@ def plot_growth(result: GrowthResult, ax: Axes | None = None) -> Axes:
     return frame_curves(ax, title, [result.outcome], handles=lines)
 
 
-def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -> Reel:
+def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -> Film:
     """Return the densities after every step, one frame each."""
     section = section_of(result.scene, None, cut)
     ax = new_axes(None)
@@ -105,4 +106,4 @@ def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -
         return [_draw_densities(ax, section, result, step)]
 
     notes = finish(ax, section, f"Growth by the rule of {result.rule}", TWO_LINES, entries)
-    return Reel(figure_of(ax), result.steps, draw, notes, lambda step: _words(result, step))
+    return Film(figure_of(ax), result.steps, draw, notes, lambda step: _words(result, step))

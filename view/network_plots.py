@@ -16,8 +16,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.view.films import TWO_LINES, Film
 
-from .reels import TWO_LINES, Reel
 from .style import (
     DIVERGING,
     FAINT,
@@ -197,7 +197,7 @@ class Stand:
         unit = "N" if self.colour == "tension" else ""
         colour_bar(self.ax, cast(Any, springs), label, unit)
 
-    def reel(self, words: Callable[[int], str]) -> Reel:
+    def reel(self, words: Callable[[int], str]) -> Film:
         """Return all states, one frame each, over the network at rest."""
         self.draw_rest()
         first = self.draw_springs(0)
@@ -205,7 +205,7 @@ class Stand:
         for artist in first:
             artist.set_visible(False)
         notes, last = self.finish(TWO_LINES), len(self.records) - 1
-        return Reel(figure_of(self.ax), last, self.draw_springs, notes, words)
+        return Film(figure_of(self.ax), last, self.draw_springs, notes, words)
 
 
 def plot_network(
@@ -247,7 +247,7 @@ def plot_response(result: NetworkResult, ax: Axes | None = None) -> Axes:
 
 def increments(
     result: NetworkResult, colour: Colour = "tension", magnification: float | None = None
-) -> Reel:
+) -> Film:
     """Return the states of a network, one frame each."""
     stand = Stand(result, None, colour, magnification)
     last = len(stand.records) - 1

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 
 from kaju.errors import ParameterError
-from kaju.model.elastic.spawning.quantities import named
+from kaju.model.elastic.goals.quantities import named
 from kaju.model.scene.curves import flattened
 from kaju.model.scene.shapes import OutlinedShape
 

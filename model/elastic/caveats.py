@@ -16,17 +16,17 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
+from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
+from kaju.model.elastic.goals.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR
+from kaju.model.scene.box_kinds import relation
+from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells
-from kaju.model.scene.purity import relation
 from kaju.model.scene.shapes import Box, Shape
 
-from .boxes import corner_ends
 from .cell_loads import portions_of_cells
 from .corners import sharp_corners, singular_at
-from .spawning.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
-from .tractions import Portions, data_error, softest
 
 if TYPE_CHECKING:
     from kaju.model.scene.loads import LoadTable

@@ -13,7 +13,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import INSIDE
+from kaju.model.scene.cell_types import INSIDE
 
 from . import fields
 from .grid import problem_of_scene, repeated
@@ -24,9 +24,8 @@ from .solver import Solution, settled
 from .staggered import Strains, energy_of_cells
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.spawning.tree_agents import TreeAgents
-
-    from .bracket import Bracket
+    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
+    from kaju.model.elastic.leaf_agents import LeafAgents
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +135,10 @@ class CellAgents:
         )
 
     @cached_property
-    def bracket(self) -> Bracket | str:
+    def bracket(self) -> EnergyBounds | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        from .bracket import SETTLED, bracket_of
-        from .cell_boxes import boxes_of_cells
+        from kaju.model.elastic.bounds.bounds_of_arrays import boxes_of_cells
+        from kaju.model.elastic.bounds.energy_bounds import SETTLED, bracket_of
 
         problem, solution = self.problem, self.solution
         solution = settled(problem, solution, SETTLED * solution.discretisation)
@@ -204,14 +203,14 @@ class CellAgents:
         return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
 
     @cached_property
-    def tree(self) -> TreeAgents:
+    def tree(self) -> LeafAgents:
         """The same agents as the tree of one level, which knows their errors one by one."""
         if self.field is not None:
             raise ResultError(
                 "stiffness: agents with a field of stiffness have no errors one by one, nor "
                 "values of goals; `displacement_at`, `stress_at` and `energy_bounds` tell theirs"
             )
-        from kaju.model.elastic.spawning.tree_agents import tree_of_cells
+        from kaju.model.elastic.leaf_agents import tree_of_cells
 
         return tree_of_cells(self)
 

@@ -14,11 +14,11 @@ from itertools import combinations
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, moved
-from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
+from kaju.model.elastic.bounds.uneven_loads import Portions
+from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import AppliedLoads
 
 from .problem import ACTIVE, FIXED, CellLoads, ElasticProblem
-from .tractions import Portions
 
 
 def face_forces(problem: ElasticProblem, loads: CellLoads) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 MOST_CELLS = 1_000_000  # Larger arrays, and solids, are not looked through
 ON_EDGE = 1e-6  # Of a cell: a point that is nearer to a line of the cells lies on it

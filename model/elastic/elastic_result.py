@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from kaju.model.elastic.spawning.family import Family
-    from kaju.model.elastic.spawning.generations import Generation, Spawning
-    from kaju.model.elastic.spawning.goals import Asked, Goal
-    from kaju.model.elastic.spawning.quantities import Place, Quantity
-    from kaju.model.elastic.spawning.tree_agents import TreeAgents
+    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
+    from kaju.model.elastic.goals.goals import Asked, Goal
+    from kaju.model.elastic.goals.quantities import Place, Quantity
+    from kaju.model.elastic.leaf_agents import LeafAgents
+    from kaju.model.elastic.refine.family import Family
+    from kaju.model.elastic.refine.generations import Generation, Spawning
 
-    from .bracket import Bracket
     from .caveats import Caveats
     from .cell_agents import CellAgents
     from .equal_arrays import EqualArrays
@@ -97,7 +97,7 @@ class ElasticResult(BodyResult):
     kind: ClassVar[str] = "elastic"
     scene: Scene
     stage: int | None
-    found: CellAgents | TreeAgents
+    found: CellAgents | LeafAgents
     seconds: float
     tolerance: float | None = None
     resolution: int | None = None
@@ -258,7 +258,7 @@ class ElasticResult(BodyResult):
         return max(own, found.error) if found is not None and self._contradicted else own
 
     @property
-    def _promised_bracket(self) -> Bracket | None:
+    def _promised_bracket(self) -> EnergyBounds | None:
         """The bounds that are to meet the tolerance, if there are any."""
         found = self.found.bracket if self._promised else ""
         return None if isinstance(found, str) else found
@@ -314,7 +314,7 @@ class ElasticResult(BodyResult):
     @property
     def provable(self) -> bool:
         """Whether its bounds are cheap enough to be worked out without being asked for."""
-        from .bracket import MOST_PROVED
+        from kaju.model.elastic.bounds.energy_bounds import MOST_PROVED
 
         return self.agents <= MOST_PROVED[self.scene.lattice.dimension]
 
@@ -406,7 +406,7 @@ class ElasticResult(BodyResult):
         found = self.found.bracket
         return None if isinstance(found, str) else found.mean_error
 
-    def _certain(self, name: str) -> Bracket:
+    def _certain(self, name: str) -> EnergyBounds:
         found = self.found.bracket
         if isinstance(found, str):
             raise ResultError(f"{name}: there are no bounds, since {found}")
@@ -419,8 +419,8 @@ class ElasticResult(BodyResult):
         Rather too large than too small (see `benchmarks/displacement_error.py`). Worked out when
         it is asked for, by one more solution with the children of all agents.
         """
-        from kaju.model.elastic.spawning.displacement_error import told_error
-        from kaju.model.elastic.spawning.quantities import DISPLACEMENT
+        from kaju.model.elastic.goals.displacement_error import told_error
+        from kaju.model.elastic.goals.quantities import DISPLACEMENT
 
         if self.tolerance_at == DISPLACEMENT:
             return self.goal_error_estimate
@@ -436,8 +436,8 @@ class ElasticResult(BodyResult):
     @property
     def goals(self) -> tuple[Goal, ...]:
         """What has been found of every quantity that the tolerance is about."""
-        from kaju.model.elastic.spawning.functionals import plain, unit_of
-        from kaju.model.elastic.spawning.goals import Goal
+        from kaju.model.elastic.goals.functionals import plain, unit_of
+        from kaju.model.elastic.goals.goals import Goal
 
         if not isinstance(self.tolerance_at, tuple):
             return ()
@@ -481,7 +481,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def family(self) -> Family:
         """Every agent that ever stood: who spawned whom, when and why."""
-        from kaju.model.elastic.spawning.family import Family
+        from kaju.model.elastic.refine.family import Family
 
         return Family.of(self.generations, self.scene.lattice.dimension, self.found.tree.metre)
 
@@ -641,8 +641,8 @@ class ElasticResult(BodyResult):
         SingularPlaceError
             If it is a stress where stresses have no limit.
         """
-        from kaju.model.elastic.spawning.functionals import functional_of, plain, unit_of
-        from kaju.model.elastic.spawning.quantities import quantities_of
+        from kaju.model.elastic.goals.functionals import functional_of, plain, unit_of
+        from kaju.model.elastic.goals.quantities import quantities_of
 
         from .caveats import refuse_singular
 
@@ -686,7 +686,7 @@ class ElasticResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        from kaju.model.elastic.spawning.goals import told
+        from kaju.model.elastic.goals.goals import told
 
         size = self.size
         figures: dict[str, Any] = {
@@ -781,7 +781,7 @@ class ElasticResult(BodyResult):
         return (cls.kind, *_EARLIER)
 
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        from kaju.model.elastic.spawning.goals import told
+        from kaju.model.elastic.goals.goals import told
 
         arrays, about = self.found.archive()
         asked = {
@@ -795,15 +795,15 @@ class ElasticResult(BodyResult):
 
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        from kaju.model.elastic.spawning.goals import asked_again
-        from kaju.model.elastic.spawning.tree_agents import TreeAgents
+        from kaju.model.elastic.goals.goals import asked_again
+        from kaju.model.elastic.leaf_agents import LeafAgents
 
         from .cell_agents import CellAgents
 
         about = archive.about
         storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
-        holders: dict[str, type[CellAgents | TreeAgents]]
-        holders = {"cells": CellAgents, "tree": TreeAgents}
+        holders: dict[str, type[CellAgents | LeafAgents]]
+        holders = {"cells": CellAgents, "tree": LeafAgents}
         if storage == "solid":
             from kaju.model.solid.solid_agents import SolidAgents
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
-from kaju.model.scene.kinds import RIGID
+from kaju.model.scene.cell_types import RIGID
 
 from .moduli import Moduli, moduli_at
 from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields

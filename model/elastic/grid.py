@@ -9,7 +9,7 @@ import numpy as np
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 
 from .problem import CellLoads, ElasticProblem, Side, problem_of, rim_layer

@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultError
-from kaju.model.scene.kinds import AIR
+from kaju.model.scene.cell_types import AIR
 
 if TYPE_CHECKING:
     from .elastic_result import ElasticResult

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.scene.kinds import RIGID, ROLLER
+from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
 
 from .moduli import Moduli, moduli_at, moduli_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kaju.arrays import Flags, Floats
-from kaju.model.scene.kinds import FOUNDATION, INSIDE, RIGID, ROLLER
+from kaju.model.scene.cell_types import FOUNDATION, INSIDE, RIGID, ROLLER
 
 from .problem import FIXED, ElasticProblem, FaceFields
 from .staggered import internal_force

@@ -14,11 +14,11 @@ from scipy.sparse.linalg import SuperLU
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import SceneError
 from kaju.factors import factors_of
+from kaju.model.elastic.multigrid.hierarchy import GUARD, Hierarchy, is_box, of_parents, outside_of
+from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
+from kaju.model.elastic.multigrid.mixed_form import MixedForm, without_pressure
 from kaju.stopping import stopped
 
-from .hierarchy import GUARD, Hierarchy, is_box, of_parents, outside_of
-from .incompressible import MixedForm, without_pressure
-from .krylov import Iteration, conjugate_gradients, dot
 from .problem import ACTIVE, FIXED, ElasticProblem, FaceFields
 from .staggered import Numbering, internal_force, stiffness_matrix
 

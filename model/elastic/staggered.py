@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 
 from .moduli import REENTRANT_WEIGHT, Moduli, moduli_at
 from .problem import ACTIVE, ElasticProblem, FaceFields

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.errors import SupportError
-from kaju.model.scene.kinds import FOUNDATION, RIGID
+from kaju.model.elastic.multigrid.hierarchy import described, is_box
+from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
-from .hierarchy import described, is_box
 from .problem import ACTIVE, FIXED, ElasticProblem
 from .staggered import axis_pairs, cut, edge_modulus, ends
 

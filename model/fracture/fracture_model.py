@@ -14,7 +14,7 @@ from kaju.mesa_model import SteppedModel
 from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
-from kaju.model.network.linear import GivesWayError
+from kaju.model.network.linear import SingularTangentError
 from kaju.model.scene import Scene
 from kaju.stepping import Until
 
@@ -160,7 +160,7 @@ class FractureModel(SteppedModel):
         )
         try:
             self._body = body_of(self.subject, self.strengths, self._measure)
-        except GivesWayError as weakness:
+        except SingularTangentError as weakness:
             raise _mechanism(self.subject, weakness) from None
         self.outcome = ""
         self.load_factor = self._work = self._released = 0.0
@@ -188,7 +188,7 @@ class FractureModel(SteppedModel):
         yielded = body.yielded
         try:
             part, released = body.break_part(place)
-        except GivesWayError:
+        except SingularTangentError:
             # The load falls freely; what is told is the energy that the body held.
             part, released = body.broken[-1], stored
             self.outcome = PARTED
@@ -275,7 +275,7 @@ def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:
     return subject
 
 
-def _mechanism(body: SpringNetwork | Scene, weakness: GivesWayError) -> MechanismError:
+def _mechanism(body: SpringNetwork | Scene, weakness: SingularTangentError) -> MechanismError:
     """Return the error that names the nodes which nothing holds."""
     if isinstance(body, Scene):
         return MechanismError(

@@ -20,7 +20,7 @@ from scipy.linalg.lapack import dposv
 from scipy.sparse import csc_array, csr_array, diags_array
 
 from kaju.arrays import Floats, Ints
-from kaju.model.network.linear import DirectSolver, GivesWayError
+from kaju.model.network.linear import DirectSolver, SingularTangentError
 
 _RESISTING = 1e-6
 """Share of the unbroken body's resistance below which what is left has parted: the equations of a
@@ -34,7 +34,7 @@ class WeakeningBody:
     `stiffness`, shape (r,): k, energy of a row over half the square of its elongation; `given`,
     shape (r,): elongation by what supports are moved by; `force`, shape (f,): of the load, such
     that F·u is its work (J); `most`: weakened rows from which on there are new factors, in the
-    `order` of `splu`. A body that does not resist raises `GivesWayError`.
+    `order` of `splu`. A body that does not resist raises `SingularTangentError`.
 
     `yielded`: F·u, the work (J) that the final forces would do on the displacements; `pull`,
     `shift`: size of the load, Σ |F| (N), or how far supports are moved at most (m).
@@ -121,7 +121,7 @@ class WeakeningBody:
             if not self._correct():
                 self._factorise()
         if not np.abs(self.elongation).max() * _RESISTING <= self._unbroken:
-            raise GivesWayError(self._solution / np.linalg.norm(self._solution))
+            raise SingularTangentError(self._solution / np.linalg.norm(self._solution))
         return 0.5 * float(np.sum(lost * before * self.elongation[rows]))
 
     def solution(self) -> Floats:

@@ -16,7 +16,7 @@ from kaju.arrays import Floats
 from kaju.errors import BucklingError, ConvergenceError, MechanismError, TangentError
 
 from .assembler import Assembler, Geometry, along_springs
-from .linear import GivesWayError, TangentSolver
+from .linear import SingularTangentError, TangentSolver
 from .springs import SpringNetwork
 
 _NAMED = 8
@@ -103,7 +103,7 @@ def find_balance(
     the held coordinates shall reach, None: where they are; `force_scale`: force (N) to compare the
     residual with, if larger than those met here; `tolerance`: largest unbalanced force as a share
     of the largest force; `limit`: corrections after which it gives up by a `ConvergenceError`. A
-    tangent on the way that is singular or indefinite raises `GivesWayError`.
+    tangent on the way that is singular or indefinite raises `SingularTangentError`.
     """
     jump = np.zeros_like(displacement)
     if given is not None:
@@ -158,12 +158,12 @@ def weakness_of(
     geometry: Geometry,
     tension: Floats,
     stiffness: Floats,
-) -> GivesWayError | None:
+) -> SingularTangentError | None:
     """Return what gives way in a state of the network, None if nothing does."""
     probe = np.random.default_rng(0).standard_normal(len(assembler.free))
     try:
         solve_tangent(assembler, solver, geometry, tension, stiffness, probe)
-    except GivesWayError as weakness:
+    except SingularTangentError as weakness:
         return weakness
     return None
 

@@ -19,7 +19,7 @@ import numpy as np
 from kaju.agents.materials import Material
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.scene import Scene, kinds
+from kaju.model.scene import Scene, cell_types
 from kaju.model.scene.lattice import Cells
 
 from .springs import SpringNetwork
@@ -127,17 +127,18 @@ def _contacts(scene: Scene, cells: Cells) -> _Contacts:
     for arm in range(lattice.directions):
         beyond = lattice.neighbours(cells, arm)
         kind, side = scene.kinds(beyond), lattice.side_beyond(beyond)
-        if (kind == kinds.FOUNDATION).any():
+        bed = kind == cell_types.FOUNDATION
+        if bed.any():
             raise SceneError(
-                f"sides.{lattice.sides[int(side[kind == kinds.FOUNDATION][0])]}: a spring network "
+                f"sides.{lattice.sides[int(side[bed][0])]}: a spring network "
                 'has no elastic foundation; take "rigid" or "roller"'
             )
-        rollers = np.flatnonzero(kind == kinds.ROLLER)
+        rollers = np.flatnonzero(kind == cell_types.ROLLER)
         across[rollers, side[rollers] // 2] = True
-        faces = np.flatnonzero((kind == kinds.RIGID) | (kind == kinds.DISPLACED))
+        faces = np.flatnonzero((kind == cell_types.RIGID) | (kind == cell_types.DISPLACED))
         moved = np.zeros((len(faces), 2))
         for number, name in enumerate(lattice.sides):
-            by_side = (kind[faces] == kinds.DISPLACED) & (side[faces] == number)
+            by_side = (kind[faces] == cell_types.DISPLACED) & (side[faces] == number)
             if by_side.any():
                 moved[by_side] = scene.side_condition(name).displacement
         found.append(faces)

@@ -27,7 +27,7 @@ from .equilibrium import (
     tangent_error,
     weakness_of,
 )
-from .linear import GivesWayError, Method, tangent_solver
+from .linear import Method, SingularTangentError, tangent_solver
 from .network_result import NetworkResult, Scheme
 from .springs import SpringNetwork
 
@@ -134,7 +134,7 @@ class IncrementalLoading:
         self.records.append(start)
         try:
             balance = self._balance(start, 0.0)
-        except GivesWayError as weakness:
+        except SingularTangentError as weakness:
             raise self._gives_way(start, weakness) from None
         except ConvergenceError as trouble:
             raise ConvergenceError(
@@ -152,7 +152,7 @@ class IncrementalLoading:
         answer = self.assembler.restrict(load)
         try:
             step = solve_tangent(self.assembler, self.solver, geometry, tension, stiffness, answer)
-        except GivesWayError as weakness:
+        except SingularTangentError as weakness:
             raise self._gives_way(last, weakness) from None
         record = self._record(goal, last.displacement + jump + step)
         complaint = self._leap(last.displacement, record.displacement)
@@ -182,13 +182,13 @@ class IncrementalLoading:
             target = goal if last.stage + 1.001 * size >= goal else last.stage + size
             try:
                 balance = self._balance(last, target)
-            except (GivesWayError, ConvergenceError) as trouble:
+            except (SingularTangentError, ConvergenceError) as trouble:
                 size /= 2.0
                 if size >= finest:
                     continue
                 if isinstance(trouble, JumpError):
                     trouble = self._weakest(last)
-                if isinstance(trouble, GivesWayError):
+                if isinstance(trouble, SingularTangentError):
                     raise self._gives_way(last, trouble) from None
                 raise ConvergenceError(
                     f"no balance was found beyond stage {last.stage:.6g} (between {start:.6g} "
@@ -240,7 +240,7 @@ class IncrementalLoading:
         if weakness is not None:
             raise self._gives_way(record, weakness)
 
-    def _weakest(self, record: NetworkRecord) -> GivesWayError:
+    def _weakest(self, record: NetworkRecord) -> SingularTangentError:
         """Return the direction that a state resists least, by inverse iteration."""
         geometry = self.assembler.geometry(record.displacement)
         _, stiffness = self.law(geometry.elongation)
@@ -248,9 +248,9 @@ class IncrementalLoading:
         direction = np.random.default_rng(0).standard_normal(len(self.assembler.free))
         for _ in range(6):
             direction = self.solver.solve(direction / np.linalg.norm(direction))
-        return GivesWayError(direction / np.linalg.norm(direction))
+        return SingularTangentError(direction / np.linalg.norm(direction))
 
-    def _gives_way(self, last: NetworkRecord, weakness: GivesWayError) -> TangentError:
+    def _gives_way(self, last: NetworkRecord, weakness: SingularTangentError) -> TangentError:
         """Name the nodes that move, and attach what was computed up to here."""
         geometry = self.assembler.geometry(last.displacement)
         _, stiffness = self.law(geometry.elongation)

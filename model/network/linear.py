@@ -27,7 +27,7 @@ from kaju.factors import factors_of, rigid_motions
 from .assembler import Assembler
 
 
-class GivesWayError(ArithmeticError):
+class SingularTangentError(ArithmeticError):
     """The tangent has a direction without resistance; `TangentError` then names its nodes."""
 
     def __init__(self, direction: Floats) -> None:
@@ -63,7 +63,7 @@ class MultigridSolver:
         if np.any(self._diagonal <= 0.0):
             unit = np.zeros(tangent.shape[0])
             unit[int(np.argmin(self._diagonal))] = 1.0
-            raise GivesWayError(unit)
+            raise SingularTangentError(unit)
 
     def solve(self, load: Floats) -> Floats:
         """Return the displacement of the free coordinates under a load on them."""
@@ -92,7 +92,7 @@ class MultigridSolver:
         self._cycle = levels.aspreconditioner(cycle="V")
 
     def _conjugate_gradients(self, load: Floats, limit: int = 1000) -> tuple[Floats, int]:
-        """Solve; raise `GivesWayError` at the first direction without resistance.
+        """Solve; raise `SingularTangentError` at the first direction without resistance.
 
         The start is a little of everything, so that a symmetric load meets the directions in
         which a symmetric network buckles.
@@ -114,7 +114,7 @@ class MultigridSolver:
             curvature = float(direction @ answer)
             scale = float((direction * self._diagonal) @ direction)
             if curvature <= 1e-14 * scale:
-                raise GivesWayError(direction / np.linalg.norm(direction))
+                raise SingularTangentError(direction / np.linalg.norm(direction))
             step = gain / curvature
             solution += step * direction
             residual -= step * answer
@@ -155,7 +155,7 @@ class TangentSolver(Protocol):
     name: str
 
     def factorise(self, tangent: csc_array) -> None:
-        """Prepare for `solve`; raises `GivesWayError` where that can be seen already."""
+        """Prepare for `solve`; raises `SingularTangentError` where that can be seen already."""
 
     def solve(self, load: Floats) -> Floats:
         """Return the displacement of the free coordinates under a load on them."""
@@ -185,15 +185,15 @@ class DirectSolver:
         self._order = order
 
     def factorise(self, tangent: csc_array) -> None:
-        """Compute the factors; raise `GivesWayError` unless all pivots are positive."""
+        """Compute the factors; raise `SingularTangentError` unless all pivots are positive."""
         self._factors = None  # give their memory back before the new ones need it
         try:
             self._factors = factors_of(tangent, order=self._order)
         except RuntimeError as singular:  # a column of zeros was left
-            raise GivesWayError(_weak_direction(tangent)) from singular
+            raise SingularTangentError(_weak_direction(tangent)) from singular
         pivoted = not np.array_equal(self._factors.perm_r, self._factors.perm_c)
         if pivoted or _bad_pivots(self._factors, tangent).any():
-            raise GivesWayError(_weak_direction(tangent))
+            raise SingularTangentError(_weak_direction(tangent))
 
     def solve(self, load: Floats) -> Floats:
         """Return the displacement of the free coordinates under a load on them."""

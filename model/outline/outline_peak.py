@@ -9,7 +9,7 @@ import numpy as np
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SingularPlaceError
-from kaju.model.elastic.spawning.quantities import (
+from kaju.model.elastic.goals.quantities import (
     DISPLACEMENT,
     HOOP,
     Stress,

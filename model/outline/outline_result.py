@@ -14,7 +14,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.fields import von_mises
-from kaju.model.elastic.spawning.quantities import HOOP, Stress
+from kaju.model.elastic.goals.quantities import HOOP, Stress
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import OUTLINE_AGENTS
 from kaju.model.results.mesh import write_polygons
@@ -32,7 +32,7 @@ from .square_leaves import SquareLeaves
 if TYPE_CHECKING:
     import pandas
 
-    from kaju.model.elastic.spawning.goals import Goal
+    from kaju.model.elastic.goals.goals import Goal
 
     from .true_shapes import HeldLeaves
 
@@ -288,7 +288,7 @@ class OutlineResult(Result, CutAgents):
     @property
     def goals(self) -> tuple[Goal, ...]:
         """What has been found of the peak that the tolerance is about."""
-        from kaju.model.elastic.spawning.goals import Goal
+        from kaju.model.elastic.goals.goals import Goal
 
         if self.tolerance_at is None or self.peak is None or not np.isfinite(self.peak[0]):
             return ()
@@ -407,7 +407,7 @@ class OutlineResult(Result, CutAgents):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        from kaju.model.elastic.spawning.goals import told
+        from kaju.model.elastic.goals.goals import told
 
         size = self.size
         return {

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.errors import ConvergenceError, SceneError, SupportError
+from kaju.model.elastic.goals.quantities import ToleranceAt
 from kaju.model.elastic.problem import Scales
-from kaju.model.elastic.spawning.quantities import ToleranceAt
-from kaju.model.elastic.spawning.solve_spawning import check_previous
+from kaju.model.elastic.refine.solve_spawning import check_previous
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.regions import Region

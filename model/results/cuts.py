@@ -17,7 +17,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import ParameterError, ResultError
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 
 if TYPE_CHECKING:
     import pandas

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from typing_extensions import TypedDict
 
-from kaju.model.scene.kinds import AIR, DISPLACED
+from kaju.model.scene.cell_types import AIR, DISPLACED
 
 from .archive import Column
 

@@ -13,6 +13,7 @@ from kaju.errors import ParameterError, ResultError
 from kaju.mesa_model import SteppedModel
 from kaju.model.network import SpringNetwork
 from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.integrate import TimeRecorder
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 from kaju.model.scene.description import history_from
@@ -20,7 +21,6 @@ from kaju.stepping import Until
 
 from .creep_result import CreepState
 from .creeping import AnyCourse, Drives, TimeTask
-from .march import Log
 
 
 class CreepModel(SteppedModel):
@@ -128,7 +128,7 @@ class CreepModel(SteppedModel):
         """Go back to the start."""
         self._start_again()
         self.seconds = 0.0
-        self._log = Log()
+        self._log = TimeRecorder()
         self._states = [self.task.first]
         self._stops = self.task.stops(self.task.first)
         if self.task.asked[0] == self.task.first.time:
@@ -177,7 +177,7 @@ class CreepModel(SteppedModel):
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: time (s), length (m), energies (J)."""
-        now = self._course(Log(*([kept[-1]] for kept in vars(self._log).values())))
+        now = self._course(TimeRecorder(*([kept[-1]] for kept in vars(self._log).values())))
         return {
             "time": self.moment,
             "factor": float(now.factors[-1]),
@@ -205,7 +205,7 @@ class CreepModel(SteppedModel):
             raise ResultError("result: no time has passed yet; take a step first")
         return self._course(self._log)
 
-    def _course(self, log: Log) -> AnyCourse:
+    def _course(self, log: TimeRecorder) -> AnyCourse:
         return self.task.course(log, self.state, self.seconds)
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -95,7 +95,7 @@ class CreepState:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Course(Result):
+class TimeResult(Result):
     """What every run in time returns, at the times asked for."""
 
     kind: ClassVar[str]
@@ -239,7 +239,7 @@ class Course(Result):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class BodyCourse(Course):
+class BodyCourse(TimeResult):
     """What became of the body of a scene in time."""
 
     static: BodyResult
@@ -296,7 +296,7 @@ class BodyCourse(Course):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class CreepResult(Course):
+class CreepResult(TimeResult):
     """What became of an element in time."""
 
     kind: ClassVar[str] = "element in time"

@@ -22,6 +22,7 @@ from kaju.model.elastic.solve import solve
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.rheology import schemes
 from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.integrate import Loading, StepControl, TimeRecorder, stops
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
@@ -30,7 +31,6 @@ from kaju.stopping import NOTE, keeping, stopped
 from .creep_result import CreepResult, CreepState
 from .creeping_body import CreepingAgents, Elements, TransferCreepResult
 from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
-from .march import Drive, Log, Pace, stops
 from .network import CreepingNetwork, NetworkCreepResult
 
 System = Elements | CreepingNetwork | SteppedBody
@@ -85,7 +85,7 @@ def creep(  # type: ignore[misc]
         By default steps are chosen by `tolerance`.
     tolerance : float
         Error that may come up in an e-fold of time, as a share of the largest stretch, in
-        quarters; see `kaju.model.rheology.march`. Ignored if `step` is given.
+        quarters; see `kaju.model.rheology.integrate`. Ignored if `step` is given.
     times : array_like, optional
         Times at which the result is wanted (s), rising, up to `duration`; by default 101,
         evenly spread, and the corners of the history.
@@ -139,7 +139,7 @@ def creep(  # type: ignore[misc]
     task = TimeTask(subject, history, duration, times=times, scheme=scheme, **options)
 
     def run() -> AnyCourse:
-        log, state = Log(), task.first
+        log, state = TimeRecorder(), task.first
         for state in task.stops(task.first):
             log.note(task.system, state)
         return task.course(log, state, perf_counter() - began)
@@ -187,7 +187,7 @@ class TimeTask:
             self.system.begin(state.fields, float(self._drives.displacements.at(state.time)))
         yield from stops(self.system, self._method, self._drives, state, self.asked, self._pace)
 
-    def course(self, log: Log, state: CreepState, seconds: float) -> AnyCourse:
+    def course(self, log: TimeRecorder, state: CreepState, seconds: float) -> AnyCourse:
         """Put together what was seen."""
         return _result(self.system, self.history, log, state, seconds)
 
@@ -232,17 +232,17 @@ def _system(
     return Elements(laws, np.ones(1), stretched=drive == "displacements", mass=weight)
 
 
-def _drives(history: History, drive: Drives) -> Drive:
+def _drives(history: History, drive: Drives) -> Loading:
     if drive not in ("both", "forces", "displacements"):
         raise ParameterError(f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}")
     still = History()
-    return Drive(
+    return Loading(
         still if drive == "displacements" else history, still if drive == "forces" else history
     )
 
 
 def _result(
-    system: System, history: History, log: Log, state: CreepState, seconds: float
+    system: System, history: History, log: TimeRecorder, state: CreepState, seconds: float
 ) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
     """Put together what was seen."""
     records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
@@ -311,12 +311,12 @@ def _asked_times(
     return asked
 
 
-def _pace(step: float | None, tolerance: float, most_steps: int) -> Pace:
+def _pace(step: float | None, tolerance: float, most_steps: int) -> StepControl:
     if step is not None and not (isfinite(step) and step > 0.0):
         raise ParameterError(f"step: must be above 0 s, got {step}")
     if not 0.0 < tolerance < 1.0:
         raise ParameterError(f"tolerance: must lie between 0 and 1, got {tolerance}")
-    return Pace(step, tolerance, most_steps)
+    return StepControl(step, tolerance, most_steps)
 
 
 def _check_fits(state: CreepState, system: System) -> None:

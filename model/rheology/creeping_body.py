@@ -21,6 +21,7 @@ from kaju.model.results.archive import Archive
 from kaju.model.results.formats import TRANSFER_IN_TIME, sizes_of
 from kaju.model.results.result import BodyResult, cells_of_points
 from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.integrate import Fields, SubStep
 from kaju.model.rheology.schemes import (
     Energy,
     Laws,
@@ -30,11 +31,10 @@ from kaju.model.rheology.schemes import (
     stage_energy,
     stored_energy,
 )
-from kaju.model.transfer.deformation import DisplacementField, Squeeze, squeeze
+from kaju.model.transfer.deformation import AxialStrain, DisplacementField, squeeze
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .creep_result import BodyCourse, times_of
-from .march import Fields, Push
 
 
 class Elements:
@@ -57,7 +57,7 @@ class Elements:
         """Return the state at time 0: nothing stretched, nothing moving."""
         return tuple(np.zeros((4, len(self.share))))
 
-    def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
+    def rates(self, fields: Fields, push: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
         q, d, force, velocity = fields
         state, substep = Stretch(q, d), push.substep
@@ -87,7 +87,7 @@ class Elements:
         return at_rest + damping * after, (after - velocity) / substep
 
     def _moving(
-        self, energy: Energy, push: Push, rate: Stretch, applied: Floats, acceleration: Floats
+        self, energy: Energy, push: SubStep, rate: Stretch, applied: Floats, acceleration: Floats
     ) -> Energy:
         """Count the work of the load rather than of the element, and the moving mass."""
         if self.mass is None:
@@ -145,7 +145,7 @@ class TransferCreepResult(BodyCourse):
         sizes = sizes_of(own["static"].scene) | times_of(archive)
         return own | archive.columns(TRANSFER_IN_TIME, sizes)
 
-    def squeezed(self, record: int = -1) -> Squeeze:
+    def squeezed(self, record: int = -1) -> AxialStrain:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""
         static = squeeze(self.static.scene, self.static.last)
         grown = self.growth[record, self.static.last.material][:, None]

@@ -34,9 +34,9 @@ from kaju.factors import factors_of
 from kaju.model.elastic import fields
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.hierarchy import Hierarchy
-from kaju.model.elastic.krylov import Iteration, conjugate_gradients
 from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.multigrid.hierarchy import Hierarchy
+from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients
 from kaju.model.elastic.problem import ElasticProblem
 from kaju.model.elastic.solver import DIRECT_LIMIT
 from kaju.model.elastic.staggered import (
@@ -50,6 +50,7 @@ from kaju.model.elastic.staggered import (
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import ELASTIC_IN_TIME, sizes_of
 from kaju.model.results.result import BodyResult
+from kaju.model.rheology.integrate import Fields, SubStep
 from kaju.model.rheology.schemes import (
     Energy,
     Laws,
@@ -62,7 +63,6 @@ from kaju.model.rheology.schemes import (
 
 from .creep_result import BodyCourse, times_of
 from .creeping_body import Elements, law_of
-from .march import Fields, Push
 
 _FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
 """Faces up to which factors, which serve many steps, are worth their making, by dimension."""
@@ -108,7 +108,7 @@ class CreepingBody:
         faces = np.zeros(self.numbering.size)
         return (cells, cells, edges, edges, faces, cells, np.zeros(edges.shape[1]))
 
-    def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
+    def rates(self, fields: Fields, push: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
         in_cells, at_edges = Stretch(*fields[:2]), Stretch(*fields[2:4])
         substep, before = push.substep, fields[4]
@@ -251,7 +251,7 @@ class CreepingBody:
 
     def _energies(
         self,
-        push: Push,
+        push: SubStep,
         cells: tuple[Floats, Stretch],
         edges: tuple[Floats, Stretch],
         displacement: Floats,

@@ -14,7 +14,7 @@ from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import SpringLaw, find_balance, tangent_error
-from kaju.model.network.linear import GivesWayError, Method, tangent_solver
+from kaju.model.network.linear import Method, SingularTangentError, tangent_solver
 from kaju.model.network.network_result import (
     NetworkResult,
     network_archive,
@@ -26,6 +26,7 @@ from kaju.model.results.archive import Archive
 from kaju.model.results.formats import NETWORK_IN_TIME
 from kaju.model.results.result import Curves
 from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.integrate import Fields, SubStep
 from kaju.model.rheology.schemes import (
     Energy,
     Laws,
@@ -36,8 +37,7 @@ from kaju.model.rheology.schemes import (
     stored_energy,
 )
 
-from .creep_result import Course, times_of
-from .march import Fields, Push
+from .creep_result import TimeResult, times_of
 
 
 class HeavyAssembler(Assembler):
@@ -152,7 +152,7 @@ class CreepingNetwork:
         """Note from where held coordinates move, and the factor of displacements there."""
         self._grip = fields[3] - displacement_factor * self.network.displacements[-1]
 
-    def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
+    def rates(self, fields: Fields, push: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
         q, d, tension, displacement, velocity = fields
         state, substep = Stretch(q, d), push.substep
@@ -168,7 +168,9 @@ class CreepingNetwork:
         energy = self._from_outside(energy, push, after, found, speed, acceleration)
         return (rate.q, rate.d, (found - tension) / substep, speed, acceleration), energy
 
-    def _balance(self, state: Stretch, displacement: Floats, push: Push) -> tuple[Floats, Floats]:
+    def _balance(
+        self, state: Stretch, displacement: Floats, push: SubStep
+    ) -> tuple[Floats, Floats]:
         """Return displacement and tensions at the end of an implicit step, in shares if need be."""
         stiffness, rest = as_spring(self.laws, push.substep, state)
         shift = self.network.prestretch - rest
@@ -182,7 +184,7 @@ class CreepingNetwork:
         for parts in _SHARES:
             try:
                 return self._led(law, displacement, load, given, reachable, parts)
-            except GivesWayError as weakness:
+            except SingularTangentError as weakness:
                 if parts == _SHARES[-1]:
                     geometry = self.assembler.geometry(displacement)
                     raise tangent_error(
@@ -236,7 +238,7 @@ class CreepingNetwork:
     def _from_outside(
         self,
         energy: Energy,
-        push: Push,
+        push: SubStep,
         displacement: Floats,
         tension: Floats,
         speed: Floats,
@@ -281,7 +283,7 @@ class CreepingNetwork:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class NetworkCreepResult(Course):
+class NetworkCreepResult(TimeResult):
     """What became of a spring network in time."""
 
     kind: ClassVar[str] = "network in time"

@@ -34,7 +34,7 @@ from kaju.model.elastic.problem import (
 from kaju.model.elastic.solver import lead
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 
 Index = NDArray[np.int64]
 Box = tuple[Index, Index]

@@ -41,7 +41,7 @@ from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.solver import Solution
 from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import INSIDE
+from kaju.model.scene.cell_types import INSIDE
 
 from .partition import (
     HALO,

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import PlainSerializer, PlainValidator, model_validator
 
 from kaju.errors import ParameterError, SceneError
+from kaju.model.scene.validation import Count, Described, Flag, Length, Number, Text, optional
 
-from .described import Count, Described, Flag, Length, Number, Text, optional
 from .lattice import Lattice
 from .lattices import BUILT_IN, check_lattice, lattice_named
 from .regions import Region

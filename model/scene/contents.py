@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.errors import SceneError
+from kaju.model.scene import cell_types
 
-from . import kinds
 from .body import Body
 from .filling import FilledShape, Filling, count, grid
 from .pictures import Picture, check_count, from_array, from_drawing, from_image
@@ -19,7 +19,10 @@ from .sides import FREE, SideCondition
 
 # Whatever does not carry load beside the body gives loads back alike.
 MEDIA = ("air", "water", "gas", "vacuum")
-NOT_BODY = dict.fromkeys(MEDIA, kinds.AIR) | {"rigid": kinds.RIGID, "roller": kinds.ROLLER}
+NOT_BODY = dict.fromkeys(MEDIA, cell_types.AIR) | {
+    "rigid": cell_types.RIGID,
+    "roller": cell_types.ROLLER,
+}
 _FEW = 10_000
 
 

@@ -15,10 +15,10 @@ from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
 from kaju.errors import ParameterError, SceneError
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
+from kaju.model.scene.validation import Count, Described, Flag, Number, Text, one_given, optional
 
 from .body import Body
 from .contents import NOT_BODY
-from .described import Count, Described, Flag, Number, Text, one_given, optional
 from .loads import LoadTable
 from .shared_materials import shared_materials
 from .sides import SideCondition

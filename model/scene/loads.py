@@ -8,8 +8,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
+from kaju.model.scene.validation import (
+    Coordinate,
+    Count,
+    Described,
+    Index,
+    Number,
+    Text,
+    one_given,
+    optional,
+)
 
-from .described import Coordinate, Count, Described, Index, Number, Text, one_given, optional
 from .regions import ONE_SHAPE, RingTable, Round
 from .shapes import Ball, Polygon, Ring, Shape
 

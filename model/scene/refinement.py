@@ -9,8 +9,8 @@ import numpy as np
 
 from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError
+from kaju.model.scene import cell_types
 
-from . import kinds
 from .body import Body
 from .lattice import Cells, Lattice
 from .loads import LoadTable
@@ -19,7 +19,7 @@ from .selection import Selection
 
 Kinds = Callable[[Cells], Ints]
 
-_HELD = (kinds.RIGID, kinds.DISPLACED)
+_HELD = (cell_types.RIGID, cell_types.DISPLACED)
 
 
 def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:

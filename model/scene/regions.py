@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
+from kaju.model.scene.validation import Coordinate, Described, Length, Number, Text, one_given
 
-from .described import Coordinate, Described, Length, Number, Text, one_given
 from .lattice import Lattice
 from .level_sets import EMBEDDED_ARRAY, LevelSet, checked, read_embedded
 from .pictures import read_array, read_pixels

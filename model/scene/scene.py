@@ -16,6 +16,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import text_of_file
+from kaju.model.scene.box_kinds import BoxKinds
 
 from .body import Body
 from .contents import Contents, contents_of
@@ -24,7 +25,6 @@ from .filling import CellBox
 from .lattice import Cells, Lattice
 from .level_sets import LevelSet
 from .places import with_lines
-from .purity import Purity
 from .refinement import refined_body, refined_loads
 from .regions import Region
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
@@ -226,7 +226,7 @@ class Scene(Description):
         -------
         ndarray of int, shape (n,)
             Indices into `cell_materials`, or the negative constants of
-            `kaju.model.scene.kinds`.
+            `kaju.model.scene.cell_types`.
         """
         return self._of_cells.filling.kinds(np.asarray(cells, dtype=np.int64))
 
@@ -239,9 +239,9 @@ class Scene(Description):
         """Return a box outside of which there is no body: lower <= cell < upper."""
         return self._of_cells.filling.bounds()
 
-    def purity(self) -> Purity:
+    def purity(self) -> BoxKinds:
         """Return what tells the kinds of whole boxes of cells."""
-        return Purity(self._of_cells.filling)
+        return BoxKinds(self._of_cells.filling)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`.

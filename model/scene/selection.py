@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
+from kaju.model.scene import cell_types
 
-from . import kinds
 from .contents import Contents
 from .filling import CellBox, Filling, count, grid, slabs
 from .lattice import Cells, Lattice
@@ -222,7 +222,7 @@ def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
     for arm in range(lattice.directions):
         middles = lattice.face_middles(body, np.full(len(body), arm))
         beyond = filling.kinds(lattice.neighbours(body, arm))
-        chosen = body[(beyond == kinds.AIR) & shape.contains(middles)]
+        chosen = body[(beyond == cell_types.AIR) & shape.contains(middles)]
         found.append(chosen)
         arms.append(np.full(len(chosen), arm, dtype=np.int64))
     cells = np.concatenate(found)
@@ -276,11 +276,11 @@ def _check_free(filling: Filling, cells: Cells, direction: Ints, where: str) -> 
     for arm in np.unique(direction):
         chosen = cells[direction == arm]
         beyond = filling.kinds(filling.lattice.neighbours(chosen, int(arm)))
-        held = (beyond == kinds.RIGID) | (beyond == kinds.DISPLACED)
+        held = (beyond == cell_types.RIGID) | (beyond == cell_types.DISPLACED)
         if held.any():
             raise SceneError(
                 f"{where}: {np.count_nonzero(held)} of its faces are held, first that of cell "
-                f"{chosen[held][0].tolist()}, where {kinds.NAMES[int(beyond[held][0])]} lies "
+                f"{chosen[held][0].tolist()}, where {cell_types.NAMES[int(beyond[held][0])]} lies "
                 "beyond; load the free surface"
             )
 
@@ -358,7 +358,8 @@ def _named_cell(filling: Filling, cell: tuple[int, ...], where: str) -> Cells:
     kind = int(filling.kinds(cells)[0])
     if kind < 0:
         raise SceneError(
-            f"{where}: {list(cell)} is {kinds.NAMES[kind]}, not body; choose a cell of material"
+            f"{where}: {list(cell)} is {cell_types.NAMES[kind]}, not body; "
+            "choose a cell of material"
         )
     return cells
 
@@ -381,7 +382,7 @@ def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
     cells = np.unique(lattice.locate(nearby), axis=0)
     found = filling.kinds(cells)
     if not np.any(found >= 0):
-        named = " and ".join(sorted({kinds.NAMES[int(kind)] for kind in found}))
+        named = " and ".join(sorted({cell_types.NAMES[int(kind)] for kind in found}))
         raise SceneError(
             f"{where}: {list(point)} m lies in cell {cells[0].tolist()}, where there is {named}, "
             "not body; choose a point in or on the body"

@@ -8,16 +8,15 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from kaju.agents.materials import suggestion
-
-from . import kinds
-from .described import Described, Index, Number, Positive, optional
+from kaju.model.scene import cell_types
+from kaju.model.scene.validation import Described, Index, Number, Positive, optional
 
 _KINDS = {
-    "free": kinds.AIR,
-    "rigid": kinds.RIGID,
-    "roller": kinds.ROLLER,
-    "foundation": kinds.FOUNDATION,
-    "displaced": kinds.DISPLACED,
+    "free": cell_types.AIR,
+    "rigid": cell_types.RIGID,
+    "roller": cell_types.ROLLER,
+    "foundation": cell_types.FOUNDATION,
+    "displaced": cell_types.DISPLACED,
 }
 _WORDS = ("free", "rigid", "roller")
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
@@ -83,8 +82,8 @@ class SideCondition(Described):
 
     @property
     def code(self) -> int:
-        """The kind of the cells beyond this side, from `kaju.model.scene.kinds`."""
-        return kinds.ROLLER if self.free_axes else _KINDS[self.kind]
+        """The kind of the cells beyond this side, from `kaju.model.scene.cell_types`."""
+        return cell_types.ROLLER if self.free_axes else _KINDS[self.kind]
 
     @property
     def supports(self) -> bool:

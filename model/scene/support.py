@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags
 from kaju.errors import SceneError, SupportError
+from kaju.model.scene import cell_types
 
-from . import kinds
 from .filling import CellBox, Filling, count, sample, slabs
 
 MOST_EXAMINED = 10_000_000
 """Up to this many cells a body is examined cell by cell, above by samples."""
 
-_HOLDS = (kinds.RIGID, kinds.ROLLER, kinds.FOUNDATION, kinds.DISPLACED)
+_HOLDS = (cell_types.RIGID, cell_types.ROLLER, cell_types.FOUNDATION, cell_types.DISPLACED)
 _REMEDY = (
     'hold it by a rigid cell or region, or by [sides] such as bottom = "rigid" (to watch a '
     "prescribed rule alone, which needs no support, set body.allow_floating = true)"
@@ -86,7 +86,7 @@ Parts = tuple[NDArray[np.integer], Flags]
 
 def _framed(filling: Filling, raster: NDArray[np.int16]) -> NDArray[np.int16]:
     """Return the kinds of all cells in a frame of what lies beyond the sides."""
-    framed = np.pad(raster, 1, constant_values=kinds.AIR)
+    framed = np.pad(raster, 1, constant_values=cell_types.AIR)
     for side, kind in enumerate(filling.beyond):
         axis, upper_end = divmod(side, 2)
         rim = [slice(None)] * raster.ndim

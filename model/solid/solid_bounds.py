@@ -25,9 +25,9 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ConvergenceError, SceneError
-from kaju.model.elastic.boxes import corner_ends
+from kaju.model.elastic.bounds.bilinear_kernels import element_stiffness
+from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.fields import node_displacement
-from kaju.model.elastic.kernels_bilinear import element_stiffness
 from kaju.model.elastic.solve import solve
 
 from .cut_cells import CUT, EMPTY, WHOLE, thick

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.spawning.quantities import ToleranceAt
+    from kaju.model.elastic.goals.quantities import ToleranceAt
     from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.network.network_model import NetworkModel
     from kaju.model.outline.outline_result import OutlineResult
@@ -296,7 +296,7 @@ def _solve_scene(
     if tolerance_at is not None:
         refuse_singular(scene, tolerance_at, stage)
     if strategy == "spawning":
-        from kaju.model.elastic.spawning.solve_spawning import solve_spawning
+        from kaju.model.elastic.refine.solve_spawning import solve_spawning
 
         return solve_spawning(
             scene,
@@ -313,7 +313,7 @@ def _solve_scene(
         )
     if tolerance is None:
         return solve_uniform(scene, None, resolution, stage=stage, previous=previous)
-    from kaju.model.elastic.spawning.choice import solve_cheaply, solve_equal
+    from kaju.model.elastic.refine.choice import solve_cheaply, solve_equal
 
     if strategy == "uniform":
         return solve_equal(scene, tolerance, resolution, stage=stage, previous=previous)

@@ -31,7 +31,7 @@ from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError, ParameterError
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.stepping import Order, chosen
 
 from .cell_space import Index, space_of

@@ -21,7 +21,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import RIGID, ROLLER
+from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
 
 from .stage import Stage, Totals
@@ -30,7 +30,7 @@ _MOST_AT_ONCE = 2**20
 
 
 @dataclass(frozen=True, eq=False)
-class Squeeze:
+class AxialStrain:
     """How much the agents of a stage are squeezed along the axes of the lattice."""
 
     lattice: Lattice
@@ -69,11 +69,11 @@ class Squeeze:
         return along, np.eye(self.lattice.dimension) - along
 
 
-def squeeze(scene: Scene, stage: Stage | Totals) -> Squeeze:
+def squeeze(scene: Scene, stage: Stage | Totals) -> AxialStrain:
     """Return how much the agents of a stage are squeezed by what they kept."""
     lattice = scene.lattice
     area = lattice.cell_volume(scene.thickness) / lattice.cell_size
-    return Squeeze(lattice, stage.kept / area, stage.shortened, stage.widened)
+    return AxialStrain(lattice, stage.kept / area, stage.shortened, stage.widened)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class LineDisplacement:
 class DisplacementField:
     """Displacement of a load-transfer stage, anywhere in the body."""
 
-    def __init__(self, scene: Scene, stage: Stage, squeezed: Squeeze) -> None:
+    def __init__(self, scene: Scene, stage: Stage, squeezed: AxialStrain) -> None:
         self.lattice: Lattice = scene.lattice
         normals = self.lattice.normals[self.lattice.axes]
         # The vector with these components along the axes, or nearest to having them.

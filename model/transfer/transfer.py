@@ -14,7 +14,7 @@ from kaju.agents.shares import Sense
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.scene import Scene, scene_needed
-from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.scene.lattice import Cells, Lattice
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, AppliedLoads
 

@@ -28,9 +28,9 @@ from kaju.model.results.result import (
     idle_rheology,
 )
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, INSIDE, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 
-from .deformation import DisplacementField, Squeeze, squeeze
+from .deformation import AxialStrain, DisplacementField, squeeze
 from .stability import Certificate
 from .stage import Ledger, Stage, TakenHistory
 from .transfer import BOUNDARY_NAMES, pulls, split_force
@@ -206,7 +206,7 @@ class TransferResult(BodyResult):
         return found
 
     @cached_property
-    def _squeeze(self) -> Squeeze:
+    def _squeeze(self) -> AxialStrain:
         return squeeze(self.scene, self.last)
 
     @cached_property

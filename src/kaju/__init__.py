@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from kaju.agents.shares import Shares as Shares
     from kaju.errors import KajuError as KajuError
     from kaju.model.elastic.elastic_result import ElasticResult as ElasticResult
-    from kaju.model.elastic.settling.elastic_model import ElasticModel as ElasticModel
-    from kaju.model.elastic.spawning.quantities import Deflection as Deflection
-    from kaju.model.elastic.spawning.quantities import Reaction as Reaction
-    from kaju.model.elastic.spawning.quantities import Stress as Stress
-    from kaju.model.elastic.spawning.spawning_model import SpawningModel as SpawningModel
+    from kaju.model.elastic.goals.quantities import Deflection as Deflection
+    from kaju.model.elastic.goals.quantities import Reaction as Reaction
+    from kaju.model.elastic.goals.quantities import Stress as Stress
+    from kaju.model.elastic.refine.spawning_model import SpawningModel as SpawningModel
+    from kaju.model.elastic.relaxation.elastic_model import ElasticModel as ElasticModel
     from kaju.model.fracture.fracture_model import FractureModel as FractureModel
     from kaju.model.fracture.fracture_result import FractureResult as FractureResult
     from kaju.model.growth.growth_model import GrowthModel as GrowthModel
@@ -80,9 +80,9 @@ _NAMES = {
     "agents.shares": "Emission Load Shares",
     "errors": "KajuError",
     "model.elastic.elastic_result": "ElasticResult",
-    "model.elastic.settling.elastic_model": "ElasticModel",
-    "model.elastic.spawning.quantities": "Deflection Reaction Stress",
-    "model.elastic.spawning.spawning_model": "SpawningModel",
+    "model.elastic.relaxation.elastic_model": "ElasticModel",
+    "model.elastic.goals.quantities": "Deflection Reaction Stress",
+    "model.elastic.refine.spawning_model": "SpawningModel",
     "model.fracture.fracture_model": "FractureModel",
     "model.fracture.fracture_result": "FractureResult",
     "model.growth.growth_model": "GrowthModel",

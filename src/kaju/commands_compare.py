@@ -110,13 +110,13 @@ def _rule(
     console: Console,
 ) -> tuple[dict[str, Any], Figures]:
     """Set a scene's rule beside elasticity, and say what was found."""
-    from kaju.model.study.beside_elasticity import BesideElasticity, beside_elasticity
+    from kaju.model.study.rule_study import RuleStudy, beside_elasticity
     from kaju.view.comparison import pictures_beside, words_beside
 
     try:
         study = beside_elasticity(scene_of(path, settings), resolution=resolution, evaluations=fit)
     except Interrupted as stop:
-        if not isinstance(stop.best, BesideElasticity):
+        if not isinstance(stop.best, RuleStudy):
             raise
         study = stop.best
     study.rows(depth)  # refuses a depth outside of the body before anything is said

@@ -299,7 +299,7 @@ def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Re
     """Let agents act."""
     result: Result
     if scene.rule.kind == "elastic":
-        from kaju.model.elastic.settling.elastic_model import ElasticModel
+        from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 
         result = ElasticModel(scene, allow_unstable=allow_unstable).run()
     else:  # on arrays, which wait for no import of Mesa

@@ -23,7 +23,7 @@ from kaju.model.scene import Scene
 from kaju.stepping import Answer, Until, step_to_end
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.settling.elastic_model import ElasticModel
+    from kaju.model.elastic.relaxation.elastic_model import ElasticModel
     from kaju.model.transfer.load_model import LoadModel
 
 
@@ -291,7 +291,7 @@ class _Figure:
 def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
     """Return the Mesa model of a scene, `LoadModel` or `ElasticModel`, by the kind of its rule."""
     if scene.rule.kind == "elastic":
-        from kaju.model.elastic.settling.elastic_model import ElasticModel
+        from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 
         return ElasticModel(scene, **options)
     from kaju.model.transfer.load_model import LoadModel

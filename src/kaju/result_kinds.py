@@ -15,7 +15,7 @@ _MAPS = ("displacement", "strain", "stress", "von_mises")
 _FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
 _CURVES = {"curves": "view.creep:plot_curves"}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
-_IN_TIME = {"times": "view.reels:creeping", "curves": "view.creep:curves_over_time"}
+_IN_TIME = {"times": "view.films:creeping", "curves": "view.creep:curves_over_time"}
 _COLUMNS = "model.results.formats"
 _COURSE = {"anything in time, course": f"{_COLUMNS}:COURSE"}
 _PAGE = "view.page.motion_data"
@@ -56,7 +56,7 @@ KINDS = {
             "stages": "view.plots:plot_every_stage",
             **_SCENE,
         },
-        films={"generations": "view.reels:spawning", "stages": "view.reels:loading"},
+        films={"generations": "view.films:spawning", "stages": "view.films:loading"},
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
         page=f"{_PAGE}:generations_of",
         section="view.agents:plot_agents",
@@ -75,9 +75,9 @@ KINDS = {
             **_SCENE,
         },
         films={
-            "generations": "view.reels:generations",
-            "loads": "view.reels:unbalanced_loads",
-            "loading": "view.reels:growing",
+            "generations": "view.films:generations",
+            "loads": "view.films:unbalanced_loads",
+            "loading": "view.films:growing",
         },
         meshes={"loading": "view.motion:loaded"},
         page=f"{_PAGE}:elastic_answer",
@@ -90,7 +90,7 @@ KINDS = {
         columns={"true outlines": f"{_COLUMNS}:OUTLINE_AGENTS"},
     ),
     "elastic agents": Kind(
-        "model.elastic.settling.run:ElasticRun",
+        "model.elastic.relaxation.elastic_run:ElasticRun",
         pictures={
             "agents": "view.face_agents:plot_face_agents",
             "left": "view.face_agents:plot_left",

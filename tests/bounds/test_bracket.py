@@ -214,7 +214,7 @@ def test_where_supports_contradict_each_other_there_is_no_bound_and_it_says_why(
 
 
 def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
-    from kaju.model.elastic import bracket
+    from kaju.model.elastic.bounds import energy_bounds as bracket
 
     monkeypatch.setattr(bracket, "BALANCED", 1e-20)
     result = solve(plate(8), strategy="uniform")
@@ -223,11 +223,12 @@ def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
 
 
 def test_nobody_passes_on_what_an_answer_is_left_with_all_over(monkeypatch):
-    from kaju.model.elastic import balanced
-    from kaju.model.elastic.spawning import nested, spawner
+    from kaju.model.elastic.bounds import admissible_stress as balanced
+    from kaju.model.elastic.multigrid import nested
+    from kaju.model.elastic.refine import refine_loop
 
     auxetic = plate(8, materials={"a": {"youngs_modulus": 1e9, "poissons_ratio": -0.9}})
-    monkeypatch.setattr(spawner, "LAST", 0.1)
+    monkeypatch.setattr(refine_loop, "LAST", 0.1)
     monkeypatch.setattr(nested, "DIRECT", {2: 20, 3: 20})
     monkeypatch.setattr(balanced, "MOST_ODD", 10)
     monkeypatch.setattr(balanced, "ragged_tractions", None)

@@ -70,7 +70,7 @@ def test_torsion_of_a_bar_is_proved(length):
 
 
 def test_what_an_iteration_leaves_is_passed_on_as_by_factors(monkeypatch):
-    from kaju.model.elastic import ragged
+    from kaju.model.elastic.bounds import equilibration as ragged
 
     scene = Scene(
         body={"size": [2.0, 1.0, 1.0], "cells": [4, 2, 2], "material": "m"},

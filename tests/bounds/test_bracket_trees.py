@@ -112,7 +112,7 @@ def test_a_tolerance_is_kept_by_its_bound():
 
 
 def test_a_proof_that_would_cost_too_much_is_missed_and_said(monkeypatch):
-    from kaju.model.elastic import bracket
+    from kaju.model.elastic.bounds import energy_bounds as bracket
 
     monkeypatch.setattr(bracket, "MORE", 1)
     monkeypatch.setattr(bracket, "FEW", {2: 0})

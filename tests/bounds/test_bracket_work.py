@@ -7,17 +7,17 @@ import pytest
 from plates import plate as pressed
 
 from kaju import Scene, finite_elements, solve
-from kaju.model.elastic import bracket
-from kaju.model.elastic.balanced import BalancedStress
-from kaju.model.elastic.boxes import corner_ends
-from kaju.model.elastic.bracket import bracket_of
-from kaju.model.elastic.cell_boxes import boxes_of_cells
-from kaju.model.elastic.compatible import CompatibleField
-from kaju.model.elastic.kernels_bilinear import pull
-from kaju.model.elastic.ragged import ragged_tractions
-from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
+from kaju.model.elastic.bounds import energy_bounds as bracket
+from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
+from kaju.model.elastic.bounds.admissible_stress import AdmissibleStress
+from kaju.model.elastic.bounds.bilinear_kernels import pull
+from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.bounds.bounds_of_arrays import boxes_of_cells
+from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
+from kaju.model.elastic.bounds.divergence_exact import _form
+from kaju.model.elastic.bounds.energy_bounds import bracket_of
+from kaju.model.elastic.bounds.equilibration import ragged_tractions
 from kaju.model.elastic.staggered import strain_energy
-from kaju.model.elastic.volume_field import _form
 
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
@@ -83,7 +83,7 @@ def test_the_work_of_a_stress_that_balances_is_that_of_the_loads(rows, loads, si
     result = solve(drawn(rows, loads, sides), **({"strategy": "spawning"} | how))
     spawning = result.found.tree.spawning
     boxes = boxes_of_agents(spawning.balance, spawning.displacement)
-    stress, field = BalancedStress(boxes), CompatibleField(boxes)
+    stress, field = AdmissibleStress(boxes), AdmissibleDisplacement(boxes)
     rng = np.random.default_rng(0)
     for _ in range(3):
         field.displacement = rng.normal(size=field.displacement.shape)
@@ -120,7 +120,7 @@ def test_in_solids_that_work_is_the_same(rows, sides, how):
     result = solve(scene, **({"strategy": "spawning"} | how))
     spawning = result.found.tree.spawning
     boxes = boxes_of_agents(spawning.balance, spawning.displacement)
-    stress, field = BalancedStress(boxes), CompatibleField(boxes)
+    stress, field = AdmissibleStress(boxes), AdmissibleDisplacement(boxes)
     assert stress.left < 1e-7
     assert ("tolerance" in how) == (len(np.unique(boxes.size)) > 1)
     rng = np.random.default_rng(0)
@@ -186,7 +186,7 @@ def test_bounds_of_solids_with_re_entrant_edges_lie_within_each_other(missing):
 @pytest.mark.parametrize("few", [0, 100])
 def test_forces_on_few_boxes_and_on_many_are_those_of_the_energy(dimension, few, monkeypatch):
     """Summed over two Gauss points along every axis, which is exact for these functions."""
-    monkeypatch.setattr("kaju.model.elastic.kernels_bilinear.FEW", few)
+    monkeypatch.setattr("kaju.model.elastic.bounds.bilinear_kernels.FEW", few)
     rng = np.random.default_rng(dimension)
     corners, count, nodes = 2**dimension, 40, 30
     element = rng.permuted(np.tile(np.arange(nodes), (count, 1)), axis=1)[:, :corners].T.copy()
@@ -229,7 +229,7 @@ def test_what_is_left_far_from_any_wall_is_passed_on_until_it_comes_to_one():
     exact = solve(bar, resolution=1, strategy="uniform").found
     boxes = boxes_of_cells(exact.problem, exact.solution.displacement, 0.0, exact.grid, None)
     boxes.sigma[:] *= 1.0 + 1e-5
-    stress = BalancedStress(boxes)
+    stress = AdmissibleStress(boxes)
     assert stress.left < 1e-9
     assert len(stress.ragged.box) == 80
 

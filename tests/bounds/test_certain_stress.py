@@ -8,8 +8,8 @@ import pytest
 from kaju import Scene, solve
 from kaju.agents.elastic_rule import Moduli
 from kaju.errors import ResultError
-from kaju.model.elastic.bracket import stress_of
-from kaju.model.elastic.crossed import _simplices
+from kaju.model.elastic.bounds.energy_bounds import stress_of
+from kaju.model.elastic.bounds.macroelement import _simplices
 from kaju.model.elastic.fields import strain_of
 
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}

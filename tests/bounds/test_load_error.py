@@ -8,7 +8,7 @@ from skfem.helpers import ddot, div, dot, sym_grad
 
 from kaju import Deflection, Scene, finite_elements, solve
 from kaju.factors import factors_of
-from kaju.model.elastic.tractions import LARGEST
+from kaju.model.elastic.bounds.uneven_loads import LARGEST
 
 EDGE, YOUNG, POISSON = 0.2, 210e9, 0.3
 ELEMENTS = 1e-4

@@ -8,7 +8,7 @@ from plates import plate as pressed
 
 from kaju import ElasticModel, ElasticRule, LoadModel, compare, load_scene, solve
 from kaju.errors import KajuError, ParameterError
-from kaju.model.study.beside_elasticity import CHOSEN, DERIVED, FITTED, beside_elasticity
+from kaju.model.study.rule_study import CHOSEN, DERIVED, FITTED, beside_elasticity
 from kaju.view.comparison import pictures_beside, words_beside
 
 

@@ -8,7 +8,7 @@ import pytest
 from kaju import LoadModel, Reference, Scene, compare, load_scene, solve
 from kaju.agents.rules import ElasticRule, PrescribedRule
 from kaju.errors import ParameterError, ResultError, ResultFileError
-from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.study.compare import load_answer
 
 ROOT = Path(__file__).parent.parent.parent

@@ -10,7 +10,7 @@ from kaju.agents.elastic_rule import moduli_of
 from kaju.agents.materials import LIBRARY, Material
 from kaju.agents.rules import ElasticRule, PrescribedRule, Shares
 from kaju.errors import ParameterError
-from kaju.model.elastic.settling.table import PushTable
+from kaju.model.elastic.relaxation.push_table import PushTable
 
 STEEL = LIBRARY["steel"]
 ratios = st.floats(-0.95, 0.49)

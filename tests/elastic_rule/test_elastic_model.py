@@ -21,7 +21,7 @@ from kaju import load_result
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import SceneError, SupportError
 from kaju.mesa_model import agent_model
-from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, SupportAgent
 from kaju.errors import ParameterError
-from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.elastic.settling.face_agent_engine import AgentPushEngine
-from kaju.model.elastic.settling.face_array_engine import ArrayPushEngine
-from kaju.model.scene.kinds import AIR
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
+from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
+from kaju.model.scene.cell_types import AIR
 
 ORDERS = ["wave", "largest first", "multilevel"]
 

@@ -16,7 +16,7 @@ from elastic_scenes import (
 from hypothesis import given, settings
 
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR
+from kaju.model.scene.cell_types import AIR
 
 ORDERS = ["wave", "largest first", "multilevel"]
 

@@ -8,9 +8,9 @@ from hypothesis import given, reject, settings
 from kaju.agents.materials import LIBRARY, Material
 from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError, StabilityError
-from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.elastic.settling.push_stability import certify_waves
-from kaju.model.elastic.settling.table import PushTable
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.push_stability import certify_waves
+from kaju.model.elastic.relaxation.push_table import PushTable
 from kaju.model.scene import Scene
 
 STEEL = LIBRARY["steel"]

@@ -47,7 +47,7 @@ def test_a_hinge_that_hardly_resists_is_refused():
 
 def test_compiling_is_said_once(tmp_path):
     script = (
-        "import numpy as np; from kaju.model.elastic.spawning.block_kernels import clean;"
+        "import numpy as np; from kaju.model.elastic.multigrid.block_kernels import clean;"
         "u = np.ones((1, 1, 3)); clean(u, np.ones(1, bool), np.arange(1), 2.0 * u); print(u.mean())"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from elastic_cases import make_problem
 
-from kaju.model.elastic import sweeps
-from kaju.model.elastic.hierarchy import Hierarchy
+from kaju.model.elastic.multigrid import row_kernels as sweeps
+from kaju.model.elastic.multigrid.hierarchy import Hierarchy
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 

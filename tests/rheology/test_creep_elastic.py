@@ -11,8 +11,8 @@ from kaju.model.rheology import schemes as steps
 from kaju.model.rheology.creep_result import CreepState
 from kaju.model.rheology.elastic import CreepingBody
 from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.integrate import Loading, StepControl, TimeRecorder, stops
 from kaju.model.rheology.load_history import History
-from kaju.model.rheology.march import Drive, Log, Pace, stops
 
 SOFT = ThreeElement(K_f=1e5, D_f=3e5, D_d=2e6)
 BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)
@@ -41,14 +41,14 @@ def body(kinds, materials, sides=None, plane="stress"):
 
 def run(system, history=BITE, times=TIMES, step=0.05, scheme="sdirk2", tolerance=1e-3):
     """Return displacements (k, faces) and energies (k, 5)."""
-    log = Log()
+    log = TimeRecorder()
     for state in stops(
         system,
         steps.scheme(scheme),
-        Drive(history, history),
+        Loading(history, history),
         CreepState(system.start()),
         np.asarray(times),
-        Pace(step, tolerance, 10_000),
+        StepControl(step, tolerance, 10_000),
     ):
         log.note(system, state)
     unit = system.problem.scales.displacement

@@ -7,7 +7,7 @@ from plates import plate
 
 from kaju.agents.rules import PrescribedRule
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 PLATE = """
 [body]

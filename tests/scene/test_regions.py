@@ -9,8 +9,8 @@ from plates import plate as pressed
 
 from kaju.errors import SceneError
 from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import AIR, RIGID
 from kaju.model.scene.filling import grid
-from kaju.model.scene.kinds import AIR, RIGID
 
 
 def plate(*regions, cells=(8, 8), **body):

@@ -11,7 +11,7 @@ from elastic_scenes import spawned_agents
 from kaju import Scene, solve
 from kaju.errors import ParameterError, SupportError
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.spawning import block_spawner
+from kaju.model.elastic.refine import block_loop as block_spawner
 
 BODY = {"size": [0.2, 0.1], "cells": [32, 16], "thickness": 0.002, "material": "steel"}
 HOLE = {"centre": [0.1, 0.05], "radius": 0.02}

@@ -8,9 +8,9 @@ from elastic_scenes import spawned_agents
 
 from kaju import Scene, solve
 from kaju.errors import SceneError, SupportError
+from kaju.model.elastic.refine import choice
+from kaju.model.elastic.refine.choice import same_loads
 from kaju.model.elastic.solve import solve as solve_equal_cells
-from kaju.model.elastic.spawning import choice
-from kaju.model.elastic.spawning.choice import same_loads
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""

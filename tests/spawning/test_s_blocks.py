@@ -6,21 +6,21 @@ from plates import plate as pressed
 from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, ragged
 
 from kaju import solve
-from kaju.model.elastic.compatible import CompatibleField
-from kaju.model.elastic.spawning.agent_fields import AgentFields
-from kaju.model.elastic.spawning.block_boxes import boxes_of_blocks
-from kaju.model.elastic.spawning.block_multigrid import BlockMultigrid
-from kaju.model.elastic.spawning.blocks import BlockBalance, Window
-from kaju.model.elastic.spawning.curvature import indicate
-from kaju.model.elastic.spawning.forest import first_forest
-from kaju.model.elastic.spawning.ground import ground_of
-from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
+from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
+from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
+from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
+from kaju.model.elastic.cells.cell_fields import CellFields
+from kaju.model.elastic.multigrid.block_cycle import BlockCycle
+from kaju.model.elastic.multigrid.blocks import BlockOperator, Window
+from kaju.model.elastic.multigrid.forest import first_forest
+from kaju.model.elastic.posed_body import ground_of
+from kaju.model.elastic.refine.estimator import indicate
 
 
 @pytest.fixture(autouse=True)
 def in_blocks(monkeypatch):
     """Agents stand in blocks here at tolerances for which factors would do."""
-    monkeypatch.setattr("kaju.model.elastic.spawning.block_spawner.MANY", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.refine.block_loop.MANY", {2: 0, 3: 0})
 
 
 def plate(**changes):
@@ -57,7 +57,7 @@ def random_blocks(scene, seed=0):
     steps, share = (3, 0.15) if forest.dimension == 2 else (2, 0.03)
     for step in range(steps):
         forest = forest.refined(rng.random(len(forest)) < share, step + 1)
-    return BlockBalance(forest), Window(forest, forest.leaves)
+    return BlockOperator(forest), Window(forest, forest.leaves)
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -87,7 +87,7 @@ def test_forces_and_loads_are_those_of_single_agents(name):
 @pytest.mark.parametrize("name", ["plate", "pierced", "cube with another"])
 def test_a_cycle_is_symmetric(name, real, rounding):
     blocks, _ = random_blocks(BODIES[name]())
-    multigrid, rng = BlockMultigrid(blocks, real=real), np.random.default_rng(2)
+    multigrid, rng = BlockCycle(blocks, real=real), np.random.default_rng(2)
     loads = [blocks.zeros(), blocks.zeros()]
     for load in loads:
         load.ravel()[blocks.unknowns] = rng.normal(size=len(blocks.unknowns))
@@ -116,7 +116,7 @@ def test_answers_are_those_of_single_agents(name):
 def test_what_is_looked_up_near_by_is_what_all_agents_say(name):
     result = solve(BODIES[name](), tolerance=0.012, strategy="spawning")
     spawning, scales = result.found.spawning, result.found.scales
-    every = AgentFields(spawning.balance, spawning.displacement)
+    every = CellFields(spawning.balance, spawning.displacement)
     np.testing.assert_allclose(spawning.moved, every.displacement, atol=1e-13)
     agent = np.random.default_rng(3).integers(0, result.agents, 5)
     fields, at = spawning.near(agent)
@@ -143,7 +143,7 @@ def test_bounds_are_told_what_all_agents_say(name):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max(initial=0.0))
     ends = []
     for boxes in (ours, theirs):
-        field = CompatibleField(boxes)
+        field = AdmissibleDisplacement(boxes)
         held = np.linalg.norm(field.force(field.displacement))
         ends.append([*field.energies(), field.work(), held])
     np.testing.assert_allclose(*ends, rtol=1e-9)
@@ -170,7 +170,7 @@ def test_blocks_ask_for_no_more_than_the_tolerance():
 
 def test_what_short_numbers_cannot_settle_long_ones_do(monkeypatch):
     usual = solve(plate(), strategy="spawning", tolerance=0.015)
-    settles, cycles = BlockMultigrid.solve, []
+    settles, cycles = BlockCycle.solve, []
 
     def stuck(self, load, u, done, most=100):
         cycles.append(self.real)
@@ -179,7 +179,7 @@ def test_what_short_numbers_cannot_settle_long_ones_do(monkeypatch):
         run.converged &= not short
         return run
 
-    monkeypatch.setattr(BlockMultigrid, "solve", stuck)
+    monkeypatch.setattr(BlockCycle, "solve", stuck)
     result = solve(plate(), strategy="spawning", tolerance=0.015)
     assert set(cycles) == {np.float32, np.float64}
     assert result.residuals[-1] <= 1e-9
@@ -212,7 +212,7 @@ def test_agents_leave_unbalanced_what_single_agents_leave(name):
     """Wherever neighbours are of one size and the body goes on: also across two blocks."""
     forest = first_forest(ground_of(BODIES[name](), None, None))
     forest = forest.refined(np.ones(len(forest), dtype=bool), 1)
-    blocks, window = BlockBalance(forest), Window(forest, forest.leaves)
+    blocks, window = BlockOperator(forest), Window(forest, forest.leaves)
     u, free = blocks.zeros(), window.place >= 0
     x = window.grid.place[free] / window.grid.place.max()  # bends alike everywhere
     bent = np.random.default_rng(2).normal(size=(x.shape[1], x.shape[1], x.shape[1]))

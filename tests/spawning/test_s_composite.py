@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from kaju import Scene
+from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
+from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.interpolation import interpolation
+from kaju.model.elastic.cells.leaf_cells import LeafCells, morton
+from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.refine.solve_spawning import solve_spawning
 from kaju.model.elastic.solve import solve as solve_uniform
-from kaju.model.elastic.spawning.balance import Balance
-from kaju.model.elastic.spawning.composite import Composite
-from kaju.model.elastic.spawning.field import interpolation
-from kaju.model.elastic.spawning.ground import Ground
-from kaju.model.elastic.spawning.leaves import Leaves, morton
-from kaju.model.elastic.spawning.solve_spawning import solve_spawning
 
 STEEL = {"material": "steel"}
 
@@ -18,12 +18,12 @@ STEEL = {"material": "steel"}
 def ragged(dimension, seed, sides=None):
     """A block of agents of four sizes, chosen by chance."""
     body = {"cells": [16] * dimension, "cell_size": 1.0, "allow_floating": True, **STEEL}
-    ground = Ground(Scene(body=body, sides=sides or {}), None, at_cells=False)
+    ground = PosedBody(Scene(body=body, sides=sides or {}), None, at_cells=False)
     rng, leaves = np.random.default_rng(seed), ground.start()
     for step in range(3 if dimension == 2 else 2):
         chosen = rng.random(len(leaves)) < 0.15
         leaves = leaves.split(chosen, step + 1, np.zeros(len(leaves))).balanced(step + 1)
-    return Composite(ground, leaves)
+    return CompositeGrid(ground, leaves)
 
 
 def linear(grid, slope):
@@ -37,7 +37,7 @@ def test_rigid_motions_strain_nothing(dimension):
     grid = ragged(dimension, seed=1)
     turn = np.zeros((dimension, dimension))
     turn[0, 1], turn[1, 0] = 1.0, -1.0
-    balance = Balance(grid)
+    balance = Equilibrium(grid)
     shift = (grid.axis == dimension - 1).astype(float)
     for u in (linear(grid, turn), shift):
         assert np.abs(balance.stiffness() @ u).max() < 1e-12 * np.abs(u).max()
@@ -50,7 +50,7 @@ def test_constant_stress_balances_on_leaves_of_all_sizes(dimension):
     assert len(np.unique(grid.leaves.size)) >= 3
     place = grid.place / grid.ground.cell
     inside = np.all((place > 2.01) & (place < 13.99), axis=1)
-    force = Balance(grid).stiffness() @ linear(
+    force = Equilibrium(grid).stiffness() @ linear(
         grid, np.random.default_rng(3).normal(size=(dimension, dimension))
     )
     assert np.abs(force).max() > 0.1
@@ -58,7 +58,7 @@ def test_constant_stress_balances_on_leaves_of_all_sizes(dimension):
 
 
 def test_stiffness_is_symmetric():
-    matrix = Balance(ragged(2, seed=4)).stiffness()
+    matrix = Equilibrium(ragged(2, seed=4)).stiffness()
     assert abs(matrix - matrix.T).max() == 0.0
 
 
@@ -150,7 +150,7 @@ def test_morton_codes_keep_families_together():
 def test_leaves_are_found_split_and_merged_again():
     zeros = np.zeros(4, dtype=np.int64)
     lower = np.array([[0, 0], [8, 0], [0, 8], [8, 8]])
-    leaves = Leaves.of(lower, zeros + 8, zeros, zeros, np.zeros(4))
+    leaves = LeafCells.of(lower, zeros + 8, zeros, zeros, np.zeros(4))
     split = leaves.split(leaves.lower[:, 0] == 0, 1, np.arange(4.0))
     assert len(split) == 10
     at = split.find(np.array([[3, 3], [4, 3], [9, 2], [16, 0], [-1, 0]]))
@@ -164,7 +164,7 @@ def test_neighbours_differ_by_two_at_most_and_not_at_all_between_materials():
     lower = np.array([[0, 0], [16, 0], [0, 16], [16, 16]])
     kind = np.array([0, 0, 0, 1])
     zeros = np.zeros(4, dtype=np.int64)
-    leaves = Leaves.of(lower, zeros + 16, kind, zeros, np.zeros(4))
+    leaves = LeafCells.of(lower, zeros + 16, kind, zeros, np.zeros(4))
     for _ in range(3):
         corner = leaves.find(np.array([[15, 15]]))
         chosen = np.arange(len(leaves)) == corner

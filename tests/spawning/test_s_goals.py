@@ -23,9 +23,9 @@ from spawning_bodies import PLANE, spawned_by
 
 from kaju import Deflection, Reaction, Scene, Stress, material, solve
 from kaju.errors import ParameterError
-from kaju.model.elastic.spawning.agent_fields import AgentFields
-from kaju.model.elastic.spawning.functionals import functional_of
-from kaju.model.elastic.spawning.quantities import quantities_of
+from kaju.model.elastic.cells.cell_fields import CellFields
+from kaju.model.elastic.goals.functionals import functional_of
+from kaju.model.elastic.goals.quantities import quantities_of
 from kaju.model.results.result import load_result
 from kaju.model.study.reference import Reference
 
@@ -227,7 +227,7 @@ def test_derivatives_tell_how_quantities_change(plane):
         functional = functional_of(quantity, ground)
         # About the linear field, for a von Mises stress depends on where one stands.
         start = u if isinstance(quantity, Reaction) else linear
-        before, after = (functional.of(AgentFields(balance, start + s * step)) for s in (0, 1e-6))
+        before, after = (functional.of(CellFields(balance, start + s * step)) for s in (0, 1e-6))
         rise = (after.value - before.value) / 1e-6
         found = before.derivatives @ step
         np.testing.assert_allclose(found, rise, rtol=1e-5, atol=1e-5 * np.abs(rise).max())

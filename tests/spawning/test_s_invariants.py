@@ -6,9 +6,9 @@ import scipy.sparse.linalg as spla
 from spawning_bodies import BRASS, CELL, FOAM, STEEL, drawn, joined, on_top, ragged, spawned_by
 
 from kaju import Scene
-from kaju.model.elastic.spawning.balance import Balance
-from kaju.model.elastic.spawning.composite import Composite
-from kaju.model.elastic.spawning.ground import ground_of
+from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
+from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.posed_body import ground_of
 from kaju.model.results.result import load_result
 
 
@@ -31,7 +31,7 @@ def two_materials(loads, codes=CODES):
 
 def settled(scene, leaves):
     """Return the balance on given agents and the displacement (m) by elimination."""
-    balance = Balance(Composite(ground_of(scene, None, None), leaves))
+    balance = Equilibrium(CompositeGrid(ground_of(scene, None, None), leaves))
     u, free = balance.grid.value.copy(), balance.free
     stiffness = balance.stiffness(free).tocsc()
     u[free] = spla.spsolve(stiffness, (balance.load - balance.pull)[free])

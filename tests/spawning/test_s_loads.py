@@ -8,14 +8,14 @@ from scipy.sparse.linalg import spsolve
 
 from kaju import Scene
 from kaju.errors import SceneError, SupportError
+from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
+from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.grid import problem_of_scene
+from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.reactions import reactions
-from kaju.model.elastic.spawning.balance import Balance
-from kaju.model.elastic.spawning.composite import Composite
-from kaju.model.elastic.spawning.ground import Ground
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.supports import check_supports, slender_cell
-from kaju.model.scene.kinds import INSIDE
+from kaju.model.scene.cell_types import INSIDE
 
 SOME_ARE_LOOSE = [HealthCheck.filter_too_much, HealthCheck.too_slow]
 LEGEND = {0: "air", 1: "a", 2: "b", 3: "rigid"}
@@ -58,7 +58,7 @@ def bodies(draw, held):
 
 def agents(scene, *, smallest):
     """The balance of agents of one size, that of the cells, or else of several sizes."""
-    ground = Ground(scene, None, at_cells=smallest)
+    ground = PosedBody(scene, None, at_cells=smallest)
     leaves = ground.start()
     while (leaves.size > ground.cell).any():
         leaves = leaves.split(leaves.size > ground.cell, 0, np.zeros(len(leaves)))
@@ -67,7 +67,7 @@ def agents(scene, *, smallest):
         # Members one agent wide have no edges that carry shear: halve them first.
         chosen = np.full(len(leaves), True) if step == 0 else rng.random(len(leaves)) < 0.1
         leaves = leaves.split(chosen, step, np.zeros(len(leaves))).balanced(step)
-    return Balance(Composite(ground, leaves))
+    return Equilibrium(CompositeGrid(ground, leaves))
 
 
 def settled_cells(scene):

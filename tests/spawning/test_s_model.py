@@ -8,9 +8,9 @@ from spawning_bodies import under_a_patch
 
 from kaju import SpawningModel, solve
 from kaju.errors import ParameterError, ResultError
-from kaju.model.elastic.spawning import spawning_model
-from kaju.model.elastic.spawning.family import Family, corners
-from kaju.model.elastic.spawning.leaves import morton
+from kaju.model.elastic.cells.leaf_cells import morton
+from kaju.model.elastic.refine import spawning_model
+from kaju.model.elastic.refine.family import Family, corners
 from kaju.model.results.result import load_result
 
 

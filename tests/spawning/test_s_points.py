@@ -7,7 +7,7 @@ import pytest
 from spawning_bodies import spawned_by
 
 from kaju import Scene, solve
-from kaju.model.elastic.spawning import agent_fields as sampling
+from kaju.model.elastic.cells import cell_fields as sampling
 
 
 def plate(**others):

@@ -8,7 +8,7 @@ from kaju.errors import SupportError
 from kaju.model.elastic.problem import SIDES, CellLoads, problem_of, rim_layer
 from kaju.model.elastic.solver import solve_problem
 from kaju.model.elastic.supports import check_supports, slender_cell
-from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 BEYOND = {
     "free": AIR,

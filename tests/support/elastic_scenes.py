@@ -9,7 +9,7 @@ from scipy.sparse.linalg import spsolve
 
 from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError
-from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.elastic.staggered import Numbering, stiffness_matrix
 from kaju.model.scene import Scene
 

@@ -70,13 +70,13 @@ def test_agents_that_spawn_keep_their_generation(monkeypatch):
     ],
 )
 def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):
-    from kaju.model.elastic import krylov
+    from kaju.model.elastic.multigrid import krylov
 
     holed = plate(body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel", "regions": [
         {"disk": {"centre": [0.1, 0.1], "radius": 0.04}, "material": "air"}]})  # fmt: skip
     # Few cells and agents are iterated here as many are.
     monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
-    monkeypatch.setattr("kaju.model.elastic.spawning.nested.DIRECT", {2: 1_500, 3: 2_500})
+    monkeypatch.setattr("kaju.model.elastic.multigrid.nested.DIRECT", {2: 1_500, 3: 2_500})
     interrupting(monkeypatch, (krylov, "stopped"), 3)
     with pytest.raises(KeyboardInterrupt) as stop:
         solve(holed, **asked)
@@ -87,7 +87,7 @@ def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, an
 
 
 def test_time_ends_where_it_was(monkeypatch, tmp_path):
-    from kaju.model.rheology import march
+    from kaju.model.rheology import integrate as march
 
     law = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
     times = np.linspace(0.1, 1.0, 10)
@@ -162,8 +162,8 @@ def assert_whole_or_none(place, told):
 
 STEPS = {
     "run": "kaju.model.transfer.load_transfer.LoadTransfer.step",
-    "solve": "kaju.model.elastic.spawning.spawner.Spawner.step",
-    "creep": "kaju.model.rheology.march.take_step",
+    "solve": "kaju.model.elastic.refine.refine_loop.RefineLoop.step",
+    "creep": "kaju.model.rheology.integrate.take_step",
 }
 
 

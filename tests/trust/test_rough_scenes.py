@@ -56,12 +56,12 @@ def test_factors_that_do_not_fit_are_refused_by_name(monkeypatch, end):
 
 
 def test_arrays_that_do_not_fit_are_refused_by_name(monkeypatch):
-    from kaju.model.elastic.spawning import ground
+    from kaju.model.elastic import posed_body
 
     def full(*_):
         raise MemoryError("Unable to allocate 1 TiB")
 
-    monkeypatch.setattr(ground.Ground, "_scale", full)
+    monkeypatch.setattr(posed_body.PosedBody, "_scale", full)
     with pytest.raises(OutOfMemoryError, match="1 TiB; take a smaller resolution"):
         solve(block(), strategy="spawning")
 

@@ -20,8 +20,8 @@ from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import PICTURES, plot, plot_all
 from kaju.view.agents import plot_agents
 from kaju.view.deformed import plot_deformed
+from kaju.view.films import spawning
 from kaju.view.load_plots import plot_loads
-from kaju.view.reels import spawning
 from kaju.view.section import section_of
 from kaju.view.stages import plot_stages
 from kaju.view.style import FORCE, PULL

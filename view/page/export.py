@@ -21,7 +21,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError, check_type
 from kaju.files import scratch_beside
 from kaju.mesa_model import SteppedModel
-from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.growth.growth_result import GrowthResult
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import from_file

@@ -21,8 +21,8 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
 from kaju.errors import KajuError, ParameterError
 from kaju.model.elastic.problem import ABSENT
-from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.elastic.settling.run import curves_of
+from kaju.model.elastic.relaxation.elastic_model import ElasticModel
+from kaju.model.elastic.relaxation.elastic_run import curves_of
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import Certificate
@@ -33,7 +33,7 @@ from .packing import pack
 from .scene_data import FORMAT, Account, SentAmounts, scene_data
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.settling.table import PushTable
+    from kaju.model.elastic.relaxation.push_table import PushTable
 
     from .scene_data import Columns
 

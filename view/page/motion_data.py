@@ -28,7 +28,7 @@ from .scene_data import Columns
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.elastic.relaxation.elastic_run import ElasticRun
     from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network import NetworkResult, SpringNetwork

@@ -1,0 +1,1 @@
+"""Two-sided bounds of the energy: admissible stresses above, admissible displacements below."""

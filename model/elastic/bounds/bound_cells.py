@@ -1,0 +1,192 @@
+"""What a bracket is made of: boxes side by side, with the stresses the staggered grid gives them.
+
+Equal cells and agents of many sizes are both told like this; scaled, lengths in cells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.staggered import Pair
+
+
+class Hanging(NamedTuple):
+    """Sides with smaller boxes before them: box, side, and these, in the order of `corner_ends`."""
+
+    box: Ints
+    side: Ints
+    fine: Ints
+
+
+class Loads(NamedTuple):
+    """Forces that enter by sides: box, side, and vectors."""
+
+    box: Ints
+    side: Ints
+    force: Floats
+
+    @property
+    def dragged(self) -> Ints:
+        """Boxes with forces along a side."""
+        across = np.arange(self.force.shape[1]) == self.side[:, None] // 2
+        return np.asarray(self.box[(self.force * ~across).any(axis=1)])
+
+
+def entered(box: Ints, way: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:
+    """Return the forces that act within boxes, shape (d, boxes), and those that enter by sides."""
+    within, body = way < 0, np.zeros((force.shape[1], boxes))
+    np.add.at(body.T, box[within], force[within])
+    return body, Loads(box[~within], way[~within], force[~within])
+
+
+class Held(NamedTuple):
+    """Sides of boxes at a wall: which, RIGID or ROLLER, and how it moves, shape (n, dimension)."""
+
+    side: int
+    box: Ints
+    kind: int
+    value: Floats
+
+
+class Foundation(NamedTuple):
+    """Sides of boxes on a bed: which, and its stiffness per area."""
+
+    side: int
+    box: Ints
+    stiffness: Floats
+
+
+class Mesh(NamedTuple):
+    """Where a displacement without gaps has its values."""
+
+    corner: Ints  # Nodes at the corners of the boxes; shape (2^dimension, boxes)
+    # The same for the elements: the boxes, or their parts where corners of smaller ones touch;
+    # shape (2^dimension, elements)
+    element: Ints
+    owner: Ints  # Shape (elements,)
+    edge: Floats  # Shape (elements,)
+    parts: Ints  # The element at every corner of a box; shape (2^dimension, boxes)
+    # slave, masters: Nodes that lie in the middle of others on a side, or an edge, that stays
+    # straight; shape (n,) and (2^(dimension - 1), n)
+    slave: Ints
+    masters: Ints
+    start: Floats  # Displacements to begin with; shape (nodes, dimension)
+
+
+def whole_mesh(corner: Ints, size: Floats, start: Floats) -> Mesh:
+    """Return the nodes of boxes of which none is cut."""
+    each, nothing = np.arange(len(size)), np.zeros((len(corner) // 2, 0), dtype=np.int64)
+    parts = np.broadcast_to(each, corner.shape)
+    return Mesh(corner, corner, each, size, parts, nothing[0], nothing, start)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundCells:
+    """Boxes of material."""
+
+    size: Floats  # Edges; shape (boxes,)
+    law: Moduli  # C₁₁, C₁₂ and μ, an array each of as many entries
+    sigma: Floats  # Normal stresses in the middles; shape (dimension, boxes)
+    shear: dict[Pair, Floats]  # Shear stresses at the ends along both axes; shape (2, 2, boxes)
+    body: Floats  # Force per volume within; shape (dimension, boxes)
+    beside: Ints  # A box on each side, -1 for none; shape (2·dimension, boxes)
+    # What lies beyond each side: a material (from 0), AIR, RIGID, ROLLER or FOUNDATION; shape
+    # (2·dimension, boxes)
+    kind: Ints
+    # Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side; shape
+    # (boxes,)
+    uneven: Flags
+    hanging: Hanging
+    loads: Loads
+    held: list[Held]
+    beds: list[Foundation]
+    mesh: Mesh
+    moved: Floats  # Mean displacement of every side across itself; shape (2·dimension, boxes)
+    uneven_loads: Portions  # Those of them that lie unevenly on their sides
+    # Normal stress on sides that the iteration has not balanced yet; shape (2·dimension, boxes)
+    rest: Floats | None = None
+    unsettled: float = 0.0  # Relative error in the energy norm that this is, at most
+    # Largest stress of the answers of which this one is the difference: rounding is by it
+    of: float = 0.0
+
+    @property
+    def largest(self) -> float:
+        """The largest stress."""
+        stresses = (self.sigma, *self.shear.values())
+        return max(self.of, *(float(np.abs(s).max(initial=0.0)) for s in stresses))
+
+    @property
+    def data_error(self) -> float:
+        """What loads cause that the boxes do not take, in the energy norm, at most."""
+        return data_error(self.uneven_loads, self.size, softest(*self.law, self.dimension))
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return len(self.sigma)
+
+    def side_nodes(self, box: Ints, side: int) -> Ints:
+        """Return the nodes at the corners of the elements on a side of boxes."""
+        # Shape (2^(dimension - 1), 2^(dimension - 1), n): by corner, and by part of the side.
+        on = np.flatnonzero(corner_ends(self.dimension)[:, side // 2] == side % 2)[:, None]
+        return np.asarray(self.mesh.element[on[:, :, None], self.mesh.parts[on, box]])
+
+
+def corner_ends(dimension: int) -> Ints:
+    """Return the corners of a box by their ends along the axes, shape (2^dimension, dimension)."""
+    return np.array(list(product((0, 1), repeat=dimension)))
+
+
+@lru_cache(maxsize=2)
+def bodies_at_point(dimension: int) -> Ints:
+    """Return the numbers of bodies round a point, by its filled octants (bits) and octant."""
+    ends = corner_ends(dimension)
+    beside = np.asarray(np.abs(ends[:, None] - ends).sum(axis=2) == 1)
+    found = np.zeros((1 << len(ends), len(ends)), dtype=np.int64)
+    for filled, row in enumerate(found):
+        there = np.array([filled >> k & 1 for k in range(len(ends))], dtype=np.bool_)
+        _, row[there] = connected_components(csr_array(beside[np.ix_(there, there)]))
+    return found
+
+
+def filled_by(nodes: list[Ints], octants: list[int], count: int) -> Ints:
+    """Return the octants round every node that boxes fill, as bits: see `parted`."""
+    filled = np.zeros(count, dtype=np.int64)
+    for node, bits in zip(nodes, octants, strict=True):
+        filled[node] |= bits
+    return filled
+
+
+def parted(nodes: list[Ints], octants: list[int], filled: Ints) -> tuple[list[Ints], Ints]:
+    """Give bodies that touch at a corner, or an edge, only a node each."""
+    # Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
+    # `nodes` are arrays over boxes, none of them twice in one; `octants` tell at which of its
+    # corners (bits, in the order of `corner_ends`) boxes have these, at several in the middle of an
+    # edge or a side; `filled` are the octants round every node that are body. Returned are the
+    # nodes, new ones numbered from the number of nodes on, and for every new one the old one.
+    many = max(octants).bit_length()
+    bodies = bodies_at_point(2 if many <= 4 else 3)
+    several = np.asarray(bodies.any(axis=1))
+    if not several[filled].any():
+        return nodes, np.zeros(0, dtype=np.int64)
+    keys = [
+        node * len(bodies) + bodies[filled[node], bits.bit_length() - 1]
+        for node, bits in zip(nodes, octants, strict=True)
+    ]
+    more = np.unique(np.concatenate(keys))
+    more = more[more % len(bodies) > 0]
+    found = [
+        np.where(key % len(bodies) > 0, len(filled) + np.searchsorted(more, key), node)
+        for key, node in zip(keys, nodes, strict=True)
+    ]
+    return found, more // len(bodies)

@@ -1,0 +1,153 @@
+"""The balance of forces on composite faces: stiffness, loads, and what supports take."""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.cells.cell_edges import sum_rows
+from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.leaf_loads import FaceLoads, face_loads
+from kaju.model.elastic.moduli import Moduli, normal_stress
+from kaju.model.elastic.multigrid.krylov import dot
+from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.problem import ACTIVE, FIXED
+from kaju.model.scene.cell_types import INSIDE
+
+
+class Equilibrium:
+    """Energy and forces of a composite grid, as matrices; all scaled.
+
+    `strains` gives those of the leaves, axis by axis, then of the edges, pair by pair, by the
+    faces; `offset` are the strains that displaced walls cause by themselves.
+    """
+
+    def __init__(self, grid: CompositeGrid) -> None:
+        self.grid = grid
+        n, d = len(grid.leaves), grid.dimension
+        sides = np.arange(n) * 2 * d
+        stretches = []
+        for axis in range(d):
+            ends = np.stack([sides + 2 * axis, sides + 2 * axis + 1], axis=1)
+            stretches.append(
+                sum_rows(grid.mean, ends, np.array([-1.0, 1.0]) / grid.length[:, None])
+            )
+        shears, constants = [], [np.zeros(n * d)]
+        for edges in grid.edges.values():
+            first, second = edges.gradients
+            both = sp.vstack([first.matrix, second.matrix], format="csr")
+            stiff, each = edges.modulus > 0, np.arange(len(edges.modulus))
+            pair = np.stack([each, each + len(each)], axis=1)
+            shears.append(sum_rows(both, pair, np.repeat(stiff[:, None], 2, axis=1).astype(float)))
+            constants.append(np.where(stiff, first.constant + second.constant, 0.0))
+        self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
+        self.offset = np.concatenate(constants)
+
+    @cached_property
+    def entered(self) -> FaceLoads:
+        """What the scene's loads put on faces, walls and edges."""
+        return face_loads(self.grid)
+
+    @property
+    def load(self) -> Floats:
+        """External force on every face."""
+        return self.entered.face
+
+    def loaded_by(self, ground: PosedBody) -> Equilibrium:
+        """Return the same agents and matrices under the loads of other ground of the same body."""
+        twin = copy(self)
+        twin.grid = copy(self.grid)
+        twin.grid.ground = ground
+        twin.__dict__.pop("entered", None)
+        return twin
+
+    @cached_property
+    def _moduli(self) -> Moduli:
+        """Moduli times volumes: of the leaves' stretches, and of the edges' shear."""
+        grid = self.grid
+        volume = grid.length**grid.dimension
+        shear = np.concatenate([e.modulus * e.weight for e in grid.edges.values()])
+        return Moduli(volume * grid.law.stretch, volume * grid.law.lateral, shear)
+
+    def stress(self, strain: Floats) -> Floats:
+        """Return the stresses times volumes by strains."""
+        law = self._moduli
+        sides = self.grid.dimension * len(law.stretch)
+        normal = normal_stress(law, strain[:sides].reshape(-1, len(law.stretch)))
+        return np.concatenate([normal.ravel(), law.shear * strain[sides:]])
+
+    def stiffness(self, faces: Ints | None = None) -> sp.csr_array:
+        """Return the forces on faces by displacements of these faces: symmetric."""
+        # `faces` are all of them unless some are given.
+        faces = np.arange(self.grid.size) if faces is None else faces
+        along, cross, shear = self._moduli
+        n, d = len(along), self.grid.dimension
+        own = self.strains if len(faces) == self.grid.size else self.strains[:, faces]
+        stretches = [own[axis * n : (axis + 1) * n] for axis in range(d)]
+        # Beside its own part, each stretch has one in the change of volume.
+        rows = sp.csr_array(sp.vstack([own, sum(stretches[1:], start=stretches[0])], format="csr"))
+        modulus = np.concatenate([*[along - cross] * d, shear, cross])
+        stress = sp.csr_array(
+            (rows.data * np.repeat(modulus, np.diff(rows.indptr)), rows.indices, rows.indptr),
+            shape=rows.shape,
+        )
+        matrix = sp.csr_array(rows.T.tocsr() @ stress)
+        bed = self.grid.spring[faces]
+        return sp.csr_array(matrix + sp.diags_array(bed)) if bed.any() else matrix
+
+    @cached_property
+    def free(self) -> Ints:
+        """Faces that are free to move."""
+        return np.flatnonzero(self.grid.state == ACTIVE)
+
+    @cached_property
+    def pull(self) -> Floats:
+        """Force that holds every face while the free ones rest."""
+        grid = self.grid
+        if not grid.value.any() and not self.offset.any():
+            return np.zeros(grid.size)
+        return np.asarray(self.strains.T @ self.stress(self.strain(grid.value)))
+
+    def strain(self, displacement: Floats) -> Floats:
+        """Return the strains at a displacement."""
+        return np.asarray(self.strains @ displacement + self.offset)
+
+    def force(self, displacement: Floats) -> Floats:
+        """Return the force that holds every face at a displacement."""
+        stress = self.stress(self.strain(displacement))
+        return np.asarray(self.strains.T @ stress + self.grid.spring * displacement)
+
+    def energy(self, displacement: Floats) -> float:
+        """Return the energy stored in body and foundation."""
+        strain = self.strain(displacement)
+        bed = float(dot(self.grid.spring, displacement**2))
+        return 0.5 * (float(dot(strain, self.stress(strain))) + bed)
+
+    def reactions(self, displacement: Floats, own: Flags | None = None) -> dict[str, Floats]:
+        """Return the force of every support on the body: on all agents, or on some of them."""
+        grid, d = self.grid, self.grid.dimension
+        own = np.ones(len(grid.leaves), dtype=np.bool_) if own is None else own
+        names = [*grid.ground.scene.lattice.sides, INSIDE]
+        totals = -self.entered.wall
+        touched = np.asarray(totals.any(axis=1))
+        held = grid.state == FIXED
+        hold = np.where(held, self.force(displacement) - self.load, -grid.spring * displacement)
+        some = (grid.support >= 0) & own[grid.owner]
+        np.add.at(totals, (grid.support[some], grid.axis[some]), hold[some])
+        touched[grid.support[some]] = True
+        stress = self.stress(self.strain(displacement))
+        start = len(grid.leaves) * d
+        for pair, edges in grid.edges.items():
+            shear = stress[start : start + len(edges.modulus)]
+            start += len(edges.modulus)
+            counts = np.zeros(len(shear), dtype=np.bool_)
+            counts[edges.of_leaf[own]] = True
+            for a, gradient in zip(pair, edges.gradients, strict=True):
+                wall = (gradient.wall >= 0) & counts
+                np.add.at(totals[:, a], gradient.wall[wall], (gradient.pull * shear)[wall])
+                touched[gradient.wall[wall]] = True
+        return {name: totals[i] for i, name in enumerate(names) if touched[i]}

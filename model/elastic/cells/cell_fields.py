@@ -1,0 +1,250 @@
+"""Strains, stresses and displacements of the agents of a composite grid, and anywhere; scaled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from kaju.arrays import Floats, Ints
+from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
+from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.interpolation import (
+    known_slopes,
+    nearest_known,
+    oriented,
+    slope_weights,
+)
+from kaju.model.elastic.fields import SURFACE_SHARE, between_corners
+from kaju.model.elastic.moduli import normal_stress
+from kaju.model.elastic.staggered import Pair
+from kaju.model.scene.cell_types import DISPLACED, RIGID
+
+NEAR = 1e-6  # Points that are nearer to a face than this part of a cell lie on it
+
+
+@dataclass(frozen=True, eq=False)
+class CellFields:
+    """What follows from the faces' displacements."""
+
+    balance: Equilibrium
+    u: Floats
+    """Displacements of the faces. Shape (faces,)."""
+
+    @cached_property
+    def stretch(self) -> Floats:
+        """Normal strains of the agents, shape (dimension, agents)."""
+        d, n = self.balance.grid.dimension, len(self.balance.grid.leaves)
+        return np.asarray((self.balance.strains[: n * d] @ self.u).reshape(d, n))
+
+    @cached_property
+    def normal_stress(self) -> Floats:
+        """Normal stresses of the agents, shape (dimension, agents)."""
+        return normal_stress(self.balance.grid.law, self.stretch)
+
+    @cached_property
+    def edge_shear(self) -> dict[Pair, Floats]:
+        """Shear stresses of the edges, with the tractions on loaded surfaces."""
+        return {
+            pair: edges.modulus * sum(self.slopes[pair]) + self.balance.entered.surface_shear[pair]
+            for pair, edges in self.balance.grid.edges.items()
+        }
+
+    @cached_property
+    def slopes(self) -> dict[Pair, tuple[Floats, Floats]]:
+        """∂u_a/∂b and ∂u_b/∂a at the edges of every pair of axes (a, b)."""
+        gradients = {pair: edges.gradients for pair, edges in self.balance.grid.edges.items()}
+        return {
+            pair: (first.matrix @ self.u + first.constant, second.matrix @ self.u + second.constant)
+            for pair, (first, second) in gradients.items()
+        }
+
+    @cached_property
+    def sides(self) -> Floats:
+        """Normal displacements of the agents' sides, shape (agents, 2·dimension)."""
+        grid = self.balance.grid
+        return np.asarray(grid.mean @ self.u).reshape(len(grid.leaves), 2 * grid.dimension)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents, shape (agents, dimension, dimension)."""
+        grid, d = self.balance.grid, self.balance.grid.dimension
+        tensor = np.zeros((len(grid.leaves), d, d))
+        for a in range(d):
+            tensor[:, a, a] = self.normal_stress[a]
+        for (a, b), shear in self.edge_shear.items():
+            mean = shear[grid.edges[a, b].of_leaf].mean(axis=(1, 2))
+            tensor[:, a, b] = tensor[:, b, a] = mean
+        return tensor
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of the agents' middles, shape (agents, dimension)."""
+        return np.asarray(self.sides.reshape(len(self.sides), -1, 2).mean(axis=2))
+
+
+def displacement_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
+    """Return displacements at points (units), shape (n, dimension)."""
+    # Along its axis a displacement runs linearly between the leaf's two sides, across it by the
+    # slopes at the edges that are nearest. On a wall it is the wall's. Where a point lies on
+    # several leaves, of which `leaf` is one, it is the mean of what each of them says.
+    grid = fields.balance.grid
+    point, leaf = touching(grid, points, leaf)
+    walls = walls_beside(grid, leaf)
+    local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
+    touched = np.abs(np.stack([local, 1.0 - local], axis=2).reshape(walls.shape[:2])) < NEAR
+    on_wall = (touched & ~np.isnan(walls[..., 0])).any(axis=1)
+    # Round the corner of a wall stand agents that know nothing of it.
+    counts = on_wall | ~np.isin(point, point[on_wall])
+    point, leaf, local, walls = point[counts], leaf[counts], local[counts], walls[counts]
+    columns = [component(fields, leaf, local, walls, axis) for axis in range(grid.dimension)]
+    return _means(point, np.stack(columns, axis=1))
+
+
+def component(fields: CellFields, leaf: Ints, local: Floats, walls: Floats, axis: int) -> Floats:
+    """Return u_axis in leaves at places in them, 0 to 1 along each axis."""
+    grid, every = fields.balance.grid, np.arange(len(leaf))
+    low, high = (fields.sides[leaf, 2 * axis + end] for end in (0, 1))
+    value = np.asarray((1.0 - local[:, axis]) * low + local[:, axis] * high)
+    others = [a for a in range(grid.dimension) if a != axis]
+    wall = {a: walls[every, 2 * a + (local[:, a] > 0.5), axis] for a in others}
+    for across, end in product(others, (0, 1)):
+        loose = np.isnan(wall[across]) & np.isnan(walls[:, 2 * axis + end, axis])
+        along = local[:, axis] if end else 1.0 - local[:, axis]
+        some = np.flatnonzero(loose & (local[:, across] != 0.5) & (along != 0.0))
+        distance = (local[some, across] - 0.5) * grid.length[leaf[some]]
+        slope = _slope(fields, leaf[some], axis, across, end, (distance > 0).astype(np.int64))
+        value[some] += along[some] * distance * slope
+    for across, given in wall.items():
+        held = np.flatnonzero(~np.isnan(given))
+        left = 1.0 - np.abs(2.0 * local[held, across] - 1.0)
+        value[held] = given[held] + left * (value[held] - given[held])
+    return value
+
+
+def corner_values(fields: CellFields) -> Floats:
+    """Return displacements at the leaves' corners (`corner_ends`), shape (2^d, d, leaves)."""
+    grid, d = fields.balance.grid, fields.balance.grid.dimension
+    odd, slopes = (grid.beside < 0).any(axis=1), {}
+    for pair, edges in grid.edges.items():
+        for axis, across, first in ((*pair, True), (*pair[::-1], False)):
+            gradients, table = oriented(edges, first)
+            own, single = fields.slopes[pair][not first], gradients[0].one_sided
+            slopes[axis, across] = np.where(gradients[0].valid, single * own, 0.0), table
+            unusual = ~gradients[0].valid | (gradients[0].jump & (edges.modulus > 0))
+            odd |= unusual[table].any(axis=(1, 2))
+    ends, some = corner_ends(d), np.flatnonzero(odd)
+    walls = walls_beside(grid, some)
+    found = np.empty((len(ends), d, len(grid.leaves)))
+    for values, end in zip(found, ends, strict=True):
+        local = np.broadcast_to(end.astype(np.float64), (len(some), d))
+        for axis, value in enumerate(values):
+            value[:] = fields.sides[:, 2 * axis + end[axis]]
+            for across in (a for a in range(d) if a != axis):
+                slope, table = slopes[axis, across]
+                edge = table[:, end[axis], end[across]]
+                value += (end[across] - 0.5) * grid.length * slope[edge]
+            value[some] = component(fields, some, local, walls, axis)
+    return found
+
+
+def _slope(fields: CellFields, leaf: Ints, axis: int, across: int, end: int, near: Ints) -> Floats:
+    """Return ∂u_axis/∂across in leaves, at an end along `axis`, towards the near side."""
+    # At a free surface ∂u_t/∂n follows from the shear strain, which is known there, and ∂u_n/∂t.
+    # The agents below give another one, a little deeper: between them lies what holds from the
+    # agent's middle to the surface.
+    grid, pair = fields.balance.grid, (min(axis, across), max(axis, across))
+    edges, first = grid.edges[pair], axis < across
+    gradients, table = oriented(edges, first)
+    own, other = fields.slopes[pair] if first else fields.slopes[pair][::-1]
+    shear = grid.ground.moduli.shear[grid.leaves.kind[leaf]]
+
+    def at(edge: Ints, some: Ints | slice) -> Floats:
+        weights = slope_weights(edges, gradients, edge, shear[some])
+        return np.asarray(weights[0] * own[edge] + weights[1] * other[edge])
+
+    edge = nearest_known(gradients, table[leaf], end, near)
+    slope = at(edge, slice(None))
+    bare = np.flatnonzero(gradients[1].valid[edge] & ~gradients[0].valid[edge])
+    slope[bare] += fields.balance.entered.surface_shear[pair][edge[bare]] / shear[bare]
+    inner = table[leaf[bare], end, 1 - near[bare]]
+    meets = (edge[bare] == table[leaf[bare], end, near[bare]]) & gradients[0].valid[inner]
+    meets &= known_slopes(gradients, inner)
+    bare, below = bare[meets], at(inner[meets], bare[meets])
+    slope[bare] = SURFACE_SHARE * slope[bare] + (1.0 - SURFACE_SHARE) * below
+    return slope
+
+
+def stress_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
+    """Return stress tensors at points (units), shape (n, dimension, dimension)."""
+    # Normal stresses run by the differences to neighbours of the same material, shear stresses
+    # between the leaf's edges. Where a point lies on several leaves it is the mean over those of
+    # the material of `leaf`.
+    grid, d = fields.balance.grid, fields.balance.grid.dimension
+    point, touched = touching(grid, points, leaf)
+    alike = grid.leaves.kind[touched] == grid.leaves.kind[leaf[point]]
+    point, leaf = point[alike], touched[alike]
+    local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
+    tensor = np.zeros((len(leaf), d, d))
+    for a in range(d):
+        tensor[:, a, a] = _along_slopes(grid, fields.normal_stress[a], leaf, local)
+    for (a, b), shear in fields.edge_shear.items():
+        around = np.moveaxis(shear[grid.edges[a, b].of_leaf[leaf]], 0, -1)
+        tensor[:, a, b] = tensor[:, b, a] = between_corners(around, local[:, a], local[:, b])
+    return _means(point, tensor)
+
+
+def _along_slopes(grid: CompositeGrid, value: Floats, leaf: Ints, local: Floats) -> Floats:
+    kind, h, total = grid.leaves.kind, grid.length, value[leaf].copy()
+    for axis in range(grid.dimension):
+        slope, count = np.zeros(len(leaf)), np.zeros(len(leaf))
+        for side in (2 * axis, 2 * axis + 1):
+            other = grid.beside[leaf, side]
+            alike = (other >= 0) & (kind[other] == kind[leaf])
+            rise = (value[other] - value[leaf]) / (0.5 * (h[other] + h[leaf]))
+            slope += np.where(alike, (2 * (side % 2) - 1) * rise, 0.0)
+            count += alike
+        total += (local[:, axis] - 0.5) * h[leaf] * slope / np.maximum(count, 1)
+    return np.asarray(total)
+
+
+def touching(grid: CompositeGrid, points: Floats, leaf: Ints) -> tuple[Ints, Ints]:
+    """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order."""
+    # `leaf` is one of each point.
+    reach = NEAR * grid.ground.cell
+    offset = points - grid.leaves.lower[leaf]
+    inner = (offset > reach) & (offset < grid.leaves.size[leaf, None] - reach)
+    on_face = np.flatnonzero(~inner.all(axis=1))
+    point, touched = [np.arange(len(leaf))], [leaf]
+    for way in product((-1, 1), repeat=grid.dimension):
+        cells = np.floor(points[on_face] + reach * np.array(way)).astype(np.int64)
+        found = grid.leaves.find(cells)
+        point.append(on_face[found >= 0])
+        touched.append(found[found >= 0])
+    pairs = np.unique(np.concatenate(point) * len(grid.leaves) + np.concatenate(touched))
+    return np.divmod(pairs, len(grid.leaves))
+
+
+def _means(point: Ints, values: Floats) -> Floats:
+    """Return the mean of the values of each point; the points are in order."""
+    if not len(point):
+        return values
+    first = np.flatnonzero(np.append(True, point[1:] != point[:-1]))
+    count = np.diff(np.append(first, len(point)))
+    total = np.add.reduceat(values, first, axis=0)
+    return np.asarray(total / count.reshape(-1, *(1 for _ in values.shape[1:])))
+
+
+def walls_beside(grid: CompositeGrid, leaf: Ints) -> Floats:
+    """Return how the rigid walls beside leaves move, by side and component; NaN without a wall."""
+    d = grid.dimension
+    given = np.full((len(leaf), 2 * d, d), np.nan)
+    for side in range(2 * d):
+        kind = grid.kinds[leaf, side]
+        held = (kind == RIGID) | (kind == DISPLACED)
+        moved = (kind[held] == DISPLACED) & grid.outer[leaf[held], side]
+        given[held, side] = np.where(moved[:, None], grid.ground.given(side), 0.0)
+    return given

@@ -1,0 +1,1 @@
+"""Quantities of interest: what a tolerance can be asked of, and its error by dual solutions."""

@@ -1,0 +1,563 @@
+"""Multigrid for equal cells: any form of the body and any mix of materials.
+
+The finest level stores no matrix, only the moduli of cells and edges; a parents' level stores
+what its faces feel when their children follow them (`stencils`), which is robust where the
+moduli jump by 10⁶ and next to holes. What a face cannot do is said on the finest level alone: its
+parents need no case of their own. One symmetric V-cycle with Gauss-Seidel sweeps is the
+preconditioner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import combinations
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.factors import factors_of
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.multigrid import row_kernels as sweeps
+from kaju.model.elastic.multigrid.krylov import best_of, dot
+from kaju.model.elastic.multigrid.stencils import Stencil, Terms, coarsening, finest_entries
+from kaju.model.elastic.problem import ElasticProblem, FaceFields, rim_layer
+from kaju.model.elastic.staggered import Numbering, modulus_between, stiffness_matrix
+from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
+
+FIRST = 4
+"""Place of the body's first cell: ghosts and what looks beyond them lie before it.
+
+Even, so that children and parents agree on which places are even.
+"""
+SMALLEST = {2: 8, 3: 2}
+"""A level of at most so many cells along every axis is solved by its inverse."""
+SWEEPS = {2: (3, 1, 2, 4), 3: (3, 1)}
+"""Gauss-Seidel sweeps before and after the visit to the parents: by the law, by the first stencils
+and by those of the parents' parents, where they cost little (Bramble & Pasciak 1987).
+
+By a stencil a face feels 30 others in the plane, 235 in space: three and eleven times as many as
+by the law.
+"""
+PLAIN_SWEEPS = {2: 2, 3: 3}
+"""By the law in full boxes, whose parents obey it too, and within the mixed form."""
+FEWEST = 16
+"""A full box whose cells are even and at least so many along every axis has a box of parents."""
+DIRECT = 2_000
+"""Its last box is solved by factors if it has at most so many faces: without stencils, which take
+long to be compiled."""
+ALIKE = 4
+"""Of a full box only so many cells along every axis but the last are described: two at each end,
+since a face feels one cell beyond its own. All others are like the inner of them."""
+ALMOST = 0.1  # A guess is taken that leaves less than this share of what the parents' answer does
+GUARD = 1e-11
+"""Share of its own stiffness by which every face of the smallest level is held: ghosts may follow
+from each other, which leaves a load in balance but not their places."""
+
+
+class Level(NamedTuple):
+    """One grid, as `sweeps` wants it, and the space to work in."""
+
+    cells: tuple[int, ...]
+    arrays: tuple[Any, ...]
+    stencil: Stencil | None
+    """None where moduli of cells and edges are all there is."""
+    u: Floats
+    load: Floats
+    """Displacement and load of all places."""
+    outside: Floats
+    """On parents of a full box: weights of the first two faces beside a side, from which the ghosts
+    beyond it follow. Empty: ghosts are parents like any others. Shape (sides, 2)."""
+
+
+class Hierarchy:
+    """Multigrid on the equal cells of a body.
+
+    Its vectors hold all components' places with ghosts around them; see `gather` and `scatter`.
+    `moduli` may replace the problem's own: the mixed form leaves the pressure's part out.
+    """
+
+    def __init__(self, problem: ElasticProblem, moduli: Moduli | None = None) -> None:
+        self.dimension = problem.dimension
+        by_law, *by_stencil = SWEEPS[self.dimension]
+        self.plain = is_box(problem)
+        if self.plain or moduli is not None:
+            by_law = PLAIN_SWEEPS[self.dimension]
+        moduli = moduli or problem.moduli
+        if self.plain:
+            self.levels = _plain_levels(problem, moduli)
+        else:
+            given = (problem.shape, problem.kinds, moduli, problem.spring)
+            self.levels = [_by_law(*given, edges=problem.edges)]
+        stencils, coarsest = 0, SMALLEST[self.dimension]
+        few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
+        while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
+            stencils += 1
+            self.levels.append(_parents(self.levels[-1], stencils))
+        laws = len(self.levels) - stencils
+        self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * stencils
+        self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
+        own = replace(problem, moduli=moduli)
+        self._direct = _Direct(self.levels[-1], of_parents(own, laws - 1) if few else None)
+
+    @property
+    def depth(self) -> int:
+        """Number of levels."""
+        return len(self.levels)
+
+    @cached_property
+    def moving(self) -> Flags:
+        """Which entries of a vector are faces that can move."""
+        arrays = self.levels[0].arrays
+        return _spread(arrays[1] > 0.0, arrays)
+
+    def resisted(self, x: Floats) -> Floats:
+        """Return the force with which faces resist x by their own stiffness, in the same array."""
+        arrays = self.levels[0].arrays
+        inverse = _spread(arrays[1], arrays)
+        resisted: Floats = np.divide(x, inverse, out=x, where=self.moving)
+        return resisted
+
+    def gather(self, fields: FaceFields) -> Floats:
+        """Return the values of the faces that can move; all else is 0."""
+        vector = np.zeros(self.levels[0].u.size)
+        free = self.views(self.moving)
+        for view, values, moves in zip(self.views(vector), fields, free, strict=True):
+            np.copyto(view, values, where=moves)
+        return vector
+
+    def scatter(self, vector: Floats, fields: FaceFields) -> None:
+        """Add the values of the faces that can move to arrays of all faces."""
+        for view, values in zip(self.views(vector), fields, strict=True):
+            values += view
+
+    def views(self, vector: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+        """Return a vector as one array per axis, the rim included."""
+        level = self.levels[0]
+        box = level.arrays[3]
+        shape = (box[0], box[2]) if self.dimension == 2 else tuple(box[:3])
+        part = vector.reshape(self.dimension, *shape)
+        views = []
+        for axis in range(self.dimension):
+            ends = [FIRST + n + 1 + (a == axis) for a, n in enumerate(level.cells)]
+            views.append(part[axis][tuple(slice(FIRST - 1, end) for end in ends)])
+        return tuple(views)
+
+    def apply(self, x: Floats, out: Floats | None = None) -> Floats:
+        """Return the stiffness times x."""
+        out = np.empty_like(x) if out is None else out
+        self._cross(0, x, x, out, 0, sweeps.ACROSS, share=0.0)
+        return np.negative(out, out=out)
+
+    def precondition(self, load: Floats, out: Floats | None = None) -> Floats:
+        """Return one V-cycle's answer to a load."""
+        out = np.empty_like(load) if out is None else out
+        self._cycle(0, load, out)
+        return out
+
+    def full_multigrid(self, load: Floats, guess: Floats | None = None) -> tuple[Floats, float]:
+        """Start from the coarsest answer and improve it level by level."""
+        # On the finest level from the best combination of the parents' answer and the guess, if
+        # that is far better. Also returns the potential energy, on that level, of the parents'
+        # answer before it was improved.
+        loads = [load]
+        for at in range(len(self.levels) - 1):
+            loads.append(self.hand_over(at, loads[at]))
+        x, energy = self._direct.solve(loads[-1]), 0.0
+        for at in range(len(self.levels) - 2, -1, -1):
+            x, left, more = self.follow(at, x), self.levels[at].load, self.levels[at].u
+            self._cross(at, x, loads[at], left, 0, sweeps.ACROSS)
+            if at == 0:
+                energy = -0.5 * float(dot(load, x) + dot(left, x))
+                if guess is not None:
+                    both, force = best_of(load, x, load - left, guess, self.apply(guess))
+                    rest = load - force
+                    if dot(rest, rest) < ALMOST**2 * dot(left, left):
+                        x, left = both, rest
+            self._cycle(at, left, more)
+            x += more
+        return x, energy
+
+    def follow(self, at: int, parents: Floats) -> Floats:
+        """Return where the children on a level are if they follow their parents."""
+        x: Floats = np.zeros(self.levels[at].u.size)
+        self._cross(at, x, x, parents, 0, sweeps.WAY_DOWN)
+        return x
+
+    def hand_over(self, at: int, load: Floats) -> Floats:
+        """Return a level's load as its parents' one."""
+        parents: Floats = np.empty_like(self.levels[at + 1].load)
+        self._cross(at, load, load, parents, 0, sweeps.WAY_UP)
+        return parents
+
+    def rough(self, x: Floats) -> Floats:
+        """Return what the parents cannot represent of x, all but: x less its mean over each."""
+        weight, mean = self.hand_over(0, self.moving.astype(np.float64)), self.hand_over(0, x)
+        np.divide(mean, weight, out=mean, where=weight > 0.1)
+        mean[weight <= 0.1] = 0.0
+        return np.asarray(x - self.follow(0, mean))
+
+    def _cycle(self, at: int, load: Floats, u: Floats) -> None:
+        if at == len(self.levels) - 1:
+            u[:] = self._direct.solve(load)
+            return
+        below, count = self.levels[at + 1], self._sweeps[at]
+        self._cross(at, u, load, below.load, count, sweeps.WAY_UP)
+        self._cycle(at + 1, below.load, below.u)
+        self._cross(at, u, load, below.u, count, sweeps.WAY_DOWN)
+
+    def _cross(
+        self,
+        at: int,
+        u: Floats,
+        load: Floats,
+        out: Floats,
+        count: int,
+        way: int,
+        share: float = 1.0,
+    ) -> None:
+        """Take `sweeps.cross`, which says what the vectors are."""
+        level, below = self.levels[at].arrays, self.levels[at + 1]
+        coarse, plain = below.arrays[3], len(below.outside) > 0
+        if plain and way == sweeps.WAY_DOWN:
+            _go_on(out, coarse, below.outside, back=False)
+        sweeps.cross(u, load, out, level, coarse, self._parity, count, way, share)
+        if plain and way == sweeps.WAY_UP:
+            _go_on(out, coarse, below.outside, back=True)
+
+
+class _Direct:
+    """The smallest level: its inverse, or the factors of a full box by its problem."""
+
+    def __init__(self, level: Level, problem: ElasticProblem | None) -> None:
+        self._there = np.flatnonzero(_spread(level.arrays[1], level.arrays))
+        if problem is None:
+            self._solve = self._by_stencil(level)
+        else:
+            matrix = stiffness_matrix(problem, Numbering(problem.face_states))
+            self._solve = factors_of(matrix).solve
+
+    def solve(self, load: Floats) -> Floats:
+        x = np.zeros_like(load)
+        x[self._there] = self._solve(load[self._there])
+        return x
+
+    def _by_stencil(self, level: Level) -> Callable[[Floats], Floats]:
+        assert level.stencil is not None
+        number = np.full(level.u.size, -1)
+        number[self._there] = np.arange(len(self._there))
+        data, _, _, box, like = level.arrays
+        planes, rows, length = box[:3]
+        coefficients = data.reshape(-1, box[sweeps.ENTRIES], length)
+        n = planes * rows * length
+        matrix = np.zeros((len(self._there),) * 2)
+        for a, b, *way, entry, p, q, j in level.stencil.couplings:
+            here = self._there[(a * n <= self._there) & (self._there < (a + 1) * n)]
+            other = here + (b - a) * n + (way[0] * rows + way[1]) * length + way[2]
+            spot = here - a * n + (p * rows + q) * length + j
+            some = number[other] >= 0
+            value = coefficients[like[spot // length], entry, spot % length]
+            matrix[number[here[some]], number[other[some]]] = value[some]
+        size = np.sqrt(matrix.diagonal())
+        matrix /= np.outer(size, size)
+        matrix[np.diag_indices_from(matrix)] += GUARD
+        inverse: Floats = np.linalg.inv(matrix) / np.outer(size, size)
+        return lambda load: np.asarray(inverse @ load)
+
+
+def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None) -> Ints:
+    """Return the measures of a level's arrays; see `sweeps`."""
+    d = len(cells)
+    sizes = [2 * ((n + 9) // 2) for n in cells]
+    ranges = [(first, n + 5) for n in cells]
+    steps = [sizes[-1], 1, 0]
+    if d == 2:
+        sizes.insert(1, 1)
+        ranges.insert(1, (0, 1))
+    else:
+        steps = [sizes[1] * sizes[2], sizes[2], 1]
+    ends = [end for pair in ranges for end in pair]
+    entries, starts, after = 0, [0] * 4, [0] * 3
+    if stencil is not None:
+        entries = len(stencil.entries)
+        starts[: d + 1], after[:d] = stencil.starts, stencil.next
+    counts = (reach, entries, d, prod(sizes))
+    return np.array([*sizes, *ends, *counts, *steps, *starts, *after], dtype=np.int64)
+
+
+_NO_COUPLINGS = np.zeros((0, 3), dtype=np.int64)
+_NO_OUTSIDE = np.zeros((0, 2))
+
+
+def is_box(problem: ElasticProblem) -> bool:
+    """Tell whether a body is a full box of one material, with sides of one kind each, to halve."""
+    if any(n % 2 or n < FEWEST for n in problem.shape):
+        return False
+    inside = problem.kinds[problem.inner]
+    if inside.flat[0] < 0 or not np.all(inside == inside.flat[0]):
+        return False
+    layers = [problem.kinds[rim_layer(problem.dimension, s)] for s in range(2 * problem.dimension)]
+    return all(bool(np.all(layer == layer.flat[0])) for layer in layers)
+
+
+def _by_law(
+    cells: tuple[int, ...],
+    rim: NDArray[np.int32],
+    moduli: Moduli,
+    spring: FaceFields,
+    outside: Floats | None = None,
+    *,
+    spread: bool = False,
+    edges: dict[tuple[int, int], Floats] | None = None,
+) -> Level:
+    """Return a level of which only moduli are stored."""
+    # `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
+    # describe rows that are like the one before but once, unless they are `spread` over all.
+    d, box = rim.ndim, _box(cells, FIRST, 1)
+    shape, whole = _shape(_box(tuple(n - 2 for n in rim.shape), FIRST, 1)), _shape(box)
+    n, steps = prod(shape), np.array([prod(shape[a + 1 :]) for a in range(d)])
+    kinds = np.full(shape, AIR, dtype=np.int32)
+    body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
+    kinds[body] = rim
+    law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
+    beyond = -min(AIR, RIGID, ROLLER, FOUNDATION)  # kinds that are no material count from the end
+    for modulus, row in zip((moduli.stretch, moduli.lateral), law, strict=False):
+        np.pad(modulus, (0, beyond)).take(kinds.ravel(), out=row, mode="wrap")
+    first = int(steps.sum())
+    for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
+        back = (0, steps[a], steps[b], steps[a] + steps[b])
+        around = np.stack([kinds.ravel()[first - k : n - k] for k in back])
+        law[1 + a + b, first:] = modulus_between(around, moduli.shear)
+    for (a, b), values in (edges or {}).items():  # one further than the cells along a and b
+        further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
+        places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
+        law[1 + a + b].reshape(shape)[places] = values
+    stretch = law[0].reshape(shape)[body]
+    for side in range(2 * d):
+        # A bed is a ghost cell that can only be squeezed, and whose far face is held.
+        layer = rim_layer(d, side)
+        face = list(layer)
+        face[side // 2] = -2 if side % 2 else 1
+        bed = rim[layer] == FOUNDATION
+        if bed.any():
+            stretch[layer][bed] = spring[side // 2][tuple(face)][bed]
+    holds = (kinds == RIGID) | (kinds == ROLLER)
+    code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
+    _lay_faces(code.ravel(), law, steps, inverse)
+    rows = _rows(whole[:-1], shape[:-1], [n + 2 - m for n, m in zip(cells, rim.shape, strict=True)])
+    parts = [x.reshape(-1, prod(shape[:-1]), shape[-1]) for x in (law, inverse)]
+    if spread:
+        law, inverse = (x.take(rows, 1) for x in parts)
+        rows = np.arange(len(rows))
+    elif whole == shape:
+        rows = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
+        if rows[-1] < len(rows) - 1:
+            law, inverse = (x.take(_firsts(rows), 1) for x in parts)
+    arrays = (law.ravel(), inverse.ravel(), _NO_COUPLINGS, box, rows)
+    space = d * prod(whole)
+    outside = _NO_OUTSIDE if outside is None else outside
+    return Level(cells, arrays, None, np.empty(space), np.empty(space), outside)
+
+
+def _numbered(like: Sequence[Flags]) -> Ints:
+    """Return a number for every row, the same if it is like the one before in all that is told."""
+    return np.append(0, np.cumsum(~np.logical_and.reduce(like)))
+
+
+def _firsts(rows: Ints) -> Ints:
+    """Return the first row of every number."""
+    return np.flatnonzero(np.diff(rows, prepend=-1))
+
+
+def _spread(values: NDArray[Any], arrays: tuple[Any, ...]) -> NDArray[Any]:
+    """Return for all faces what a level's arrays say of those that others are like."""
+    box, rows = arrays[3:]
+    if values.size == box[sweeps.COUNT] * box[sweeps.SIZE]:
+        return values
+    spread: NDArray[Any] = values.reshape(box[sweeps.COUNT], -1, box[2]).take(rows, 1)
+    return spread.ravel()
+
+
+def _shape(box: Ints) -> tuple[int, ...]:
+    """Return the shape of a level's arrays of places."""
+    return tuple(int(n) for n in box[:3] if n > 1)
+
+
+def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence[int]) -> Ints:
+    """Return for every row of places that which describes it."""
+    rows, inner = np.zeros((), dtype=np.int64), FIRST + ALIKE // 2 - 1
+    for every, some, fewer in zip(whole, described, left_out, strict=False):
+        place = np.arange(every)
+        like = np.minimum(place, np.maximum(inner, place - fewer))
+        rows = rows[..., None] * some + np.minimum(like, some - 1)
+    return rows.ravel()
+
+
+def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
+    """Return a full box and those of its parents that are boxes themselves."""
+    # They obey the law on cells twice as large. What moves beyond a free side goes on straight,
+    # what is beyond a rigid one is its mirror image.
+    d, cells = problem.dimension, problem.shape
+    outside = outside_of(problem)
+    rim = described(problem.kinds, cells[:-1])
+    spring = tuple(described(values, cells[:-1]) for values in problem.spring)
+    levels: list[Level] = []
+    while True:
+        last = any(n % 2 or n < FEWEST for n in cells)
+        beyond = outside if levels else None
+        levels.append(_by_law(cells, rim, moduli, spring, beyond, spread=last))
+        if last:
+            return levels
+        cells = tuple(n // 2 for n in cells)
+        rim = np.ascontiguousarray(rim[..., _every(2, rim.shape[-1])])
+        moduli = Moduli(*(2.0 ** (d - 2) * values for values in moduli))
+        spring = tuple(2.0 ** (d - 1) * v[..., _every(2, v.shape[-1])] for v in spring)
+
+
+def outside_of(problem: ElasticProblem) -> Floats:
+    """Return for every side the weights of the first two faces, from which those beyond follow."""
+    sides = range(2 * problem.dimension)
+    ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
+    return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
+
+
+def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
+    """Return a full box on cells twice as large, or so many times."""
+    d, wide = problem.dimension, 2.0**times
+
+    def halved(values: NDArray[Any]) -> NDArray[Any]:
+        return np.ascontiguousarray(values[np.ix_(*[_every(2**times, n) for n in values.shape])])
+
+    return replace(
+        problem,
+        kinds=halved(problem.kinds),
+        moduli=Moduli(*(wide ** (d - 2) * values for values in problem.moduli)),
+        spring=tuple(wide ** (d - 1) * halved(values) for values in problem.spring),
+    )
+
+
+def described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
+    """Return the values of those cells, or faces, of a full box that the others are like."""
+    for axis, size in enumerate(cells):
+        ends = [*range(1 + ALIKE // 2), *range(1 + ALIKE // 2 + size - ALIKE, values.shape[axis])]
+        values = values.take(ends, axis)
+    return values
+
+
+def _every(step: int, count: int) -> Ints:
+    """Return the places of every second face, or so, along an axis, the rim's included."""
+    # Along the normal the last face is one of them, across it the last two have one parent.
+    return np.array([0, *range(1, count - 1, step), count - 1])
+
+
+def _lay_faces(code: NDArray[np.int8], law: Floats, steps: Ints, inverse: Floats) -> None:
+    """Write the inverse of every face's own stiffness; 0 where it cannot move."""
+    # `code` of a place is 1 if there is body, 2 if what is there holds.
+    first, n = int(steps.sum()), len(code)
+    here = slice(first, n - first)
+    for a, step in enumerate(steps):
+        behind = slice(first - step, n - first - step)
+        own = law[0, here] + law[0, behind]
+        for b, across in enumerate(steps):
+            if b != a:
+                modulus = law[1 + a + b]
+                own += modulus[here] + modulus[first + across : n - first + across]
+        moves = ((code[here] | code[behind]) == 1) & (own > 0.0)
+        out = inverse[a * n + first : (a + 1) * n - first]
+        np.divide(1.0, own, out=out, where=moves)
+
+
+def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
+    """Let the ghosts beyond a full box follow the faces inside; back, hand their loads in."""
+    count = int(coarse[sweeps.COUNT])
+    fields = g.reshape(count, *coarse[:3])
+    for a in range(count):
+        # Corners follow from the sides, so loads go back in the opposite order.
+        for b in reversed(range(count)) if back else range(count):
+            axis = 2 if b == count - 1 else b
+            lines = fields[a] if axis == 0 else np.moveaxis(fields[a], axis, 0)
+            for side in range(2 if a != b else 0):
+                ends = coarse[sweeps.FIRST + 2 * axis], coarse[sweeps.END + 2 * axis] - 2
+                layer, inward, (near, far) = ends[side], 1 - 2 * side, outside[2 * b + side]
+                one, two, ghost = (lines[layer + k * inward] for k in (0, 1, -1))
+                if back:
+                    one += near * ghost
+                    two += far * ghost
+                    ghost[...] = 0.0
+                else:
+                    ghost[...] = near * one + far * two
+
+
+def _parents(fine: Level, depth: int) -> Level:
+    cells = tuple((n + 1) // 2 for n in fine.cells)
+    d = len(cells)
+    sums, stencil = coarsening(d, depth)
+    box = _box(cells, FIRST - 1, 2, stencil)
+    rows = _rows_of_parents(fine, box, sums)
+    described = (int(rows.max()) + 1) * int(box[2])
+    coefficients, inverse = np.zeros(described * len(stencil.entries)), np.zeros(d * described)
+    if d == 2:
+        sums = (sums[0], sums[1], sums[1])
+    places, ways = [step.place for step in sums], [step.rows for step in sums]
+    ends, starts = (np.cumsum([0, *map(len, parts)]) for parts in (places, ways))
+    weight = np.concatenate([step.weight for step in sums])
+    joined = np.concatenate(places), weight, np.concatenate(ways), ends, starts
+    made, length = _made(fine.arrays[3]), int(fine.arrays[3][sweeps.LENGTH])
+    few = 0 if fine.stencil else len(sums[0].rows) * len(made)
+    first, second = sums[0].sums, sums[1].sums
+    sizes = few * length, (4 * first + second) * length, max(first, second) * length
+    room = (*map(np.zeros, sizes), np.zeros(int(starts[-1]) + 4, dtype=np.int64))
+    sweeps.galerkin(fine.arrays, made, joined, box, rows, stencil.own, room, coefficients, inverse)
+    arrays = (coefficients, inverse, _flat(stencil, box), box, rows)
+    space = d * int(box[sweeps.SIZE])
+    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_OUTSIDE)
+
+
+def _rows_of_parents(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:
+    """Return which parents' rows are like the one before, since all rows of children are."""
+    # Rows that are not in use are like the first.
+    children = fine.arrays[4].reshape(fine.arrays[3][:2])
+    reach = [np.unique(sums[0].rows[:, 0]), np.array([0])]
+    if len(sums) == 3:
+        beside, beyond = sums[0].rows[:, 1], sums[1].rows[:, 1]
+        reach[1] = np.arange(beside.min() + beyond.min(), beside.max() + beyond.max() + 1)
+    if fine.stencil is None:  # The law of a row knows its neighbours.
+        reach = [np.arange(way.min() - 1, way.max() + 2) for way in reach]
+    used = [np.arange(box[k], box[k + 1]) for k in (sweeps.FIRST, sweeps.FIRST_ROW)]
+    seen = [
+        np.clip(2 * place - 4 + way[:, None], 0, n - 1)
+        for place, way, n in zip(used, reach, children.shape, strict=True)
+    ]
+    key = [children[p[:, None], q].ravel() for p in seen[0] for q in seen[1]]
+    rows = np.zeros(box[:2], dtype=np.int64)
+    rows[np.ix_(*used)] = 1 + _numbered([k[1:] == k[:-1] for k in key]).reshape(
+        [len(place) for place in used]
+    )
+    return rows.ravel()
+
+
+def _flat(stencil: Stencil, box: Ints) -> Ints:
+    """Return couplings as `sweeps` wants them: where the coefficient is, and the other face."""
+    (_, rows, length), n = box[:3], box[sweeps.SIZE]
+    table = stencil.couplings
+    far = (table[:, 2] * rows + table[:, 3]) * length + table[:, 4] + table[:, 1] * n
+    row = table[:, 6] * rows + table[:, 7]
+    return np.stack([row, table[:, 5] * length + table[:, 8], far], axis=1)
+
+
+def _made(box: Ints) -> Ints:
+    """Return of what the finest level's entries are made."""
+    # The columns are: the sign (see `stencils.finest_entries`), then for the two faces that have to
+    # be free to move, and for the two moduli, the component or the modulus, in how many rows from
+    # its own, and how far along the row.
+    entries, made = finest_entries(int(box[sweeps.COUNT]))
+    step = np.array([[box[1], 0], [1, 0], [0, 1]])  # In rows, and along them.
+    table = []
+    for (a, b, way), (sign, k, axis, shift, k2, axis2, shift2) in zip(entries, made, strict=True):
+        moduli = (k, *shift * step[axis]), (k2, *shift2 * step[axis2])
+        table.append((sign, a, 0, 0, b, *np.dot(way, step), *moduli[0], *moduli[1]))
+    return np.array(table, dtype=np.int64)

@@ -1,0 +1,232 @@
+"""Multigrid on the generations of agents.
+
+Every generation of agents holds the one before: their stiffness matrices, and the
+interpolation from parents to children, are the levels of one symmetric V-cycle, which
+preconditions conjugate gradients. The first generation is factorised. Where materials differ
+the parents' stiffness is what their children feel when they follow them, P'AP (Galerkin's
+condition), which copes with large contrasts; in one material their own does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import inf, sqrt
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU
+
+from kaju.arrays import Floats
+from kaju.factors import factors_of
+from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
+from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.interpolation import prolongation
+from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
+from kaju.model.elastic.problem import is_rubber
+
+WORTHWHILE = 0.7  # Parents that are more than this share of their children are not worth a level
+DEGREE, LOW = 4, 0.15
+"""Of the smoothing polynomial, and the share of the spectrum, from above, that it leaves alone."""
+FACTORISED = {2: 400_000, 3: 30_000}
+PATIENCE, MOST = 40, {2: 100, 3: 400}
+"""A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
+larger ones get MOST iterations: in the plane a hundred take a minute."""
+DIRECT = {2: 6_000, 3: 5_000}
+"""Generations of fewer faces are factorised, and serve as the coarsest level."""
+RUBBER = {2: 400_000, 3: 15_000}
+"""Up to so many faces every generation is factorised if a material is nearly incompressible."""
+LAST = 1e-10  # Share of an answer to which its last generation settles
+WORST = 0.05  # Displacements that are off by more than this share do not tell who has to spawn
+
+
+class NestedMultigrid:
+    """A hierarchy that grows by a generation at a time, the finest last."""
+
+    def __init__(self, balance: Equilibrium) -> None:
+        ground = balance.grid.ground
+        limits = RUBBER if is_rubber(ground.moduli, ground.scene.plane) else DIRECT
+        direct = self._direct_limit = limits[ground.dimension]
+        self._levels: list[_NestedLevel] = []
+        ancestors = [balance]
+        while len(ancestors[-1].free) > direct:
+            grid = ancestors[-1].grid
+            leaves = grid.ground.parents(grid.leaves)
+            if len(leaves) > WORTHWHILE * len(grid.leaves):
+                break
+            ancestors.append(Equilibrium(CompositeGrid(grid.ground, leaves)))
+        self._balance = ancestors[-1]
+        self._factorise(ancestors[-1])
+        for younger in reversed(ancestors[:-1]):
+            self.grow(younger)
+
+    @property
+    def depth(self) -> int:
+        """Number of levels."""
+        return len(self._levels)
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness among the free faces of the finest generation."""
+        return self._levels[-1].matrix
+
+    def grow(self, balance: Equilibrium) -> sp.csr_array:
+        """Add a generation; return the interpolation to all its faces."""
+        whole = prolongation(self._balance.grid, balance.grid)
+        if len(balance.free) <= self._direct_limit:
+            self._factorise(balance)
+        else:
+            prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
+            self._levels.append(_NestedLevel(balance.stiffness(balance.free), prolong))
+            if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
+                # From the finest on parents get the stiffness that their children feel.
+                for level, parents in pairwise(self._levels[::-1]):
+                    assert level.prolong is not None
+                    felt = level.prolong.T @ (level.matrix @ level.prolong)
+                    parents.matrix = sp.csr_array(felt)
+                self._direct = _factor(self._levels[0].matrix)
+        self._balance = balance
+        return whole
+
+    def solve(
+        self,
+        right: Floats,
+        start: Floats,
+        done: Callable[[Iteration], bool],
+        energy: Callable[[Floats], float] | None = None,
+    ) -> Iteration:
+        """Return the displacements of the free faces of the finest generation."""
+        matrix = self._levels[-1].matrix
+
+        def apply(x: Floats) -> Floats:
+            return np.asarray(matrix @ x)
+
+        dimension = self._balance.grid.dimension
+        small = len(right) <= FACTORISED[dimension]
+        most = PATIENCE if small else MOST[dimension]
+        run = conjugate_gradients(apply, self.precondition, right, start, done, most, energy)
+        if run.converged or not small:
+            return run
+        self._factorise(self._balance)
+        return conjugate_gradients(
+            apply, self.precondition, right, run.solution, done, PATIENCE, energy
+        )
+
+    def followed(self, displacement: Floats) -> Floats:
+        """Return the displacement of the free faces if they only follow their parents'."""
+        level = self._levels[-1]
+        if level.prolong is None or level.prolong.shape[1] != len(displacement):
+            return np.zeros(level.matrix.shape[0])
+        return np.asarray(level.prolong @ displacement)
+
+    def precondition(self, load: Floats) -> Floats:
+        """Return one V-cycle's answer to a load."""
+        return self._cycle(len(self._levels) - 1, load)
+
+    def _factorise(self, balance: Equilibrium) -> None:
+        self._levels = [_NestedLevel(balance.stiffness(balance.free))]
+        self._direct = _factor(self._levels[0].matrix)
+
+    def _cycle(self, at: int, load: Floats) -> Floats:
+        level = self._levels[at]
+        if level.prolong is None:
+            return np.asarray(self._direct.solve(load))
+        x = np.zeros_like(load)
+        level.smooth(load, x)
+        left = load - level.matrix @ x
+        x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ left))
+        level.smooth(load - level.matrix @ x, x)
+        return x
+
+
+class _NestedLevel:
+    """One generation: its stiffness, the way to its parents, and the faces that it changed.
+
+    Only these yield to their residuals, for the others did so among their parents (Brandt
+    1977): so that a cycle over all generations costs little more than one sweep over the last.
+    """
+
+    def __init__(self, matrix: sp.csr_array, prolong: sp.csr_array | None = None) -> None:
+        self.prolong = prolong
+        rows = np.ones(matrix.shape[0], dtype=np.bool_)
+        if prolong is not None:
+            kept = np.diff(prolong.indptr) == 1
+            kept[kept] = prolong.data[prolong.indptr[:-1][kept]] == 1.0
+            # Rows with an entry in a column of those that are not as their parents'.
+            row = np.repeat(np.arange(len(rows)), np.diff(matrix.indptr))
+            rows = np.bincount(row, ~kept[matrix.indices], len(rows)) > 0.0
+        self.rows = np.flatnonzero(rows)
+        self.matrix = matrix
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness among the free faces."""
+        return self._matrix
+
+    @matrix.setter
+    def matrix(self, matrix: sp.csr_array) -> None:
+        self._matrix = matrix
+        if self.prolong is None:
+            return
+        self._among = sp.csr_array(matrix[self.rows][:, self.rows])
+        own = self._among.diagonal()
+        self._inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)
+        # No eigenvalue of D⁻¹A is larger than a row's sum of sizes (Gershgorin).
+        sums = np.asarray(abs(self._among).sum(axis=1)).ravel() * self._inverse
+        self._most = float(sums.max(initial=1.0))
+
+    def smooth(self, left: Floats, x: Floats) -> None:
+        """Let the faces that changed yield to a residual, in place, by Chebyshev's polynomial."""
+        # It is least for the upper part of the spectrum, which coarser cells do not see (Adams et
+        # al. 2003).
+        centre, half = 0.5 * self._most * (1.0 + LOW), 0.5 * self._most * (1.0 - LOW)
+        left, inverse = left[self.rows], self._inverse
+        step, rho = inverse * left / centre, half / centre
+        total = step.copy()
+        for _ in range(DEGREE - 1):
+            left -= self._among @ step
+            # The recurrence of Chebyshev's polynomials (Saad 2003, algorithm 12.1).
+            last, rho = rho, 1.0 / (2.0 * centre / half - rho)
+            step = rho * (last * step + 2.0 / half * (inverse * left))
+            total += step
+        x[self.rows] += total
+
+
+def _factor(matrix: sp.csr_array) -> SuperLU:
+    # Guarded against parents that no child depends on.
+    diagonal = matrix.diagonal()
+    guard = np.where(diagonal > 0, 1e-15 * diagonal, 1.0)
+    return factors_of(matrix + sp.diags_array(guard))
+
+
+def settle(balance: Equilibrium, hierarchy: NestedMultigrid, u: Floats, share: float) -> Iteration:
+    """Solve for the free faces of `u`, in place, to a relative algebraic error."""
+    free = balance.free
+    right = (balance.load - balance.pull)[free]
+    load, resting = balance.load[free], balance.strain(balance.grid.value)
+    given = float(dot(resting, balance.stress(resting)))  # while the free faces rest
+
+    def twice_energy(x: Floats) -> float:
+        return 2 * float(dot(x, load)) - float(dot(x, right)) + given
+
+    def done(run: Iteration) -> bool:
+        return run.errors[-1] <= min(share, WORST) or run.at_rounding()
+
+    run = hierarchy.solve(right, u[free], done, twice_energy)
+    u[free] = run.solution
+    return run
+
+
+def energy_of(balance: Equilibrium, u: Floats) -> float:
+    """Return the energy, of second order in what the iteration left."""
+    free = balance.free
+    rest = balance.force(u)[free] - balance.load[free]
+    return balance.energy(u) - float(dot(rest, u[free]))
+
+
+def relative_error(square: Floats, energy: float) -> float:
+    """Return the estimated error in the energy norm, relative to a solution of some energy."""
+    total = float(square.sum())
+    if energy <= 0.0:
+        return 0.0 if total == 0.0 else inf
+    return sqrt(total / (2 * energy))

@@ -1,0 +1,290 @@
+"""What the agents stand on: body, supports and loads of a scene, asked box by box."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from itertools import product
+from math import ceil, log2
+from typing import NamedTuple
+
+import numpy as np
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import SceneError
+from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.bounds.uneven_loads import Portions
+from kaju.model.elastic.cells.leaf_cells import BITS, LeafCells
+from kaju.model.elastic.corners import ROUND, sharp_corners
+from kaju.model.elastic.moduli import scene_moduli
+from kaju.model.elastic.problem import Scales
+from kaju.model.scene import Scene
+from kaju.model.scene.box_kinds import MIXED
+from kaju.model.scene.lattice import Lattice
+from kaju.model.scene.lattices import check_boxes
+from kaju.model.scene.selection import Uneven
+
+ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
+"""The first agents are at least this many along the body's longest and shortest side."""
+ENDED = {2: 3e-4, 3: 1e-2}
+"""Loads that end within sides may leave about such a share of the energy norm."""
+DEEPEST = 16  # An agent's edge is at least the scene's cell divided by 2 to this power
+
+
+def face_keys(lattice: Lattice, cells: Ints, direction: Ints) -> Ints:
+    """Return a number for every side, or middle (-1), of cells."""
+    return lattice.key(cells) * (2 * lattice.dimension + 1) + direction + 1
+
+
+class LeafForces(NamedTuple):
+    """Forces on leaves: leaf, side by which they enter (-1: the middle), and force (scaled).
+
+    Those that lie unevenly on their sides are told once more, with their moments.
+    """
+
+    leaf: Ints
+    direction: Ints
+    force: Floats
+    uneven: Portions | None = None
+
+
+class PosedBody:
+    """A scene, asked for the boxes in which agents stand.
+
+    `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed (units);
+    scales and moduli are as in the solver on equal cells; `loaded` are the scene's cells that take
+    loads, shape (n, dimension).
+    """
+
+    def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
+        lattice = scene.lattice
+        check_boxes(lattice)
+        self.scene, self.dimension = scene, lattice.dimension
+        digits = max(1, ceil(log2(max(lattice.shape))))
+        spare = BITS[self.dimension] - digits
+        if spare < 1:
+            raise SceneError(
+                f"body.cells: {max(lattice.shape)} cells along an axis are more than the "
+                f"2^{BITS[self.dimension] - 1} that agents can be counted in; use larger cells"
+            )
+        self.cell = 1 << min(spare, DEEPEST)
+        self.smallest = self.cell if at_cells else 1
+        self._purity = scene.purity()
+        self._collect_loads(stage)
+        self._scale()
+
+    def kinds_at(self, points: Ints) -> Ints:
+        """Return the kinds of unit cells, also outside the array."""
+        return self._purity.kinds(points // self.cell, 0)
+
+    def kinds_of(self, boxes: Ints, exponent: int) -> Ints:
+        """Return the kinds of boxes of 2^exponent of the scene's cells, or MIXED."""
+        return self._purity.kinds(boxes, exponent)
+
+    @cached_property
+    def sharp(self) -> Ints:
+        """The unit cells round points at which stress has no limit, shape (n, dimension)."""
+        corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
+        if not len(corner):
+            return np.empty((0, self.dimension), dtype=np.int64)
+        return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
+
+    def loaded_where(self, other: PosedBody) -> bool:
+        """Tell whether loads enter by the same faces, or parts of these, as on other ground."""
+        pairs = ((self._key, other._key), (self._uneven.part, other._uneven.part))
+        return all(np.array_equal(own, theirs) for own, theirs in pairs)
+
+    def given(self, side: int) -> Floats:
+        """Return the scaled displacement of what lies beyond a side."""
+        condition = self.scene.side_condition(self.scene.lattice.sides[side])
+        if condition.displacement is None:
+            return np.zeros(self.dimension)
+        return np.asarray(condition.displacement) / self.scales.displacement
+
+    def bed(self, side: int) -> float:
+        """Return the scaled stiffness per area of the foundation beyond a side."""
+        stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
+        return (stiffness or 0.0) * self.scales.length / self.scales.modulus
+
+    def start(self) -> LeafCells:
+        """Return the first agents: as large as body, supports and loads let them be."""
+        lower, upper = self.scene.bounds()
+        spans = upper - lower
+        widest = max(1.0, min(spans.max() / ACROSS_LONGEST, spans.min() / ACROSS_SHORTEST))
+        exponent = int(log2(widest))
+        leaves = self._pure(covering(lower, upper, exponent), exponent)
+        leaves = self._until(leaves, self._beside_mixed)
+        leaves = self._until(leaves, self.unevenly_loaded)
+        return leaves.balanced(0)
+
+    def parents(self, leaves: LeafCells) -> LeafCells:
+        """Return leaves of up to twice the size, as far as body and supports let them be."""
+        return self._until(leaves.merged(), self._beside_mixed).balanced(0)
+
+    def _pure(self, boxes: Ints, exponent: int) -> LeafCells:
+        """Split boxes of cells until each is of one kind; keep those of material."""
+        lower, size, kind = [], [], []
+        corners = corner_ends(self.dimension)
+        while len(boxes):
+            found = self._purity.kinds(boxes, exponent)
+            body = found >= 0
+            lower.append(boxes[body] * self.cell)
+            size.append(np.full(np.count_nonzero(body), self.cell << exponent, dtype=np.int64))
+            kind.append(found[body])
+            exponent -= 1
+            mixed = boxes[found == MIXED]
+            boxes = (mixed[:, None] + corners * (1 << max(exponent, 0))).reshape(-1, self.dimension)
+        sizes = np.concatenate(size)
+        if not len(sizes):
+            raise SceneError("body: no cell is of a material, so there is nothing to solve")
+        zeros = np.zeros(len(sizes))
+        return LeafCells.of(
+            np.concatenate(lower), sizes, np.concatenate(kind), zeros.astype(np.int64), zeros
+        )
+
+    def _until(self, leaves: LeafCells, unfit: Callable[[LeafCells], Flags]) -> LeafCells:
+        """Split leaves until none is unfit."""
+        while True:
+            chosen = unfit(leaves)
+            if not chosen.any():
+                return leaves
+            leaves = leaves.split(chosen, 0, np.zeros(len(leaves)))
+
+    def _beside_mixed(self, leaves: LeafCells) -> Flags:
+        """Tell which leaves have a box of their own size beside them that is not of one kind."""
+        unfit = np.zeros(len(leaves), dtype=np.bool_)
+        for size in np.unique(leaves.size[leaves.size > self.cell]):
+            here = np.flatnonzero(leaves.size == size)
+            exponent = int(size // self.cell).bit_length() - 1
+            for way in product((-1, 0, 1), repeat=self.dimension):
+                if any(way):
+                    box = (leaves.lower[here] + np.array(way) * size) // self.cell
+                    unfit[here] |= self._purity.kinds(box, exponent) == MIXED
+        return unfit
+
+    def unevenly_loaded(self, leaves: LeafCells) -> Flags:
+        """Tell which leaves take loads on a part only, or unequal ones, and are to spawn for it."""
+        unfit = np.zeros(len(leaves), dtype=np.bool_)
+        if not len(self.loaded):
+            return unfit
+        owner = leaves.find(self.loaded * self.cell)
+        large = (owner >= 0) & (leaves.size[owner] > self.cell)
+        owner, way = owner[large], self._direction[large]
+        offset = self.loaded[large] * self.cell - leaves.lower[owner]
+        axis, end = np.maximum(way, 0) // 2, np.maximum(way, 0) % 2
+        depth = offset[np.arange(len(owner)), axis]
+        edge = np.where(end == 1, leaves.size[owner] - self.cell, 0)
+        unfit[owner[(way >= 0) & (depth != edge)]] = True
+        group, inverse, count = np.unique(
+            owner * (2 * self.dimension + 1) + way + 1, return_inverse=True, return_counts=True
+        )
+        leaf = group // (2 * self.dimension + 1)
+        power = np.where(group % (2 * self.dimension + 1) == 0, self.dimension, self.dimension - 1)
+        unfit[leaf[count != (leaves.size[leaf] // self.cell) ** power]] = True
+        first = np.zeros((len(group), self.dimension))
+        first[inverse[::-1]] = self._force[large][::-1]
+        largest = np.abs(first).max(initial=0.0)
+        unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
+        unfit[owner[unlike.any(axis=1) | (self._odd[large] >= 0)]] = True
+        if self.ends_within:
+            # They are to spawn, so that less is left of loads that end within sides.
+            rest = self.forces(leaves).uneven or Portions.none(self.dimension)
+            size = leaves.size[rest.box] / self.cell
+            large = np.sqrt(size) * rest.rest > ENDED[self.dimension] * self._strength
+            unfit[rest.box[large & (leaves.size[rest.box] > self.smallest)]] = True
+        return unfit
+
+    @property
+    def ends_within(self) -> bool:
+        """Whether loads lie unevenly on faces of the scene's cells."""
+        return bool((self._odd >= 0).any())
+
+    def forces(self, leaves: LeafCells) -> LeafForces:
+        """Return the loads on leaves; a cell's load is shared by the smaller ones in it."""
+        d = self.dimension
+        if not len(self.loaded):
+            nothing = np.empty(0, dtype=np.int64)
+            return LeafForces(nothing, nothing, np.empty((0, d)))
+        owner = leaves.find(self.loaded * self.cell)
+        large = np.flatnonzero((owner >= 0) & (leaves.size[owner] >= self.cell))
+        # Few cells are loaded: only the smaller leaves in these are asked.
+        small = np.flatnonzero(leaves.size < self.cell)
+        key = self.scene.lattice.key(leaves.lower[small] // self.cell)
+        known = self._key // (2 * d + 1)
+        first, last = (np.searchsorted(known, key, side=end) for end in ("left", "right"))
+        leaf = np.repeat(small, last - first)
+        # Every leaf with the loads of its cell, which stand one after the other.
+        row = np.arange(len(leaf)) + np.repeat(last - np.cumsum(last - first), last - first)
+        way = self._direction[row]
+        offset = leaves.lower[leaf] - self.loaded[row] * self.cell
+        depth = offset[np.arange(len(leaf)), np.maximum(way, 0) // 2]
+        end = np.where(way % 2, self.cell - leaves.size[leaf], 0)
+        touches = (way < 0) | (depth == end)
+        leaf, row, offset = leaf[touches], row[touches], offset[touches]
+        share = (leaves.size[leaf] / self.cell) ** (d - (self._direction[row] >= 0))
+        leaf, row = np.concatenate([owner[large], leaf]), np.concatenate([large, row])
+        share = np.concatenate([np.ones(len(large)), share])
+        offset = np.concatenate([np.zeros((len(large), d), dtype=np.int64), offset])
+        force, way = share[:, None] * self._force[row], self._direction[row]
+        odd = np.flatnonzero((self._odd[row] >= 0) & (leaves.size[leaf] <= self.cell))
+        which = self._odd[row[odd]]
+        loads = Uneven(row[odd], self._uneven.part[which], self._uneven.growth[which])
+        size = leaves.size[leaf[odd]] / self.cell
+        uneven = Portions.of(
+            leaf[odd], way[odd], self._force[row[odd]], loads, offset[odd] / self.cell, size
+        )
+        force[odd] = uneven.force
+        acts = np.ones(len(leaf), dtype=np.bool_)
+        acts[odd] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
+        return LeafForces(leaf[acts], way[acts], force[acts], uneven.some(acts[odd]))
+
+    def _collect_loads(self, stage: int | None) -> None:
+        """Add up the forces that enter by the same face of a cell, in the order of their keys."""
+        # Those that lie on it unevenly are kept apart.
+        applied = self.scene.applied(stage)
+        keys = face_keys(self.scene.lattice, applied.cells, applied.direction)
+        d = self.dimension
+        nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
+        self._uneven = applied.uneven or nothing
+        rows = self._uneven.row
+        alone = np.zeros(len(keys), dtype=np.int64)
+        alone[rows] = np.arange(1, len(rows) + 1)
+        apart = np.stack([keys, alone]) if len(rows) else keys
+        _, first, inverse = np.unique(apart, axis=-1, return_index=True, return_inverse=True)
+        self._key, self._odd = keys[first], alone[first] - 1
+        self.loaded, self._direction = applied.cells[first], applied.direction[first]
+        self._force = np.zeros((len(first), self.dimension))
+        np.add.at(self._force, inverse.ravel(), applied.force)
+
+    def _scale(self) -> None:
+        """Choose units and divide by them; see `kaju.model.elastic.problem`."""
+        scene, h = self.scene, self.scene.lattice.cell_size
+        modulus = max(material.youngs_modulus for material in scene.cell_materials)
+        stretch = modulus * (scene.thickness if self.dimension == 2 else h)
+        sides = [scene.side_condition(name) for name in scene.lattice.sides]
+        moved = max((abs(v) for s in sides for v in s.displacement or ()), default=0.0)
+        peak = float(np.abs(self._force).max(initial=0.0))
+        self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
+        self._force /= self.scales.force
+        self._uneven = self._uneven._replace(growth=self._uneven.growth / self.scales.force)
+        # About the energy of the loads, each as wide as it covers.
+        share, odd = np.ones(len(self._force)), self._odd >= 0
+        part = self._uneven.part
+        share[odd] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._odd[odd]]
+        wide = float(share.sum()) ** (1.0 / (self.dimension - 1))
+        square = wide * ((self._force**2).sum(axis=1) / share).sum()
+        self._strength = float(np.sqrt(square / max(len(part), 1)))
+        self.moduli = scene_moduli(scene, modulus)
+
+
+def covering(lower: Ints, upper: Ints, exponent: int) -> Ints:
+    """Return the boxes of 2^exponent cells, by their lower corners, that cover a box of cells."""
+    first, last = lower >> exponent, -((-upper) >> exponent)
+    ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
+    return np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1) << exponent
+
+
+def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> PosedBody:
+    """Return the ground of a scene: on finer cells, and not below them, at a resolution."""
+    grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
+    return PosedBody(grid, stage, at_cells=resolution is not None)

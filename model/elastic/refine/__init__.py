@@ -1,0 +1,1 @@
+"""Adaptive refinement: solve, estimate, mark, split, prove."""

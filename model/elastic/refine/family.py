@@ -1,0 +1,167 @@
+"""Who spawned whom: every agent that ever stood, told from the generations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.cells.leaf_cells import BITS
+from kaju.model.elastic.refine.generations import Generation
+
+NOBODY = -1  # Parent of the first agents, and first child of those that have none
+WORKING = -1  # Retirement of agents that have not retired
+
+_ROW = np.dtype(
+    [
+        ("code", np.int64),
+        ("size", np.int64),
+        ("parent", np.int64),
+        ("first_child", np.int64),
+        ("spawn_step", np.int64),
+        ("retired_step", np.int64),
+        ("cause", np.float64),
+        ("unbalanced_load", np.float64),
+        ("chosen", np.bool_),
+    ]
+)
+
+
+class Family:
+    """All agents as rows of a table, in the order in which they spawned.
+
+    An agent that spawns retires: its children do its work. Where neighbours are to be kept
+    alike in size, a child may spawn children of its own in the same step.
+
+    Parameters
+    ----------
+    dimension : int
+    metre : float
+        Length (m) of the unit in which generations count.
+
+    Attributes
+    ----------
+    rows : structured array, shape (agents,)
+        With the fields
+
+        - code, size: Morton code of the lower corner, and edge (units);
+        - parent: row of the parent, -1 for the first agents;
+        - first_child: row of the first of its 4 (in three dimensions 8) children, which
+          follow one another; -1 without;
+        - spawn_step, retired_step: when it spawned, 0 for the first agents, and when it
+          retired, -1 if it has not;
+        - cause: load (N) its parent left unbalanced, for which it spawned; 0 for the first
+          agents, NaN for those that keep neighbours alike in size;
+        - unbalanced_load: load (N) it leaves, or left at last, as its children would feel
+          it; NaN if it has never settled;
+        - chosen: whether it spawned children for that load, or will in the next step.
+    working : int array
+        Rows of the agents that have not retired, along a space-filling curve.
+    step : int
+        Number of the last generation.
+    """
+
+    def __init__(self, dimension: int, metre: float) -> None:
+        self.dimension, self.metre = dimension, metre
+        self.rows = np.empty(0, dtype=_ROW)
+        self.working: Ints = np.empty(0, dtype=np.int64)
+        self.step = -1
+
+    @classmethod
+    def of(cls, generations: Iterable[Generation], dimension: int, metre: float) -> Family:
+        """Return the family of the agents that stood in generations, loads in N."""
+        family = cls(dimension, metre)
+        for generation in generations:
+            family.grow(generation.code, generation.size)
+            family.settle(generation.load, generation.chosen)
+        return family
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents, shape (agents, dimension)."""
+        return np.asarray(self.corners() * self.metre, dtype=np.float64)
+
+    @property
+    def size(self) -> Floats:
+        """Edges (m) of the agents, shape (agents,)."""
+        return np.asarray(self.rows["size"] * self.metre)
+
+    @property
+    def level(self) -> Ints:
+        """How often the largest of the first agents would be halved to give each agent."""
+        size = self.rows["size"]
+        return levels(size, size[self.rows["spawn_step"] == 0].max())
+
+    def corners(self, start: int = 0) -> Ints:
+        """Return the lower corners (units) of the rows from `start` onwards."""
+        return corners(self.rows["code"][start:], self.dimension)
+
+    def grow(self, code: Ints, size: Ints) -> None:
+        """Go on to the agents of the next generation (units), in the order of their codes."""
+        self.step += 1
+        if self.step == 0:
+            self.working = self._append(code, size, NOBODY, 0.0)
+            return
+        before = self.working
+        holder = before[np.searchsorted(self.rows["code"][before], code, side="right") - 1]
+        parents = np.unique(holder[self.rows["size"][holder] > size])
+        while len(parents):
+            children = self._spawn(parents)
+            at = np.searchsorted(code, self.rows["code"][children])
+            stands = size[at] == self.rows["size"][children]
+            holder[at[stands]] = children[stands]
+            parents = children[~stands]
+        self.working = holder
+
+    def settle(self, load: Floats, chosen: Flags) -> None:
+        """Note what the working agents leave unbalanced (N), and who will spawn for it."""
+        self.rows["unbalanced_load"][self.working] = load
+        self.rows["chosen"][self.working] = chosen
+
+    def standing(self, step: int) -> Ints:
+        """Return the rows of the agents of a generation, along a space-filling curve."""
+        spawned, retired = self.rows["spawn_step"], self.rows["retired_step"]
+        there = np.flatnonzero((spawned <= step) & ((retired == WORKING) | (retired > step)))
+        return there[np.argsort(self.rows["code"][there])]
+
+    def children(self, row: int) -> range:
+        """Return the rows of an agent's children."""
+        first = int(self.rows["first_child"][row])
+        return range(0) if first == NOBODY else range(first, first + (1 << self.dimension))
+
+    def _spawn(self, parents: Ints) -> Ints:
+        """Let agents retire; return the rows of their children."""
+        many, rows = 1 << self.dimension, self.rows
+        half = rows["size"][parents] // 2
+        code = rows["code"][parents, None] + np.arange(many) * half[:, None] ** self.dimension
+        cause = np.where(rows["chosen"][parents], rows["unbalanced_load"][parents], np.nan)
+        rows["retired_step"][parents] = self.step
+        rows["first_child"][parents] = len(rows) + many * np.arange(len(parents))
+        half, parents, cause = (np.repeat(values, many) for values in (half, parents, cause))
+        return self._append(code.ravel(), half, parents, cause)
+
+    def _append(self, code: Ints, size: Ints, parent: Ints | int, cause: Floats | float) -> Ints:
+        fresh = np.zeros(len(code), dtype=_ROW)
+        fresh["code"], fresh["size"], fresh["parent"], fresh["cause"] = code, size, parent, cause
+        fresh["first_child"], fresh["retired_step"] = NOBODY, WORKING
+        fresh["spawn_step"], fresh["unbalanced_load"] = self.step, np.nan
+        self.rows = np.concatenate([self.rows, fresh])
+        return np.arange(len(self.rows) - len(fresh), len(self.rows))
+
+
+def levels(size: Ints, largest: int) -> Ints:
+    """Return how often the largest edge would be halved to give each edge (units)."""
+    return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
+
+
+def corners(code: Ints, dimension: int) -> Ints:
+    """Return the points (units) that Morton codes stand for, shape (n, dimension)."""
+    point = np.zeros((len(code), dimension), dtype=np.int64)
+    for bit in range(BITS[dimension]):
+        for axis in range(dimension):
+            point[:, axis] |= ((code >> (dimension * bit + axis)) & 1) << bit
+    return point

@@ -1,0 +1,241 @@
+"""The Mesa model of agents that spawn where load is left unbalanced."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from kaju.agents.spawning_agent import Birth, SpawningAgent
+from kaju.errors import ResultError
+from kaju.mesa_model import SteppedModel
+from kaju.model.elastic.arguments import check_numbers
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.goals.goals import aim_of, asked
+from kaju.model.elastic.goals.quantities import ToleranceAt
+from kaju.model.elastic.posed_body import ground_of
+from kaju.model.elastic.refine.block_loop import spawner_of
+from kaju.model.elastic.refine.family import Family
+from kaju.model.elastic.refine.generations import Generation
+from kaju.model.elastic.refine.solve_spawning import answer_of, rest_of
+from kaju.model.scene import scene_needed
+from kaju.stepping import Until
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+MOST_OBJECTS = 10_000
+"""Up to this many agents, retired ones included, are objects without being asked for."""
+
+
+class SpawningModel(SteppedModel):
+    """Agents that settle and spawn, one generation a step.
+
+    The first agents are as large as the body, its materials, supports and loads let them be.
+    In the first step they settle: they move until their forces balance. In every later step
+    those that left most load unbalanced spawn 4 (in three dimensions 8) children of half
+    their size and retire, a few more do so to keep neighbours alike in size, and all settle
+    again. The model ends when the estimated error is within the tolerance.
+
+    What the agents do is computed on arrays; the objects in `agents` show it. There they
+    are by themselves as long as there are not more than 10,000 of them, retired ones
+    included; of larger numbers the objects are made when `agents` is read.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of square or cubic cells.
+    tolerance : float
+        Relative error: in the energy norm, unless `tolerance_at` asks for another.
+    resolution, stage, most_agents, tolerance_at
+        As of `kaju.solve`.
+    rng : int, optional
+        Seed for Mesa; the agents draw no random numbers.
+
+    Attributes
+    ----------
+    family : Family
+        All agents as a table, row by row in the order of spawning.
+    generation : int
+        Steps taken.
+    running : bool
+        False when the error is within the tolerance, or no more agents may spawn.
+
+    Raises
+    ------
+    SupportError
+        If a part of the body could move without straining.
+    ParameterError, SceneError
+        If an argument or the scene breaks a rule.
+
+    Examples
+    --------
+    >>> from kaju import Scene, SpawningModel
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = SpawningModel(scene, tolerance=0.1)
+    >>> result = model.run()
+    >>> result.tolerance_kept, result.error_bound < 0.1
+    ('proved', True)
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        tolerance: float = 1e-2,
+        resolution: int | None = None,
+        stage: int | None = None,
+        most_agents: int | None = None,
+        tolerance_at: ToleranceAt | None = None,
+        rng: Any = None,
+        seed: int | None = None,
+    ) -> None:
+        super().__init__(rng, seed)
+        scene_needed(scene)
+        check_numbers(tolerance, resolution, stage, most_agents)
+        self.scene, self.stage = scene, stage
+        self.tolerance, self.resolution = tolerance, resolution
+        self.ground = ground_of(scene, stage, resolution)
+        self.most_agents: int | None = most_agents
+        self._tolerance_at, self.tolerance_at = tolerance_at, asked(tolerance_at)
+        self._objects: list[SpawningAgent] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the first agents, before they have settled."""
+        began = perf_counter()
+        self._start_again()
+        for agent in self._objects:
+            agent.remove()
+        self._objects = []
+        aim = aim_of(self.tolerance_at, self.ground)
+        self.spawner = spawner_of(self.ground, self.tolerance, self.most_agents, aim)
+        self.most_agents = self.spawner.most_agents
+        metre = self.ground.scene.lattice.cell_size / self.ground.cell
+        self.family = Family(self.ground.dimension, metre)
+        leaves = self.spawner.leaves
+        self.family.grow(leaves.code, leaves.size)
+        self.running = True
+        self._show()
+        self.seconds = perf_counter() - began
+
+    def step(self) -> None:
+        """Let agents spawn, but for the first time, and all of them settle."""
+        began = perf_counter()
+        self.spawner.step()
+        last = self.history[-1]
+        if self.generation > 1:
+            self.family.grow(last.code, last.size)
+        self.family.settle(last.load * self.ground.scales.force, last.chosen)
+        self.running = not self.spawner.finished
+        self._show()
+        self.seconds += perf_counter() - began
+
+    @property
+    def history(self) -> list[Generation]:
+        """The generations so far, loads in scaled units; `result` has them in N."""
+        return self.spawner.generations
+
+    @property
+    def generation(self) -> int:
+        """Steps taken."""
+        return len(self.history)
+
+    @property
+    def error_estimate(self) -> float:
+        """Estimated error in the energy norm, relative; NaN before the first step."""
+        return self.history[-1].error if self.history else float("nan")
+
+    @property
+    def agents(self) -> Any:
+        """Every agent that ever stood, as a Mesa AgentSet in the order of spawning."""
+        self._make_objects()
+        return super().agents
+
+    @property
+    def working(self) -> Any:
+        """The agents that have not retired, as a Mesa AgentSet along a space-filling curve."""
+        self._make_objects()
+        chosen = [self._objects[row] for row in self.family.working.tolist()]
+        return type(super().agents)(chosen, random=self.random)
+
+    def agent(self, row: int) -> SpawningAgent:
+        """Return the agent of a row of the family."""
+        self._make_objects()
+        return self._objects[row]
+
+    def _show(self) -> None:
+        if len(self.family) <= MOST_OBJECTS:
+            self._make_objects()
+
+    def _make_objects(self) -> None:
+        """Make objects for the rows that have none yet."""
+        start, family = len(self._objects), self.family
+        if start == len(family):
+            return
+        rows = family.rows[start:]
+        kinds = self.ground.kinds_at(family.corners(start))
+        materials = self.scene.cell_materials
+        for row, parent, level, lower, size, kind, step, cause in zip(
+            range(start, len(family)),
+            rows["parent"].tolist(),
+            family.level[start:].tolist(),
+            (family.corners(start) * family.metre).tolist(),
+            family.size[start:].tolist(),
+            kinds.tolist(),
+            rows["spawn_step"].tolist(),
+            rows["cause"].tolist(),
+            strict=True,
+        ):
+            spawned_by = self._objects[parent] if parent >= 0 else None
+            birth = Birth(row, spawned_by, level, tuple(lower), size, materials[kind], step, cause)
+            self._objects.append(SpawningAgent(self, birth))
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended, in words; empty while agents spawn."""
+        if not self.spawner.finished:
+            return ""
+        spawning = self.spawner.outcome()
+        if spawning.reached:
+            return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
+        reasons = {
+            "agents": f"more than the {self.most_agents} agents allowed would be needed",
+            "iteration": "the agents do not settle",
+        }
+        rest = rest_of(spawning, self.tolerance, self.resolution)
+        return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or rest[0]}"
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        names = ("tolerance", "resolution", "stage", "most_agents")
+        options = {name: getattr(self, name) for name in names}
+        return options, {"tolerance_at": self._tolerance_at}
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step."""
+        return {
+            "generation": self.generation,
+            "agents": len(self.family),
+            "error_estimate": self.error_estimate,
+        }
+
+    def run(self, until: Until | None = None) -> ElasticResult:
+        """Step until the error is within the tolerance, or the run was stopped."""
+        return self._run(until, self.result)
+
+    def result(self) -> ElasticResult:
+        """Return the agents as they are.
+
+        Raises
+        ------
+        ResultError
+            Before the first step, when none of them has settled.
+        """
+        if not self.generation:
+            raise ResultError("result: no agent has settled yet; take a step first")
+        spawning = self.spawner.outcome()
+        how = (self.scene, self.stage, self.tolerance, self.resolution, self.tolerance_at)
+        return answer_of(spawning, *how, self.seconds)

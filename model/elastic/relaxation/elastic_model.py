@@ -1,0 +1,291 @@
+"""The Mesa model of load transfer by the elastic rule."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal
+
+from kaju.agents.face_agent import FaceAgent
+from kaju.errors import ParameterError, StabilityError
+from kaju.mesa_model import SteppedModel
+from kaju.model.elastic.relaxation.elastic_run import ElasticRun, collect
+from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
+from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
+from kaju.model.elastic.relaxation.orders import Visit, largest_first, multilevel, own_order, wave
+from kaju.model.elastic.relaxation.push_stability import WaveCertificate, certify_waves
+from kaju.model.elastic.relaxation.push_state import PushState
+from kaju.model.elastic.relaxation.push_table import PushTable
+from kaju.model.elastic.relaxation.records import Recorder, StepRecord
+from kaju.stepping import Order, Until, takes_objects
+
+if TYPE_CHECKING:
+    from kaju.agents.boundary_agent import FreeBoundaryAgent
+    from kaju.model.scene import Scene
+
+EngineName = Literal["auto", "agents", "arrays"]
+
+MOST_CELLS_FOR_AGENTS = 5_000
+"""Up to this many cells every agent is an object when the engine is chosen by itself."""
+
+MOST_GROWTH = 1e12  # A run whose largest load exceeds that of the start by this factor is stopped
+
+
+class ElasticModel(SteppedModel):
+    """Load transfer by shares that follow from the materials, step by step.
+
+    An agent spawns on a face when the load left there exceeds the threshold γ. It yields,
+    passes all that it took on to its neighbours, and rests until its load exceeds γ again.
+    Supports keep what they are handed. When all rest, the faces stand where linear
+    elasticity puts them, but for loads up to γ. The rule's order says who acts in a step:
+
+    - "wave": all agents above γ, by the share ω of P/k;
+    - "largest first": the one agent with the largest load;
+    - "multilevel": the agents of one level, in turn. What is unbalanced over many cells is
+      handed up as one load to *parent agents*, which stand for 2×2(×2) blocks; what these
+      yield is handed down. The topmost parents, a handful, settle their loads at once, and
+      after each round over all levels the faces go on along the way they have come, as far
+      as that lowers the energy.
+
+    Elasticity is linear, so loads are applied at once, whatever their number of steps. Where a
+    member of the body is only one cell wide the cells are halved, so that it can carry shear.
+
+    Parameters
+    ----------
+    scene : Scene
+        Body of squares or cubes, supports, loads and an elastic rule.
+    engine : {"auto", "agents", "arrays"}
+        "agents": every agent is an object on a Mesa network. "arrays": agents are rows of
+        arrays. Both give the same numbers. "auto" takes objects for up to 5,000 cells and
+        for agents of your own.
+    face_agent : type of FaceAgent
+        Your own subclass, if you have one.
+    allow_unstable : bool
+        Run waves even if the certificate says that they will grow.
+    pushes_per_step : int
+        In the order "largest first": how many agents act in a step, one after another.
+    max_steps : int
+        The run is stopped after this many steps.
+    stage : int, optional
+        Stage of loading; the last one by default.
+    rng, seed : int, optional
+        Seed of the model's random numbers; the rule itself draws none.
+    order : callable, optional
+        Your own order of work, instead of the rule's: from the face agents whose load is above
+        γ, it chooses those that act in this step, one after another. Parents take no part.
+
+    Attributes
+    ----------
+    generation : int
+        Steps taken.
+    visit : Visit
+        What the last step was: its level, and whether it led up or down.
+    running : bool
+        False when all agents rest, or the run was stopped.
+    certificate : WaveCertificate or None
+        By which share agents may yield at once; for the order "wave".
+    history : list of StepRecord
+        Energy, loads left and pushes after every step.
+
+    Raises
+    ------
+    StabilityError
+        If waves would grow and `allow_unstable` is False.
+    SceneError
+        If the cells are neither squares nor cubes, or the rule is another one.
+    SupportError
+        If a part of the body could move without straining.
+
+    Examples
+    --------
+    >>> from kaju import ElasticModel, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = ElasticModel(scene.replace(rule={"kind": "elastic"}))
+    >>> model.step()
+    >>> result = model.run().result
+    >>> round(1e12 * result.max_displacement)  # pm
+    19
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        engine: EngineName = "auto",
+        face_agent: type[FaceAgent] = FaceAgent,
+        allow_unstable: bool = False,
+        pushes_per_step: int = 1,
+        max_steps: int = 1_000_000,
+        stage: int | None = None,
+        rng: Any = None,
+        seed: int | None = None,
+        *,
+        order: Order[FaceAgent] | None = None,
+    ) -> None:
+        super().__init__(rng, seed)
+        if pushes_per_step < 1:
+            raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
+        self.scene = scene
+        self.stage = stage
+        self.order = order
+        self.table = PushTable(scene, stage, "own" if order else None)
+        self.certificate: WaveCertificate | None = None
+        self.share = 1.0
+        if self.table.order == "wave":
+            self.certificate = certify_waves(self.table, self.table.rule.share)
+            self.share = self.certificate.share
+            if not (self.certificate.stable or allow_unstable):
+                raise StabilityError(
+                    f"{self.certificate.verdict}; to watch it grow all the same, "
+                    "set allow_unstable=True (`kaju run --allow-unstable`)"
+                )
+        self.allow_unstable = allow_unstable
+        self.pushes_per_step, self.max_steps = pushes_per_step, max_steps
+        small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
+        own: Any = order if face_agent is FaceAgent and order else face_agent
+        self.engine: AgentPushEngine | ArrayPushEngine
+        if takes_objects(engine, own, FaceAgent, small):
+            self.engine = AgentPushEngine(self, self.table, face_agent)
+        else:
+            self.engine = ArrayPushEngine(self.table)
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the start, before any agent has yielded."""
+        self._start_again()
+        self.engine.reset()
+        self.seconds = 0.0
+        self.visit = Visit()
+        self.history: list[StepRecord] = []
+        self.recorder = Recorder(self.state)
+        self._order = multilevel(self.engine)
+        if self.order and isinstance(self.engine, AgentPushEngine):
+            self._order = own_order(self.engine, self.order)
+        elif self.table.order == "wave":
+            self._order = wave(self.engine, self.share)
+        elif self.table.order == "largest first":
+            self._order = largest_first(self.engine, self.pushes_per_step)
+        self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
+        self._wake_supports()
+        self.running = not self.outcome
+
+    @property
+    def state(self) -> PushState:
+        """What the faces of all levels carry."""
+        return self.engine.state
+
+    @property
+    def generation(self) -> int:
+        """Steps taken."""
+        return self.state.generation
+
+    @property
+    def threshold(self) -> float:
+        """γ (N)."""
+        return self.table.threshold
+
+    def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
+        """Bring a load (N) to another face of the sender's level, or to a support."""
+        assert isinstance(self.engine, AgentPushEngine)
+        self.engine.hand_over(sender, target, load)
+
+    def boundary_agent(self, number: int) -> FreeBoundaryAgent:
+        """Return the agent of the air cell with that number, awake."""
+        assert isinstance(self.engine, AgentPushEngine)
+        return self.engine.boundary_agent(number)
+
+    def step(self) -> None:
+        """Let a wave pass, an agent act, or the agents of a level take turns."""
+        began = perf_counter()
+        self.visit = next(self._order)
+        self.state.generation += 1
+        self.state.note_supports()
+        self._wake_supports()
+        if self.visit.level == 0:
+            # Between the levels the finest loads do not know yet what parents yield.
+            self._loudest, self._meter = self.state.survey()
+        self.history.append(
+            StepRecord(
+                *(self.visit.level, self.visit.way, self.state.energy),
+                *(self._loudest, self._meter, self.state.pushes),
+            )
+        )
+        self.recorder.note(self.visit.level)
+        self.running = not self.outcome
+        self.seconds += perf_counter() - began
+
+    def _wake_supports(self) -> None:
+        if isinstance(self.engine, AgentPushEngine):
+            self.engine.wake_supports()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the loads left, on all levels, are up to γ."""
+        return self.visit.level == 0 and self._loudest <= self.threshold
+
+    @property
+    def error_estimate(self) -> float:
+        """√(Σ P²/k) over all levels, over √(load · displacement): error in energy, as a share.
+
+        With parents the error is close to it; where moduli jump by a million it may be some
+        tens of times larger. Without parents it is a lower bound, and a smooth error may be
+        larger by the number of cells along the body.
+        """
+        return self._meter
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended, in words; empty while agents act."""
+        unit = {"wave": "waves", "multilevel": "visits"}.get(self.table.order, "pushes")
+        count = self.state.pushes if unit == "pushes" else self.generation
+        if self.at_rest:
+            if self.generation == 0:
+                return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
+            return f"at rest after {count} {unit}"
+        if not self._loudest <= MOST_GROWTH * self._loudest_at_start:
+            return (
+                f"stopped after {count} {unit}: the largest load has grown to "
+                f"{self._loudest / self._loudest_at_start:.0e} times that of the start"
+            )
+        if self.generation >= self.max_steps:
+            return f"stopped after max_steps = {self.max_steps} with loads above the threshold"
+        return ""
+
+    @property
+    def space(self) -> Any:
+        """The agents' network of cells; None where they are rows of arrays."""
+        return self.engine.space if isinstance(self.engine, AgentPushEngine) else None
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        engine = self.engine
+        objects = isinstance(engine, AgentPushEngine)
+        own = engine.face_agent if isinstance(engine, AgentPushEngine) else FaceAgent
+        options = {
+            "engine": "agents" if objects else "arrays",
+            "allow_unstable": self.allow_unstable,
+            "pushes_per_step": self.pushes_per_step,
+            "max_steps": self.max_steps,
+            "stage": self.stage,
+        }
+        return options, {"face_agent": None if own is FaceAgent else own, "order": self.order}
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step: energies (J), loads (N)."""
+        return {
+            "level": self.visit.level,
+            "energy": self.state.energy,
+            "pushes": self.state.pushes,
+            "largest_load": self._loudest,
+            "error_estimate": self._meter,
+        }
+
+    def run(self, until: Until | None = None) -> ElasticRun:
+        """Step until all agents rest, or `until` is true of the model; return what they did."""
+        return self._run(until, self.result)
+
+    def result(self) -> ElasticRun:
+        """Return what has been done so far."""
+        return collect(self)

@@ -1,0 +1,402 @@
+"""The elastic rule on a scene as tables: who passes which share of a load to whom.
+
+Faces that can move are numbered first, then the *places* where supports hold the body: the
+faces that are given their displacement, and the elastic beds beneath faces. Both engines
+and the stability certificate read the same tables, which come from the assembled stiffness:
+the share of agent i's load that goes to j is −K_ij/K_ii.
+
+A face at a free surface has nobody ahead. Its forward share comes straight back, it yields
+to it again, and again: P/k·(1 + c/k + c²/k² + ...) = P/(k − c), with c the stiffness that
+is missing. So at a free surface an agent simply has the smaller stiffness k − c; each time
+it yields by δ the boundary agent has given back cδ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from kaju.agents.elastic_rule import ElasticRule
+from kaju.arrays import Floats, Ints, moved
+from kaju.errors import SceneError
+from kaju.model.elastic.grid import grid_of
+from kaju.model.elastic.moduli import moduli_at
+from kaju.model.elastic.problem import ABSENT, ACTIVE, FIXED, ElasticProblem
+from kaju.model.elastic.staggered import (
+    Numbering,
+    axis_pairs,
+    compact,
+    edge_modulus,
+    stiffness_matrix,
+)
+from kaju.model.scene import scene_needed
+from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+
+FEWEST_FACES = 12  # A level with at most this many faces has no parents
+
+
+States = NDArray[np.int8]
+
+
+class Boundary:
+    """Cells that are not body, and what each is to the faces beside it.
+
+    `cells` are counted from the arrays' first cell without the rim; `links` says how much of each
+    column belongs to each cell: `parts` are columns, cells beside them, and shares.
+    """
+
+    def __init__(
+        self, problem: ElasticProblem, parts: Sequence[tuple[Ints, Ints, Floats]], columns: int
+    ) -> None:
+        shape = problem.kinds.shape
+        column, cells, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+        key = np.ravel_multi_index(tuple(cells.T), shape) if len(cells) else np.empty(0, np.int64)
+        distinct, row = np.unique(key, return_inverse=True)
+        self.cells = np.stack(np.unravel_index(distinct, shape), axis=1).astype(np.int64) - 1
+        self.links = sp.csr_array((weight, (row, column)), shape=(len(distinct), columns))
+
+    def first(self, step: Ints) -> Ints:
+        """Return the earliest step among each cell's columns; 0 where none has one."""
+        never = np.iinfo(np.int64).max
+        first = np.full(len(self.cells), never)
+        row = np.repeat(np.arange(len(self.cells)), np.diff(self.links.indptr))
+        awake = np.where(step > 0, step, never)[self.links.indices]
+        np.minimum.at(first, row, awake)
+        return np.where(first == never, 0, first)
+
+
+@dataclass(frozen=True, eq=False)
+class PushLevel:
+    """The agents of one level and their links, as arrays."""
+
+    numbering: Numbering  # Which faces there are, and their numbers
+    stiffness: Floats
+    """Load (N) that moves a face by 1 m while all others hold still. Shape (faces,)."""
+    shares: sp.csr_array
+    """Row i: what becomes of each newton that agent i takes. On the finest level the columns go on
+    with the supports. Shape (faces, places)."""
+    prolong: sp.csr_array | None = None
+    """The way from the parents; the way to them is its transpose."""
+
+    @property
+    def size(self) -> int:
+        """Number of faces."""
+        return len(self.stiffness)
+
+    @cached_property
+    def arrivals(self) -> sp.csr_array:
+        """Row j: which share of everybody's load arrives at j."""
+        return sp.csr_array(self.shares.T)
+
+    @cached_property
+    def restrict(self) -> sp.csr_array:
+        """Row p: how much of the children's loads parent p is handed."""
+        assert self.prolong is not None
+        matrix = sp.csr_array(self.prolong.T)
+        matrix.sort_indices()
+        return matrix
+
+    @cached_property
+    def place(self) -> tuple[Ints, Ints]:
+        """Axis, shape (faces,), and index with the rim, shape (faces, dimension), of each face."""
+        return face_indices(self.numbering.states, ACTIVE)
+
+
+class PushTable:
+    """Who passes how much to whom: the elastic rule on a scene's faces.
+
+    `problem` are the scaled arrays, cut to the box round the body, and `origin` the cell of `grid`
+    that is their first; `unit` is what one scaled stiffness is in N/m.
+    """
+
+    # The scene on the cells whose faces the agents stand on: its own, or, if a member is only one
+    # cell wide and could not pass on any shear, cells half as large
+    grid: Scene
+    # The faces of the cells, then those of their parents, if the order has any
+    levels: tuple[PushLevel, ...]
+    # What loads and given displacements leave on every face and support (N). Shape (places,)
+    load: Floats
+    given: Floats  # Displacement (m) of the faces that supports hold. Shape (fixed faces,)
+    reference: float  # k₀ (N/m): stiffness of a face inside the stiffest material
+    threshold: float  # γ (N)
+
+    def __init__(self, scene: Scene, stage: int | None = None, order: str | None = None) -> None:
+        scene_needed(scene)
+        if not isinstance(scene.rule, ElasticRule):
+            raise SceneError(
+                f"rule.kind: ElasticModel passes loads on by the elastic rule, got "
+                f'{scene.rule.kind!r}; set kind = "elastic", or take LoadModel'
+            )
+        self.rule = scene.rule
+        self.order = order or self.rule.order
+        self.grid, self.problem, self.origin, self.subdivision, _ = grid_of(scene, stage)
+        scales = self.problem.scales
+        self.unit = scales.force / scales.displacement
+        states = self.problem.face_states
+        self._numbering = Numbering(states)
+        self.fixed_place = face_indices(states, FIXED)
+        # The stiffness (N/m) of all faces, those that move before those that are held.
+        present = Numbering(tuple(np.where(s == ABSENT, ABSENT, ACTIVE) for s in states))
+        zero = tuple(np.zeros_like(spring) for spring in self.problem.spring)
+        matrix = stiffness_matrix(replace(self.problem, spring=zero), present)
+        moves = present.gather(tuple((s == ACTIVE).astype(float) for s in states)) > 0.0
+        order_of = np.concatenate([np.flatnonzero(moves), np.flatnonzero(~moves)])
+        matrix = sp.csr_array(self.unit * matrix[order_of][:, order_of])
+        self.levels = self._build_levels(matrix)
+        n = self._numbering.size
+        force = scales.force * present.gather(self.problem.force)[order_of]
+        self.given = scales.displacement * present.gather(self.problem.fixed)[order_of][n:]
+        load = force - matrix[:, n:] @ self.given
+        self.load = np.concatenate([load, np.zeros(len(self.bedded))])
+        moduli = moduli_at(self.problem.moduli, self.problem.kinds[self.problem.kinds >= 0])
+        inside = moduli.stretch + (self.problem.dimension - 1) * moduli.shear
+        self.reference = self.unit * 2.0 * float(inside.max())
+        self.threshold = self.rule.threshold or self._threshold_for(self.rule.tolerance)
+
+    def _build_levels(self, matrix: sp.csr_array) -> tuple[PushLevel, ...]:
+        n = self._numbering.size
+        spring = self.unit * self._numbering.gather(self.problem.spring)
+        self.bedded = np.flatnonzero(spring)
+        beds = sp.csr_array(
+            (spring[self.bedded], (self.bedded, np.arange(len(self.bedded)))),
+            shape=(n, len(self.bedded)),
+        )
+        own = sp.csr_array(matrix[:n, :n] + sp.diags_array(spring))
+        held = sp.csr_array(sp.hstack([matrix[:n, n:], -beds], format="csr"))
+        levels = [make_level(self._numbering, own, held)]
+        while self.order == "multilevel" and levels[-1].size > FEWEST_FACES:
+            parents, prolong = coarsen(levels[-1].numbering)
+            if not 0 < prolong.shape[1] < 0.8 * prolong.shape[0]:
+                break
+            prolong.sort_indices()
+            levels[-1] = replace(levels[-1], prolong=prolong)
+            own = sp.csr_array(levels[-1].restrict @ (own @ prolong))
+            levels.append(make_level(parents, own))
+        return tuple(levels)
+
+    def _threshold_for(self, tolerance: float) -> float:
+        """Return the γ at which the error meter is sure to be at most `tolerance` at rest.
+
+        The meter's denominator, load · displacement, is at least (f·v)²/(v·Kv) for any v.
+        """
+        finest = self.levels[0]
+        load = self.load[: finest.size]
+        trial = load / finest.stiffness
+        passed = finest.arrivals @ load
+        work = float(load @ trial)
+        held = work - float(trial @ passed[: finest.size])
+        if work <= 0.0 or held <= 0.0:
+            return float(np.abs(load).max(initial=0.0)) * tolerance or tolerance
+        faces = sum(level.size for level in self.levels)
+        return tolerance * sqrt(self.reference / held / faces) * work
+
+    @property
+    def applied(self) -> Floats:
+        """Sum of the applied forces per axis (N)."""
+        total = np.array([float(f.sum()) for f in self.problem.force])
+        return np.asarray(total * self.problem.scales.force, dtype=np.float64)
+
+    @cached_property
+    def place_axes(self) -> Ints:
+        """Axis along which each support holds: held faces first, then bedded ones."""
+        return np.concatenate([self.fixed_place[0], self.levels[0].place[0][self.bedded]])
+
+    @cached_property
+    def holding(self) -> Boundary:
+        """The cells that hold the body; columns are the supports."""
+        axis, index = self.levels[0].place
+        bedded = axis[self.bedded], index[self.bedded]
+        return supports(self.problem, self.fixed_place, bedded)
+
+    @cached_property
+    def open_air(self) -> Boundary:
+        """The air beside the body; columns are the faces, entries the shares given back."""
+        finest = self.levels[0]
+        return free_surfaces(self.problem, finest.place, finest.stiffness / self.unit)
+
+    def weight(self, level: int) -> Floats:
+        """Return √(k₀/k) per face: by how much its load counts; 0 for a parent of nobody."""
+        stiffness = self.levels[level].stiffness
+        ratio = np.divide(
+            self.reference, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0
+        )
+        root: Floats = np.sqrt(ratio)
+        return root
+
+    def positions(self, level: int) -> Floats:
+        """Return where the faces of a level are (m), shape (faces, dimension)."""
+        axis, index = self.levels[level].place
+        centre: Floats = index.astype(np.float64) - 0.5
+        centre[np.arange(len(axis)), axis] -= 0.5
+        centre = centre * 2.0**level + np.asarray(self.origin)
+        return centre * self.problem.scales.length
+
+
+def make_level(
+    numbering: Numbering, own: sp.csr_array, held: sp.csr_array | None = None
+) -> PushLevel:
+    """Turn a stiffness matrix, and its columns of supports, into shares."""
+    stiffness = own.diagonal()
+    inverse = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+    others = own - sp.diags_array(stiffness)
+    everybody = others if held is None else sp.hstack([others, held], format="csr")
+    shares = sp.csr_array(sp.diags_array(-inverse) @ everybody)
+    shares.eliminate_zeros()
+    shares.sort_indices()
+    return PushLevel(numbering, stiffness, shares)
+
+
+def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Ints, Ints]:
+    """Return axis and index of the faces in a state, in the order of their numbers."""
+    axes, indices = [], []
+    for axis, state in enumerate(states):
+        index = np.argwhere(state == wanted).astype(np.int64)
+        axes.append(np.full(len(index), axis, dtype=np.int64))
+        indices.append(index)
+    return np.concatenate(axes), np.concatenate(indices)
+
+
+def supports(
+    problem: ElasticProblem, fixed: tuple[Ints, Ints], bedded: tuple[Ints, Ints]
+) -> Boundary:
+    """Return the cells that hold the body; columns are held faces, then bedded ones."""
+    # A held face between two rigid cells is shared by them.
+    parts, start = [], 0
+    for (axis, index), kinds in ((fixed, (RIGID, ROLLER)), (bedded, (FOUNDATION,))):
+        low = index.copy()
+        low[np.arange(len(axis)), axis] -= 1
+        holds = [np.isin(problem.kinds[tuple(side.T)], kinds) for side in (low, index)]
+        count = holds[0].astype(np.float64) + holds[1]
+        for side, chosen in zip((low, index), holds, strict=True):
+            parts.append((start + np.flatnonzero(chosen), side[chosen], 1.0 / count[chosen]))
+        start += len(axis)
+    return Boundary(problem, parts, start)
+
+
+def free_surfaces(problem: ElasticProblem, faces: tuple[Ints, Ints], stiffness: Floats) -> Boundary:
+    """Return the air beside the body; columns are faces, entries the shares given back."""
+    # `faces` are axis and index of those that can move, with their (scaled) stiffness.
+    missing = (*_ahead(problem, *faces), *_beside(problem, *faces))
+    parts = [(at, beyond, modulus / stiffness[at]) for at, beyond, modulus in missing]
+    return Boundary(problem, parts, len(faces[0]))
+
+
+Missing = tuple[Ints, Ints, Floats]
+"""Faces, the air cells beside them, and the stiffness that is missing there."""
+
+
+def _ahead(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
+    """Return the air ahead of faces: there C₁₁ of the cell behind is missing."""
+    low = index.copy()
+    low[np.arange(len(axis)), axis] -= 1
+    found = []
+    for here, beyond in ((low, index), (index, low)):
+        kind = problem.kinds[tuple(here.T)]
+        at = np.flatnonzero(problem.kinds[tuple(beyond.T)] == AIR)
+        found.append((at, beyond[at], problem.moduli.stretch[kind[at]]))
+    return found
+
+
+def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
+    """Return the air round the corners (edges) of faces, by which friction is lowered."""
+    compliance = np.append(1.0 / problem.moduli.shear, 0.0)
+    found = []
+    for pair in axis_pairs(problem.dimension):
+        modulus = edge_modulus(problem, pair)
+        for along, across in (pair, pair[::-1]):
+            faces = np.flatnonzero(axis == along)
+            for upper in (0, 1):
+                edge = moved(index[faces], across, upper)
+                steps = product((0, -1), repeat=2)
+                around = [moved(moved(edge, across, b), along, a) for b, a in steps]
+                kinds = np.stack([problem.kinds[tuple(cell.T)] for cell in around])
+                counted = (kinds >= 0) | (kinds == RIGID)
+                total = np.where(kinds >= 0, compliance[np.maximum(kinds, -1)], 0.0).sum(axis=0)
+                whole = counted.sum(axis=0) / total
+                air = kinds == AIR
+                share = (whole - modulus[tuple(edge.T)]) / np.maximum(air.sum(axis=0), 1)
+                for cell, open_ in zip(around, air, strict=True):
+                    found.append((faces[open_], cell[open_], share[open_]))
+    return found
+
+
+def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:
+    """Return the parents' numbering and the interpolation from parents to children."""
+    # Along its normal a face's displacement is interpolated linearly between the parents' faces
+    # (1; ½, ½), across it between the parents' middles (¾, ¼). At a free surface, where the parent
+    # beyond is missing, the line is prolonged (5/4, -1/4); at a rigid one it runs to zero (½). So a
+    # rigid rotation of the parents is one of the children, without which a stiff body on a soft one
+    # would not turn. Every axis looks only at the faces that are there: so holes, odd numbers of
+    # cells and ragged outlines need no special case.
+    states, blocks = [], []
+    for axis, state in enumerate(fine.states):
+        matrix = sp.eye_array(int(np.count_nonzero(state == ACTIVE)), format="csr")
+        for along in range(state.ndim):
+            parents = _parents(state, along, normal=along == axis)
+            step = _interpolation(state, parents, along, normal=along == axis)
+            matrix = sp.csr_array(matrix @ step)
+            state = parents
+        states.append(state)
+        blocks.append(matrix)
+    return Numbering(tuple(states)), sp.csr_array(sp.block_diag(blocks, format="csr"))
+
+
+def _parents(state: States, axis: int, *, normal: bool) -> States:
+    """Coarsen the states of one component along one axis."""
+    lines = np.moveaxis(state, axis, 0)
+    if normal:
+        # Every second face stays; one that is missing exists if a child beside it moves.
+        cells = (len(lines) - 3 + 1) // 2
+        rim = np.full((1, *lines.shape[1:]), ABSENT, dtype=np.int8)
+        padded = np.concatenate([lines, rim])
+        kept = padded[1 : 2 * cells + 2 : 2]
+        before, after = padded[0 : 2 * cells + 1 : 2], padded[2 : 2 * cells + 3 : 2]
+        revived = (kept == ABSENT) & ((before == ACTIVE) | (after == ACTIVE))
+        parents = np.concatenate([rim, np.where(revived, np.int8(ACTIVE), kept), rim])
+    else:
+        # Two children have one parent, which moves if either of them does.
+        padded = np.concatenate([lines[:1], lines, *[lines[-1:]] * (1 + len(lines) % 2)])
+        parents = np.maximum(padded[0::2], padded[1::2])
+    return np.ascontiguousarray(np.moveaxis(parents, 0, axis))
+
+
+def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> sp.csr_array:
+    """Return the weights of one axis, active children by active parents."""
+    number = np.full(coarse.shape, -1, dtype=np.int64)
+    number[coarse == ACTIVE] = np.arange(np.count_nonzero(coarse == ACTIVE))
+    place = np.nonzero(fine == ACTIVE)
+    child = place[axis].astype(np.int64) - 1
+    parent = child // 2
+
+    def look(offset: Ints | int) -> tuple[Ints, States]:
+        at = [*place]
+        at[axis] = np.clip(parent + offset + 1, 0, coarse.shape[axis] - 1)
+        return number[tuple(at)], coarse[tuple(at)]
+
+    odd, own = child % 2, look(0)[0]
+    if normal:
+        terms = [(own, np.where(odd, 0.5, 1.0)), (look(odd)[0], 0.5 * odd)]
+    else:
+        (near, near_state), (far, far_state) = look(2 * odd - 1), look(1 - 2 * odd)
+        free = (near_state == ABSENT) & (far_state == ACTIVE)
+        beside = near_state == ACTIVE
+        chosen = [beside, near_state == FIXED, free]
+        terms = [(own, np.select(chosen, [0.75, 0.5, 1.25], 1.0))]
+        terms += [(near, 0.25 * beside), (far, -0.25 * free)]
+    column, weight = (np.concatenate(part) for part in zip(*terms, strict=True))
+    row = np.tile(np.arange(len(child)), len(terms))
+    some = np.flatnonzero((column >= 0) & (weight != 0.0))
+    size = (len(child), int(np.count_nonzero(coarse == ACTIVE)))
+    return compact(row[some], column[some], weight[some], size)

@@ -1,1 +1,0 @@
-"""The elastic rule as agents: loads handed on, step by step, until they settle."""

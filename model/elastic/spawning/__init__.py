@@ -1,1 +1,0 @@
-"""Agents of many sizes: fine ones spawn where load is left unbalanced."""

@@ -20,6 +20,7 @@ from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
 from kaju.model.results.subjects import subject_archive, subject_from
 from kaju.model.scene import Scene
+from kaju.result_kinds import NOTEBOOK, fetch
 from kaju.stepping import Answer, Until, step_to_end
 
 if TYPE_CHECKING:
@@ -181,9 +182,8 @@ class SteppedModel(Model):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the page, with what has happened so far."""
-        from kaju.view.page.notebook import shown
-
-        return shown(self)
+        html: str = fetch(NOTEBOOK)(self)
+        return html
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""

@@ -67,7 +67,6 @@ def network_over_time(
     """Return the network as it stood at the times asked for."""
     picture = NetworkPicture(course.to_network_result(), None, colour, magnification)
     picture.draw_rest()
-    picture.bar()
 
     def text(record: int) -> str:
         return "\n".join([_moment(course, record), "; ".join(picture.notes(record))])

@@ -10,11 +10,9 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
@@ -64,7 +62,6 @@ def plot_crack(
     state = cast("NetworkResult", result.state(breaks))
     picture = NetworkPicture(state, ax, "tension", magnification)
     picture.draw_springs(1)
-    picture.bar()
     _draw_broken(picture, result, count)
     picture.finish([_text(result, count), f"deformation shown {times(picture.factor)}"])
     legend(picture.ax, [Line2D([], [], color=_BROKEN, lw=1.6, label="broken")])
@@ -73,12 +70,11 @@ def plot_crack(
 
 def _draw_broken(picture: NetworkPicture, result: FractureResult, count: int) -> Artist:
     """Draw the springs that broke, between the nodes that they joined."""
-    kind = LineCollection if picture.flat else Line3DCollection
-    lines = cast(Any, picture.places(1)[result.network.springs[result.broken[:count]]])
-    width = max(0.8, min(2.2, 60.0 / np.sqrt(len(result.network.springs))))
-    broken = kind(lines, colors=_BROKEN, linewidths=width, zorder=5, gid="broken")
-    cast(Any, picture.ax).add_collection(broken, autolim=False)
-    return broken
+    springs = result.network.springs
+    width = max(0.8, min(2.2, 60.0 / np.sqrt(len(springs))))
+    broken = springs[result.broken[:count]]
+    look: dict[str, Any] = {"colors": _BROKEN, "linewidths": width, "zorder": 5}
+    return picture.draw_lines(picture.places(1), broken, "broken", **look)
 
 
 def _text(result: FractureResult, count: int) -> str:
@@ -197,7 +193,6 @@ def breaking(
         )
     end = cast("NetworkResult", result.state(last))
     picture = NetworkPicture(end, None, "tension", magnification)
-    picture.bar()
 
     def draw(count: int) -> list[Artist]:
         now = copy(picture)

@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .films import TWO_LINES, Film
@@ -71,6 +71,9 @@ class NetworkPicture:
             default=0.0,
         )
         self.norm = Normalize(-(largest or 1.0), largest or 1.0)
+        label = "tension: pulled above 0, pressed below" if colour == "tension" else "strain"
+        unit = "N" if colour == "tension" else ""
+        colour_bar(self.ax, ScalarMappable(self.norm, DIVERGING), label, unit)
 
     @property
     def records(self) -> range:
@@ -94,23 +97,25 @@ class NetworkPicture:
             return 1.0
         return max(1.0, round_down(0.08 * size / largest))
 
+    def draw_lines(self, places: Floats, springs: Ints, name: str, **look: Any) -> Artist:
+        """Draw springs between places of the nodes (m); return the artist."""
+        kind = LineCollection if self.flat else Line3DCollection
+        lines = kind(cast(Any, places[springs]), gid=name, **look)
+        cast(Any, self.ax).add_collection(lines, autolim=False)
+        return lines
+
     def draw_springs(self, record: int) -> list[Artist]:
         """Draw the springs of one state; return the artists."""
-        values = self.values(record)
-        kind = LineCollection if self.flat else Line3DCollection
+        where, values = (self.places(record), self.network.springs), self.values(record)
         width = max(0.5, min(2.2, 60.0 / np.sqrt(len(values))))
-        lines = cast(Any, self.places(record)[self.network.springs])
+        look: dict[str, Any] = {"array": values, "cmap": DIVERGING, "norm": self.norm}
         # What carries little is nearly white, so every spring has a darker rim.
-        rim = kind(lines, colors="#b0b0b0", linewidths=width + 0.8, zorder=2)
-        springs = kind(
-            lines, array=values, cmap=DIVERGING, norm=self.norm, linewidths=width, zorder=3
-        )
-        springs.set_gid("springs")
-        return [self._add(springs), self._add(rim), *self._draw_nodes(record)]
-
-    def _add(self, collection: Artist) -> Artist:
-        cast(Any, self.ax).add_collection(collection, autolim=False)
-        return collection
+        rim = {"colors": "#b0b0b0", "linewidths": width + 0.8}
+        return [
+            self.draw_lines(*where, "springs", **look, linewidths=width, zorder=3),
+            self.draw_lines(*where, "rims", **rim, zorder=2),
+            *self._draw_nodes(record),
+        ]
 
     def _draw_nodes(self, record: int) -> list[Artist]:
         places, held = self.places(record), self.network.held.any(axis=1)
@@ -144,11 +149,8 @@ class NetworkPicture:
 
     def draw_rest(self) -> None:
         """Draw the network before any load, faintly."""
-        kind = LineCollection if self.flat else Line3DCollection
-        lines = cast(Any, self.network.positions[self.network.springs])
-        rest = kind(lines, colors=LINE, linewidths=0.6, linestyles="--", zorder=1)
-        rest.set_gid("at rest")
-        self._add(rest)
+        where = self.network.positions, self.network.springs
+        self.draw_lines(*where, "at rest", colors=LINE, linewidths=0.6, linestyles="--", zorder=1)
 
     def finish(self, notes: list[str]) -> Text:
         """Set frame, labels, legend and title; return the notes."""
@@ -183,12 +185,6 @@ class NetworkPicture:
         parts.append(f"largest displacement {quantity(far, 'm')}")
         return ["; ".join(parts), f"deformation shown {times(self.factor)}"]
 
-    def bar(self) -> None:
-        """Add the colour bar."""
-        label = "tension: pulled above 0, pressed below" if self.colour == "tension" else "strain"
-        unit = "N" if self.colour == "tension" else ""
-        colour_bar(self.ax, ScalarMappable(self.norm, DIVERGING), label, unit)
-
     def film(
         self,
         text: Callable[[int], str],
@@ -217,7 +213,6 @@ def plot_network(
         )
     picture.draw_rest()
     picture.draw_springs(record)
-    picture.bar()
     picture.finish(picture.notes(record))
     return picture.ax
 
@@ -244,7 +239,6 @@ def increments(
     """Return the states of a network, one frame each."""
     picture = NetworkPicture(result, None, colour, magnification)
     picture.draw_rest()
-    picture.bar()
 
     def text(record: int) -> str:
         load, shown = picture.notes(record)

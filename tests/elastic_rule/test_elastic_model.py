@@ -20,10 +20,8 @@ from plates import PLATE_TEXT
 from kaju import load_result
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import SceneError, SupportError
-from kaju.mesa_model import agent_model
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.scene import Scene
-from kaju.model.transfer.load_model import LoadModel
 
 ORDERS = ["wave", "largest first", "multilevel"]
 
@@ -54,7 +52,7 @@ def test_largest_first_keeps_southwells_bound(scene):
 def test_largest_first_takes_the_largest_load_each_time():
     model = ElasticModel(plate(order="largest first", threshold=0.05), engine="agents")
     for _ in range(60):
-        measured = model.state.measured(0)
+        measured = model.state.levels[0].measured
         chosen = int(np.argmax(measured))
         before = model.state.energy
         model.step()
@@ -102,12 +100,12 @@ def test_agents_spawn_only_above_the_threshold(order):
     model = ElasticModel(plate(order=order, threshold=0.1), engine="agents")
     while model.running:
         model.step()
-        assert np.all(model.state.grounds[0].taken[model.state.grounds[0].spawn_step == 0] == 0.0)
+        assert np.all(model.state.levels[0].taken[model.state.levels[0].spawn_step == 0] == 0.0)
     result = model.result()
     fine = result.agents.level == 0
     assert 0 < fine.sum() < model.table.levels[0].size
     # Each taken load exceeded γ, and in a wave the share of it that was taken.
-    weight = model.state.grounds[0].weight[result.agents.number[fine]]
+    weight = model.state.levels[0].weight[result.agents.number[fine]]
     assert np.all(result.agents.taken[fine] * weight > model.share * model.threshold)
 
 
@@ -217,8 +215,6 @@ def test_rule_and_lattice_must_fit():
     hexagons = {"cell_size": 0.01, "cells": [3, 3], "material": "steel", "lattice": "hexagon"}
     with pytest.raises(SceneError, match=r"body\.lattice: 'hexagon'"):
         ElasticModel(Scene(body=hexagons, sides={"bottom": "rigid"}, rule={"kind": "elastic"}))
-    assert isinstance(agent_model(prescribed), LoadModel)
-    assert isinstance(agent_model(plate(), engine="arrays"), ElasticModel)
 
 
 def test_a_scene_file_can_ask_for_the_elastic_rule():

@@ -25,7 +25,7 @@ def test_the_largest_first_is_the_order_of_that_name_push_by_push():
     for _ in range(60):
         named.step()
         told.step()
-    np.testing.assert_array_equal(named.state.grounds[0].taken, told.state.grounds[0].taken)
+    np.testing.assert_array_equal(named.state.levels[0].taken, told.state.levels[0].taken)
     assert named.history == told.history
 
 
@@ -58,7 +58,7 @@ def test_an_order_may_draw_from_the_models_seed(tmp_path):
         model = ElasticModel(scene, order=someone, seed=seed)
         for _ in range(40):
             model.step()
-        taken.append(model.state.grounds[0].taken.copy())
+        taken.append(model.state.levels[0].taken.copy())
     assert np.array_equal(taken[0], taken[1])
     assert not np.array_equal(taken[0], taken[2])
 

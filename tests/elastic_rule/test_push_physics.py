@@ -46,7 +46,7 @@ def test_at_rest_the_error_keeps_the_bound_that_the_threshold_implies(scene):
     assert result.outcome.startswith(("at rest", "no load"))
     finest = model.table.levels[0]
     n = finest.size
-    assert model.state.measured(0).max() <= model.threshold
+    assert model.state.levels[0].measured.max() <= model.threshold
     root = np.sqrt(finest.stiffness)
     scaled = root[:, None] * (np.eye(n) - finest.shares[:, :n].toarray()) / root
     smallest = np.linalg.eigvalsh(scaled)[0]

@@ -238,7 +238,7 @@ def test_frames_are_the_steps_of_elastic_agents(order):
         moved = columns["moved"].reshape(generations, faces, 2)
         for frame in range(generations):
             model.step()
-            ground = model.state.grounds[0]
+            ground = model.state.levels[0]
             np.testing.assert_allclose(left[frame], abs(ground.left[:faces]), rtol=1e-6)
             np.testing.assert_allclose(taken[frame], ground.taken, rtol=1e-6)
             along = np.take_along_axis(moved[frame], model.table.levels[0].place[0][:, None], 1)

@@ -88,7 +88,7 @@ def energy_norm(model, displacement):
 
 def displacement(model):
     """Displacement (m) of the free faces."""
-    return model.state.grounds[0].displacement
+    return model.state.levels[0].displacement
 
 
 @st.composite

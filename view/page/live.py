@@ -422,13 +422,13 @@ class LiveFaces(Session):
     def _frame(self) -> dict[str, Floats]:
         """Return how things stand now, face by face."""
         model = self.model
-        ground, moved = model.state.grounds[0], self._moving.at(model.state.grounds[0].displacement)
+        ground, moved = model.state.levels[0], self._moving.at(model.state.levels[0].displacement)
         left = np.abs(ground.left[: len(moved)])
         return {"load_left": left, "load_taken": ground.taken.copy(), "moved": moved}
 
     def _born(self) -> NDArray[np.uint32]:
         """Return in which step each face's agent woke; those asleep: the largest number."""
-        step = self.model.state.grounds[0].spawn_step
+        step = self.model.state.levels[0].spawn_step
         return np.where(step > 0, step, 2**32 - 1).astype(np.uint32)
 
 

@@ -3,30 +3,37 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
 from kaju.mesa_model import SteppedModel
-from kaju.model.elastic.relaxation.elastic_run import ElasticRun, collect
+from kaju.model.elastic.cell_agents import CellAgents
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.relaxation.elastic_run import ElasticRun
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
 from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
 from kaju.model.elastic.relaxation.orders import Visit, largest_first, multilevel, own_order, wave
 from kaju.model.elastic.relaxation.push_stability import WaveCertificate, certify_waves
-from kaju.model.elastic.relaxation.push_state import PushState
+from kaju.model.elastic.relaxation.push_state import PushEngine, PushState
 from kaju.model.elastic.relaxation.push_table import PushTable
-from kaju.model.elastic.relaxation.records import Recorder, StepRecord
+from kaju.model.elastic.relaxation.records import (
+    BoundaryAgents,
+    FaceAgents,
+    PushLedger,
+    Recorder,
+    StepRecord,
+)
+from kaju.model.elastic.solver import Solution
+from kaju.model.elastic.staggered import strain_energy
+from kaju.model.scene import Scene
 from kaju.stepping import Order, Until, takes_objects
-
-if TYPE_CHECKING:
-    from kaju.agents.boundary_agent import FreeBoundaryAgent
-    from kaju.model.scene import Scene
 
 EngineName = Literal["auto", "agents", "arrays"]
 
-MOST_CELLS_FOR_AGENTS = 5_000
-"""Up to this many cells every agent is an object when the engine is chosen by itself."""
-
+MOST_CELLS_FOR_AGENTS = 5_000  # Up to so many cells agents are objects with the engine "auto"
+ROUGH = 1e4  # Contrast of moduli from which on the error estimate is not to be relied on
 MOST_GROWTH = 1e12  # A run whose largest load exceeds that of the start by this factor is stopped
 
 
@@ -145,7 +152,8 @@ class ElasticModel(SteppedModel):
         self.pushes_per_step, self.max_steps = pushes_per_step, max_steps
         small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
         own: Any = order if face_agent is FaceAgent and order else face_agent
-        self.engine: AgentPushEngine | ArrayPushEngine
+        self.engine: PushEngine
+        self.face_agent = face_agent
         if takes_objects(engine, own, FaceAgent, small):
             self.engine = AgentPushEngine(self, self.table, face_agent)
         else:
@@ -160,15 +168,16 @@ class ElasticModel(SteppedModel):
         self.visit = Visit()
         self.history: list[StepRecord] = []
         self.recorder = Recorder(self.state)
-        self._order = multilevel(self.engine)
-        if self.order and isinstance(self.engine, AgentPushEngine):
+        if self.order:
             self._order = own_order(self.engine, self.order)
         elif self.table.order == "wave":
             self._order = wave(self.engine, self.share)
         elif self.table.order == "largest first":
             self._order = largest_first(self.engine, self.pushes_per_step)
+        else:
+            self._order = multilevel(self.engine)
         self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
-        self._wake_supports()
+        self.engine.wake_supports()
         self.running = not self.outcome
 
     @property
@@ -202,9 +211,9 @@ class ElasticModel(SteppedModel):
         self.visit = next(self._order)
         self.state.generation += 1
         self.state.note_supports()
-        self._wake_supports()
+        self.engine.wake_supports()
         if self.visit.level == 0:
-            # Between the levels the finest loads do not know yet what parents yield.
+            # Between the levels the finest loads lack what their parents will yield.
             self._loudest, self._meter = self.state.survey()
         self.history.append(
             StepRecord(
@@ -215,10 +224,6 @@ class ElasticModel(SteppedModel):
         self.recorder.note(self.visit.level)
         self.running = not self.outcome
         self.seconds += perf_counter() - began
-
-    def _wake_supports(self) -> None:
-        if isinstance(self.engine, AgentPushEngine):
-            self.engine.wake_supports()
 
     @property
     def at_rest(self) -> bool:
@@ -256,21 +261,19 @@ class ElasticModel(SteppedModel):
     @property
     def space(self) -> Any:
         """The agents' network of cells; None where they are rows of arrays."""
-        return self.engine.space if isinstance(self.engine, AgentPushEngine) else None
+        return self.engine.space
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""
-        engine = self.engine
-        objects = isinstance(engine, AgentPushEngine)
-        own = engine.face_agent if isinstance(engine, AgentPushEngine) else FaceAgent
+        own = None if self.face_agent is FaceAgent else self.face_agent
         options = {
-            "engine": "agents" if objects else "arrays",
+            "engine": "agents" if isinstance(self.engine, AgentPushEngine) else "arrays",
             "allow_unstable": self.allow_unstable,
             "pushes_per_step": self.pushes_per_step,
             "max_steps": self.max_steps,
             "stage": self.stage,
         }
-        return options, {"face_agent": None if own is FaceAgent else own, "order": self.order}
+        return options, {"face_agent": own, "order": self.order}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: energies (J), loads (N)."""
@@ -288,4 +291,48 @@ class ElasticModel(SteppedModel):
 
     def result(self) -> ElasticRun:
         """Return what has been done so far."""
-        return collect(self)
+        state, agents = self.state, FaceAgents.of(self.state)
+        outcome = self.outcome or f"interrupted after {self.generation} steps"
+        work = max(-2.0 * state.energy, 0.0)
+        return ElasticRun(
+            scene=self.scene,
+            result=self._answer(outcome),
+            outcome=outcome,
+            threshold=self.threshold,
+            agents=agents,
+            boundary=BoundaryAgents.of(state),
+            history=tuple(self.history),
+            ledger=PushLedger.of(state),
+            most_pushes=work * self.table.reference / self.threshold**2,
+            certificate=self.certificate,
+            moments=self.recorder.moments(self.visit.level, agents),
+            seconds=self.seconds,
+        )
+
+    def _answer(self, outcome: str) -> ElasticResult:
+        """Return the faces' displacements as the answer of an elastic solver."""
+        table, problem = self.table, self.table.problem
+        fields = tuple(values.copy() for values in problem.fixed)
+        moved = self.state.levels[0].displacement / problem.scales.displacement
+        table.levels[0].numbering.scatter(moved, fields)
+        notes = [outcome, "the error estimate is of the loads left; the grid's own is not in it"]
+        moduli = [material.youngs_modulus for material in self.scene.cell_materials]
+        contrast = max(moduli) / min(moduli)
+        if contrast >= ROUGH:
+            notes.append(
+                f"moduli differ by a factor of {contrast:.0e}: loads left on soft cells may hide "
+                "an error tens of times the estimate; a smaller threshold or `kaju solve` tells"
+            )
+        solution = Solution(
+            displacement=fields,
+            energy=strain_energy(problem, fields),
+            method=f"agents, {table.order}",
+            discretisation=0.0,
+            algebraic=self.error_estimate,
+            levels=len(table.levels),
+            residuals=[record.error_estimate for record in self.history],
+            converged=self.at_rest,
+            notes=notes,
+        )
+        found = CellAgents(table.grid, self.stage, problem, table.origin, solution)
+        return ElasticResult(self.scene, self.stage, found, self.seconds)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats
 from kaju.errors import ResultError
-from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.relaxation.push_stability import WaveCertificate
@@ -23,21 +22,14 @@ from kaju.model.elastic.relaxation.records import (
     PushLedger,
     StepRecord,
 )
-from kaju.model.elastic.solver import Solution
-from kaju.model.elastic.staggered import strain_energy
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
+from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
     import pandas
-
-    from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-    from kaju.model.scene import Scene
-
-
-ROUGH = 1e4  # Contrast of moduli from which on the meter of the error left is not to be relied on
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,13 +42,13 @@ class ElasticRun(BodyResult):
     result: ElasticResult  # Displacements, stresses and reactions, as of `kaju.solve`
     outcome: str  # How the run ended, in words
     threshold: float  # γ (N)
-    agents: FaceAgents  # Who spawned
+    agents: FaceAgents  # Those that spawned
     boundary: BoundaryAgents  # Supports and air that loads have reached
     history: tuple[StepRecord, ...]  # How things stood after every step
     ledger: PushLedger  # The account of every newton
     most_pushes: float  # What the order "largest first" cannot exceed: load·displacement·k₀/γ²
-    certificate: WaveCertificate | None  # What was known of waves before the run
-    moments: Moments  # What was left, and who had taken how much, on the way
+    certificate: WaveCertificate | None  # Of waves, before the run
+    moments: Moments  # What was left on agents, and what they had taken, on the way
     seconds: float  # Time that the run took (s)
 
     @property
@@ -154,14 +146,12 @@ class ElasticRun(BodyResult):
         """Return one row per face agent: level, spawn step, place, loads and displacement."""
         import pandas as pd
 
-        columns: dict[str, Any] = {}
-        for field in fields(self.agents):
-            values = getattr(self.agents, field.name)
-            if values.ndim == 1:
-                columns[field.name] = values
-            else:
-                columns |= {f"{field.name}_{a}": c for a, c in zip("xyz", values.T, strict=False)}
-        return pd.DataFrame(columns)
+        columns = {field.name: getattr(self.agents, field.name) for field in fields(self.agents)}
+        position = columns.pop("position")
+        table = pd.DataFrame(columns)
+        for axis, values in enumerate(position.T):  # after the axis of the normal
+            table.insert(4 + axis, f"position_{'xyz'[axis]}", values)
+        return table
 
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, answer = self.result._archive()
@@ -215,117 +205,20 @@ class ElasticRun(BodyResult):
 
 
 def curves_of(history: Sequence[StepRecord], known: int, threshold: float) -> list[Curves]:
-    """Return energy, largest load left, and the error meter after `known` and these steps."""
+    """Return energy, largest load left, and the error estimate after `known` and these steps."""
     step = np.arange(known + 1.0, known + len(history) + 1.0)
     every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in history])
     energy, loudest, meter, pushes = every.reshape(-1, 4).T
-    told = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits
+    worked = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits
     return [
         Curves("Energy of body and loads", "step", "", step, {"energy": energy}, "J"),
         Curves(
             "Largest load left",
-            *("step", "", step[told]),
-            {"load left": loudest[told], "threshold": np.full(told.sum(), threshold)},
+            *("step", "", step[worked]),
+            {"load left": loudest[worked], "threshold": np.full(worked.sum(), threshold)},
             "N",
             logarithmic=True,
         ),
-        Curves("Error left", "step", "", step[told], {"meter": meter[told]}, "", True),
+        Curves("Error left", "step", "", step[worked], {"meter": meter[worked]}, "", True),
         Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
     ]
-
-
-def collect(model: ElasticModel) -> ElasticRun:
-    """Gather what a model has done so far."""
-    state, table = model.state, model.table
-    work = -2.0 * state.energy
-    outcome = model.outcome or f"interrupted after {model.generation} steps"
-    agents, left = _face_agents(model), state.grounds[0].left
-    n, dimension = table.levels[0].size, table.problem.dimension
-    resting, carried = np.zeros(dimension), np.zeros(dimension)
-    np.add.at(resting, table.levels[0].place[0], left[:n])
-    np.add.at(carried, table.place_axes, left[n:])
-    turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
-    starts = np.cumsum([0, *(level.size for level in table.levels)])
-    return ElasticRun(
-        scene=model.scene,
-        result=_elastic_result(model, outcome),
-        outcome=outcome,
-        threshold=model.threshold,
-        agents=agents,
-        boundary=_boundary_agents(model),
-        history=tuple(model.history),
-        ledger=PushLedger(table.applied, resting, carried, turnover),
-        most_pushes=max(work, 0.0) * table.reference / model.threshold**2,
-        certificate=model.certificate,
-        moments=model.recorder.moments(model.visit.level, starts[agents.level] + agents.number),
-        seconds=model.seconds,
-    )
-
-
-def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
-    """Return the faces' displacements as the answer of an elastic solver."""
-    table, scales = model.table, model.table.problem.scales
-    fields = tuple(values.copy() for values in table.problem.fixed)
-    moved = model.state.grounds[0].displacement / scales.displacement
-    table.levels[0].numbering.scatter(moved, fields)
-    meters = [record.error_estimate for record in model.history]
-    solution = Solution(
-        displacement=fields,
-        energy=strain_energy(table.problem, fields),
-        method=f"agents, {table.order}",
-        discretisation=0.0,
-        algebraic=model.error_estimate,
-        levels=len(table.levels),
-        residuals=meters,
-        converged=model.at_rest,
-        notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
-    )
-    moduli = [material.youngs_modulus for material in model.scene.cell_materials]
-    contrast = max(moduli) / min(moduli)
-    if contrast >= ROUGH:
-        solution.notes.append(
-            f"moduli differ by a factor of {contrast:.0e}: loads left on soft cells may hide an "
-            "error tens of times the estimate; a smaller threshold or `kaju solve` tells"
-        )
-    found = CellAgents(table.grid, model.stage, table.problem, table.origin, solution)
-    return ElasticResult(model.scene, model.stage, found, model.seconds)
-
-
-def _face_agents(model: ElasticModel) -> FaceAgents:
-    rows = []
-    for number, level in enumerate(model.table.levels):
-        ground, at = model.state.grounds[number], model.table.positions(number)
-        awake = _awake(ground.spawn_step)
-        step, axis = ground.spawn_step[awake], level.place[0][awake]
-        carried = (values[awake] for values in (ground.taken, ground.left, ground.displacement))
-        rows.append((np.full(len(awake), number), step, awake, axis, at[awake], *carried))
-    return FaceAgents(*map(np.concatenate, zip(*rows, strict=True)))
-
-
-def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
-    table, state = model.table, model.state
-    dimension = table.problem.dimension
-    holding, air = table.holding, table.open_air
-    left, faces = state.grounds[0].left, table.levels[0].size
-    reaction = np.zeros((len(holding.cells), dimension))
-    for axis in range(dimension):
-        carried = np.where(table.place_axes == axis, left[faces:], 0.0)
-        reaction[:, axis] = -(holding.links @ carried)
-    returned: Floats = np.asarray(air.links @ state.grounds[0].taken)
-    steps = holding.first(state.place_step), air.first(state.grounds[0].spawn_step)
-    orders = [_awake(step) for step in steps]
-    cells: Ints = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
-    cells = cells + np.asarray(table.origin, dtype=np.int64)
-    nothing = np.zeros((len(orders[1]), dimension))
-    return BoundaryAgents(
-        cells=cells,
-        kind=table.grid.kinds(cells),
-        spawn_step=np.concatenate([step[o] for step, o in zip(steps, orders, strict=True)]),
-        reaction=np.concatenate([reaction[orders[0]], nothing]),
-        returned=np.concatenate([np.zeros(len(orders[0])), returned[orders[1]]]),
-    )
-
-
-def _awake(step: Ints) -> Ints:
-    awake = np.flatnonzero(step)
-    return awake[np.argsort(step[awake], kind="stable")]

@@ -12,13 +12,16 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.compiling import njit
-from kaju.model.elastic.relaxation.push_state import PushState
-from kaju.model.elastic.relaxation.push_table import PushTable
+from kaju.model.elastic.relaxation.push_state import PushEngine
 
 
 @njit(cache=True)
-def push(i, indptr, target, share, stiffness, left, displacement, taken):
+def push(
+    i, generation, spawn_step, indptr, target, share, stiffness, left, displacement, taken
+):  # fmt: skip
     """Let agent i take all of its load, yield, and pass it on; return the energy released."""
+    if spawn_step[i] == 0:
+        spawn_step[i] = generation + 1
     load = left[i]
     displacement[i] += load / stiffness[i]
     left[i] -= load
@@ -30,26 +33,26 @@ def push(i, indptr, target, share, stiffness, left, displacement, taken):
 
 @njit(cache=True)
 def push_in_turn(
-    backward, threshold, generation, weight, spawn_step, indptr, target, share, stiffness, left,
+    backward, threshold, weight, generation, spawn_step, indptr, target, share, stiffness, left,
     displacement, taken,
 ):  # fmt: skip
-    """Let every agent whose load exceeds γ act when its turn comes."""
-    # Returns the number of pushes and the energy released.
+    """Let every agent above γ act in its turn; return pushes and the energy released."""
     pushes, released = 0, 0.0
     n = len(stiffness)
     for k in range(n):
         i = n - 1 - k if backward else k
         if abs(left[i]) * weight[i] > threshold:
-            if spawn_step[i] == 0:
-                spawn_step[i] = generation + 1
-            released += push(i, indptr, target, share, stiffness, left, displacement, taken)
+            released += push(
+                i, generation, spawn_step, indptr, target, share, stiffness, left, displacement,
+                taken,
+            )  # fmt: skip
             pushes += 1
     return pushes, released
 
 
 @njit(cache=True)
 def push_largest(
-    count, measured, threshold, generation, weight, spawn_step, indptr, target, share, stiffness,
+    count, measured, threshold, weight, generation, spawn_step, indptr, target, share, stiffness,
     left, displacement, taken,
 ):  # fmt: skip
     """Let the agent with the largest load act, `count` times or until none exceeds γ."""
@@ -63,9 +66,10 @@ def push_largest(
         i = first + np.argmax(measured[first : first + part])
         if not measured[i] > threshold:
             return pushes, released
-        if spawn_step[i] == 0:
-            spawn_step[i] = generation + 1
-        released += push(i, indptr, target, share, stiffness, left, displacement, taken)
+        released += push(
+            i, generation, spawn_step, indptr, target, share, stiffness, left, displacement, taken
+        )
+        # The loads of the agent and of all it passes on to have changed.
         for at in range(indptr[i] - 1, indptr[i + 1]):
             j = target[at] if at >= indptr[i] else i
             if j < n:
@@ -75,57 +79,43 @@ def push_largest(
     return count, released
 
 
-class ArrayPushEngine:
-    """Lets agents act, level by level, on arrays."""
+class ArrayPushEngine(PushEngine):
+    """Lets agents act on arrays."""
 
-    def __init__(self, table: PushTable) -> None:
-        self.table = table
-        self.reset()
-
-    def reset(self) -> None:
-        """Put the loads on the body, before anybody has yielded."""
-        self.state = PushState(self.table)
-
-    def push_together(self, level: int, acting: Ints, loads: Floats) -> None:
-        """Let agents of a level take loads (N) at once, each its own."""
-        state, agents, ground = self.state, self.table.levels[level], self.state.grounds[level]
-        ground.spawn_step[acting[ground.spawn_step[acting] == 0]] = state.generation + 1
-        before = ground.left[acting]
+    def relax_together(self, level: int, acting: Ints, loads: Floats) -> None:
+        """Let agents of a level take loads (N) at once, each its own: a Jacobi step."""
+        state, agents, faces = self.state, self.table.levels[level], self.state.levels[level]
+        faces.spawn_step[acting[faces.spawn_step[acting] == 0]] = state.generation + 1
+        before = faces.left[acting]
         yielded = loads / agents.stiffness[acting]
-        ground.displacement[acting] += yielded
-        ground.left[acting] -= loads
-        ground.taken[acting] += np.abs(loads)
+        faces.displacement[acting] += yielded
+        faces.left[acting] -= loads
+        faces.taken[acting] += np.abs(loads)
         passed = agents.shares[acting]
         amount = passed.data * np.repeat(loads, np.diff(passed.indptr))
-        np.add.at(ground.left, passed.indices, amount)
-        state.energy -= 0.5 * float(yielded @ (before + ground.left[acting]))
-        state.pushes += len(acting)
+        np.add.at(faces.left, passed.indices, amount)
+        self._book(len(acting), 0.5 * float(yielded @ (before + faces.left[acting])))
 
-    def push_in_turn(self, level: int, backward: bool) -> int:
-        """Let the agents of a level above the threshold act one after another."""
-        state = self.state
-        pushes, released = push_in_turn(
-            backward, state.threshold, state.generation, *self._arrays(level)
-        )
-        return self._book(pushes, released)
+    def relax_in_turn(self, level: int, backward: bool) -> None:
+        """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
+        self._book(*push_in_turn(backward, *self._arrays(level)))
 
-    def push_largest(self, count: int) -> int:
-        """Let the agent with the largest load act, `count` times."""
-        state = self.state
-        pushes, released = push_largest(
-            count, state.measured(0), state.threshold, state.generation, *self._arrays(0)
-        )
-        return self._book(pushes, released)
+    def relax_largest(self, count: int) -> None:
+        """Let the agent with the largest load act, `count` times or until none exceeds γ."""
+        self._book(*push_largest(count, self.state.levels[0].measured, *self._arrays(0)))
 
-    def _book(self, pushes: int, released: float) -> int:
+    def wake_supports(self) -> None:
+        """Do nothing: only objects are woken."""
+
+    def _book(self, pushes: int, released: float) -> None:
         self.state.pushes += pushes
         self.state.energy -= released
-        return pushes
 
     def _arrays(self, level: int) -> tuple[Any, ...]:
-        table, ground = self.table.levels[level], self.state.grounds[level]
-        shares = table.shares
+        """Return what the compiled functions take of a level, from γ on."""
+        state, table, faces = self.state, self.table.levels[level], self.state.levels[level]
         return (
-            *(ground.weight, ground.spawn_step, shares.indptr, shares.indices, shares.data),
-            *(table.stiffness, ground.left, ground.displacement, ground.taken),
+            *(state.threshold, faces.weight, state.generation, faces.spawn_step),
+            *(table.shares.indptr, table.shares.indices, table.shares.data, table.stiffness),
+            *(faces.left, faces.displacement, faces.taken),
         )

@@ -1,11 +1,10 @@
 """By which share may all agents yield at once? A certificate, stated before a run.
 
-A wave changes the loads left by the factor I − ω K D⁻¹, with K the stiffness and D its
-diagonal. It calms down if ω < 2/λmax(D⁻¹K). Cell by cell and corner by corner K and D are
-sums of small matrices, and the largest eigenvalue of the sum is at most the largest of the
-parts: 4 for a corner, 2(1 + (dimension − 1)·C₁₂/C₁₁) for a cell, so never above 4 in two
-dimensions and 6 in three. In between, the scene's own eigenvalue is found by Lanczos
-iteration.
+A wave, a damped Jacobi step, changes the loads left by the factor I − ω D⁻¹K, with K the stiffness
+matrix and D its diagonal. It calms down if ω < 2/λmax(D⁻¹K). Cell by cell and corner by corner K
+and D are sums of small matrices, and the largest eigenvalue of the sum is at most the largest of
+the parts: 4 for a corner, 2(1 + (dimension − 1)·C₁₂/C₁₁) for a cell, so never above 4 in the plane
+and 6 in space. Below this bound the scene's own eigenvalue is found by Lanczos iteration.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ MOST_FACES_TO_ITERATE = 200_000  # Above this many faces the bound is taken for 
 class WaveCertificate:
     """What is known of waves on a scene."""
 
-    largest_eigenvalue: float
-    """λmax(D⁻¹K) of the scene's own agents, or its bound if there are too many of them."""
+    largest_eigenvalue: float  # λmax(D⁻¹K) of the scene's agents; its bound if they are too many
     bound: float  # What no body of these materials exceeds
     limit: float  # Waves calm down for every share below: 2/λmax
     share: float  # ω, the share that is used
@@ -36,8 +34,7 @@ class WaveCertificate:
 
 
 def certify_waves(table: PushTable, share: float | None = None) -> WaveCertificate:
-    """State by which share agents may yield at once, and which share ω is used."""
-    # None takes nine tenths of the limit.
+    """State by which share agents may yield at once; without a share ω, nine tenths of that."""
     problem = table.problem
     used = np.unique(problem.kinds[problem.kinds >= 0])
     ratio = problem.moduli.lateral[used] / problem.moduli.stretch[used]

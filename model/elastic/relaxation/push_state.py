@@ -1,33 +1,39 @@
-"""What the faces of all levels carry: loads left on them, displacements, who has spawned.
+"""What the faces of all levels carry, and what orders of work ask of the agents on them.
 
-Loads rest on the faces, whether an agent stands there or not; agents act on what rests
-there. Handing loads up to parents, and displacements down to children, is the same for
-agents as objects and as arrays, and lives here.
+Loads rest on the faces, whether an agent stands there or not; agents act on what rests there.
+Restricting loads to parents and prolonging displacements to children is the same for agents as
+objects and as arrays.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
+from kaju.agents.face_agent import FaceAgent
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.relaxation.push_table import PushTable
+from kaju.stepping import Order
 
 
 @dataclass(frozen=True, eq=False)
-class LevelFaces:
+class LevelState:
     """The faces of one level."""
 
-    left: Floats
-    """Load (N) left on each face, along its normal; on the finest level followed by what the
-    supports carry. Shape (places,)."""
-    displacement: Floats
-    """How far each face has moved (m); for parents, in their current visit. Shape (faces,)."""
-    taken: Floats  # Sum of the sizes of the loads (N) that its agent has taken. Shape (faces,)
-    spawn_step: Ints  # Step in which its agent spawned, 0 while there is none. Shape (faces,)
-    weight: Floats  # By how much a load on the face counts against the threshold. Shape (faces,)
+    left: Floats  # Residual: load (N) on each face; on the finest level then those of the supports
+    displacement: Floats  # How far each face has moved (m); of parents, in their current visit
+    taken: Floats  # Sum of the sizes of the loads (N) that each agent has taken
+    spawn_step: Ints  # Step in which each agent spawned, 0 while there is none
+    weight: Floats  # By how much a load on a face counts against the threshold
+
+    @property
+    def measured(self) -> Floats:
+        """The residual loads of the faces as they count against γ (N)."""
+        return np.abs(self.left[: len(self.weight)]) * self.weight
 
 
 class PushState:
@@ -38,75 +44,62 @@ class PushState:
     """
 
     def __init__(self, table: PushTable) -> None:
-        self.table = table
-        self.grounds = []
+        self.table, self.threshold = table, table.threshold
+        self.levels = []
         for number, level in enumerate(table.levels):
             left = np.zeros(level.shares.shape[1])
-            if number == 0:
-                left[: len(table.load)] = table.load
             moved, taken = np.zeros(level.size), np.zeros(level.size)
             step = np.zeros(level.size, dtype=np.int64)
-            self.grounds.append(LevelFaces(left, moved, taken, step, table.weight(number)))
+            self.levels.append(LevelState(left, moved, taken, step, table.weight(number)))
+        self.levels[0].left[: len(table.load)] = table.load
         self.energy = 0.0
         self.pushes = 0
         self.generation = 0
         self.place_step = np.zeros(len(table.load) - table.levels[0].size, dtype=np.int64)
         self.note_supports()
 
-    @property
-    def threshold(self) -> float:
-        """γ (N)."""
-        return self.table.threshold
-
-    def measured(self, level: int) -> Floats:
-        """Return the loads left on the faces of a level as they count against γ (N)."""
-        ground = self.grounds[level]
-        size: Floats = np.abs(ground.left[: len(ground.weight)]) * ground.weight
-        return size
-
-    def hand_up(self, level: int) -> None:
-        """Hand what is left on a level up to the parents, each as one load."""
-        children, parents = self.grounds[level], self.grounds[level + 1]
+    def restrict(self, level: int) -> None:
+        """Sum the residual loads of a level up to loads of their parents."""
+        children, parents = self.levels[level], self.levels[level + 1]
         parents.left[:] = self.table.levels[level].restrict @ children.left[: children.weight.size]
         parents.displacement[:] = 0.0
 
-    def hand_down(self, level: int) -> None:
-        """Let the children of a level follow their parents, and pass on what they yield by."""
-        finer = self.table.levels[level - 1]
-        ground = self.grounds[level - 1]
+    def prolong(self, level: int) -> None:
+        """Move the children of a level along with their parents, and pass their loads on."""
+        finer, faces = self.table.levels[level - 1], self.levels[level - 1]
         assert finer.prolong is not None
-        moved = finer.prolong @ self.grounds[level].displacement
-        ground.displacement[:] += moved
+        moved = finer.prolong @ self.levels[level].displacement
+        faces.displacement[:] += moved
         load = finer.stiffness * moved
-        ground.left[: finer.size] -= load
-        ground.left[:] += finer.arrivals @ load
+        faces.left[: finer.size] -= load
+        faces.left[:] += finer.arrivals @ load
 
-    def settling_loads(self, level: int) -> Floats:
-        """Return what the agents of a small level must take for nothing to be left."""
-        agents, ground = self.table.levels[level], self.grounds[level]
+    def direct_loads(self, level: int) -> Floats:
+        """Return the loads that agents of a small level must take for none to be left."""
+        agents, faces = self.table.levels[level], self.levels[level]
         own = np.eye(agents.size) - agents.shares.toarray()[:, : agents.size]
         stands = np.flatnonzero(agents.stiffness > 0.0)
         root = np.sqrt(agents.stiffness[stands])
         scaled = root[:, None] * own[np.ix_(stands, stands)] / root
-        moved = np.linalg.solve(0.5 * (scaled + scaled.T), ground.left[stands] / root)
+        moved = np.linalg.solve(0.5 * (scaled + scaled.T), faces.left[stands] / root)
         loads = np.zeros(agents.size)
         loads[stands] = root * moved
         return loads
 
     def note_supports(self) -> None:
         """Note which supports a load has reached by now."""
-        carried = self.grounds[0].left[self.table.levels[0].size :]
+        carried = self.levels[0].left[self.table.levels[0].size :]
         reached = (carried != 0.0) & (self.place_step == 0)
         self.place_step[reached] = max(self.generation, 1)
 
     def survey(self) -> tuple[float, float]:
-        """Look at the loads left on all levels, as if they were handed up without a push."""
-        # Returns the largest, as it counts against γ (N), and the error in energy as a share: √(Σ
-        # P²/k) over √(load · displacement).
-        left = self.grounds[0].left[: self.table.levels[0].size]
+        """Return the largest residual load (as it counts against γ, N) and the error estimate."""
+        # Of all levels, as if loads were restricted without a push; the estimate is √(Σ P²/k) over
+        # √(load · displacement), the error in energy as a share.
+        left = self.levels[0].left[: self.table.levels[0].size]
         loudest = total = 0.0
-        for level, ground in zip(self.table.levels, self.grounds, strict=True):
-            measured = np.abs(left) * ground.weight
+        for level, faces in zip(self.table.levels, self.levels, strict=True):
+            measured = np.abs(left) * faces.weight
             loudest = max(loudest, float(measured.max(initial=0.0)))
             total += float(measured @ measured) / self.table.reference
             if level.prolong is not None:
@@ -115,3 +108,37 @@ class PushState:
             return loudest, 0.0
         work = -2.0 * self.energy
         return loudest, sqrt(total / work) if work > 0.0 else float("inf")
+
+
+class PushEngine(ABC):
+    """Lets agents act, level by level; they are objects or rows of arrays."""
+
+    space: Any = None  # The agents' network of cells, if they are objects
+
+    def __init__(self, table: PushTable) -> None:
+        self.table = table
+        self.reset()
+
+    def reset(self) -> None:
+        """Put the loads on the body, before any agent has yielded."""
+        self.state = PushState(self.table)
+
+    @abstractmethod
+    def relax_together(self, level: int, acting: Ints, loads: Floats) -> None:
+        """Let agents of a level take loads (N) at once, each its own: a Jacobi step."""
+
+    @abstractmethod
+    def relax_in_turn(self, level: int, backward: bool) -> None:
+        """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
+
+    @abstractmethod
+    def relax_largest(self, count: int) -> None:
+        """Let the agent with the largest load act, `count` times or until none exceeds γ."""
+
+    def relax_chosen(self, order: Order[FaceAgent]) -> None:
+        """Let the agents act that an order chooses from those above γ, in turn."""
+        raise NotImplementedError("rows of arrays act in no order of one's own")
+
+    @abstractmethod
+    def wake_supports(self) -> None:
+        """Let an agent spawn in every supporting cell that a load has reached."""

@@ -1,13 +1,13 @@
-"""The elastic rule on a scene as tables: who passes which share of a load to whom.
+"""The elastic rule on a scene as tables: which share of its load each agent passes to which other.
 
-Faces that can move are numbered first, then the *places* where supports hold the body: the
-faces that are given their displacement, and the elastic beds beneath faces. Both engines
-and the stability certificate read the same tables, which come from the assembled stiffness:
-the share of agent i's load that goes to j is −K_ij/K_ii.
+Faces that can move are numbered first, then the *places* where supports hold the body: faces of
+prescribed displacement, and elastic foundations beneath faces. Both engines and the stability
+certificate read these tables, which come from the assembled stiffness matrix K: the share of
+agent i's load that goes to j is −K_ij/K_ii.
 
-A face at a free surface has nobody ahead. Its forward share comes straight back, it yields
+A face at a free surface has no neighbour ahead. Its forward share comes straight back, it yields
 to it again, and again: P/k·(1 + c/k + c²/k² + ...) = P/(k − c), with c the stiffness that
-is missing. So at a free surface an agent simply has the smaller stiffness k − c; each time
+is missing. So at a free surface an agent has the smaller stiffness k − c; each time
 it yields by δ the boundary agent has given back cδ.
 """
 
@@ -16,9 +16,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import permutations, product
 from math import sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,29 +36,23 @@ from kaju.model.elastic.staggered import (
     edge_modulus,
     stiffness_matrix,
 )
-from kaju.model.scene import scene_needed
+from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
-
-
 FEWEST_FACES = 12  # A level with at most this many faces has no parents
-
-
 States = NDArray[np.int8]
 
 
 class Boundary:
-    """Cells that are not body, and what each is to the faces beside it.
+    """Cells beside the body, counted without the ghost layer, and their links to faces or supports.
 
-    `cells` are counted from the arrays' first cell without the rim; `links` says how much of each
-    column belongs to each cell: `parts` are columns, cells beside them, and shares.
+    `links` has a row for each of the `cells`, and as entries the shares of the columns.
     """
 
     def __init__(
         self, problem: ElasticProblem, parts: Sequence[tuple[Ints, Ints, Floats]], columns: int
     ) -> None:
+        """Collect links, given as `parts`: columns, the cells beside them, and shares."""
         shape = problem.kinds.shape
         column, cells, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
         key = np.ravel_multi_index(tuple(cells.T), shape) if len(cells) else np.empty(0, np.int64)
@@ -82,13 +75,9 @@ class PushLevel:
     """The agents of one level and their links, as arrays."""
 
     numbering: Numbering  # Which faces there are, and their numbers
-    stiffness: Floats
-    """Load (N) that moves a face by 1 m while all others hold still. Shape (faces,)."""
-    shares: sp.csr_array
-    """Row i: what becomes of each newton that agent i takes. On the finest level the columns go on
-    with the supports. Shape (faces, places)."""
-    prolong: sp.csr_array | None = None
-    """The way from the parents; the way to them is its transpose."""
+    stiffness: Floats  # Load (N) that moves a face by 1 m while all others hold still
+    shares: sp.csr_array  # Row i: shares of agent i's load, by face, on the finest level by support
+    prolong: sp.csr_array | None = None  # Displacement of the faces by that of their parents
 
     @property
     def size(self) -> int:
@@ -97,12 +86,12 @@ class PushLevel:
 
     @cached_property
     def arrivals(self) -> sp.csr_array:
-        """Row j: which share of everybody's load arrives at j."""
+        """The transpose of `shares`: row j has the shares that arrive at j."""
         return sp.csr_array(self.shares.T)
 
     @cached_property
     def restrict(self) -> sp.csr_array:
-        """Row p: how much of the children's loads parent p is handed."""
+        """The transpose of `prolong`: loads of parents by those of their children."""
         assert self.prolong is not None
         matrix = sp.csr_array(self.prolong.T)
         matrix.sort_indices()
@@ -110,25 +99,21 @@ class PushLevel:
 
     @cached_property
     def place(self) -> tuple[Ints, Ints]:
-        """Axis, shape (faces,), and index with the rim, shape (faces, dimension), of each face."""
+        """Axis, and index with the ghost layer, shape (faces, dimension), of each face."""
         return face_indices(self.numbering.states, ACTIVE)
 
 
 class PushTable:
-    """Who passes how much to whom: the elastic rule on a scene's faces.
+    """The elastic rule on a scene's faces: levels of agents, their loads and the threshold.
 
-    `problem` are the scaled arrays, cut to the box round the body, and `origin` the cell of `grid`
-    that is their first; `unit` is what one scaled stiffness is in N/m.
+    `problem` are the scaled arrays, cut to the box round the body, and `origin` is the cell of
+    `grid` at their first; `unit` is a scaled stiffness of 1 in N/m.
     """
 
-    # The scene on the cells whose faces the agents stand on: its own, or, if a member is only one
-    # cell wide and could not pass on any shear, cells half as large
-    grid: Scene
-    # The faces of the cells, then those of their parents, if the order has any
-    levels: tuple[PushLevel, ...]
-    # What loads and given displacements leave on every face and support (N). Shape (places,)
-    load: Floats
-    given: Floats  # Displacement (m) of the faces that supports hold. Shape (fixed faces,)
+    grid: Scene  # The scene on the cells whose faces are agents; halved where a member is one wide
+    levels: tuple[PushLevel, ...]  # The faces of the cells, then those of their parents, if any
+    load: Floats  # Loads (N) that are left at the start, on faces and then supports
+    given: Floats  # Displacement (m) of the faces that supports hold
     reference: float  # k₀ (N/m): stiffness of a face inside the stiffest material
     threshold: float  # γ (N)
 
@@ -147,7 +132,7 @@ class PushTable:
         states = self.problem.face_states
         self._numbering = Numbering(states)
         self.fixed_place = face_indices(states, FIXED)
-        # The stiffness (N/m) of all faces, those that move before those that are held.
+        # The stiffness matrix (N/m) of all faces, those that move before those that are held.
         present = Numbering(tuple(np.where(s == ABSENT, ABSENT, ACTIVE) for s in states))
         zero = tuple(np.zeros_like(spring) for spring in self.problem.spring)
         matrix = stiffness_matrix(replace(self.problem, spring=zero), present)
@@ -187,10 +172,8 @@ class PushTable:
         return tuple(levels)
 
     def _threshold_for(self, tolerance: float) -> float:
-        """Return the γ at which the error meter is sure to be at most `tolerance` at rest.
-
-        The meter's denominator, load · displacement, is at least (f·v)²/(v·Kv) for any v.
-        """
+        """Return the γ at which the error estimate is at most `tolerance` at rest."""
+        # Its denominator, load · displacement, is at least (f·v)²/(v·Kv) for any v.
         finest = self.levels[0]
         load = self.load[: finest.size]
         trial = load / finest.stiffness
@@ -218,22 +201,29 @@ class PushTable:
         """The cells that hold the body; columns are the supports."""
         axis, index = self.levels[0].place
         bedded = axis[self.bedded], index[self.bedded]
-        return supports(self.problem, self.fixed_place, bedded)
+        parts, start = [], 0
+        for faces, kinds in ((self.fixed_place, (RIGID, ROLLER)), (bedded, (FOUNDATION,))):
+            axis, index = faces
+            sides = cells_beside(axis, index)
+            holds = [np.isin(self.problem.kinds[tuple(side.T)], kinds) for side in sides]
+            share = 1.0 / np.maximum(np.add(*holds, dtype=float), 1.0)  # two cells share a face
+            for side, chosen in zip(sides, holds, strict=True):
+                parts.append((start + np.flatnonzero(chosen), side[chosen], share[chosen]))
+            start += len(axis)
+        return Boundary(self.problem, parts, start)
 
     @cached_property
     def open_air(self) -> Boundary:
         """The air beside the body; columns are the faces, entries the shares given back."""
         finest = self.levels[0]
-        return free_surfaces(self.problem, finest.place, finest.stiffness / self.unit)
+        stiffness = finest.stiffness / self.unit
+        missing = [*_ahead(self.problem, *finest.place), *_beside(self.problem, *finest.place)]
+        parts = [(at, beyond, modulus / stiffness[at]) for at, beyond, modulus in missing]
+        return Boundary(self.problem, parts, finest.size)
 
     def weight(self, level: int) -> Floats:
         """Return √(k₀/k) per face: by how much its load counts; 0 for a parent of nobody."""
-        stiffness = self.levels[level].stiffness
-        ratio = np.divide(
-            self.reference, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0
-        )
-        root: Floats = np.sqrt(ratio)
-        return root
+        return np.asarray(np.sqrt(self.reference * inverse(self.levels[level].stiffness)))
 
     def positions(self, level: int) -> Floats:
         """Return where the faces of a level are (m), shape (faces, dimension)."""
@@ -244,15 +234,19 @@ class PushTable:
         return centre * self.problem.scales.length
 
 
+def inverse(stiffness: Floats) -> Floats:
+    """Return 1/k, and 0 for a parent without children, whose k is 0."""
+    return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+
+
 def make_level(
     numbering: Numbering, own: sp.csr_array, held: sp.csr_array | None = None
 ) -> PushLevel:
     """Turn a stiffness matrix, and its columns of supports, into shares."""
     stiffness = own.diagonal()
-    inverse = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
     others = own - sp.diags_array(stiffness)
     everybody = others if held is None else sp.hstack([others, held], format="csr")
-    shares = sp.csr_array(sp.diags_array(-inverse) @ everybody)
+    shares = sp.csr_array(sp.diags_array(-inverse(stiffness)) @ everybody)
     shares.eliminate_zeros()
     shares.sort_indices()
     return PushLevel(numbering, stiffness, shares)
@@ -268,29 +262,11 @@ def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Int
     return np.concatenate(axes), np.concatenate(indices)
 
 
-def supports(
-    problem: ElasticProblem, fixed: tuple[Ints, Ints], bedded: tuple[Ints, Ints]
-) -> Boundary:
-    """Return the cells that hold the body; columns are held faces, then bedded ones."""
-    # A held face between two rigid cells is shared by them.
-    parts, start = [], 0
-    for (axis, index), kinds in ((fixed, (RIGID, ROLLER)), (bedded, (FOUNDATION,))):
-        low = index.copy()
-        low[np.arange(len(axis)), axis] -= 1
-        holds = [np.isin(problem.kinds[tuple(side.T)], kinds) for side in (low, index)]
-        count = holds[0].astype(np.float64) + holds[1]
-        for side, chosen in zip((low, index), holds, strict=True):
-            parts.append((start + np.flatnonzero(chosen), side[chosen], 1.0 / count[chosen]))
-        start += len(axis)
-    return Boundary(problem, parts, start)
-
-
-def free_surfaces(problem: ElasticProblem, faces: tuple[Ints, Ints], stiffness: Floats) -> Boundary:
-    """Return the air beside the body; columns are faces, entries the shares given back."""
-    # `faces` are axis and index of those that can move, with their (scaled) stiffness.
-    missing = (*_ahead(problem, *faces), *_beside(problem, *faces))
-    parts = [(at, beyond, modulus / stiffness[at]) for at, beyond, modulus in missing]
-    return Boundary(problem, parts, len(faces[0]))
+def cells_beside(axis: Ints, index: Ints) -> tuple[Ints, Ints]:
+    """Return the cells below and above faces along their normals."""
+    low = index.copy()
+    low[np.arange(len(axis)), axis] -= 1
+    return low, index
 
 
 Missing = tuple[Ints, Ints, Floats]
@@ -299,10 +275,8 @@ Missing = tuple[Ints, Ints, Floats]
 
 def _ahead(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
     """Return the air ahead of faces: there C₁₁ of the cell behind is missing."""
-    low = index.copy()
-    low[np.arange(len(axis)), axis] -= 1
     found = []
-    for here, beyond in ((low, index), (index, low)):
+    for here, beyond in permutations(cells_beside(axis, index)):
         kind = problem.kinds[tuple(here.T)]
         at = np.flatnonzero(problem.kinds[tuple(beyond.T)] == AIR)
         found.append((at, beyond[at], problem.moduli.stretch[kind[at]]))
@@ -310,7 +284,7 @@ def _ahead(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
 
 
 def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
-    """Return the air round the corners (edges) of faces, by which friction is lowered."""
+    """Return the air round the edges of faces, which lowers their shear moduli."""
     compliance = np.append(1.0 / problem.moduli.shear, 0.0)
     found = []
     for pair in axis_pairs(problem.dimension):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,75 +12,95 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.relaxation.push_state import PushState
 
 MOST_MOMENTS = 400
-MOST_BYTES = 32_000_000
-"""All moments together take up to this much memory."""
+MOST_BYTES = 32_000_000  # All moments together take up to this much memory
 
 
 class StepRecord(NamedTuple):
     """One step: what it was, and how things stood after it."""
 
     level: int  # Level that was visited
-    # "up" if loads were handed up to parents afterwards, "down" if what parents yielded was handed
-    # down, "" in orders without levels
-    way: str
+    way: str  # Then loads were restricted ("up"), displacements prolonged ("down"); "" on one level
     energy: float  # Energy of body and loads (J), 0 at the start
-    loudest: float
-    """Largest load left, as it counts against γ (N); as of the last visit to level 0."""
-    error_estimate: float
-    """√(Σ P²/k) over √(load · displacement), then."""
-    pushes: int
-    """How often agents have yielded so far."""
+    loudest: float  # Largest load left, as it counts against γ (N), at the last visit to level 0
+    error_estimate: float  # √(Σ P²/k) over √(load · displacement), then
+    pushes: int  # How often agents have yielded so far
 
 
 @dataclass(frozen=True, eq=False)
 class FaceAgents:
-    """The face agents, ordered by level, spawn step and number."""
+    """The face agents, ordered by level, spawn step and number; one row for each."""
 
-    level: Ints
-    spawn_step: Ints
-    number: Ints
-    """Level, 0 for the cells' own faces; step of spawning, from 1; number of the face. Shape
-    (agents,)."""
-    axis: Ints
-    """Axis of the face's normal. Shape (agents,)."""
-    position: Floats
-    """Middle of the face (m). Shape (agents, dimension)."""
-    taken: Floats
-    """Sum of the sizes of the loads taken (N). Shape (agents,)."""
-    left: Floats
-    """Load left (N). Shape (agents,)."""
-    displacement: Floats
-    """Displacement (m) along the axis; of parents, in their last visit. Shape (agents,)."""
+    level: Ints  # 0 for the cells' own faces
+    spawn_step: Ints  # From 1
+    number: Ints  # Of the face on its level
+    axis: Ints  # Of the face's normal
+    position: Floats  # Middle of the face (m), shape (agents, dimension)
+    taken: Floats  # Sum of the sizes of the loads taken (N)
+    left: Floats  # Load left (N)
+    displacement: Floats  # Along the axis (m); of parents, in their last visit
+
+    @classmethod
+    def of(cls, state: PushState) -> Self:
+        """Return the agents that have spawned."""
+        rows = []
+        for number, (level, faces) in enumerate(zip(state.table.levels, state.levels, strict=True)):
+            awake = _awake(faces.spawn_step)
+            at = state.table.positions(number)
+            columns = (level.place[0], at, faces.taken, faces.left, faces.displacement)
+            named = np.full(len(awake), number), faces.spawn_step[awake], awake
+            rows.append((*named, *(values[awake] for values in columns)))
+        return cls(*map(np.concatenate, zip(*rows, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryAgents:
     """The boundary agents: supports, then air; each ordered by spawn step and cell."""
 
-    cells: Ints
-    """Where they are. Shape (agents, dimension)."""
-    kind: Ints
-    """What they are, from `kaju.model.scene.cell_types`. Shape (agents,)."""
-    spawn_step: Ints
-    """Step in which a load first reached them. Shape (agents,)."""
-    reaction: Floats
-    """Force on the body (N); none from air. Shape (agents, dimension)."""
-    returned: Floats
-    """Sum of the sizes of the loads (N) that air gave back; none by supports. Shape (agents,)."""
+    cells: Ints  # Where they are, shape (agents, dimension)
+    kind: Ints  # What they are, from `kaju.model.scene.cell_types`
+    spawn_step: Ints  # Step in which a load first reached them
+    reaction: Floats  # Force on the body (N), none from air, shape (agents, dimension)
+    returned: Floats  # Sum of the sizes of the loads (N) that air gave back; none by supports
+
+    @classmethod
+    def of(cls, state: PushState) -> Self:
+        """Return the supports and the air that loads have reached."""
+        table, faces, count = state.table, state.levels[0], state.table.levels[0].size
+        dimension, holding, air = table.problem.dimension, table.holding, table.open_air
+        by_axis = table.place_axes[:, None] == np.arange(dimension)
+        reaction = -(holding.links @ (by_axis * faces.left[count:, None]))
+        returned = air.links @ faces.taken
+        steps = holding.first(state.place_step), air.first(faces.spawn_step)
+        held, open_ = (_awake(step) for step in steps)
+        cells = np.concatenate([holding.cells[held], air.cells[open_]]) + np.asarray(table.origin)
+        return cls(
+            cells=cells,
+            kind=table.grid.kinds(cells),
+            spawn_step=np.concatenate([steps[0][held], steps[1][open_]]),
+            reaction=np.concatenate([reaction[held], np.zeros((len(open_), dimension))]),
+            returned=np.concatenate([np.zeros(len(held)), returned[open_]]),
+        )
 
 
 @dataclass(frozen=True)
 class PushLedger:
     """An account of every newton, per axis (N)."""
 
-    applied: Floats
-    """Sum of the applied forces. Shape (dimension,)."""
-    resting: Floats
-    """Sum of the loads left on faces."""
-    carried: Floats
-    """Sum of what the supports carry."""
-    turnover: float
-    """Sum of the sizes of all these loads, to compare the imbalance with."""
+    applied: Floats  # Sum of the applied forces, shape (dimension,)
+    resting: Floats  # Sum of the loads left on faces
+    carried: Floats  # Sum of what the supports carry
+    turnover: float  # Sum of the sizes of all these loads, to compare the imbalance with
+
+    @classmethod
+    def of(cls, state: PushState) -> Self:
+        """Return how the account stands."""
+        table, left = state.table, state.levels[0].left
+        axes, dimension = table.levels[0].place[0], table.problem.dimension
+        resting, carried = np.zeros(dimension), np.zeros(dimension)
+        np.add.at(resting, axes, left[: len(axes)])
+        np.add.at(carried, table.place_axes, left[len(axes) :])
+        turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
+        return cls(table.applied, resting, carried, turnover)
 
     @property
     def imbalance(self) -> float:
@@ -93,31 +113,26 @@ class PushLedger:
 class Moments:
     """How things stood after some of the steps, from before the first to the last."""
 
-    step: Ints
-    """Steps taken; 0 is before the first. Shape (k,)."""
-    level: Ints
-    """Level that the step visited. Shape (k,)."""
-    energy: Floats
-    """Energy of body and loads (J). Shape (k,)."""
+    step: Ints  # Steps taken; 0 is before the first, shape (moments,)
+    level: Ints  # Level that the step visited
+    energy: Floats  # Energy of body and loads (J)
+    # Of each agent, as in the run's table, shape (moments, agents): load left (N), where parents
+    # hold the last that was restricted to them, and sum of the sizes of the loads taken (N)
     left: NDArray[np.float32]
     taken: NDArray[np.float32]
-    """Load left on, and sum of the sizes of the loads taken by, each agent (N), agents as in the
-    run's table. Parents hold what was handed up to them last. Shape (k, agents)."""
-    displacement: NDArray[np.float32] | None = None
-    """Displacement (m) of each agent along its axis; older files do not tell. Shape (k, agents)."""
+    displacement: NDArray[np.float32] | None = None  # Along its axis (m); not in older files
 
 
 class Recorder:
-    """Notes moments while a model steps: evenly, and few.
+    """Notes moments while a model steps, from before the first step on: evenly, and few.
 
     A run may take tens of thousands of steps. When there are too many moments, every second one
     is forgotten, and from then on only every second step is noted.
-    The moment before the first step is noted at once.
     """
 
     def __init__(self, state: PushState) -> None:
         self._state = state
-        faces = sum(len(ground.weight) for ground in state.grounds)
+        faces = sum(len(level.weight) for level in state.levels)
         self._most = max(8, min(MOST_MOMENTS, MOST_BYTES // (12 * faces)))
         self._every = 1
         self._kept = [self._look(0)]
@@ -131,25 +146,29 @@ class Recorder:
             self._kept = self._kept[::2]
             self._every *= 2
 
-    def moments(self, level: int, agents: Ints) -> Moments:
-        """Return what was kept, and how things stand now, of the faces with agents."""
-        # `level` was visited last; agents are counted through all levels.
+    def moments(self, level: int, agents: FaceAgents) -> Moments:
+        """Return what was kept, and how things stand now, after a visit to a level."""
         kept = self._kept
         if kept[-1][0] != self._state.generation:
             kept = [*kept, self._look(level)]
-        steps, levels, energies, told = zip(*kept, strict=True)
-        left, taken, displacement = (
-            np.stack(column)[:, agents] for column in zip(*told, strict=True)
-        )
-        return Moments(
-            np.array(steps), np.array(levels), np.array(energies), left, taken, displacement
-        )
+        starts = np.cumsum([0, *(level.size for level in self._state.table.levels)])
+        row = starts[agents.level] + agents.number
+        steps, levels, energies, columns = zip(*kept, strict=True)
+        values = (np.stack(column)[:, row] for column in zip(*columns, strict=True))
+        return Moments(np.array(steps), np.array(levels), np.array(energies), *values)
 
     def _look(self, level: int) -> tuple[int, int, float, list[NDArray[np.float32]]]:
-        grounds = self._state.grounds
-        left = [ground.left[: len(ground.weight)] for ground in grounds]
-        taken = [ground.taken for ground in grounds]
-        displacement = [ground.displacement for ground in grounds]
         state = self._state
-        told = [np.concatenate(part).astype(np.float32) for part in (left, taken, displacement)]
-        return state.generation, level, state.energy, told
+        columns = (
+            [faces.left[: len(faces.weight)] for faces in state.levels],
+            [faces.taken for faces in state.levels],
+            [faces.displacement for faces in state.levels],
+        )
+        values = [np.concatenate(column).astype(np.float32) for column in columns]
+        return state.generation, level, state.energy, values
+
+
+def _awake(step: Ints) -> Ints:
+    """Return the rows that have a step, in the order of their steps."""
+    awake = np.flatnonzero(step)
+    return awake[np.argsort(step[awake], kind="stable")]

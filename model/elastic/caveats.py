@@ -1,13 +1,11 @@
-"""What is to be known of an elastic answer beside its error on its cells.
+"""What is approximate in an elastic answer beside its error on its cells.
 
-The cells are the body that is solved, and its bounds are theorems about that body. Here stands how
-far it is from the body and the loads that were described.
+The cells are the body that is solved, and its bounds are theorems about that body. This module says
+how far it is from the body and the loads that were described.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 from math import isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
@@ -63,12 +61,11 @@ def refuse_singular(
         if not isinstance(quantity, Stress) or not isinstance(quantity.at, tuple):
             continue
         point = np.asarray(quantity.at)
-        known = len(point) == scene.lattice.dimension
-        reason = singular_at(scene, point, stage) if known else ""
-        if reason:
+        fits = len(point) == scene.lattice.dimension
+        if fits and (reason := singular_at(scene, point, stage)):
             box = [(point - 2 * h).tolist(), (point + 2 * h).tolist()]
             raise SingularPlaceError(
-                f"{name}: the stress at {_told(point)} m has no limit, since there {reason}; "
+                f"{name}: the stress at {_point(point)} m has no limit, since there {reason}; "
                 f"ask for its mean over a stated region, such as Stress({{'box': {box}}}, "
                 f"{quantity.component!r}), or, at a re-entrant corner, for result.intensity"
             )
@@ -87,138 +84,117 @@ def stepped_cells(scene: Scene) -> Cells:
     return np.unique(np.concatenate(found), axis=0)
 
 
-@dataclass(frozen=True, eq=False)
-class Caveats:
-    """What is approximate beside the error that an answer estimates."""
+def steps_near(grid: Scene, middle: Floats) -> tuple[Cells, Flags]:
+    """Return the cells that outlines cross, and which agents lie in them or beside them."""
+    lattice, stepped = grid.lattice, stepped_cells(grid)
+    if not len(stepped):
+        return stepped, np.zeros(len(middle), dtype=np.bool_)
+    near = stepped
+    for step in np.eye(lattice.dimension, dtype=np.int64):
+        near = np.unique(np.concatenate([near - step, near, near + step]), axis=0)
+    near = near[lattice.contains(near)]
+    own = np.floor(middle / lattice.cell_size).astype(np.int64)
+    return stepped, np.isin(lattice.key(own), lattice.key(near))
 
-    result: ElasticResult
 
-    @cached_property
-    def told(self) -> list[Caveat]:
-        """All of it, in words."""
-        return [*self._rough(), *self._loads(), *self._steps(), *self._no_limit()]
+def no_limit(result: ElasticResult, agent: int, *, near_step: bool) -> str:
+    """Return why the stress of an agent has no limit under refinement; empty if it has."""
+    if result.scene.outlined:
+        return "perhaps; corners are not looked at within true outlines"
+    if near_step:
+        return "a step of an outline that is not along the axes"
+    for corner in corner_ends(result.scene.lattice.dimension):
+        at = result.lower[agent] + result.size[agent] * corner
+        if reason := singular_at(result.scene, at, result.stage):
+            return reason
+    return ""
 
-    def no_limit(self, agent: int) -> str:
-        """Return why the stress of an agent has no limit under refinement; empty if it has."""
-        result = self.result
-        if result.scene.outlined:
-            return "perhaps; corners are not looked at within true outlines"
-        if self._near_steps[agent]:
-            return "a step of an outline that is not along the axes"
-        for corner in product((0.0, 1.0), repeat=result.scene.lattice.dimension):
-            at = result.lower[agent] + result.size[agent] * np.array(corner)
-            reason = singular_at(result.scene, at, result.stage)
-            if reason:
-                return reason
-        return ""
 
-    @cached_property
-    def _stepped(self) -> Cells:
-        return stepped_cells(self.result.grid)
+def caveats_of(result: ElasticResult, stepped: Cells, near: Flags) -> tuple[Caveat, ...]:
+    """Return what is approximate beside the error that an answer estimates."""
+    found = [*_rough(result), *_loads(result)]
+    if len(stepped):
+        found.append(_steps(result, near))
+    return (*found, *_no_limit(result.grid, stepped))
 
-    @cached_property
-    def _near_steps(self) -> Flags:
-        """Which agents lie in cells that an outline crosses, or in those beside them."""
-        result, near = self.result, self._stepped
-        lattice = result.grid.lattice
-        if not len(near):
-            return np.zeros(result.agents, dtype=np.bool_)
-        for way in np.eye(lattice.dimension, dtype=np.int64):
-            near = np.unique(np.concatenate([near - way, near, near + way]), axis=0)
-        near = near[np.all((near >= 0) & (near < np.asarray(lattice.shape)), axis=1)]
-        own = np.floor(result.middle / lattice.cell_size).astype(np.int64)
-        return np.isin(lattice.key(own), lattice.key(near))
 
-    def _rough(self) -> list[Caveat]:
-        error = self.result.error_estimate
-        # What is said of goals is about their own error, and a proof says more than an estimate.
-        kept = self.result.tolerance_kept
-        if self.result.tolerance_at is not None or kept == "proved" or not error > ROUGH:
-            return []
-        if not isfinite(error):
-            told = "the energy is bounded by 0 from below, so its error cannot be told as a share: "
-            told += "supports bear the loads where they act, and hardly any energy is left"
-            return [Caveat("error not known", told)]
-        told = f"the error is taken as {error:.0%} in the energy norm"
-        if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
-            name, value = "tolerance", f"{0.5 * min(self.result.tolerance or 0.1, error):.2g}"
-            if self.result.found.storage == "solid":  # no tolerance can be asked of these
-                name, value = "resolution", f"{2 * self.result.subdivision}"
-            told += f": ask for less by {name}={value} (kaju solve FILE --{name} {value})"
-        return [Caveat(f"error about {error:.0%}", told)]
+def _rough(result: ElasticResult) -> list[Caveat]:
+    error = result.error_estimate
+    # What is said of goals is about their own error, and a proof says more than an estimate.
+    kept = result.tolerance_kept
+    if result.tolerance_at is not None or kept == "proved" or not error > ROUGH:
+        return []
+    if not isfinite(error):
+        said = "the energy is bounded by 0 from below, so its error cannot be told as a share: "
+        said += "supports bear the loads where they act, and hardly any energy is left"
+        return [Caveat("error not known", said)]
+    said = f"the error is taken as {error:.0%} in the energy norm"
+    if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
+        name, value = "tolerance", f"{0.5 * min(result.tolerance or 0.1, error):.2g}"
+        if result.found.storage == "solid":  # no tolerance can be asked of these
+            name, value = "resolution", f"{2 * result.subdivision}"
+        said += f": ask for less by {name}={value} (kaju solve FILE --{name} {value})"
+    return [Caveat(f"error about {error:.0%}", said)]
 
-    def _loads(self) -> list[Caveat]:
-        """Say which loads do not act just where they are described, and how far off they are."""
-        grid, found = self.result.grid, []
-        for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-            told = _off_place(load, chosen, grid)
-            found += [Caveat(f"loads.{number} spread by cells", f"loads.{number}: {told}")][
-                : len(told)
-            ]
-        left = self.result.load_error_estimate
-        if left > LEFT_OUT:
-            found.append(
-                Caveat(
-                    "loads end within faces",
-                    "loads end within faces, which take their force and moments; what that leaves "
-                    f"out is at most {left:.1g} of the answer in the energy norm, and part of "
-                    "`error_bound`; smaller cells, or a tolerance, lessen it",
-                )
-            )
-        return found
 
-    def _steps(self) -> list[Caveat]:
-        result = self.result
-        if not len(self._stepped):
-            return []
-        h, near = result.grid.lattice.cell_size, self._near_steps
-        density = np.einsum("nij,nij->n", result.stress, result.strain)
-        energy = density * result.size**result.scene.lattice.dimension
-        share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
+def _loads(result: ElasticResult) -> list[Caveat]:
+    """Say which loads do not act just where they are described, and how far off they are."""
+    grid, found = result.grid, []
+    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
+        if off := _off_place(load, chosen, grid):
+            found.append(Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}"))
+    left = result.load_error_estimate
+    if left > LEFT_OUT:
         said = (
-            f"round and slanted outlines are steps of {h:.3g} m, and what is proved is proved for "
-            "the body of cells: the energy of the body described differs by an estimated "
-            f"{share:.1g} of it"
+            "loads end within faces, which take their force and moments; what that leaves "
+            f"out is at most {left:.1g} of the answer in the energy norm, and part of "
+            "`error_bound`; smaller cells, or a tolerance, lessen it"
         )
-        largest = result.largest_stress
-        if near[first_largest(result.von_mises)]:
-            said += (
-                f"; the largest stress, at {_told(largest.at)} m, is an artefact of a step and "
-                "grows with smaller agents"
-            )
-            if not near.all():
-                stress = np.where(near, 0.0, result.von_mises)
-                agent = first_largest(stress)
-                said += (
-                    f". More than a cell away from steps it is {stress[agent]:.3g} Pa, at "
-                    f"{_told(result.middle[agent])} m (von Mises)"
-                )
-        return [Caveat(f"outlines are steps of {h:.3g} m", said)]
+        found.append(Caveat("loads end within faces", said))
+    return found
 
-    def _no_limit(self) -> list[Caveat]:
-        grid = self.result.grid
-        corners, steps = sharp_corners(grid), self._stepped
-        if len(corners) and len(steps):  # those of steps have a note of their own
-            lattice = grid.lattice
-            corner = np.rint(corners / lattice.cell_size).astype(np.int64)
-            around = corner[:, None] - corner_ends(lattice.dimension)
-            inside = np.all((around >= 0) & (around < np.asarray(lattice.shape)), axis=2)
-            keys = lattice.key(
-                np.where(inside[..., None], around, 0).reshape(-1, lattice.dimension)
+
+def _steps(result: ElasticResult, near: Flags) -> Caveat:
+    h = result.grid.lattice.cell_size
+    density = np.einsum("nij,nij->n", result.stress, result.strain)
+    energy = density * result.size**result.scene.lattice.dimension
+    share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
+    said = (
+        f"round and slanted outlines are steps of {h:.3g} m, and what is proved is proved for "
+        "the body of cells: the energy of the body described differs by an estimated "
+        f"{share:.1g} of it"
+    )
+    if near[first_largest(result.von_mises)]:
+        said += (
+            f"; the largest stress, at {_point(result.largest_stress.at)} m, is an artefact of a "
+            "step and grows with smaller agents"
+        )
+        if not near.all():
+            stress = np.where(near, 0.0, result.von_mises)
+            agent = first_largest(stress)
+            said += (
+                f". More than a cell away from steps it is {stress[agent]:.3g} Pa, at "
+                f"{_point(result.middle[agent])} m (von Mises)"
             )
-            stepped = inside & np.isin(keys, lattice.key(steps)).reshape(inside.shape)
-            corners = corners[~stepped.any(axis=1)]
-        if not len(corners):
-            return []
-        places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
-        more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
-        many = f"{len(corners)} corner" + ("s" if len(corners) > 1 else "")
-        return [
-            Caveat(
-                f"no limit of stress at {many}",
-                f"stress grows without limit under refinement at the corner {places} m{more}",
-            )
-        ]
+    return Caveat(f"outlines are steps of {h:.3g} m", said)
+
+
+def _no_limit(grid: Scene, stepped: Cells) -> list[Caveat]:
+    corners = sharp_corners(grid)
+    if len(corners) and len(stepped):  # those of steps have a note of their own
+        lattice = grid.lattice
+        corner = np.rint(corners / lattice.cell_size).astype(np.int64)
+        around = (corner[:, None] - corner_ends(lattice.dimension)).reshape(-1, lattice.dimension)
+        inside = lattice.contains(around)
+        inside[inside] = np.isin(lattice.key(around[inside]), lattice.key(stepped))
+        corners = corners[~inside.reshape(len(corners), -1).any(axis=1)]
+    if not len(corners):
+        return []
+    places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
+    more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
+    many = f"{len(corners)} corner" + ("s" if len(corners) > 1 else "")
+    said = f"stress grows without limit under refinement at the corner {places} m{more}"
+    return [Caveat(f"no limit of stress at {many}", said)]
 
 
 def load_error(result: ElasticResult) -> float:
@@ -233,8 +209,8 @@ def load_error(result: ElasticResult) -> float:
     else:
         portions = portions_of_cells(applied, found.scales.force)
         size, kind = np.ones(len(applied.cells)), np.zeros(len(applied.cells), dtype=np.int64)
-        uneven = applied.uneven.row
-        kind[uneven] = found.moduli_of_cells(applied.cells[uneven])
+        cells = applied.cells[applied.uneven.row]
+        kind[applied.uneven.row] = found.law_at(result.grid.lattice.centres(cells), cells)
     least = softest(*found.moduli, result.grid.lattice.dimension)[kind]
     return data_error(portions, size, least) / sqrt(2.0 * found.solution.energy)
 
@@ -244,29 +220,29 @@ def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
     h, inside = grid.lattice.cell_size, bool(np.all(chosen.direction < 0))
     shaped = load.region is not None and load.region.box is None
     edge = f"which moves the edge of its region by up to {0.5 * h:.3g} m"
-    told = []
+    said = []
     if load.point is not None:
         how = "with its moment" if chosen.offset is not None else "round its middle"
-        told.append(
+        said.append(
             f"a force at a point has no limit of energy; it is spread over the {h:.3g} m of its "
             f"cell, {how}, and smaller cells make it sharper"
         )
     elif shaped and inside:
-        told.append(f"takes whole cells, {edge}")
+        said.append(f"takes whole cells, {edge}")
     elif shaped and _ends_on_surface(grid, chosen):
-        told.append(f"takes whole faces, {edge}; a box without thickness ends within them")
+        said.append(f"takes whole faces, {edge}; a box without thickness ends within them")
     elif inside and chosen.part is not None:
-        told.append(
+        said.append(
             "its region ends inside cells, and acts on the whole of each, which moves its edge by "
             f"up to {h:.3g} m; smaller cells or a resolution lessen it"
         )
     steps = chosen.steps_of_couple(grid.lattice) if load.couple is not None else 0.0
     if steps > STEPS_OF_COUPLE:
-        told.append(
+        said.append(
             f"a couple acts evenly on each face, where it would grow across it: steps that are "
             f"{steps:.2g} of its moment; smaller cells lessen them"
         )
-    return "; ".join(told)
+    return "; ".join(said)
 
 
 def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:
@@ -305,5 +281,5 @@ def _crossed(shape: Shape, scene: Scene) -> Cells:
     return crossed
 
 
-def _told(point: Floats | tuple[float, ...]) -> str:
+def _point(point: Floats | tuple[float, ...]) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"

@@ -1,4 +1,4 @@
-"""Equal cells as agents: what they are, how they move, and how that was found; scaled."""
+"""Equal cells as agents: what they are, how they move, and how that was found."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Scales
 from .reactions import reactions
 from .solver import Solution, settled
-from .staggered import Strains, energy_of_cells
+from .staggered import Pair, Strains, energy_of_cells
 
 if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
@@ -30,16 +30,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class CellAgents:
-    """Agents of one size: arrays over the box around the body."""
+    """Agents of one size, as arrays over the box around the body; values are in SI units."""
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
     levels: ClassVar[int] = 1  # Sizes of agents
     grid: Scene  # The scene on the cells that were solved
     stage: int | None
-    problem: ElasticProblem
-    """The scaled arrays that were solved."""
+    problem: ElasticProblem  # The scaled arrays that were solved
     origin: tuple[int, ...]  # The grid's cell that is the arrays' first
-    solution: Solution  # Displacements of the faces and the history of the iteration
+    solution: Solution  # Scaled displacements of the faces and the history of the iteration
     field: Floats | None = None
     """What moduli are multiplied by, one number for every cell of the scene that was asked about;
     every agent is a kind of the problem's own then."""
@@ -51,17 +50,21 @@ class CellAgents:
 
     @property
     def moduli(self) -> Moduli:
-        """Of every material."""
+        """Scaled moduli of every material."""
         return self.problem.moduli
 
     def history(self) -> dict[str, Any]:
         """Return how the agents came to be: all at once."""
         return {"generations": 1}
 
-    @property
+    @cached_property
     def body(self) -> Flags:
         """Which cells of the box are of a material."""
-        return np.asarray(self.problem.kinds[self.problem.inner] >= 0)
+        return np.asarray(self._kinds >= 0)
+
+    @property
+    def _kinds(self) -> NDArray[np.int32]:
+        return self.problem.kinds[self.problem.inner]
 
     @cached_property
     def cells(self) -> Ints:
@@ -75,26 +78,23 @@ class CellAgents:
 
     @property
     def lower(self) -> Floats:
-        """Lower corners (m) of the agents."""
+        """Lower corners of the agents."""
         return np.asarray(self.cells * self.grid.lattice.cell_size)
 
     @property
     def size(self) -> Floats:
-        """Edges (m) of the agents."""
+        """Edges of the agents."""
         return np.full(self.count, self.grid.lattice.cell_size)
 
     @property
-    def material(self) -> Ints:
+    def law(self) -> Ints:
         """Index of each agent's moduli."""
-        return np.asarray(self.problem.kinds[self.problem.inner][self.body], dtype=np.int64)
+        return np.asarray(self._kinds[self.body], dtype=np.int64)
 
-    def materials_of(self, moduli: Ints) -> Ints:
-        """Return the materials of agents, by the indices of their moduli."""
-        return moduli if self.field is None else self._materials[moduli]
-
-    @cached_property
-    def _materials(self) -> Ints:
-        return np.asarray(self.grid.kinds(self.cells))
+    @property
+    def material(self) -> Ints:
+        """Index of each agent's material."""
+        return self.law if self.field is None else np.asarray(self.grid.kinds(self.cells))
 
     @property
     def stiffness(self) -> Floats | None:
@@ -104,35 +104,60 @@ class CellAgents:
         division = self.grid.lattice.shape[0] // len(self.field)
         return np.asarray(self.field[tuple((self.cells // division).T)])
 
-    @cached_property
-    def energies(self) -> Floats:
-        """Energy stored in each agent, with its share of the edges round it."""
-        return energy_of_cells(self.problem, self.solution.displacement)[self.body]
+    @property
+    def level(self) -> Ints:
+        """How often agents were halved: never. In which step they spawned: all at first."""
+        return np.zeros(self.count, dtype=np.int64)
 
-    @cached_property
+    spawn_step = level
+
+    @property
+    def cause(self) -> Floats:
+        """For what load agents spawned: for none."""
+        return np.zeros(self.count)
+
+    @property
+    def energy(self) -> Floats:
+        """Energy stored in each agent, with its share of the edges round it."""
+        energy = energy_of_cells(self.problem, self.solution.displacement)[self.body]
+        return np.asarray(self.scales.energy * energy)
+
+    @property
     def displacement(self) -> Floats:
         """Of the agents' middles."""
-        return fields.cell_means(self.problem, self.solution.displacement)[self.body]
+        means = fields.cell_means(self.problem, self.solution.displacement)
+        return np.asarray(self.scales.displacement * means[self.body])
 
-    @cached_property
-    def parts(self) -> Strains:
-        """Normal stresses of the box's cells, shear stresses of its edges."""
-        return fields.stress_parts(self.problem, self.solution.displacement)
-
-    @cached_property
+    @property
     def stress(self) -> Floats:
         """Stress tensors of the agents."""
-        return fields.cell_tensor(self.problem, self.parts)[self.body]
+        tensor = fields.cell_tensor(self.problem, self._parts)
+        return np.asarray(self.scales.stress * tensor[self.body])
 
     @cached_property
-    def faces(self) -> FaceFields:
+    def _parts(self) -> Strains:
+        """Scaled normal stresses of the box's cells, shear stresses of its edges."""
+        return fields.stress_parts(self.problem, self.solution.displacement)
+
+    @property
+    def edge_shear(self) -> dict[Pair, Floats]:
+        """Shear stresses of the box's edges, per pair of axes."""
+        return {pair: self.scales.stress * shear for pair, shear in self._parts.edges.items()}
+
+    @cached_property
+    def face_displacement(self) -> FaceFields:
         """Normal displacement of the box's faces per axis; NaN where there is no body."""
+        unit, states = self.scales.displacement, self.problem.face_states
         return tuple(
-            np.where(state == ABSENT, np.nan, values)[self.problem.inner]
-            for values, state in zip(
-                self.solution.displacement, self.problem.face_states, strict=True
-            )
+            unit * np.where(state == ABSENT, np.nan, values)[self.problem.inner]
+            for values, state in zip(self.solution.displacement, states, strict=True)
         )
+
+    @cached_property
+    def corner_displacement(self) -> Floats:
+        """Displacement of the corners of the box's cells; NaN where there is no body."""
+        corners = fields.node_displacement(self.problem, self.solution.displacement)
+        return self.scales.displacement * corners
 
     @cached_property
     def bracket(self) -> EnergyBounds | str:
@@ -156,11 +181,6 @@ class CellAgents:
         number = np.cumsum(self.body.ravel()) - 1
         return number[np.ravel_multi_index(tuple(place.T), self.body.shape)], inside
 
-    @cached_property
-    def corners(self) -> Floats:
-        """Displacement of the corners of the box's cells; NaN where there is no body."""
-        return fields.node_displacement(self.problem, self.solution.displacement)
-
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
         lattice, shape = self.grid.lattice, self.problem.shape
@@ -170,33 +190,30 @@ class CellAgents:
             end = self.origin[axis] + shape[axis] == lattice.shape[axis]
             reached = end if upper else self.origin[axis] == 0
             names.append(name if reached else INSIDE)
-        return reactions(self.problem, self.solution.displacement, tuple(names))
+        found = reactions(self.problem, self.solution.displacement, tuple(names))
+        return {name: self.scales.force * force for name, force in found.items()}
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
-        return fields.at_nodes(self.corners, *self._within(points, cells))
+        return fields.at_nodes(self.corner_displacement, *self._within(points, cells))
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return fields.stress_at(self.parts, self._alike, *self._within(points, cells))
+        stress = fields.stress_at(self._parts, self._alike, *self._within(points, cells))
+        return self.scales.stress * stress
 
     @cached_property
     def _alike(self) -> NDArray[np.int32]:
         """Numbers of the box's cells: the same if their moduli are, below 0 without material."""
-        kinds = self.problem.kinds[self.problem.inner].copy()
+        kinds = self._kinds.copy()
         if self.field is not None:
             moduli = np.stack(self.moduli, axis=1)
             kinds[self.body] = np.unique(moduli, axis=0, return_inverse=True)[1].ravel()
         return kinds
 
-    def material_at(self, points: Floats, cells: Ints) -> Ints:
+    def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the cells in or on which points lie."""
-        return self.moduli_of_cells(cells)
-
-    def moduli_of_cells(self, cells: Ints) -> Ints:
-        """Return the index of the moduli of cells of the grid."""
-        kinds = self.problem.kinds[self.problem.inner]
-        return np.asarray(kinds[tuple((cells - np.asarray(self.origin)).T)], dtype=np.int64)
+        return np.asarray(self._kinds[tuple((cells - np.asarray(self.origin)).T)], dtype=np.int64)
 
     def _within(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         local = points / self.grid.lattice.cell_size - cells
@@ -204,7 +221,7 @@ class CellAgents:
 
     @cached_property
     def tree(self) -> LeafAgents:
-        """The same agents as the tree of one level, which knows their errors one by one."""
+        """The same agents as a tree of one level, which estimates their errors one by one."""
         if self.field is not None:
             raise ResultError(
                 "stiffness: agents with a field of stiffness have no errors one by one, nor "
@@ -212,7 +229,7 @@ class CellAgents:
             )
         from kaju.model.elastic.leaf_agents import tree_of_cells
 
-        return tree_of_cells(self)
+        return tree_of_cells(self.grid, self.stage, self.problem, self.origin, self.solution)
 
     def from_tree(self, values: Floats) -> Floats:
         """Return values of the tree's agents in the order of these."""
@@ -221,18 +238,6 @@ class CellAgents:
     @cached_property
     def _in_tree(self) -> Ints:
         return self.tree.leaves.find(self.cells * self.tree.ground.cell)
-
-    @property
-    def level(self) -> Ints:
-        """How often agents were halved: never. In which step they spawned: all at first."""
-        return np.zeros(self.count, dtype=np.int64)
-
-    spawn_step = level
-
-    @property
-    def cause(self) -> Floats:
-        """For what load agents spawned: for none."""
-        return np.zeros(self.count)
 
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: arrays, and plain values."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.arrays import Floats, Ints, first_largest
+from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Generation, Spawning
 
-    from .caveats import Caveats
     from .cell_agents import CellAgents
     from .equal_arrays import EqualArrays
     from .intensity import Intensity
@@ -69,7 +68,7 @@ class ElasticResult(BodyResult):
         What was asked.
     stage : int or None
         Stage of loading; None is the last.
-    found : CellAgents or TreeAgents
+    found : CellAgents or LeafAgents
         The agents, how their faces move and how that was solved, as the solver keeps them.
     seconds : float
     tolerance : float or None
@@ -158,7 +157,7 @@ class ElasticResult(BodyResult):
     @property
     def material(self) -> Ints:
         """Index into `scene.cell_materials` of each agent."""
-        return self.found.materials_of(self.found.material)
+        return self.found.material
 
     @property
     def stiffness(self) -> Floats | None:
@@ -186,7 +185,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the agents' middles, shape (agents, dimension)."""
-        return np.asarray(self.found.scales.displacement * self.found.displacement)
+        return self.found.displacement
 
     @cached_property
     def stress(self) -> Floats:
@@ -195,12 +194,12 @@ class ElasticResult(BodyResult):
         The operator's own, in the middles of the agents. Nothing is proved of it; see
         `balanced_stress_at`.
         """
-        return np.asarray(self.found.scales.stress * self.found.stress)
+        return self.found.stress
 
     @cached_property
     def strain(self) -> Floats:
         """Strain tensors of the agents, shape (agents, dimension, dimension)."""
-        return self._strain_of(self.stress, self.found.material)
+        return self._strain_of(self.stress, self.found.law)
 
     @cached_property
     def principal_stress(self) -> Floats:
@@ -210,13 +209,14 @@ class ElasticResult(BodyResult):
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the agents."""
-        return self._von_mises_of(self.stress, self.found.material)
+        return fields.equivalent_stress(
+            self.stress, self.found.moduli, self.found.law, self.scene.plane
+        )
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
-        unit = self.found.scales.force
-        return {name: unit * force for name, force in self.found.reactions().items()}
+        return self.found.reactions()
 
     @property
     def strain_energy(self) -> float:
@@ -225,9 +225,9 @@ class ElasticResult(BodyResult):
         The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, or where
         the bounds contradict the estimated error.
         """
-        found, own = self._promised_bracket, self.found.solution.energy
-        if found is not None and (found.error <= (self.tolerance or 0.0) or self._contradicted):
-            own = 0.5 * (found.lower + found.upper)
+        bounds, own = self._promised_bounds, self.found.solution.energy
+        if bounds is not None and (bounds.error <= (self.tolerance or 0.0) or self._contradicted):
+            own = 0.5 * (bounds.lower + bounds.upper)
         return own * self.found.scales.energy
 
     @property
@@ -243,7 +243,7 @@ class ElasticResult(BodyResult):
         ResultError
             If the agents spawned: those of many sizes share their edges.
         """
-        return np.asarray(self.found.scales.energy * self.found.energies)
+        return self.found.energy
 
     @property
     def error_estimate(self) -> float:
@@ -254,27 +254,29 @@ class ElasticResult(BodyResult):
         tolerance was asked for and bounds contradict the estimate, it is `error_bound`: they do
         where they are above twice of it, or the energy of `stress` lies further outside of them.
         """
-        found, own = self._promised_bracket, self.found.solution.error
-        return max(own, found.error) if found is not None and self._contradicted else own
+        bounds, own = self._promised_bounds, self.found.solution.error
+        return max(own, bounds.error) if bounds is not None and self._contradicted else own
 
     @property
-    def _promised_bracket(self) -> EnergyBounds | None:
+    def _bounds(self) -> EnergyBounds | None:
+        """Scaled bounds of the energy, if there are any."""
+        bounds = self.found.bracket
+        return None if isinstance(bounds, str) else bounds
+
+    @property
+    def _promised_bounds(self) -> EnergyBounds | None:
         """The bounds that are to meet the tolerance, if there are any."""
-        found = self.found.bracket if self._promised else ""
-        return None if isinstance(found, str) else found
+        return self._bounds if self._promised else None
 
     @property
     def _contradicted(self) -> bool:
-        """Whether the bounds that are to meet the tolerance say that the estimate is blind."""
-        found, own, energy = (
-            self._promised_bracket,
-            self.found.solution.error,
-            self.found.solution.energy,
-        )
-        if found is None:
+        """Whether the bounds that are to meet the tolerance show that the estimate is too small."""
+        bounds, solution = self._promised_bounds, self.found.solution
+        if bounds is None:
             return False
-        outside = max(energy - found.upper, found.lower - energy)
-        return found.error > BLIND * own or outside > (BLIND * own) ** 2 * found.upper
+        outside = max(solution.energy - bounds.upper, bounds.lower - solution.energy)
+        allowed = BLIND * solution.error
+        return bounds.error > allowed or outside > allowed**2 * bounds.upper
 
     @property
     def energy_bounds(self) -> tuple[float, float] | None:
@@ -284,11 +286,11 @@ class ElasticResult(BodyResult):
         gaps (Prager and Synge 1947). `strain_energy` is their middle where a tolerance is
         proved; else they are as wide as it takes to hold it too.
         """
-        found = self.found.bracket
-        if isinstance(found, str):
+        bounds = self._bounds
+        if bounds is None:
             return self.found.energy_bounds
         unit, energy = self.found.scales.energy, self.strain_energy
-        return min(found.lower * unit, energy), max(found.upper * unit, energy)
+        return min(bounds.lower * unit, energy), max(bounds.upper * unit, energy)
 
     @property
     def error_bound(self) -> float | None:
@@ -297,8 +299,7 @@ class ElasticResult(BodyResult):
         A theorem about that stress alone, where `error_estimate` is an opinion; None where there is
         none (`no_bound`).
         """
-        found = self.found.bracket
-        return None if isinstance(found, str) else found.error
+        return None if self._bounds is None else self._bounds.error
 
     def checks(self) -> list[Check]:
         """Return whether the supports bear the loads, as far as the notes do not say otherwise."""
@@ -343,8 +344,7 @@ class ElasticResult(BodyResult):
     @property
     def no_bound(self) -> str:
         """Why there are no bounds, in words; empty if there are."""
-        found = self.found.bracket
-        return found if isinstance(found, str) else ""
+        return self.found.bracket if isinstance(self.found.bracket, str) else ""
 
     def balanced_stress_at(self, points: Floats) -> Floats:
         """Return the stress (Pa) of which `error_bound` is proved, at points.
@@ -403,14 +403,12 @@ class ElasticResult(BodyResult):
         In the energy norm, relative to the truth: `error_bound`, and how far `balanced_stress_at`
         varies within agents. None where there is none (`no_bound`).
         """
-        found = self.found.bracket
-        return None if isinstance(found, str) else found.mean_error
+        return None if self._bounds is None else self._bounds.mean_error
 
     def _certain(self, name: str) -> EnergyBounds:
-        found = self.found.bracket
-        if isinstance(found, str):
-            raise ResultError(f"{name}: there are no bounds, since {found}")
-        return found
+        if self._bounds is None:
+            raise ResultError(f"{name}: there are no bounds, since {self.no_bound}")
+        return self._bounds
 
     @cached_property
     def displacement_error_estimate(self) -> float:
@@ -503,19 +501,27 @@ class ElasticResult(BodyResult):
     @cached_property
     def caveats(self) -> tuple[str, ...]:
         """What is approximate beside the error on the cells: outlines, loads, corners."""
-        return tuple(caveat.full for caveat in self._caveats.told)
+        return tuple(full for _, full in self._caveats)
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
         """The `caveats`, and a tolerance that was missed, in a few words each."""
         missed = ("tolerance missed",) if self.tolerance_kept == "missed" else ()
-        return (*missed, *(caveat.brief for caveat in self._caveats.told))
+        return (*missed, *(brief for brief, _ in self._caveats))
 
     @cached_property
-    def _caveats(self) -> Caveats:
-        from .caveats import Caveats
+    def _caveats(self) -> tuple[tuple[str, str], ...]:
+        """What is approximate, in a few words and in full."""
+        from .caveats import caveats_of
 
-        return Caveats(self)
+        return caveats_of(self, *self._steps)
+
+    @cached_property
+    def _steps(self) -> tuple[Ints, Flags]:
+        """Cells that slanted outlines cross, and which agents lie in or beside them."""
+        from .caveats import steps_near
+
+        return steps_near(self.grid, self.middle)
 
     @cached_property
     def load_error_estimate(self) -> float:
@@ -531,9 +537,12 @@ class ElasticResult(BodyResult):
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
+        from .caveats import no_limit
+
         agent = first_largest(self.von_mises)
         place = tuple(self.middle[agent].tolist())
-        return LargestStress(float(self.von_mises[agent]), place, self._caveats.no_limit(agent))
+        reason = no_limit(self, agent, near_step=bool(self._steps[1][agent]))
+        return LargestStress(float(self.von_mises[agent]), place, reason)
 
     @property
     def _unproved(self) -> list[str]:
@@ -598,7 +607,12 @@ class ElasticResult(BodyResult):
         """
         from .intensity import intensity
 
-        return intensity(self, at, radius)
+        if self.stiffness is not None:
+            raise ResultError(
+                "intensity: the factors are those of one material all round the tip, and this "
+                "answer has a field of stiffness"
+            )
+        return intensity(self, self.error_estimate, at, radius)
 
     @property
     def max_displacement(self) -> float:
@@ -607,7 +621,7 @@ class ElasticResult(BodyResult):
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        return self.found.scales.displacement * self.found.displacement_at(*self._located(points))
+        return self.found.displacement_at(*self._located(points))
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
@@ -615,13 +629,12 @@ class ElasticResult(BodyResult):
         `stress` of the agents, running from each to the next. Nothing is proved of it; see
         `balanced_stress_at`.
         """
-        return self.found.scales.stress * self.found.stress_at(*self._located(points))
+        return self.found.stress_at(*self._located(points))
 
     def strain_at(self, points: Floats) -> Floats:
         """Return strain tensors at points (m), shape (n, dimension, dimension)."""
         place = self._located(points)
-        stress = self.found.scales.stress * self.found.stress_at(*place)
-        return self._strain_of(stress, self.found.material_at(*place))
+        return self._strain_of(self.found.stress_at(*place), self.found.law_at(*place))
 
     def _carrying(self, axis: int) -> Carrying:
         volume = self.size**self.scene.lattice.dimension
@@ -676,9 +689,11 @@ class ElasticResult(BodyResult):
         ResultError
             If there would be too many cells.
         """
-        from .equal_arrays import arrays_of
+        from .arguments import check_numbers
+        from .equal_arrays import EqualArrays
 
-        return arrays_of(self, resolution)
+        check_numbers(None, resolution)
+        return EqualArrays(self.found, self.subdivision, int(resolution or self.subdivision))
 
     def tiles(self, value: Floats) -> Tiles:
         """Return the agents with a value each, as they are drawn."""
@@ -763,17 +778,8 @@ class ElasticResult(BodyResult):
     def _located(self, points: Floats) -> tuple[Floats, Ints]:
         return cells_of_points(self.grid, points)
 
-    def _strain_of(self, stress: Floats, material: Ints) -> Floats:
-        scaled = stress / self.found.scales.modulus
-        return fields.strain_of(scaled, self.found.moduli, material)
-
-    def _von_mises_of(self, stress: Floats, material: Ints) -> Floats:
-        across: Floats | float = 0.0
-        if self.scene.plane == "strain":
-            moduli = self.found.moduli
-            lateral, shear = moduli.lateral[material], moduli.shear[material]
-            across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-        return fields.von_mises(stress, across)
+    def _strain_of(self, stress: Floats, law: Ints) -> Floats:
+        return fields.strain_of(stress / self.found.scales.modulus, self.found.moduli, law)
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:

@@ -9,15 +9,15 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
+from kaju.model.results.result import cells_of_points
 from kaju.model.scene.body_cells import body_cells
 
-from .arguments import check_numbers
+from . import fields
 from .cell_agents import CellAgents
 from .staggered import Pair, axis_pairs
 
 if TYPE_CHECKING:
-    from .elastic_result import ElasticResult
-
+    from .leaf_agents import LeafAgents
 
 MOST_CELLS = 40_000_000  # More cells than this are not laid out as arrays
 
@@ -28,18 +28,23 @@ class EqualArrays:
     The first cell's lower corner lies at ``origin × cell_size`` (m).
     """
 
-    def __init__(
-        self,
-        result: ElasticResult,
-        cell_size: float,
-        origin: tuple[int, ...],
-        shape: tuple[int, ...],
-    ) -> None:
-        self.cell_size, self.origin, self.shape = cell_size, origin, shape
-        self._result = result
-        found = result.found
-        own = isinstance(found, CellAgents) and found.grid.lattice.cell_size == cell_size
+    def __init__(self, found: CellAgents | LeafAgents, own_division: int, division: int) -> None:
+        """Lay out cells by their number per cell of the scene; the grid has `own_division`."""
+        lower, upper = found.grid.bounds()
+        # Cells of the grid that are not whole cells of the arrays round the box up.
+        first = np.floor_divide(lower * division, own_division)
+        last = -np.floor_divide(-upper * division, own_division)
+        self.origin, self.shape = tuple(first.tolist()), tuple((last - first).tolist())
+        count = float(np.prod(np.asarray(self.shape, dtype=np.float64)))
+        if count > MOST_CELLS:
+            raise ResultError(
+                f"cells: {count:.2g} cells are more than the {MOST_CELLS:.0e} that are laid out as "
+                "arrays; take a smaller resolution, or the agents' own arrays"
+            )
+        self.cell_size = found.grid.lattice.cell_size * (own_division / division)
+        self._found = found
         # Where the agents are these very cells, their arrays need no interpolation.
+        own = isinstance(found, CellAgents) and division == own_division
         self._agents = found if own and isinstance(found, CellAgents) else None
 
     @property
@@ -52,9 +57,8 @@ class EqualArrays:
         """Which cells have their middle in the body."""
         if self._agents is not None:
             return self._agents.body
-        return body_cells(self._result.grid, self._middles(np.ones(self.shape, np.bool_)))[
-            1
-        ].reshape(self.shape)
+        middles = self._middles(np.ones(self.shape, np.bool_))
+        return body_cells(self._found.grid, middles)[1].reshape(self.shape)
 
     @cached_property
     def middle(self) -> Floats:
@@ -65,35 +69,39 @@ class EqualArrays:
     def material(self) -> Ints:
         """Index into `scene.cell_materials` of each cell, -1 where there is no body."""
         material = np.full(self.shape, -1, dtype=np.int64)
-        material[self.body] = self._result.found.materials_of(self._moduli)
+        grid = self._found.grid
+        material[self.body] = grid.kinds(cells_of_points(grid, self.middle)[1])
         return material
 
     @cached_property
-    def _moduli(self) -> Ints:
+    def _law(self) -> Ints:
         """Index of the moduli of each cell of the body."""
-        return self._result.found.material_at(*self._result._located(self.middle))
+        return self._found.law_at(*cells_of_points(self._found.grid, self.middle))
 
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the cells' middles, shape (n, ..., dimension)."""
-        result, own = self._result, self._agents is not None
-        return self._spread(result.displacement if own else result.displacement_at(self.middle))
+        own = self._agents
+        return self._spread(self._displacement_at(self.middle) if own is None else own.displacement)
 
     @cached_property
     def stress(self) -> Floats:
         """Stress tensors (Pa) of the cells, shape (n, ..., dimension, dimension)."""
-        result, own = self._result, self._agents is not None
-        return self._spread(result.stress if own else result.stress_at(self.middle))
+        own = self._agents
+        return self._spread(self._stress_at(self.middle) if own is None else own.stress)
 
     @cached_property
     def strain(self) -> Floats:
         """Strain tensors of the cells, shape (n, ..., dimension, dimension)."""
-        return self._spread(self._result._strain_of(self.stress[self.body], self._moduli))
+        scaled = self.stress[self.body] / self._found.scales.modulus
+        return self._spread(fields.strain_of(scaled, self._found.moduli, self._law))
 
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the cells."""
-        return self._spread(self._result._von_mises_of(self.stress[self.body], self._moduli))
+        moduli, plane = self._found.moduli, self._found.grid.plane
+        stress = self.stress[self.body]
+        return self._spread(fields.equivalent_stress(stress, moduli, self._law, plane))
 
     @cached_property
     def principal_stress(self) -> Floats:
@@ -104,38 +112,42 @@ class EqualArrays:
     def corner_displacement(self) -> Floats:
         """Displacement (m) of the cells' corners, shape (n + 1, ..., dimension)."""
         if self._agents is not None:
-            return self._result.found.scales.displacement * self._agents.corners
+            return self._agents.corner_displacement
         nodes, points = self._round(tuple(range(self.dimension)))
         field = np.full((*nodes.shape, self.dimension), np.nan)
-        field[nodes] = self._result.displacement_at(points)
+        field[nodes] = self._displacement_at(points)
         return field
 
     @cached_property
     def face_displacement(self) -> tuple[Floats, ...]:
         """Normal displacement (m) of the faces' middles per axis, one more along that axis."""
         if self._agents is not None:
-            unit = self._result.found.scales.displacement
-            return tuple(unit * values for values in self._agents.faces)
-        fields = []
+            return self._agents.face_displacement
+        found = []
         for axis in range(self.dimension):
             faces, points = self._round((axis,))
             field = np.full(faces.shape, np.nan)
-            field[faces] = self._result.displacement_at(points)[:, axis]
-            fields.append(field)
-        return tuple(fields)
+            field[faces] = self._displacement_at(points)[:, axis]
+            found.append(field)
+        return tuple(found)
 
     @cached_property
     def edge_shear(self) -> dict[Pair, Floats]:
         """Shear stress (Pa) at the corners (edges) of the cells, per pair of axes."""
         if self._agents is not None:
-            unit = self._result.found.scales.stress
-            return {pair: unit * shear for pair, shear in self._agents.parts.edges.items()}
-        fields = {}
+            return self._agents.edge_shear
+        found = {}
         for pair in axis_pairs(self.dimension):
             edges, points = self._round(pair)
-            fields[pair] = np.zeros(edges.shape)
-            fields[pair][edges] = self._result.stress_at(points)[:, pair[0], pair[1]]
-        return fields
+            found[pair] = np.zeros(edges.shape)
+            found[pair][edges] = self._stress_at(points)[:, pair[0], pair[1]]
+        return found
+
+    def _displacement_at(self, points: Floats) -> Floats:
+        return self._found.displacement_at(*cells_of_points(self._found.grid, points))
+
+    def _stress_at(self, points: Floats) -> Floats:
+        return self._found.stress_at(*cells_of_points(self._found.grid, points))
 
     def _spread(self, values: Floats) -> Floats:
         """Return values of the body's cells as an array over all cells."""
@@ -159,24 +171,3 @@ class EqualArrays:
         offset = np.array([0.0 if a in axes else 0.5 for a in range(self.dimension)])
         points = (np.argwhere(touched) + np.asarray(self.origin) + offset) * self.cell_size
         return touched, np.asarray(points)
-
-
-def arrays_of(result: ElasticResult, resolution: int | None) -> EqualArrays:
-    """Return an answer as arrays; see `ElasticResult.cells`."""
-    check_numbers(None, resolution)
-    division = result.subdivision if resolution is None else int(resolution)
-    lower, upper = result.grid.bounds()
-    # Cells of the grid that are not whole cells of the arrays round the box up.
-    first = np.floor_divide(lower * division, result.subdivision)
-    last = -np.floor_divide(-upper * division, result.subdivision)
-    shape = tuple(int(n) for n in last - first)
-    count = float(np.prod(np.asarray(shape, dtype=np.float64)))
-    if count > MOST_CELLS:
-        raise ResultError(
-            f"cells: {count:.2g} cells are more than the {MOST_CELLS:.0e} that are laid out as "
-            "arrays; take a smaller resolution, or the agents' own arrays"
-        )
-    size = result.scene.lattice.cell_size / division
-    if division == result.subdivision:
-        size = result.grid.lattice.cell_size
-    return EqualArrays(result, size, tuple(int(n) for n in first), shape)

@@ -149,6 +149,15 @@ def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
     return np.asarray(np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * shear))
 
 
+def equivalent_stress(stress: Floats, moduli: Moduli, kinds: Ints, plane: str | None) -> Floats:
+    """Return the equivalent stress of materials, in plane strain with what acts across."""
+    across: Floats | float = 0.0
+    if plane == "strain":
+        lateral, shear = moduli.lateral[kinds], moduli.shear[kinds]
+        across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
+    return von_mises(stress, across)
+
+
 def at_nodes(nodes: Floats, cells: Ints, local: Floats) -> Floats:
     """Interpolate linearly between the nodes of the cell that each point lies in."""
     # `local` is the place within the cell, 0 to 1 along every axis.

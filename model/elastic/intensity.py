@@ -10,18 +10,17 @@ of a ring, away from the tip, where the answer is good.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ParameterError
+from kaju.model.results.result import BodyResult
+from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
-
-if TYPE_CHECKING:
-    from .elastic_result import ElasticResult
 
 Complex = NDArray[np.complex128]
 
@@ -67,13 +66,15 @@ class _Tip(NamedTuple):
     slit: float
 
 
-def intensity(result: ElasticResult, at: tuple[float, ...], radius: float | None) -> Intensity:
-    """Return the factors; see `ElasticResult.intensity`."""
+def intensity(
+    result: BodyResult, error: float, at: tuple[float, ...], radius: float | None
+) -> Intensity:
+    """Return the factors from an answer with an error; see `ElasticResult.intensity`."""
     grid = result.grid
     point = np.asarray(at, dtype=np.float64)
     if grid.lattice.dimension != 2 or point.shape != (2,):
         raise ParameterError("at: must be a point (x, y) of a body in the plane, in metres")
-    tip = _tip_at(result, point)
+    tip = _tip_at(grid, point)
     room = _room(result, tip)
     least = 2.0 * FEWEST * grid.lattice.cell_size if tip.slit else 0.0
     if radius is None:
@@ -92,15 +93,14 @@ def intensity(result: ElasticResult, at: tuple[float, ...], radius: float | None
     modes = [_Mode(tip.half, opens) for opens in (True, False)]
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)
     inner = [_factor(result, tip, mode, 0.5 * (radius + least)) for mode in modes]
-    error = max(abs(opening - inner[0]), abs(shear - inner[1]))
-    share = FELT * result.error_estimate + WIDTH * 2.0 * tip.slit / room
-    error += share * max(abs(opening), abs(shear))
-    return Intensity(opening, shear, (modes[0].exponent, modes[1].exponent), error, float(radius))
+    off = max(abs(opening - inner[0]), abs(shear - inner[1]))
+    share = FELT * error + WIDTH * 2.0 * tip.slit / room
+    off += share * max(abs(opening), abs(shear))
+    return Intensity(opening, shear, (modes[0].exponent, modes[1].exponent), off, float(radius))
 
 
-def _tip_at(result: ElasticResult, point: Floats) -> _Tip:
+def _tip_at(grid: Scene, point: Floats) -> _Tip:
     """Return the tip of a corner of cells, or of a slit of one cell's width."""
-    grid = result.grid
     h = grid.lattice.cell_size
     place = point / h
     on_line = np.abs(place - np.rint(place)) <= ON_EDGE
@@ -131,7 +131,7 @@ def _tip_at(result: ElasticResult, point: Floats) -> _Tip:
     )
 
 
-def _room(result: ElasticResult, tip: _Tip) -> float:
+def _room(result: BodyResult, tip: _Tip) -> float:
     """Return how far from a tip there is nothing but it (m): other edges, loads, materials."""
     grid, h = result.grid, result.grid.lattice.cell_size
     lower, upper = grid.bounds()
@@ -146,7 +146,7 @@ def _room(result: ElasticResult, tip: _Tip) -> float:
     empty = (
         (turned[:, 0] < 0.0) & (np.abs(turned[:, 1]) < tip.slit) if tip.slit else angle > tip.half
     )
-    own = grid.kinds(_ahead(result, tip))
+    own = grid.kinds(_ahead(grid, tip))
     odd = grid.kinds(cells) != np.where(empty, AIR, own)
     applied = grid.applied(result.stage)
     loaded = np.isin(grid.lattice.key(np.maximum(cells, 0)), grid.lattice.key(applied.cells))
@@ -204,14 +204,9 @@ class _Mode:
 _Fields = tuple[Floats, Floats]
 
 
-def _factor(result: ElasticResult, tip: _Tip, mode: _Mode, outer: float) -> float:
+def _factor(result: BodyResult, tip: _Tip, mode: _Mode, outer: float) -> float:
     """Return the factor of a mode from a ring round the tip."""
-    if result.stiffness is not None:
-        raise ResultError(
-            "intensity: the factors are those of one material all round the tip, and this answer "
-            "has a field of stiffness"
-        )
-    material = result.scene.cell_materials[int(result.grid.kinds(_ahead(result, tip))[0])]
+    material = result.scene.cell_materials[int(result.grid.kinds(_ahead(result.grid, tip))[0])]
     nu = material.poissons_ratio
     shear = material.youngs_modulus / (2.0 * (1.0 + nu))
     kolosov = 3.0 - 4.0 * nu if result.scene.plane == "strain" else (3.0 - nu) / (1.0 + nu)
@@ -240,7 +235,7 @@ def _factor(result: ElasticResult, tip: _Tip, mode: _Mode, outer: float) -> floa
     return work((moved, stress), dual) / work(mode.fields(z, mode.exponent, shear, kolosov), dual)
 
 
-def _ahead(result: ElasticResult, tip: _Tip) -> Ints:
+def _ahead(grid: Scene, tip: _Tip) -> Ints:
     """Return the cell in which the body lies ahead of a tip."""
     step = 0.5 * _turned(np.eye(2)[:1], tip.towards)
-    return np.floor(tip.at / result.grid.lattice.cell_size + step).astype(np.int64)
+    return np.floor(tip.at / grid.lattice.cell_size + step).astype(np.int64)

@@ -1,10 +1,9 @@
-"""Agents of many sizes: what they are, how they move, and how they came to be; scaled."""
+"""Agents of many sizes: what they are, how they move, and how they came to be."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,68 +16,39 @@ from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.goals.goal_regions import located
-from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.nested import relative_error
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.problem import ElasticProblem
 from kaju.model.elastic.refine.estimator import indicate
 from kaju.model.elastic.refine.family import levels
 from kaju.model.elastic.refine.generations import Generation, Spawning
 from kaju.model.elastic.refine.targets import Aimed, Answer
+from kaju.model.elastic.solver import Solution
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.results.formats import AnswerRecord
 from kaju.model.scene import Scene
 
-if TYPE_CHECKING:
-    from kaju.model.elastic.cell_agents import CellAgents
-
 _LEAVES = ("lower", "size", "kind", "step", "cause")
 
 
-@dataclass(frozen=True, eq=False)
 class LeafAgents:
-    """Agents as the leaves of a tree, along a space-filling curve."""
+    """Agents as the leaves of a tree, along a space-filling curve; values are in SI units."""
 
     storage: ClassVar[Literal["tree"]] = "tree"
     stiffness: ClassVar[None] = None
     energy_bounds: ClassVar[None] = None  # There are none without those of a stress
-    spawning: Spawning  # Agents, displacements and history
-    stage: int | None
 
-    @property
-    def ground(self) -> PosedBody:
-        """What the agents stand on."""
-        return self.spawning.ground
+    def __init__(self, spawning: Spawning, stage: int | None) -> None:
+        self.spawning = self.solution = spawning
+        self.stage = stage
+        self.ground = ground = spawning.ground
+        self.grid, self.scales, self.moduli = ground.scene, ground.scales, ground.moduli
+        self.metre = self.grid.lattice.cell_size / ground.cell  # of a unit of the tree
 
     @property
     def leaves(self) -> LeafCells:
         """The agents."""
         return self.spawning.leaves
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that describe the body to the agents."""
-        return self.ground.scene
-
-    @property
-    def scales(self) -> Scales:
-        """Units of the scaled problem."""
-        return self.ground.scales
-
-    @property
-    def moduli(self) -> Moduli:
-        """Of every material."""
-        return self.ground.moduli
-
-    @property
-    def metre(self) -> float:
-        """Length (m) of the unit in which agents are counted."""
-        return self.grid.lattice.cell_size / self.ground.cell
-
-    @property
-    def solution(self) -> Spawning:
-        """How the agents move, and how that was found."""
-        return self.spawning
 
     @property
     def levels(self) -> int:
@@ -102,25 +72,23 @@ class LeafAgents:
 
     @property
     def lower(self) -> Floats:
-        """Lower corners (m) of the agents."""
+        """Lower corners of the agents."""
         return np.asarray(self.leaves.lower * self.metre)
 
     @property
     def size(self) -> Floats:
-        """Edges (m) of the agents."""
+        """Edges of the agents."""
         return np.asarray(self.leaves.size * self.metre)
 
     @property
     def material(self) -> Ints:
-        """Index of each agent's material."""
+        """Index of each agent's material, which is that of its moduli."""
         return self.leaves.kind
 
-    def materials_of(self, moduli: Ints) -> Ints:
-        """Return the materials of agents, by the indices of their moduli: the same."""
-        return moduli
+    law = material
 
     @property
-    def energies(self) -> Floats:
+    def energy(self) -> Floats:
         """Nothing: edges between agents of two sizes have no owners."""
         raise ResultError(
             "energy: agents of many sizes do not tell their energies one by one; equal ones do "
@@ -130,12 +98,12 @@ class LeafAgents:
     @property
     def displacement(self) -> Floats:
         """Of the agents' middles."""
-        return self.spawning.moved
+        return self.scales.displacement * self.spawning.moved
 
     @property
     def stress(self) -> Floats:
         """Stress tensors of the agents."""
-        return self.spawning.stress
+        return self.scales.stress * self.spawning.stress
 
     @property
     def level(self) -> Ints:
@@ -154,19 +122,20 @@ class LeafAgents:
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
-        return self.spawning.reactions()
+        unit = self.scales.force
+        return {name: unit * force for name, force in self.spawning.reactions().items()}
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
         place, agent = self._located(points, cells)
         fields, agent = self.spawning.near(agent)
-        return sampling.displacement_at(fields, place, agent)
+        return self.scales.displacement * sampling.displacement_at(fields, place, agent)
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
         place, agent = self._located(points, cells)
         fields, agent = self.spawning.near(agent)
-        return sampling.stress_at(fields, place, agent)
+        return self.scales.stress * sampling.stress_at(fields, place, agent)
 
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
@@ -174,8 +143,8 @@ class LeafAgents:
         lower, size = self.leaves.lower[agent], self.leaves.size[agent, None]
         return agent, np.clip((place - lower) / size, 0.0, 1.0)
 
-    def material_at(self, points: Floats, cells: Ints) -> Ints:
-        """Return the material of the agents in or on which points lie."""
+    def law_at(self, points: Floats, cells: Ints) -> Ints:
+        """Return the index of the moduli of the agents in or on which points lie."""
         return self.leaves.kind[self._located(points, cells)[1]]
 
     def _located(self, points: Floats, cells: Ints) -> tuple[Floats, Ints]:
@@ -276,32 +245,38 @@ def _generations_of(archive: Archive, codes: int) -> list[Generation]:
     ]
 
 
-def tree_of_cells(agents: CellAgents) -> LeafAgents:
-    """Return agents of one size as the tree of one level, with what each leaves unbalanced."""
-    ground = PosedBody(agents.grid, agents.stage, at_cells=True)
-    zeros = np.zeros(agents.count)
-    leaves = LeafCells.of(
-        agents.cells * ground.cell,
-        np.full(agents.count, ground.cell),
-        agents.material,
-        zeros.astype(np.int64),
-        zeros,
-    )
+def tree_of_cells(
+    scene: Scene,
+    stage: int | None,
+    problem: ElasticProblem,
+    origin: tuple[int, ...],
+    solution: Solution,
+) -> LeafAgents:
+    """Return cells of one size as a tree of one level, with what each leaves unbalanced."""
+    ground = PosedBody(scene, stage, at_cells=True)
+    kinds = problem.kinds[problem.inner]
+    cells = np.argwhere(kinds >= 0) + np.asarray(origin)
+    count = len(cells)
+    size, nothing = np.full(count, ground.cell), np.zeros(count)
+    material = kinds[kinds >= 0].astype(np.int64)
+    steps = np.zeros(count, dtype=np.int64)
+    leaves = LeafCells.of(cells * ground.cell, size, material, steps, nothing)
     balance = Equilibrium(CompositeGrid(ground, leaves))
-    grid, unit = balance.grid, agents.scales.displacement / ground.scales.displacement
+    grid, unit = balance.grid, problem.scales.displacement / ground.scales.displacement
     u = grid.value.copy()
-    index = np.floor(grid.place / ground.cell).astype(np.int64) - np.asarray(agents.origin)
-    for axis, values in enumerate(agents.faces):
+    # Arrays of faces begin with a layer of ghosts before the first cell.
+    index = np.floor(grid.place / ground.cell).astype(np.int64) - np.asarray(origin) + 1
+    for axis, values in enumerate(solution.displacement):
         own = grid.axis == axis
         u[own] = unit * values[tuple(index[own].T)]
     indicator = indicate(balance, u)
-    energy = agents.solution.energy * unit * agents.scales.force / ground.scales.force
+    energy = solution.energy * unit * problem.scales.force / ground.scales.force
     error = relative_error(indicator.square, energy)
-    nobody = np.zeros(agents.count, dtype=np.bool_)
+    nobody = np.zeros(count, dtype=np.bool_)
     aimed = Aimed(error, indicator.square, nobody, 0.0)
-    runs, residuals = agents.solution.iterations, list(agents.solution.residuals)
+    runs, residuals = solution.iterations, list(solution.residuals)
     only = Generation(
-        agents.count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody
+        count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody
     )
     spawning = Spawning(balance, u, indicator, aimed, energy, error, [only], residuals, 1, True, "")
-    return LeafAgents(spawning, agents.stage)
+    return LeafAgents(spawning, stage)

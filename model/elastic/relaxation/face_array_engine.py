@@ -6,55 +6,59 @@ The plain twin of the compiled functions is the agent itself: `FaceAgent.act`.
 # mypy: disable-error-code="no-untyped-def"
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.compiling import njit
 from kaju.model.elastic.relaxation.push_state import PushEngine
 
 
+class LevelArrays(NamedTuple):
+    """What compiled functions read and write of a level: shares by rows, and what faces carry."""
+
+    indptr: NDArray[np.integer]  # Where the shares of each agent begin
+    target: NDArray[np.integer]  # Which faces or supports they go to
+    share: Floats
+    stiffness: Floats
+    weight: Floats
+    left: Floats
+    displacement: Floats
+    taken: Floats
+    spawn_step: Ints
+
+
 @njit(cache=True)
-def push(
-    i, generation, spawn_step, indptr, target, share, stiffness, left, displacement, taken
-):  # fmt: skip
+def push(i, step, level):
     """Let agent i take all of its load, yield, and pass it on; return the energy released."""
-    if spawn_step[i] == 0:
-        spawn_step[i] = generation + 1
-    load = left[i]
-    displacement[i] += load / stiffness[i]
-    left[i] -= load
-    taken[i] += abs(load)
-    for at in range(indptr[i], indptr[i + 1]):
-        left[target[at]] += share[at] * load
-    return 0.5 * (load / stiffness[i]) * load
+    if level.spawn_step[i] == 0:
+        level.spawn_step[i] = step
+    load = level.left[i]
+    level.displacement[i] += load / level.stiffness[i]
+    level.left[i] -= load
+    level.taken[i] += abs(load)
+    for at in range(level.indptr[i], level.indptr[i + 1]):
+        level.left[level.target[at]] += level.share[at] * load
+    return 0.5 * (load / level.stiffness[i]) * load
 
 
 @njit(cache=True)
-def push_in_turn(
-    backward, threshold, weight, generation, spawn_step, indptr, target, share, stiffness, left,
-    displacement, taken,
-):  # fmt: skip
+def push_in_turn(backward, threshold, step, level):
     """Let every agent above γ act in its turn; return pushes and the energy released."""
     pushes, released = 0, 0.0
-    n = len(stiffness)
+    n = len(level.stiffness)
     for k in range(n):
         i = n - 1 - k if backward else k
-        if abs(left[i]) * weight[i] > threshold:
-            released += push(
-                i, generation, spawn_step, indptr, target, share, stiffness, left, displacement,
-                taken,
-            )  # fmt: skip
+        if abs(level.left[i]) * level.weight[i] > threshold:
+            released += push(i, step, level)
             pushes += 1
     return pushes, released
 
 
 @njit(cache=True)
-def push_largest(
-    count, measured, threshold, weight, generation, spawn_step, indptr, target, share, stiffness,
-    left, displacement, taken,
-):  # fmt: skip
+def push_largest(count, measured, threshold, step, level):
     """Let the agent with the largest load act, `count` times or until none exceeds γ."""
     # Returns the number of pushes and the energy released. The largest load of every part of
     # √n faces is kept; of equal ones the first acts.
@@ -66,14 +70,12 @@ def push_largest(
         i = first + np.argmax(measured[first : first + part])
         if not measured[i] > threshold:
             return pushes, released
-        released += push(
-            i, generation, spawn_step, indptr, target, share, stiffness, left, displacement, taken
-        )
+        released += push(i, step, level)
         # The loads of the agent and of all it passes on to have changed.
-        for at in range(indptr[i] - 1, indptr[i + 1]):
-            j = target[at] if at >= indptr[i] else i
+        for at in range(level.indptr[i] - 1, level.indptr[i + 1]):
+            j = level.target[at] if at >= level.indptr[i] else i
             if j < n:
-                measured[j] = abs(left[j]) * weight[j]
+                measured[j] = abs(level.left[j]) * level.weight[j]
                 first = j // part * part
                 most[j // part] = measured[first : first + part].max()
     return count, released
@@ -98,11 +100,15 @@ class ArrayPushEngine(PushEngine):
 
     def relax_in_turn(self, level: int, backward: bool) -> None:
         """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
-        self._book(*push_in_turn(backward, *self._arrays(level)))
+        state = self.state
+        step = state.generation + 1
+        self._book(*push_in_turn(backward, state.threshold, step, self._arrays(level)))
 
     def relax_largest(self, count: int) -> None:
         """Let the agent with the largest load act, `count` times or until none exceeds γ."""
-        self._book(*push_largest(count, self.state.levels[0].measured, *self._arrays(0)))
+        state, measured = self.state, self.state.levels[0].measured
+        step = state.generation + 1
+        self._book(*push_largest(count, measured, state.threshold, step, self._arrays(0)))
 
     def wake_supports(self) -> None:
         """Do nothing: only objects are woken."""
@@ -111,11 +117,10 @@ class ArrayPushEngine(PushEngine):
         self.state.pushes += pushes
         self.state.energy -= released
 
-    def _arrays(self, level: int) -> tuple[Any, ...]:
-        """Return what the compiled functions take of a level, from γ on."""
-        state, table, faces = self.state, self.table.levels[level], self.state.levels[level]
-        return (
-            *(state.threshold, faces.weight, state.generation, faces.spawn_step),
-            *(table.shares.indptr, table.shares.indices, table.shares.data, table.stiffness),
-            *(faces.left, faces.displacement, faces.taken),
+    def _arrays(self, level: int) -> LevelArrays:
+        table, faces = self.table.levels[level], self.state.levels[level]
+        shares = table.shares
+        return LevelArrays(
+            *(shares.indptr, shares.indices, shares.data, table.stiffness, faces.weight),
+            *(faces.left, faces.displacement, faces.taken, faces.spawn_step),
         )

@@ -38,8 +38,8 @@ STEPPED = 0.2
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
 SAMPLES = {2: 4, 3: 2}  # Points along the edge of a cell by which an outline is found in it
 LEFT_OUT = 1e-3
-"""Share of the energy norm from which on it is told what agents do not take of loads."""
-STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on it is told that it acts by steps
+"""Share of the energy norm from which on a caveat says what agents do not take of loads."""
+STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on its steps are a caveat
 ON_EDGE = 1e-6  # Of a cell: what is nearer to an edge lies on it
 
 
@@ -248,13 +248,16 @@ def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
 def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:
     """Tell whether a free face that is not among some goes on from one of them in its plane."""
     lattice = grid.lattice
-    for way, axis, step in product(np.unique(chosen.direction), range(lattice.dimension), (-1, 1)):
-        cells = chosen.cells[chosen.direction == way]
+    directions = np.unique(chosen.direction).tolist()
+    for direction, axis, step in product(directions, range(lattice.dimension), (-1, 1)):
+        cells = chosen.cells[chosen.direction == direction]
         beside = cells + step * (np.arange(lattice.dimension) == axis)
         beside = beside[lattice.contains(beside)]
         beside = beside[~np.isin(lattice.key(beside), lattice.key(cells))]
         beside = beside[grid.kinds(beside) >= 0]
-        if axis != way // 2 and np.any(grid.kinds(lattice.neighbours(beside, int(way))) == AIR):
+        if axis != direction // 2 and np.any(
+            grid.kinds(lattice.neighbours(beside, direction)) == AIR
+        ):
             return True
     return False
 

@@ -119,12 +119,12 @@ def _known_kinds(scene: Scene, cells: Ints) -> Ints:
 
 
 def _sides(scene: Scene, kinds: Ints) -> tuple[int, ...]:
-    """Return four kinds with those alike that hold alike, or are of the same stiffness."""
+    """Return four kinds, those merged that hold in the same way or are of the same stiffness."""
     materials = scene.cell_materials
     stiffness = [(m.youngs_modulus, m.poissons_ratio) for m in materials]
-    alike = {AIR: AIR, FOUNDATION: AIR, RIGID: RIGID, DISPLACED: RIGID, ROLLER: ROLLER}
+    merged = {AIR: AIR, FOUNDATION: AIR, RIGID: RIGID, DISPLACED: RIGID, ROLLER: ROLLER}
     return tuple(
-        alike[kind] if kind < 0 else stiffness.index(stiffness[kind]) for kind in kinds.tolist()
+        merged[kind] if kind < 0 else stiffness.index(stiffness[kind]) for kind in kinds.tolist()
     )
 
 

@@ -178,7 +178,7 @@ class ElasticResult(BodyResult):
     def cause(self) -> Floats:
         """Load (N) its parent left unbalanced, for which each agent spawned.
 
-        0 for the first agents, NaN for those that keep neighbours alike in size.
+        0 for the first agents, NaN for those that keep neighbours of similar size.
         """
         return self.found.cause
 
@@ -495,7 +495,7 @@ class ElasticResult(BodyResult):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the solver decided by itself, and what is to be known of the answer."""
+        """Decisions of the solver, doubts about the tolerance, and the `caveats`."""
         return tuple(dict.fromkeys((*self.found.solution.notes, *self._unproved, *self.caveats)))
 
     @cached_property
@@ -546,11 +546,11 @@ class ElasticResult(BodyResult):
 
     @property
     def _unproved(self) -> list[str]:
-        """Say where a tolerance is not known to be kept."""
+        """Where it is not proved that a tolerance is kept, in words."""
         if self.tolerance is None:
             return []
         if self.goals:
-            return [told for goal in self.goals if (told := goal.doubt(self.tolerance))]
+            return [doubt for goal in self.goals if (doubt := goal.doubt(self.tolerance))]
         if not self._promised:
             return []
         bound, estimate = self.error_bound, self.found.solution.error
@@ -831,6 +831,6 @@ class ElasticResult(BodyResult):
 BLIND = 2.0
 """Bounds that say so many times more than the estimate contradict it: mostly they say less."""
 FIELDS = ("displacement", "strain", "stress", "von_mises")
-"""What is known of every agent."""
+"""Pictures of values that every agent has."""
 _EARLIER = {"elasticity": "cells", "spawned": "tree"}
 """Kinds of results that kaju 0.1 has stored, and how their agents are kept."""

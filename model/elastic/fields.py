@@ -64,10 +64,10 @@ def _edge_values(
     low, high = _sides(field, across)
     surface = np.where(np.isnan(high), low + 0.5 * slope, high - 0.5 * slope)
     free = _sides(np.where(states[axis] == ACTIVE, 1.0, np.nan), across)
-    known = (np.isnan(low) != np.isnan(high)) & ~np.isnan(surface)
-    known &= ~np.isnan(free[0]) | ~np.isnan(free[1])
+    one_sided = (np.isnan(low) != np.isnan(high)) & ~np.isnan(surface)
+    one_sided &= ~np.isnan(free[0]) | ~np.isnan(free[1])
     mixed = (1 - SURFACE_SHARE) * values + SURFACE_SHARE * surface
-    return np.where(known, mixed, values), wall
+    return np.where(one_sided, mixed, values), wall
 
 
 def _sides(field: Floats, axis: int) -> tuple[Floats, Floats]:
@@ -99,7 +99,7 @@ def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:
 
 
 def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
-    """Return stresses (scaled) of cells per axis and of edges per pair, without the rim."""
+    """Return stresses (scaled) of cells per axis and of edges per pair, without the ghost layer."""
     stress = stresses(problem, strains(u))
     edges = {}
     for pair, tau in stress.edges.items():
@@ -198,8 +198,8 @@ def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Ints, local: 
             at = cells.copy()
             at[:, axis] = np.clip(at[:, axis] + step, 0, kinds.shape[axis] - 1)
             there = tuple(at.T)
-            alike = (kinds[there] == kind) & (at[:, axis] != cells[:, axis])
-            rise += np.where(alike, step * (stress[there] - own), 0.0)
-            count += alike
+            same = (kinds[there] == kind) & (at[:, axis] != cells[:, axis])
+            rise += np.where(same, step * (stress[there] - own), 0.0)
+            count += same
         total += (local[:, axis] - 0.5) * rise / np.maximum(count, 1)
     return total

@@ -3,8 +3,8 @@
 Round the tip of a wedge with free sides the stress is K r^(λ-1) and what has a limit, one K for
 each of two modes (M. L. Williams, *Journal of Applied Mechanics* 19, 1952); λ is ½ for a crack.
 By Betti's theorem the work that the answer and the field of exponent -λ do on each other through
-any arc round the tip is the same, and K times a known number. It is taken in the mean of the arcs
-of a ring, away from the tip, where the answer is good.
+any arc round the tip is the same: K times the work that the field of exponent λ would do. The mean
+is taken over the arcs of a ring, away from the tip, where the answer is good.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ WIDTH = 0.7
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
 FELT = 0.2  # Share of the answer's error that factors may have: of Ls it was 0.15 at most
 FARTHEST = 500  # So many cells round a tip are looked through
-WAYS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+DIRECTIONS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
 
 class Intensity(NamedTuple):
@@ -116,15 +116,15 @@ def _tip_at(grid: Scene, point: Floats) -> _Tip:
         across = int(np.flatnonzero(~on_line)[0])
         middle = abs(place[across] - np.floor(place[across]) - 0.5) <= ON_EDGE
         ahead = np.floor(place + ON_EDGE).astype(np.int64)
-        for way in WAYS if middle else ():
-            if way[across]:
+        for direction in DIRECTIONS if middle else ():
+            if direction[across]:
                 continue
-            cell = ahead - (way < 0)
+            cell = ahead - (direction < 0)
             side = np.eye(2, dtype=np.int64)[across]
-            behind = cell - way
+            behind = cell - direction
             around = grid.kinds(np.stack([cell, behind, behind + side, behind - side]))
             if around[1] == AIR and np.all(around[[0, 2, 3]] == around[0]) and around[0] >= 0:
-                return _Tip(point, np.pi, float(np.arctan2(way[1], way[0])), 0.5 * h)
+                return _Tip(point, np.pi, float(np.arctan2(direction[1], direction[0])), 0.5 * h)
     raise ParameterError(
         f"at: {point.tolist()} m is neither a re-entrant corner of cells of one material "
         "nor the middle of the end of a slit one cell wide; `sharp_corners` lists corners"
@@ -147,10 +147,10 @@ def _room(result: BodyResult, tip: _Tip) -> float:
         (turned[:, 0] < 0.0) & (np.abs(turned[:, 1]) < tip.slit) if tip.slit else angle > tip.half
     )
     own = grid.kinds(_ahead(grid, tip))
-    odd = grid.kinds(cells) != np.where(empty, AIR, own)
+    other = grid.kinds(cells) != np.where(empty, AIR, own)
     applied = grid.applied(result.stage)
     loaded = np.isin(grid.lattice.key(np.maximum(cells, 0)), grid.lattice.key(applied.cells))
-    gap = np.maximum(np.abs(away[odd | loaded]) - 0.5 * h, 0.0)
+    gap = np.maximum(np.abs(away[other | loaded]) - 0.5 * h, 0.0)
     return float(np.linalg.norm(gap, axis=1).min(initial=reach * h))
 
 
@@ -210,11 +210,11 @@ def _factor(result: BodyResult, tip: _Tip, mode: _Mode, outer: float) -> float:
     nu = material.poissons_ratio
     shear = material.youngs_modulus / (2.0 * (1.0 + nu))
     kolosov = 3.0 - 4.0 * nu if result.scene.plane == "strain" else (3.0 - nu) / (1.0 + nu)
-    (rings, across), (ways, around) = (np.polynomial.legendre.leggauss(n) for n in POINTS)
+    (rings, across), (angles, around) = (np.polynomial.legendre.leggauss(n) for n in POINTS)
     inner = RING * outer
     r = (inner + 0.5 * (outer - inner) * (rings + 1.0))[:, None]
     widest = tip.half - np.arcsin(tip.slit / r) * (1.0 + ON_EDGE)
-    angle = widest * ways
+    angle = widest * angles
     weight = 0.5 * (outer - inner) * across[:, None] * widest * around * r
     # From 1 within to 0 without, smoothly: -∂q/∂r.
     s = (r - inner) / (outer - inner)

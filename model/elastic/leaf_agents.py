@@ -191,12 +191,12 @@ class LeafAgents:
             Answer(np.array(value, dtype=np.float64), *rest)
             for value, *rest in archive.value("answers", list[AnswerRecord])
         )
-        nobody = np.zeros(n, dtype=np.bool_)
+        unmarked = np.zeros(n, dtype=np.bool_)
         spawning = Spawning(
             balance,
             u,
             indicate(balance, u),
-            Aimed(error, part, nobody, allowed, answers),
+            Aimed(error, part, unmarked, allowed, answers),
             generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
             **archive.record("spawning", Spawning),
         )
@@ -227,9 +227,10 @@ def _leaves_of(archive: Archive, ground: PosedBody) -> LeafCells:
 
 
 def _generations_of(archive: Archive, codes: int) -> list[Generation]:
-    told = archive.value("generations", list[tuple[int, float, float, int, float]])
-    count = [int(entry[0]) for entry in told]
-    if not told or min(count) < 1:
+    """Return the steps of spawning; Morton codes of agents lie below `codes`."""
+    figures = archive.value("generations", list[tuple[int, float, float, int, float]])
+    count = [int(entry[0]) for entry in figures]
+    if not figures or min(count) < 1:
         raise ResultFileError(f"{archive.path}: 'generations' must name agents")
     shape = (sum(count),)
     columns = (
@@ -241,7 +242,7 @@ def _generations_of(archive: Archive, codes: int) -> list[Generation]:
     parts = [np.split(column, np.cumsum(count)[:-1]) for column in columns]
     return [
         Generation(int(n), float(error), float(energy), int(runs), float(aimed), *part)
-        for (n, error, energy, runs, aimed), *part in zip(told, *parts, strict=True)
+        for (n, error, energy, runs, aimed), *part in zip(figures, *parts, strict=True)
     ]
 
 
@@ -272,11 +273,11 @@ def tree_of_cells(
     indicator = indicate(balance, u)
     energy = solution.energy * unit * problem.scales.force / ground.scales.force
     error = relative_error(indicator.square, energy)
-    nobody = np.zeros(count, dtype=np.bool_)
-    aimed = Aimed(error, indicator.square, nobody, 0.0)
+    unmarked = np.zeros(count, dtype=np.bool_)
+    aimed = Aimed(error, indicator.square, unmarked, 0.0)
     runs, residuals = solution.iterations, list(solution.residuals)
     only = Generation(
-        count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody
+        count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, unmarked
     )
     spawning = Spawning(balance, u, indicator, aimed, energy, error, [only], residuals, 1, True, "")
     return LeafAgents(spawning, stage)

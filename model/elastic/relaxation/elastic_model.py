@@ -43,15 +43,15 @@ class ElasticModel(SteppedModel):
     An agent spawns on a face when the load left there exceeds the threshold γ. It yields,
     passes all that it took on to its neighbours, and rests until its load exceeds γ again.
     Supports keep what they are handed. When all rest, the faces stand where linear
-    elasticity puts them, but for loads up to γ. The rule's order says who acts in a step:
+    elasticity puts them, but for loads up to γ. The rule's order says which agents act in a step:
 
-    - "wave": all agents above γ, by the share ω of P/k;
-    - "largest first": the one agent with the largest load;
-    - "multilevel": the agents of one level, in turn. What is unbalanced over many cells is
+    - "wave": all agents above γ, by the share ω of P/k (damped Jacobi iteration);
+    - "largest first": the one agent with the largest load (Southwell's relaxation);
+    - "multilevel": the agents of one level, in turn (multigrid). Loads left on many cells are
       handed up as one load to *parent agents*, which stand for 2×2(×2) blocks; what these
-      yield is handed down. The topmost parents, a handful, settle their loads at once, and
-      after each round over all levels the faces go on along the way they have come, as far
-      as that lowers the energy.
+      yield is handed down. The loads of the topmost parents, a handful, are solved at once, and
+      after each cycle over all levels the faces go on in its direction, as far as that lowers
+      the energy (conjugate gradients).
 
     Elasticity is linear, so loads are applied at once, whatever their number of steps. Where a
     member of the body is only one cell wide the cells are halved, so that it can carry shear.
@@ -215,12 +215,8 @@ class ElasticModel(SteppedModel):
         if self.visit.level == 0:
             # Between the levels the finest loads lack what their parents will yield.
             self._loudest, self._meter = self.state.survey()
-        self.history.append(
-            StepRecord(
-                *(self.visit.level, self.visit.way, self.state.energy),
-                *(self._loudest, self._meter, self.state.pushes),
-            )
-        )
+        loads = self._loudest, self._meter
+        self.history.append(StepRecord(*self.visit, self.state.energy, *loads, self.state.pushes))
         self.recorder.note(self.visit.level)
         self.running = not self.outcome
         self.seconds += perf_counter() - began

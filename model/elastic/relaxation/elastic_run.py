@@ -158,8 +158,8 @@ class ElasticRun(BodyResult):
         arrays = {f"answer.{name}": values for name, values in arrays.items()}
         tables = ("agents", self.agents), ("boundary", self.boundary), ("moments", self.moments)
         for name, table in tables:
-            told = {field.name: getattr(table, field.name) for field in fields(table)}
-            arrays |= {f"{name}.{key}": at for key, at in told.items() if at is not None}
+            columns = {field.name: getattr(table, field.name) for field in fields(table)}
+            arrays |= {f"{name}.{key}": at for key, at in columns.items() if at is not None}
         ledger = {name: np.asarray(value).tolist() for name, value in asdict(self.ledger).items()}
         return arrays, {
             "answer": answer,
@@ -204,9 +204,9 @@ class ElasticRun(BodyResult):
         )
 
 
-def curves_of(history: Sequence[StepRecord], known: int, threshold: float) -> list[Curves]:
-    """Return energy, largest load left, and the error estimate after `known` and these steps."""
-    step = np.arange(known + 1.0, known + len(history) + 1.0)
+def curves_of(history: Sequence[StepRecord], before: int, threshold: float) -> list[Curves]:
+    """Return energy, largest load left, and the error estimate after `before` and these steps."""
+    step = np.arange(before + 1.0, before + len(history) + 1.0)
     every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in history])
     energy, loudest, meter, pushes = every.reshape(-1, 4).T
     worked = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits

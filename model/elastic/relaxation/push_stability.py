@@ -23,7 +23,7 @@ MOST_FACES_TO_ITERATE = 200_000  # Above this many faces the bound is taken for 
 
 @dataclass(frozen=True)
 class WaveCertificate:
-    """What is known of waves on a scene."""
+    """By which share waves on a scene calm down."""
 
     largest_eigenvalue: float  # λmax(D⁻¹K) of the scene's agents; its bound if they are too many
     bound: float  # What no body of these materials exceeds
@@ -45,12 +45,14 @@ def certify_waves(table: PushTable, share: float | None = None) -> WaveCertifica
     chosen = SAFETY * limit if share is None else share
     stable = chosen < limit
     growth = abs(1.0 - chosen * largest)
-    known = f"the largest eigenvalue of D⁻¹K is {largest:.4f} (no such body exceeds {bound:.4g})"
+    reason = f"the largest eigenvalue of D⁻¹K is {largest:.4f} (no such body exceeds {bound:.4g})"
     if stable:
-        verdict = f"waves calm down: {known}, so any share below {limit:.4f} does; ω = {chosen:.4f}"
+        verdict = (
+            f"waves calm down: {reason}, so any share below {limit:.4f} does; ω = {chosen:.4f}"
+        )
     else:
         verdict = (
-            f"waves would grow by a factor of up to {growth:.3f} each: {known}; "
+            f"waves would grow by a factor of up to {growth:.3f} each: {reason}; "
             f"set share (ω) below {limit:.4f}, or leave it out"
         )
     return WaveCertificate(largest, bound, limit, chosen, stable, verdict)

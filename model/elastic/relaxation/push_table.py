@@ -222,7 +222,7 @@ class PushTable:
         return Boundary(self.problem, parts, finest.size)
 
     def weight(self, level: int) -> Floats:
-        """Return √(k₀/k) per face: by how much its load counts; 0 for a parent of nobody."""
+        """Return √(k₀/k) per face: by how much its load counts; 0 for a parent without children."""
         return np.asarray(np.sqrt(self.reference * inverse(self.levels[level].stiffness)))
 
     def positions(self, level: int) -> Floats:
@@ -245,8 +245,8 @@ def make_level(
     """Turn a stiffness matrix, and its columns of supports, into shares."""
     stiffness = own.diagonal()
     others = own - sp.diags_array(stiffness)
-    everybody = others if held is None else sp.hstack([others, held], format="csr")
-    shares = sp.csr_array(sp.diags_array(-inverse(stiffness)) @ everybody)
+    columns = others if held is None else sp.hstack([others, held], format="csr")
+    shares = sp.csr_array(sp.diags_array(-inverse(stiffness)) @ columns)
     shares.eliminate_zeros()
     shares.sort_indices()
     return PushLevel(numbering, stiffness, shares)
@@ -312,7 +312,7 @@ def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:
     # (1; ½, ½), across it between the parents' middles (¾, ¼). At a free surface, where the parent
     # beyond is missing, the line is prolonged (5/4, -1/4); at a rigid one it runs to zero (½). So a
     # rigid rotation of the parents is one of the children, without which a stiff body on a soft one
-    # would not turn. Every axis looks only at the faces that are there: so holes, odd numbers of
+    # would not turn. Every axis looks only at the faces that are there: so holes, odd counts of
     # cells and ragged outlines need no special case.
     states, blocks = [], []
     for axis, state in enumerate(fine.states):
@@ -333,12 +333,12 @@ def _parents(state: States, axis: int, *, normal: bool) -> States:
     if normal:
         # Every second face stays; one that is missing exists if a child beside it moves.
         cells = (len(lines) - 3 + 1) // 2
-        rim = np.full((1, *lines.shape[1:]), ABSENT, dtype=np.int8)
-        padded = np.concatenate([lines, rim])
+        ghosts = np.full((1, *lines.shape[1:]), ABSENT, dtype=np.int8)
+        padded = np.concatenate([lines, ghosts])
         kept = padded[1 : 2 * cells + 2 : 2]
         before, after = padded[0 : 2 * cells + 1 : 2], padded[2 : 2 * cells + 3 : 2]
         revived = (kept == ABSENT) & ((before == ACTIVE) | (after == ACTIVE))
-        parents = np.concatenate([rim, np.where(revived, np.int8(ACTIVE), kept), rim])
+        parents = np.concatenate([ghosts, np.where(revived, np.int8(ACTIVE), kept), ghosts])
     else:
         # Two children have one parent, which moves if either of them does.
         padded = np.concatenate([lines[:1], lines, *[lines[-1:]] * (1 + len(lines) % 2)])

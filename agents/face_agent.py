@@ -8,7 +8,7 @@ can be called again and again until nothing is left to do.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
@@ -37,8 +37,6 @@ class Faces(Protocol):
 
 class FaceModel(Protocol):
     """What a face agent needs of the model it lives in."""
-
-    random: Any  # Mesa's generator of random numbers
 
     @property
     def generation(self) -> int:

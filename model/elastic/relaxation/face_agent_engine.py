@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import networkx
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +18,12 @@ from kaju.model.scene.cell_types import AIR
 from kaju.stepping import Order, chosen
 
 
+class PushModel(FaceModel, Protocol):
+    """What the engine needs of the model of its agents."""
+
+    random: Any  # Mesa's generator of random numbers
+
+
 class AgentPushEngine(PushEngine):
     """Lets agents act, with one object per agent.
 
@@ -23,7 +31,7 @@ class AgentPushEngine(PushEngine):
     hands shares to.
     """
 
-    def __init__(self, model: FaceModel, table: PushTable, face_agent: type[FaceAgent]) -> None:
+    def __init__(self, model: PushModel, table: PushTable, face_agent: type[FaceAgent]) -> None:
         self.model, self.face_agent = model, face_agent
         self.agents: list[dict[int, FaceAgent]] = []
         self.air: dict[int, FreeBoundaryAgent] = {}

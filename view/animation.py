@@ -15,7 +15,7 @@ from PIL import Image
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError, needing
-from kaju.files import scratch_beside
+from kaju.files import atomic_file
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
@@ -134,7 +134,7 @@ def animate(
         with new_folder(target) as folder:
             _write_frames(reel, frames, folder)
         return target
-    with scratch_beside(target, ResultFileError) as scratch:
+    with atomic_file(target, ResultFileError) as scratch:
         _WRITERS[ending](reel, frames, scratch, fps, hold)
     return target
 

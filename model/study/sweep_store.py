@@ -19,7 +19,7 @@ import numpy as np
 
 from kaju.arrays import Ints
 from kaju.errors import ResultFileError, needing
-from kaju.files import is_there, scratch_beside
+from kaju.files import atomic_file, is_there
 
 from .sweep_job import ERROR, RUN, Row
 
@@ -109,7 +109,7 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
 
 def write_table(table: pandas.DataFrame, out: Path) -> None:
     """Write the table of a finished sweep beside its store, for everybody to read."""
-    with scratch_beside(out / TABLE, ResultFileError) as scratch:
+    with atomic_file(out / TABLE, ResultFileError) as scratch:
         bare = table.copy(deep=False)
         bare.attrs = {}
         bare.to_parquet(scratch, index=False)

@@ -8,7 +8,7 @@ from numbers import Integral
 from typing import Any, Protocol, TypeVar
 
 from kaju.errors import ParameterError
-from kaju.stopping import keeping, stopped
+from kaju.stopping import interrupt_requested, interruptible
 
 A = TypeVar("A")
 Answer = TypeVar("Answer")
@@ -79,8 +79,8 @@ def step_to_end(
             left = None if left is None else left - 1
             if after is not None:
                 after()
-            if stopped():
+            if interrupt_requested():
                 break
         return result()
 
-    return keeping(steps)
+    return interruptible(steps)

@@ -20,10 +20,8 @@ from plates import PLATE_TEXT
 from kaju import load_result
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import SceneError, SupportError
-from kaju.mesa_model import agent_model
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.scene import Scene
-from kaju.model.transfer.load_model import LoadModel
 
 ORDERS = ["wave", "largest first", "multilevel"]
 
@@ -217,8 +215,6 @@ def test_rule_and_lattice_must_fit():
     hexagons = {"cell_size": 0.01, "cells": [3, 3], "material": "steel", "lattice": "hexagon"}
     with pytest.raises(SceneError, match=r"body\.lattice: 'hexagon'"):
         ElasticModel(Scene(body=hexagons, sides={"bottom": "rigid"}, rule={"kind": "elastic"}))
-    assert isinstance(agent_model(prescribed), LoadModel)
-    assert isinstance(agent_model(plate(), engine="arrays"), ElasticModel)
 
 
 def test_a_scene_file_can_ask_for_the_elastic_rule():

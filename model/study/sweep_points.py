@@ -32,10 +32,8 @@ MOST_POINTS = 10_000_000
 class SweepPoints:
     """The points of a sweep, by column."""
 
-    columns: Mapping[str, Sequence[Any]]
-    """The values that each varied quantity takes, one per point."""
-    method: str
-    """How they were chosen."""
+    columns: Mapping[str, Sequence[Any]]  # of each varied quantity, one value per point
+    method: str  # how they were chosen
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))

@@ -179,8 +179,7 @@ def stress(
     that is too busy. The same number is the same trial on every machine: --first N --count 1
     repeats one.
     """
-    from kaju.model.study.trials.trial import FAILED, UNFINISHED
-    from kaju.model.study.trials.trial_corpus import CORPUS
+    from kaju.model.study.trials.trial import CORPUS, FAILED, UNFINISHED
     from kaju.model.study.trials.trial_workers import bounded, record, tally, trials
 
     try:

@@ -278,4 +278,3 @@ class _Figure:
 
     def __call__(self, model: SteppedModel) -> float:
         return model.figures()[self.name]
-

@@ -16,19 +16,14 @@ import kaju
 from kaju.errors import AgentError, KajuError
 
 from . import trial_scenes as drawn
-from .trial import Broken, Told, demand, demand_finite, demand_sound, family_of, trial
+from .trial import Broken, Facts, demand, demand_finite, demand_sound, family_of, trial
 
-MOST_AGENTS = 10_000
-"""What asks for more is given up, by a named error."""
+MOST_AGENTS = 10_000  # answers that take more are given up, by a named error
 FEW_CELLS, MOST_GENERATIONS = 20, 3000
-TRUTH_EVERY = 4
-"""Finite elements of high order check every so many plane bodies of a kind."""
-LEVELS, MOST_SINGULAR = 8, 16
-"""How often they are halved round every singular point, and up to how many of these."""
-TRUTH = 1e-4
-"""Share by which the energy of these elements may be off."""
-OWN = 3
-"""In whose turn it is agents of one's own that pass loads on."""
+TRUTH_EVERY = 4  # finite elements of high order check every so many plane bodies of a kind
+LEVELS, MOST_SINGULAR = 8, 16  # halvings round every singular point, and up to how many of these
+TRUTH = 1e-4  # share by which the energy of these elements may be off
+OWN = 3  # the turn of agents of one's own, modulo 10
 
 
 def _passed_on(scene: kaju.Scene, engine: Any, most: int, **own: Any) -> kaju.LoadModel:
@@ -37,7 +32,7 @@ def _passed_on(scene: kaju.Scene, engine: Any, most: int, **own: Any) -> kaju.Lo
 
 
 @trial("prescribed rule", 0, 3)
-def _transfer(rng: Generator, number: int) -> Told:
+def _transfer(rng: Generator, number: int) -> Facts:
     """Pass loads on by chosen shares: they end as the certificate says, and the books balance."""
     scene = drawn.transfer_scene(rng)
     turn = number % 10 == OWN and scene.lattice.kind == "square"
@@ -91,7 +86,7 @@ def _solved(
     """Enter a kind that solves scenes as it asks for, and judges with the truth in between."""
 
     @trial(name, *turns)
-    def kind(rng: Generator, number: int) -> Told:
+    def kind(rng: Generator, number: int) -> Facts:
         scene, asks = scene_of(rng, family_of(number)), asks_of(rng)
         # At another resolution regions are asked again: the scene's cells are not that body.
         known = asks.get("resolution") in (None, 1) and number // 20 % TRUTH_EVERY == 0
@@ -113,7 +108,7 @@ _solved(
 _solved("described, tolerance", (12, 13), drawn.described_scene, _within(0.3, 0.1))
 
 
-def _judged(scene: kaju.Scene, result: Any, known: bool) -> Told:
+def _judged(scene: kaju.Scene, result: Any, known: bool) -> Facts:
     """Judge an answer of linear elasticity: numbers, balance, and sometimes the truth."""
     told = demand_sound(result)
     energy = result.strain_energy
@@ -154,7 +149,7 @@ def _true_energy(scene: kaju.Scene) -> float:
 
 
 @trial("elastic agents", 5)
-def _agents(rng: Generator, number: int) -> Told:
+def _agents(rng: Generator, number: int) -> Facts:
     """Let elastic agents settle, in one of their orders of work."""
     order: Any = ["wave", "largest first", "multilevel"][rng.integers(3)]
     scene = drawn.elastic_scene(rng, family_of(number))
@@ -170,7 +165,7 @@ def _agents(rng: Generator, number: int) -> Told:
 
 
 @trial("network", 6)
-def _network(rng: Generator, number: int) -> Told:
+def _network(rng: Generator, number: int) -> Facts:
     """Press a lattice of springs or a body of hexagons, lightly or until it gives way, or creep."""
     from kaju.model.network.hexagon_body import hexagon_body
     from kaju.model.network.spring_lattices import triangular
@@ -196,7 +191,7 @@ def _network(rng: Generator, number: int) -> Told:
 
 
 @trial("three elements", 8)
-def _element(rng: Generator, number: int) -> Told:
+def _element(rng: Generator, number: int) -> Facts:
     """Hold a steady force on a three-element material: the scheme has an exact answer."""
     k, d_f, d_d = (float(10 ** rng.uniform(-6, 6)) for _ in range(3))
     element = kaju.ThreeElement(K_f=k, D_f=d_f, D_d=d_d if rng.random() < 0.8 else inf)
@@ -211,7 +206,7 @@ def _element(rng: Generator, number: int) -> Told:
 
 
 @trial("goals", 14)
-def _goals(rng: Generator, number: int) -> Told:
+def _goals(rng: Generator, number: int) -> Facts:
     """Ask for a quantity at two tolerances: what is certain of it must be so at both."""
     scene = drawn.described_scene(rng, family_of(number))
     size = np.array(scene.lattice.extent)
@@ -244,7 +239,7 @@ def demand_one_truth(certain: list[tuple[float, float]]) -> None:
 
 
 @trial("true outlines", 23, 28)
-def _outlined(rng: Generator, number: int) -> Told:
+def _outlined(rng: Generator, number: int) -> Facts:
     """Solve a body of true outlines on two grids: both bounds hold one energy; save and read."""
     scene = drawn.outlined_scene(rng)
     certain = []
@@ -265,7 +260,7 @@ def _outlined(rng: Generator, number: int) -> Told:
 
 
 @trial("saved", 15)
-def _saved(rng: Generator, number: int) -> Told:
+def _saved(rng: Generator, number: int) -> Facts:
     """Save an answer and read it."""
     way = int(rng.integers(4))
     if way == 0:
@@ -279,7 +274,7 @@ def _saved(rng: Generator, number: int) -> Told:
     return {"what": "the same", **_read_again(rng, result)}
 
 
-def _read_again(rng: Generator, result: Any) -> Told:
+def _read_again(rng: Generator, result: Any) -> Facts:
     """Save and read: the same; turn a bit over: refused, or nothing depended on it."""
     from kaju.model.results.archive import seal_of
 
@@ -304,7 +299,7 @@ def _read_again(rng: Generator, result: Any) -> Told:
 
 
 @trial("pages", 16)
-def _page(rng: Generator, number: int) -> Told:
+def _page(rng: Generator, number: int) -> Facts:
     """Write a page of a scene, a run or an answer."""
     way = int(rng.integers(3))
     shown: Any
@@ -322,7 +317,7 @@ def _page(rng: Generator, number: int) -> Told:
 
 
 @trial("creeping bodies", 17)
-def _creeping(rng: Generator, number: int) -> Told:
+def _creeping(rng: Generator, number: int) -> Facts:
     """Let a body of one or two laws creep, by the prescribed rule or elastically."""
     pace = float(10 ** rng.uniform(-3, 3))
     scene = drawn.described_scene(rng, family_of(number), pace=pace)
@@ -338,7 +333,7 @@ def _creeping(rng: Generator, number: int) -> Told:
 
 
 @trial("misbehaving agents", 18)
-def _misbehaving(rng: Generator, number: int) -> Told:
+def _misbehaving(rng: Generator, number: int) -> Facts:
     """Let agents or ground answer nonsense: refused by name, or harmless as the books show."""
     mine, rigid = kaju.MaterialAgent, kaju.RigidBoundaryAgent
     worst: list[Any] = [nan, inf, -1.0, 1e308, 0.0, 3.0, None, "half", 1j, 10**400, [], True]
@@ -366,7 +361,7 @@ def _misbehaving(rng: Generator, number: int) -> Told:
 
 
 @trial("prescribed, described; large", 19)
-def _prescribed(rng: Generator, number: int) -> Told:
+def _prescribed(rng: Generator, number: int) -> Facts:
     """Pass weight and described loads on; every fifth time solve a body of 10⁵ cells."""
     if number // 20 % 5 == 0:
         scene = drawn.large_scene(rng)

@@ -242,17 +242,14 @@ def unpacked(file: Path) -> dict[str, NDArray[Any]]:
                 f"{file}: {packed:,} bytes would unpack to {whole:,}, more than results do; it was "
                 "not read"
             )
-        return {
-            entry.filename.removesuffix(".npy"): _array(archive.read(entry)) for entry in entries
-        }
-
-
-def _array(stored: bytes) -> NDArray[Any]:
-    stream = BytesIO(stored)
-    found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-    if stream.read(1):
-        raise ValueError("an array is shorter than what is stored of it")
-    return found
+        arrays: dict[str, NDArray[Any]] = {}
+        for entry in entries:
+            stream = BytesIO(archive.read(entry))
+            name = entry.filename.removesuffix(".npy")
+            arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
+            if stream.read(1):
+                raise ValueError("an array is shorter than what is stored of it")
+    return arrays
 
 
 @contextmanager

@@ -64,7 +64,7 @@ class Check(NamedTuple):
 class Result:
     """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
 
-    It prints its key figures: nobody wants to see thousands of agents printed.
+    It prints its key figures, and not its thousands of agents.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Result:
         """Return one row per agent, or per time."""
 
     def checks(self) -> list[Check]:
-        """Return what must hold in it whatever was asked: its books, forces and energies balance.
+        """Return what must hold in it whatever was asked: its ledger, forces and energies balance.
 
         Examples
         --------
@@ -425,7 +425,7 @@ def load_result(path: str | Path) -> Result:
         file = file / "result.npz"
     kind = open_archive(file).about["kind"]
     likely = [KINDS[kind]] if kind in KINDS else KINDS.values()  # earlier ones had other labels
-    for known in (fetch(entry.result) for entry in likely):
-        if kind in known.kinds():
-            return cast(Result, known.load(file))
+    for result in (fetch(entry.result) for entry in likely):
+        if kind in result.kinds():
+            return cast(Result, result.load(file))
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")

@@ -121,7 +121,7 @@ def finite_elements(
 
 @dataclass(frozen=True, eq=False)
 class ElementReference(Reference):
-    """Displacement, stress and strain energy of finite elements, known all over the body.
+    """Displacement, stress and strain energy of finite elements, defined all over the body.
 
     Its own points are the middles of the cells; these alone are saved and loaded again.
     """
@@ -269,8 +269,8 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
 
     d, applied = scene.lattice.dimension, scene.applied()
     row = np.flatnonzero(applied.direction >= 0)
-    cells, way, force = applied.cells[row], applied.direction[row], applied.force[row]
-    if (scene.kinds(cells + scene.lattice.normals[way].astype(int)) >= 0).any():
+    cells, direction, force = applied.cells[row], applied.direction[row], applied.force[row]
+    if (scene.kinds(cells + scene.lattice.normals[direction].astype(int)) >= 0).any():
         raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
     part = np.tile([[0.0], [1.0]], (len(applied.force), 1, d))
     slope = np.zeros((len(applied.force), d, d))
@@ -278,7 +278,7 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
         part[applied.uneven.row], slope[applied.uneven.row] = applied.uneven[1:]
     cell, own = _faces_of(mesh, facets)
     sizes = (*scene.lattice.shape, 2 * d)
-    loads = pd.DataFrame({"face": np.ravel_multi_index((*cells.T, way), sizes)})
+    loads = pd.DataFrame({"face": np.ravel_multi_index((*cells.T, direction), sizes)})
     sides = pd.DataFrame({"face": np.ravel_multi_index((*cell, own), sizes)})
     both = loads.reset_index(names="load").merge(sides.reset_index(names="side"), on="face")
     load, side = both["load"].to_numpy(), both["side"].to_numpy()
@@ -331,13 +331,13 @@ def _assembled(density: Floats, basis: Any) -> Floats:
 def held(basis: Any, kinds: Index) -> Index:
     """Return the unknowns that rigid cells and rollers hold; see `surroundings` for `kinds`."""
     facets = basis.mesh.boundary_facets()
-    cell, way = _faces_of(basis.mesh, facets)
+    cell, direction = _faces_of(basis.mesh, facets)
     beyond = cell + 1
-    beyond[way // 2, np.arange(len(way))] += 2 * (way % 2) - 1
+    beyond[direction // 2, np.arange(len(direction))] += 2 * (direction % 2) - 1
     kind = kinds[tuple(beyond)]
     parts = [basis.get_dofs(facets[kind == RIGID]).flatten()]
     for axis in range(len(cell)):
-        sliding = facets[(kind == ROLLER) & (way // 2 == axis)]
+        sliding = facets[(kind == ROLLER) & (direction // 2 == axis)]
         parts.append(basis.get_dofs(sliding).all([f"u^{axis + 1}"]))
     return np.unique(np.concatenate(parts).astype(np.int64))
 
@@ -455,22 +455,19 @@ def singular_points(scene: Scene, kinds: Index) -> Floats:
 def _ends_of_loads(scene: Scene) -> Floats:
     """Return the ends of faces whose traction is not that of the next face in line, in cells."""
     applied = scene.applied()
-    traction: dict[tuple[int, ...], Floats] = {}
-    for *cell, way, force in zip(*applied.cells.T, applied.direction, applied.force, strict=True):
-        if way >= 0:
-            key = (int(way), *map(int, cell))
-            traction[key] = traction.get(key, 0.0) + force
-    ends = [np.zeros((0, 2))]
-    for (way, *cell), force in traction.items():
-        axis, upper = divmod(way, 2)
-        for step in (-1, 1):
-            beside = np.array(cell)
-            beside[1 - axis] += step
-            other = traction.get((way, *beside.tolist()), np.zeros(2))
-            if np.abs(other - force).max() > ROUNDING * np.abs(force).max():
-                end = np.array(cell, dtype=np.float64)
-                end[[axis, 1 - axis]] += [upper, step == 1]
-                ends.append(end[None])
+    on_face = applied.direction >= 0
+    face = (applied.direction[on_face], *applied.cells[on_face].T)
+    traction = np.zeros((4, *scene.lattice.shape, 2))
+    np.add.at(traction, face, applied.force[on_face])
+    ends = []
+    for axis, upper in np.ndindex(2, 2):
+        # Faces of one direction, those in line along the first axis; nothing before and after.
+        lines = np.moveaxis(traction[2 * axis + upper], 1 - axis, 0)
+        lines = np.pad(lines, [(1, 1), (0, 0), (0, 0)])
+        size, step = np.abs(lines).max(axis=2), np.abs(np.diff(lines, axis=0)).max(axis=2)
+        found = np.argwhere(step > ROUNDING * np.maximum(size[1:], size[:-1]))
+        found[:, 1] += upper
+        ends.append(found if axis else found[:, ::-1])
     if applied.uneven is not None:  # loads that begin or end within faces
         row, part, _ = applied.uneven
         axes, uppers = np.divmod(applied.direction[row], 2)

@@ -140,7 +140,7 @@ class Fit:
 
 
 def elastic_reference(scene: Scene, resolution: int | None = None) -> BodyResult:
-    """Return the answer of elasticity, on cells fine enough to be believed unless told."""
+    """Return the answer of elasticity, by default on cells fine enough to be believed."""
     if resolution is None:
         across = CELLS_ACROSS[scene.lattice.dimension]
         resolution = min(8, max(1, across // max(scene.lattice.shape)))
@@ -161,12 +161,12 @@ def fit_rule(
     """Find α and β that bring the prescribed rule closest to references on scenes.
 
     The coefficients fit these bodies under these loads, and no others. Made small is the root of
-    the weighted mean square of all misfits; what got worse for it is told.
+    the weighted mean square of all misfits; the result lists what got worse for it.
 
     Parameters
     ----------
     scene : Scene, or several
-        With a `PrescribedRule`; its threshold and way of adding up are kept, coefficients of
+        With a `PrescribedRule`; its threshold and kind of adding up are kept, coefficients of
         single materials are given up.
     reference : BodyResult, ElasticRun or Reference, or one for each scene, optional
         What to come close to; by default the answers of elasticity.

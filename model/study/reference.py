@@ -1,4 +1,4 @@
-"""What results are measured against: a displacement and a stress known at some points.
+"""What results are measured against: displacement and stress at some points.
 
 A reference may come from another program, an experiment or a formula. It knows nothing
 between its points and never guesses.

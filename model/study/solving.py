@@ -189,7 +189,12 @@ def solve(  # type: ignore[misc]
         if subject.outlined:
             return interruptible(lambda: _with_memory(_solve_outlined, subject, given))
         if engine is not None:
-            return _solve_by(engine, subject, given)
+            if engine != "petsc":
+                raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
+            _refuse_others("petsc", given)
+            from kaju.model.scale.solve_petsc import solve_petsc
+
+            return solve_petsc(subject, tolerance, resolution, stage=stage)
         return interruptible(lambda: _with_memory(_solve_scene, subject, given))
     from kaju.model.network import SpringNetwork
     from kaju.model.network import solve as solve_network
@@ -224,18 +229,6 @@ def _with_memory(
             f"solve: {error or 'memory ran out'}; take a smaller resolution, a larger "
             "tolerance, or fewer agents (most_agents)"
         ) from error
-
-
-def _solve_by(engine: str, scene: Scene, given: dict[str, Any]) -> AnyElastic:
-    """Solve equal cells by PETSc."""
-    if engine != "petsc":
-        raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
-    _refuse_others("petsc", given)
-    from kaju.model.scale.solve_petsc import solve_petsc
-
-    return solve_petsc(
-        scene, given.get("tolerance"), given.get("resolution"), stage=given.get("stage")
-    )
 
 
 def _solve_outlined(scene: Scene, given: dict[str, Any]) -> AnyElastic:

@@ -110,7 +110,7 @@ def sweep(
     ResultFileError
         If the folder holds another sweep, or cannot be written.
     WorkerError
-        If nobody is left to compute; what was finished is kept in `out`.
+        If no worker is left to compute; what was finished is kept in `out`.
 
     Examples
     --------
@@ -279,7 +279,7 @@ def _parallel(
         n_jobs=count,
         return_as="generator_unordered",
         mmap_mode=None,
-        # Not with a worker's first run: killed before it came, nobody would end the worker.
+        # Not with a worker's first run: if this process is killed before it, the worker stays.
         initializer=_settle_in,
         initargs=(os.getpid(),),
     )

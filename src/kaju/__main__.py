@@ -96,7 +96,7 @@ def _end(message: str) -> NoReturn:
 
 
 def _full(stream: TextIO) -> bool:
-    """Tell whether a stream takes nothing more; what is left in it is given up then."""
+    """Tell whether a stream takes nothing more; what it still holds is then discarded."""
     try:
         stream.flush()
     except OSError:

@@ -59,7 +59,7 @@ def text_of_file(
 
 
 def is_there(path: Path) -> bool:
-    """Tell whether there is anything of that name; a name that no system takes is nobody's."""
+    """Tell whether there is anything of that name; there is not if the system refuses the name."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -122,7 +122,7 @@ def _hidden(place: Path, suffix: str = "", *, folder: bool = False) -> Iterator[
             _remove(left)
             os.close(lock)
     lock = None
-    while lock is None:  # somebody may sweep it between its making and its locking
+    while lock is None:  # another writer may sweep it before it is locked
         path = place / f"{HIDDEN}{secrets.token_hex(6)}{suffix}"
         if folder:
             path.mkdir()

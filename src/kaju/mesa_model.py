@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,7 +21,8 @@ from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
 from kaju.model.results.subjects import subject_archive, subject_from
 from kaju.result_kinds import fetch
-from kaju.stepping import Answer, Until, step_to_end
+from kaju.stepping import Until, step_to_end
+from kaju.stopping import Answer
 
 _SUBJECT = "subject."
 RandomStates = tuple[dict[str, Any], tuple[int, tuple[int, ...], float | None]]
@@ -111,8 +113,8 @@ class SteppedModel(Model):
     def datacollector(self) -> DataCollector:
         """The figures after every step, as Mesa keeps them."""
         if self._collector is None:
-            names = list(self.figures())
-            self._collector = DataCollector({name: _Figure(name) for name in names})
+            reporters = {name: partial(_figure, name) for name in self.figures()}
+            self._collector = DataCollector(reporters)
         noted, self._noted = self._noted, []
         for step, figures in noted:
             for name, value in figures.items():
@@ -270,11 +272,6 @@ class SteppedModel(Model):
         return step_to_end(self, until, result, after)
 
 
-class _Figure:
-    """Reports one of a model's figures to Mesa; unlike a lambda it can be sent to a process."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __call__(self, model: SteppedModel) -> float:
-        return model.figures()[self.name]
+def _figure(name: str, model: SteppedModel) -> float:
+    """Return one of a model's figures, as Mesa asks for it."""
+    return model.figures()[name]

@@ -135,7 +135,7 @@ CORPUS: dict[tuple[int, str], str] = {
     (2962, "tolerance"): "a solid next to ν = -1 that hardly balanced",
     (5162, "tolerance"): "forces that did not balance, without a word",
     (5219, "tolerance"): "leftovers that no side passes on: a proof without end",
-    (6589, "tolerance"): "forces that nobody passes on",
+    (6589, "tolerance"): "forces that no agent passes on",
     (8529, "tolerance"): "a solid given to millions of cells",
     (1124, "equal cells"): "factors of a part on a soft bed",
     (287, "equal cells"): "rounding that leaves nothing of an answer",
@@ -149,6 +149,6 @@ CORPUS: dict[tuple[int, str], str] = {
     (5036, "network"): "a network that buckled while it crept",
     (945, "elastic agents"): "next to ν = 1/2, newtons that rounding lost, as if none may be",
     (3748, "true outlines"): "corners in line but for rounding, a pocket of itself without end",
-    (20068, "true outlines"): "next to ν = 1/2, bounds that rounding put the wrong way round",
+    (20068, "true outlines"): "next to ν = 1/2, bounds that rounding put in the wrong order",
 }
 """Every trial that has ever failed, with why, by number and kind: they run first."""

@@ -33,7 +33,7 @@ def _passed_on(scene: kaju.Scene, engine: Any, most: int, **own: Any) -> kaju.Lo
 
 @trial("prescribed rule", 0, 3)
 def _transfer(rng: Generator, number: int) -> Facts:
-    """Pass loads on by chosen shares: they end as the certificate says, and the books balance."""
+    """Pass loads on by chosen shares: they end as the certificate says, and the ledger balances."""
     scene = drawn.transfer_scene(rng)
     turn = number % 10 == OWN and scene.lattice.kind == "square"
     own = {"material_agent": Grain} if turn else {}
@@ -69,7 +69,7 @@ def _transfer(rng: Generator, number: int) -> Facts:
 
 
 class Grain(kaju.MaterialAgent):
-    """An agent of one's own, who draws how much it passes ahead and loses the rest."""
+    """An agent of one's own, which draws how much it passes ahead and loses the rest."""
 
     def __init__(self, model: Any, cell: Any, material: Any, shares: Any) -> None:
         forward = float(model.rng.uniform(0.0, 0.7))
@@ -110,7 +110,7 @@ _solved("described, tolerance", (12, 13), drawn.described_scene, _within(0.3, 0.
 
 def _judged(scene: kaju.Scene, result: Any, known: bool) -> Facts:
     """Judge an answer of linear elasticity: numbers, balance, and sometimes the truth."""
-    told = demand_sound(result)
+    summary = demand_sound(result)
     energy = result.strain_energy
     pulled = any(scene.side_condition(name).kind == "displaced" for name in scene.lattice.sides)
     demand(energy >= 0.0 or pulled, f"a strain energy of {energy:.2e} J")
@@ -123,8 +123,8 @@ def _judged(scene: kaju.Scene, result: Any, known: bool) -> Facts:
             f"the true energy {truth:.6e} J lies outside of its bounds {lower:.6e}, {upper:.6e}",
         )
     return {
-        "what": str(told["method"]),
-        "agents": int(told["agents"]),
+        "what": str(summary["method"]),
+        "agents": int(summary["agents"]),
         "estimate": float(result.error_estimate),
         "true_error": sqrt(abs(energy / truth - 1.0)) if truth > 0.0 else nan,
         "truth": truth,
@@ -248,28 +248,33 @@ def _outlined(rng: Generator, number: int) -> Facts:
         grid = {"cells": [times * n for n in lattice.shape], "cell_size": lattice.cell_size / times}
         finer = scene.with_overrides({f"body.{key}": value for key, value in grid.items()})
         result: Any = kaju.solve(finer, tolerance=tolerance, most_agents=MOST_AGENTS)
-        told = demand_sound(result)
-        demand(tuple(told["energy_bounds"]) == result.energy_bounds, "bounds that are not told")
+        summary = demand_sound(result)
+        demand(
+            tuple(summary["energy_bounds"]) == result.energy_bounds,
+            "bounds that the summary does not hold",
+        )
         demand(result.error_bound <= tolerance, "a tolerance that is not kept")
         for name in result.hoops:
             demand_finite(result.outline_stress(name)[1].tolist(), "hoop stress")
         certain.append(result.energy_bounds)
     demand_one_truth(certain)
-    told = {"family": f"{len(result.hoops)} outlines", "what": "proved", "agents": result.agents}
-    return {**_read_again(rng, result), **told}
+    summary = {"family": f"{len(result.hoops)} outlines", "what": "proved", "agents": result.agents}
+    return {**_read_again(rng, result), **summary}
 
 
 @trial("saved", 15)
 def _saved(rng: Generator, number: int) -> Facts:
     """Save an answer and read it."""
-    way = int(rng.integers(4))
-    if way == 0:
+    variant = int(rng.integers(4))
+    if variant == 0:
         result: Any = _passed_on(drawn.transfer_scene(rng), "arrays", 100).run(progress=False)
-    elif way == 1:
+    elif variant == 1:
         result = kaju.ElasticModel(drawn.elastic_scene(rng, family_of(number)), max_steps=50).run()
     else:
         scene = drawn.described_scene(rng, family_of(number))
-        asks: dict[str, Any] = {"tolerance": 0.3, "most_agents": MOST_AGENTS} if way == 2 else {}
+        asks: dict[str, Any] = (
+            {"tolerance": 0.3, "most_agents": MOST_AGENTS} if variant == 2 else {}
+        )
         result = kaju.solve(scene, **asks)
     return {"what": "the same", **_read_again(rng, result)}
 
@@ -301,13 +306,13 @@ def _read_again(rng: Generator, result: Any) -> Facts:
 @trial("pages", 16)
 def _page(rng: Generator, number: int) -> Facts:
     """Write a page of a scene, a run or an answer."""
-    way = int(rng.integers(3))
+    variant = int(rng.integers(3))
     shown: Any
-    if way == 0:
+    if variant == 0:
         shown = kaju.solve(drawn.described_scene(rng, family_of(number)))
     else:
         shown = drawn.transfer_scene(rng)
-        if way == 1:
+        if variant == 1:
             shown = _passed_on(shown, "arrays", 200).run(progress=False)
     with TemporaryDirectory() as folder:
         path = kaju.export_page(shown, Path(folder) / "page.html")
@@ -334,7 +339,7 @@ def _creeping(rng: Generator, number: int) -> Facts:
 
 @trial("misbehaving agents", 18)
 def _misbehaving(rng: Generator, number: int) -> Facts:
-    """Let agents or ground answer nonsense: refused by name, or harmless as the books show."""
+    """Let agents or ground answer nonsense: refused by name, or harmless as the ledger shows."""
     mine, rigid = kaju.MaterialAgent, kaju.RigidBoundaryAgent
     worst: list[Any] = [nan, inf, -1.0, 1e308, 0.0, 3.0, None, "half", 1j, 10**400, [], True]
     nonsense: Any = worst[rng.integers(len(worst))]

@@ -1,7 +1,7 @@
 """Scenes that try the solvers and the rules: each made from a number alone.
 
-Every family is a way in which bodies, materials, supports, loads or coefficients are known to
-give trouble. The same number gives the same scene on every machine.
+Every family is a kind of body, material, support, load or coefficient that is known to give
+trouble. The same number gives the same scene on every machine.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ def _corner_neck(rng: Generator) -> Codes:
 def _spiral(rng: Generator) -> Codes:
     """Return a wound-up member, one or two cells wide."""
     codes = np.zeros((11, 11), dtype=np.int64)
-    place, way = np.array([0, 0]), np.array([0, 1])
+    place, heading = np.array([0, 0]), np.array([0, 1])
     for length in (10, 10, 10, 8, 8, 6, 6, 4, 4, 2)[: int(rng.integers(3, 11))]:
         for _ in range(length):
             codes[tuple(place)] = 1
-            place = place + way
-        way = np.array([way[1], -way[0]])
+            place = place + heading
+        heading = np.array([heading[1], -heading[0]])
     codes[tuple(place)] = 1
     wide = int(rng.integers(1, 3))
     return codes.repeat(wide, axis=0).repeat(wide, axis=1)

@@ -21,8 +21,6 @@ from kaju.model.scene.pictures import embedded
 Codes = NDArray[np.int64]
 """0 is air, 1, 2, … are materials, -1 is rigid; [column, row from the bottom]."""
 
-ELASTIC = "kind", "elastic"
-
 
 def _pixels(rng: Generator) -> Codes:
     """Return half-filled pixels, joined and loose ones."""
@@ -139,22 +137,28 @@ def elastic_scene(rng: Generator, family: str) -> Scene:
         codes = codes[:5, :5, None].repeat(int(rng.integers(1, 4)), axis=2)
         if not (codes > 0).any():
             codes[0, 0, 0] = 1
-    legend = {0: "air", -1: "rigid", 1: "a", 2: "b", 3: "c"}
+    names = {0: "air", -1: "rigid", 1: "a", 2: "b", 3: "c"}
     body: dict[str, Any] = {"cell_size": _size(rng)}
     if not solid:
         body |= {
             "plane": str(rng.choice(["stress", "strain"])),
             "thickness": float(10 ** rng.uniform(-4, 0)),
         }
-    return Scene.from_array(
+    return _of_cells(
         codes,
-        legend={int(code): legend[int(code)] for code in np.unique(codes)},
-        materials=_materials(rng, [n for k, n in legend.items() if k > 0 and k in codes]),
+        names,
+        materials=_materials(rng, [n for k, n in names.items() if k > 0 and k in codes]),
         sides=_sides(rng, codes.ndim),
         loads=[_load(rng, codes) for _ in range(int(rng.integers(1, 4)))],
         rule={"kind": "elastic"},
         **body,
     )
+
+
+def _of_cells(codes: Codes, names: dict[int, str], **described: Any) -> Scene:
+    """Return a scene whose cells are given by codes."""
+    legend = {int(code): names[int(code)] for code in np.unique(codes)}
+    return Scene.from_array(codes, legend=legend, **described)
 
 
 def _size(rng: Generator) -> float:
@@ -235,9 +239,9 @@ def hexagon_scene(rng: Generator) -> Scene:
     codes = np.ones(rng.integers(2, 8, 2), dtype=np.int64)
     if rng.random() < 0.5:
         codes[tuple(rng.integers(0, np.array(codes.shape)))] = 0
-    return Scene.from_array(
+    return _of_cells(
         codes,
-        legend={0: "air", 1: "a"} if (codes == 0).any() else {1: "a"},
+        {0: "air", 1: "a"},
         materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": 1 / 3}},
         lattice="hexagon",
         cell_size=_size(rng),
@@ -262,10 +266,9 @@ def transfer_scene(rng: Generator) -> Scene:
         loads.append({"cell": [int(i) for i in cell], "force": [float(v) for v in vector]})
     kinds = ["free", "rigid", "roller"]
     names = ["left", "right", "bottom", "top", *(["front", "back"] if dimension == 3 else [])]
-    legend = {0: "air", -1: "rigid", 1: "steel", 2: "rubber"}
-    return Scene.from_array(
+    return _of_cells(
         codes,
-        legend={int(code): legend[int(code)] for code in np.unique(codes)},
+        {0: "air", -1: "rigid", 1: "steel", 2: "rubber"},
         cell_size=0.01,
         sides={name: str(rng.choice(kinds)) for name in names},
         loads=loads,
@@ -296,8 +299,7 @@ def _rule(rng: Generator, dimension: int, force: float) -> dict[str, Any]:
     }
 
 
-DRAWS = 6
-"""How often a scene is drawn until one describes something; the last may be refused."""
+DRAWS = 6  # how often a scene is drawn until one describes something; the last may be refused
 
 
 def described_scene(

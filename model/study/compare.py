@@ -97,7 +97,7 @@ class Pair:
                 f"component: {self.name} has no {name!r}; "
                 f"components are {known}{' and so on' if order == 2 else ''}"
             )
-        place = (slice(None), *map(axes.index, name))
+        place: Any = (slice(None), *map(axes.index, name))
         return Pair(f"{self.name} {name}", self.unit, self.values[place], self.reference[place])
 
     def summary(self) -> dict[str, float]:

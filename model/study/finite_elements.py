@@ -193,7 +193,8 @@ def _elements_around(basis: Any, place: Floats) -> Index:
         return np.asarray(smallest.reshape(-1, many))
 
     middles = corners.mean(axis=1).T
-    near = cKDTree(middles).query(place.T, np.arange(1, min(NEAREST, len(middles)) + 1))[1]
+    ranks = np.arange(1, min(NEAREST, len(middles)) + 1)
+    near = np.asarray(cKDTree(middles).query(place.T, ranks)[1], dtype=np.int64)
     inside = depth_within(place, near)
     found: Index = near[np.arange(len(near)), inside.argmax(axis=1)]
     for lost in np.flatnonzero(inside.max(axis=1) < -ROUNDING):
@@ -233,7 +234,9 @@ def element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
     """Return the moduli (Pa) of every element; see `surroundings` for `kinds`."""
     kind = kinds[tuple(cells_of(mesh) + 1)]
     constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
-    return Moduli(*(part[kind] for part in moduli_of(*np.array(constants).T, scene.plane)))
+    youngs_modulus, poissons_ratio = np.array(constants).T
+    moduli = moduli_of(youngs_modulus, poissons_ratio, scene.plane)
+    return Moduli(*(modulus[kind] for modulus in moduli))
 
 
 def _faces_of(mesh: Any, facets: Index) -> tuple[Index, Index]:

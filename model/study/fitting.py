@@ -89,8 +89,8 @@ class Fit:
     def misfit(self) -> tuple[float, float]:
         """Weighted misfit of what was fitted, before and after."""
         weights = [row.weight for row in self.misfits]
-        before, after = ([row[k] for row in self.misfits] for k in (3, 4))
-        return _weighted(before, weights), _weighted(after, weights)
+        before = _weighted([row.before for row in self.misfits], weights)
+        return before, _weighted([row.after for row in self.misfits], weights)
 
     @property
     def trade_off(self) -> str:
@@ -379,16 +379,16 @@ class _Search:
 
     def run(self, evaluations: int) -> Floats:
         """Return the best point of the box."""
-        from scipy.optimize import direct, minimize
+        from scipy.optimize import Bounds, direct, minimize
 
-        box = [(0.0, 1.0)] * 4
+        box = Bounds(np.zeros(4), np.ones(4))
         try:
             self(self.start())
             most = int(GLOBAL_SHARE * evaluations)
             direct(self, box, maxfun=most, maxiter=evaluations, locally_biased=True)
             # The best point and its neighbours along every axis, all inside the box.
             inwards = np.diag(np.where(self.box < 0.5, SIMPLEX, -SIMPLEX))
-            options = {
+            options: Any = {
                 "maxfev": max(evaluations - len(self.found), 5),
                 "initial_simplex": self.box + np.concatenate([np.zeros((1, 4)), inwards]),
                 "xatol": 1e-5,

@@ -71,7 +71,7 @@ def pytest_runtest_makereport(item, call):
 def coarse(monkeypatch):
     """Let pictures and films be coarse, which is quick."""
     monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
-    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 30)
+    monkeypatch.setattr("kaju.view.films.RESOLUTION", 30)
 
 
 @pytest.fixture

@@ -1,9 +1,12 @@
-"""The agents of a run: where they spawned, when, and of which kind they are."""
+"""The agents of a run of load transfer: where and when they spawned, and of which kind they are.
+
+In a plane they are tiles; in space only material agents are solid, boundary agents are marks.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,16 +16,35 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
 
-from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body_plots import draw_body, draw_forces, finish
-from .section import Section, section_of
-from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
+from .body_plots import BodyPicture
+from .films import TWO_LINES, Film
+from .load_plots import (
+    FILM_ARROWS_ACROSS,
+    draw_loads,
+    load_norm,
+    loads_taken,
+    sense_entries,
+    threshold_of,
+)
+from .section import Section, one_a_place, section_of
+from .space import DrawnBox, box_around, draw_voxels, space_for
+from .style import (
+    INK,
+    PULL,
+    SEQUENTIAL,
+    add_polygons,
+    caption,
+    colour_bar,
+    figure_of,
+    legend,
+)
 from .units import counted, quantity
 
 
@@ -46,13 +68,6 @@ SYMBOLS = {
 }
 
 
-def threshold_of(result: TransferResult) -> float:
-    """Return γ (N)."""
-    rule = result.scene.rule
-    assert isinstance(rule, PrescribedRule)
-    return rule.threshold
-
-
 def spawn_norm(generations: int) -> Normalize:
     """Return the scale of spawn steps 1 to `generations`: single colours while there are few."""
     last = max(generations, 1)
@@ -61,27 +76,33 @@ def spawn_norm(generations: int) -> Normalize:
     return Normalize(1.0, float(last))
 
 
+def _boundaries(stage: Stage, until: int) -> Iterator[tuple[Symbol, Ints, Ints]]:
+    """Yield symbol, cells and spawn steps of the boundary agents of each kind, if there are any."""
+    for kind, symbol in SYMBOLS.items():
+        chosen = (stage.boundary_kind == kind) & (stage.boundary_spawn_step <= until)
+        if chosen.any():
+            yield symbol, stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
+
+
 def draw_agents(
-    ax: Axes, section: Section, stage: Stage, norm: Normalize, generation: int | None = None
+    ax: Axes, section: Section, stage: Stage, norm: Normalize, until: int
 ) -> list[Artist]:
-    """Draw the agents that have spawned up to a generation; return the artists."""
-    until = stage.generations + 1 if generation is None else generation
+    """Draw the agents that have spawned until a step; return the artists."""
+
+    def draw(name: str, polygons: Floats, step: Ints, **look: Any) -> Artist:
+        values = step.astype(np.float64)
+        return add_polygons(ax, polygons, name, array=values, cmap=SEQUENTIAL, norm=norm, **look)
+
     born = stage.spawn_step <= until
     tiles, step = section.gather(stage.cells[born], stage.spawn_step[born], "min")
     small = len(section.ground[0]) > 10_000
     look = {"edgecolors": "none" if small else "white", "linewidths": 0.0 if small else 0.4}
-    artists: list[Artist] = [
-        _coloured(ax, section.polygons(tiles), "material agents", step, norm, **look, zorder=2)
-    ]
-    for kind, symbol in SYMBOLS.items():
-        chosen = (stage.boundary_kind == kind) & (stage.boundary_spawn_step <= until)
-        if chosen.any():
-            cells, steps = stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
-            tiles, step = section.gather(cells, steps, "min")
-            shapes = section.centres(tiles)[:, None] + section.tile_size[0] * symbol.corners
-            look = {"edgecolors": INK, "linewidths": 0.4}
-            name = f"{symbol.name}s"
-            artists.append(_coloured(ax, shapes, name, step, norm, **look, zorder=5))
+    artists = [draw("material agents", section.polygons(tiles), step, **look, zorder=2)]
+    for symbol, cells, steps in _boundaries(stage, until):
+        tiles, step = section.gather(cells, steps, "min")
+        shapes = section.centres(tiles)[:, None] + section.tile_size[0] * symbol.corners
+        look = {"edgecolors": INK, "linewidths": 0.4}
+        artists.append(draw(f"{symbol.name}s", shapes, step, **look, zorder=5))
     return artists
 
 
@@ -96,13 +117,6 @@ def mark_pulled(ax: Axes, section: Section, stage: Stage) -> list[Artist]:
     add_polygons(ax, corners, "pulled agents", facecolors=PULL, edgecolors="white", zorder=5)
     look: dict[str, Any] = {"ls": "", "marker": "o", "mfc": PULL, "mec": "white", "ms": 5}
     return [Line2D([], [], label="took more pulls than pushes", **look)]
-
-
-def _coloured(
-    ax: Axes, polygons: Floats, name: str, step: Ints, norm: Normalize, **look: Any
-) -> Artist:
-    values = step.astype(np.float64)
-    return add_polygons(ax, polygons, name, array=values, cmap=SEQUENTIAL, norm=norm, **look)
 
 
 def boundary_entries(kinds: Ints) -> list[Artist]:
@@ -148,18 +162,121 @@ def plot_agents(
     """Draw the body with its agents, coloured by the generation in which they spawned."""
     stage = result.last
     section = section_of(result.scene, result.focus, cut, crop, caveats=result.caveats_in_brief)
-    ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, result.stage)
-    gamma = quantity(threshold_of(result), "N")
+    picture = BodyPicture(section, ax, result.stage)
+    if not len(stage.cells):
+        return picture.finish("Agents", [stage.outcome, *picture.notes])
+    norm = spawn_norm(stage.generations)
+    draw_agents(picture.ax, section, stage, norm, stage.generations + 1)
+    picture.entries += mark_pulled(picture.ax, section, stage)
+    spawn_bar(picture.ax, norm, stage.generations)
+    picture.entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
+    gamma = f"γ = {quantity(threshold_of(result), 'N')}"
+    return picture.finish("Agents", [counts(stage), "; ".join([*picture.notes, gamma])])
+
+
+def plot_material_agents(
+    result: TransferResult,
+    ax: Axes | None = None,
+    *,
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw the agents that spawned, of bodies of cubes in space unless cut."""
+    if result.scene.lattice.dimension == 2 or cut is not None:
+        return plot_agents(result, ax, cut=cut, crop=crop)
+    scene, stage, cells = result.scene, result.last, result.focus
+    assert cells is not None
+    box = box_around(scene, cells, crop)
+    space, notes = space_for(ax, scene, box, result.stage)
     if len(stage.cells):
         norm = spawn_norm(stage.generations)
-        draw_agents(ax, section, stage, norm)
-        entries += mark_pulled(ax, section, stage)
-        spawn_bar(ax, norm, stage.generations)
-        entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
-        notes = [counts(stage), "; ".join([*notes, f"γ = {gamma}"])]
+        _draw_in_space(space, scene.lattice.cell_size, stage, box, norm, stage.generations + 1)
+        spawn_bar(space, norm, stage.generations)
+        legend(space, boundary_entries(stage.boundary_kind))
+    notes = [counts(stage) if len(stage.cells) else stage.outcome, *notes, *box.notes]
+    caption(space, "Agents", notes)
+    return cast("Axes", space)
+
+
+def _draw_in_space(
+    ax: Axes3D, cell_size: float, stage: Stage, box: DrawnBox, norm: Normalize, until: int
+) -> list[Artist]:
+    """Draw the agents that have spawned until a step; return the artists."""
+    colour, edge = colormaps[SEQUENTIAL], cell_size * box.block
+    born = stage.spawn_step <= until
+    voxels, step = one_a_place(stage.cells[born] // box.block, stage.spawn_step[born], "min")
+    artists: list[Artist] = [draw_voxels(ax, voxels, edge, np.atleast_2d(colour(norm(step))))]
+    artists[0].set_gid("material agents")
+    for symbol, cells, steps in _boundaries(stage, until):
+        places, step = one_a_place(cells // box.block, steps, "min")
+        marks = ax.scatter(
+            *((places + 0.5) * edge).T,
+            c=colour(norm(step)),
+            s=26,
+            marker=symbol.marker,
+            edgecolors=INK,
+            linewidths=0.6,
+            depthshade=False,
+            zorder=4,
+        )
+        marks.set_gid(f"{symbol.name}s")
+        artists.append(marks)
+    return artists
+
+
+def spawning(
+    result: TransferResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
+) -> Film:
+    """Return the generations of a run's last stage: agents spawn, loads are taken."""
+    scene, stage = result.scene, result.last
+    norm = spawn_norm(stage.generations)
+    if scene.lattice.dimension == 3 and cut is None:
+        assert result.focus is not None
+        box = box_around(scene, result.focus)
+        space, _ = space_for(None, scene, box, result.stage)
+        spawn_bar(space, norm, stage.generations)
+        legend(space, boundary_entries(stage.boundary_kind))
+        return Film(
+            figure_of(space),
+            stage.generations,
+            lambda now: _draw_in_space(space, scene.lattice.cell_size, stage, box, norm, now),
+            caption(space, "Agents spawn", TWO_LINES),
+            lambda now: _generation_text(stage, now, box.notes),
+        )
+    section = section_of(scene, result.focus, cut, crop)
+    picture = BodyPicture(section, None, result.stage)
+    ax = picture.ax
+    spawn_bar(ax, norm, stage.generations)
+    picture.entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
+    every = [loads_taken(stage, generation) for generation in range(stage.generations + 1)]
+    picture.entries += sense_entries(every[0], stage.taken.shape[1], plain=True)
+    coarse = section_of(scene, result.focus, cut, crop, FILM_ARROWS_ACROSS)
+    largest = max(coarse.gather(stage.cells, t, "sum")[1].max(initial=0.0) for t in every)
+    scale = load_norm(np.array([largest]))
+
+    def draw(generation: int) -> list[Artist]:
+        still = len(ax.collections)
+        draw_agents(ax, section, stage, norm, generation)
+        draw_loads(ax, coarse, stage, every[generation], scale, plain=True)
+        return [*ax.collections[still:]]
+
+    return picture.film(
+        "Agents spawn and pass their loads on",
+        stage.generations,
+        draw,
+        lambda now: _generation_text(stage, now, section.notes),
+    )
+
+
+def _generation_text(stage: Stage, generation: int, notes: list[str]) -> str:
+    """Return what has happened in a generation, and below it what holds of all."""
+    agents = int((stage.spawn_step <= generation).sum())
+    taken = float(stage.history.load[stage.history.generation == generation].sum())
+    if generation == 0:
+        now = "before the first generation: the load has not been taken yet"
     else:
-        notes = [stage.outcome, *notes]
-    finish(ax, section, "Agents", notes, entries)
-    return ax
+        now = (
+            f"generation {generation} of {stage.generations}: "
+            f"{counted(agents, 'material agent')}, {quantity(taken, 'N')} taken"
+        )
+    return f"{now}\n{'; '.join(notes)}"

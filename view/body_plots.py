@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from matplotlib.text import Text
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import AppliedLoads, Scene, cell_types
 
+from .films import TWO_LINES, Film
 from .section import Section
 from .style import (
     BODY,
@@ -25,6 +27,7 @@ from .style import (
     add_polygons,
     arrow_polygons,
     caption,
+    figure_of,
     fit_figure,
     label_axis,
     legend,
@@ -36,7 +39,7 @@ MOST_ARROWS = 24
 """Of more loaded faces than this, so many evenly chosen ones get an arrow."""
 
 WEIGHTS_ACROSS = 3
-"""A weight is shown by so many arrows side by side along the body's longest way."""
+"""A weight is shown by so many arrows side by side along the body's longest side."""
 
 
 class Arrows(NamedTuple):
@@ -67,7 +70,8 @@ def force_arrows(
     force = applied.force[chosen]
     place = lattice.face_middles(applied.cells[chosen], applied.direction[chosen])
     pulls = np.einsum("ij,ij->i", force, normal) > 0.0
-    # Without a face a force ends in the cell's middle, or on its surface if that is bare.
+    # A force on no face ends in the middle of its cell; of a cell at the surface, outside of it,
+    # where the body does not hide the arrow.
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)
     behind = scene.kinds(lattice.locate(place - lattice.cell_size * unit))
     bare = (applied.direction[chosen] < 0) & (behind < 0)
@@ -93,7 +97,7 @@ def _gathered(points: Floats, force: Floats) -> tuple[Floats, Floats]:
     return np.array(places), np.array(sums)
 
 
-def told(applied: AppliedLoads) -> list[str]:
+def applied_text(applied: AppliedLoads) -> list[str]:
     """Return in words how much is applied, if anything is."""
     total = float(np.linalg.norm(applied.force, axis=1).sum())
     if total == 0.0:
@@ -116,8 +120,8 @@ def draw_forces(
     force, place = section.in_plane(arrows.force), section.in_plane(arrows.place)
     size = np.linalg.norm(force, axis=1)
     seen = size > 1e-9 * size.max(initial=0.0)
-    if not seen.any():
-        return told(applied)
+    if not (share and seen.any()):
+        return applied_text(applied)
     force, place, size, pulls = force[seen], place[seen], size[seen], arrows.pulls[seen]
     span = section.span
     along = (share * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
@@ -125,7 +129,7 @@ def draw_forces(
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)
     outlines = arrow_polygons(head - along, head, width)
     add_polygons(ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=8)
-    return told(applied)
+    return applied_text(applied)
 
 
 _SUPPORTS = {
@@ -140,8 +144,10 @@ _NARROWEST = 0.55
 _TRUE_UP_TO = 30.0  # longer bodies than this are not drawn to scale
 
 
-def draw_body(ax: Axes, section: Section, *, filled: bool = True) -> list[Artist]:
-    """Draw body (unless drawn deformed elsewhere) and supports; return what a legend explains."""
+def draw_body(
+    ax: Axes, section: Section, *, filled: bool = True, outlined: bool = True
+) -> list[Artist]:
+    """Draw materials, supports, surface and joints of a body; return what a legend explains."""
     tiles, kind = section.ground
     entries: list[Artist] = []
     across = int((section.upper - section.lower).max()) // section.block
@@ -149,28 +155,27 @@ def draw_body(ax: Axes, section: Section, *, filled: bool = True) -> list[Artist
     edge = LINE if separate else "none"
     for number, material in enumerate(section.scene.cell_materials if filled else ()):
         chosen = kind == number
-        if chosen.any():
-            some = tiles[chosen]
-            colour, hatch = BODY[number % len(BODY)], BODY_HATCHES[number % len(BODY_HATCHES)]
-            add_polygons(
-                ax,
-                section.polygons(some) if separate else section.stripes(some),
-                f"material {material.name}",
-                facecolors=colour,
-                edgecolors="#b5b5b5" if hatch else edge,
-                linewidths=0.0 if edge == "none" else 0.4,
-                hatch=hatch or None,
-                antialiased=edge != "none",
-                zorder=1,
-            )
-            entries.append(
-                Patch(facecolor=colour, edgecolor="#9a9a9a", hatch=hatch, label=material.name)
-            )
+        if not chosen.any():
+            continue
+        colour, hatch = BODY[number % len(BODY)], BODY_HATCHES[number % len(BODY_HATCHES)]
+        add_polygons(
+            ax,
+            (section.polygons if separate else section.stripes)(tiles[chosen]),
+            f"material {material.name}",
+            facecolors=colour,
+            edgecolors="#b5b5b5" if hatch else edge,
+            linewidths=0.4 if separate else 0.0,
+            hatch=hatch or None,
+            antialiased=separate,
+            zorder=1,
+        )
+        entries.append(
+            Patch(facecolor=colour, edgecolor="#9a9a9a", hatch=hatch, label=material.name)
+        )
     entries += _draw_supports(ax, section, tiles, kind)
-    surface, joints = section.outlines()
-    if filled:
-        ax.add_collection(LineCollection(list(surface), colors=INK, linewidths=0.9, zorder=4))
-        ax.add_collection(LineCollection(list(joints), colors=INK, linewidths=0.6, zorder=4))
+    if outlined:
+        for lines, width in zip(section.outlines(), (0.9, 0.6), strict=True):
+            ax.add_collection(LineCollection(list(lines), colors=INK, linewidths=width, zorder=4))
     return entries
 
 
@@ -250,10 +255,42 @@ def _reach(ax: Axes, section: Section) -> Floats:
     return np.concatenate(found)
 
 
-def draw_scene(scene: Scene, section: Section, ax: Axes | None = None) -> Axes:
-    """Draw what is asked: body, supports and loads."""
-    ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    notes = draw_forces(ax, section)
-    finish(ax, section, "The scene", notes, entries)
-    return ax
+class BodyPicture:
+    """A section of a body with its supports and forces, on which results are drawn."""
+
+    def __init__(
+        self,
+        section: Section,
+        ax: Axes | None = None,
+        stage: int | None = None,
+        *,
+        filled: bool = True,
+        outlined: bool = True,
+        loaded: bool = True,
+    ) -> None:
+        self.section = section
+        self.ax = new_axes(ax)
+        self.entries = draw_body(self.ax, section, filled=filled, outlined=outlined)
+        self.notes = draw_forces(self.ax, section, stage, float(loaded))  # on the sum
+
+    def finish(self, title: str, notes: list[str]) -> Axes:
+        """Set scales, labels, title, notes and legend; return the axes."""
+        finish(self.ax, self.section, title, notes, self.entries)
+        return self.ax
+
+    def film(
+        self,
+        title: str,
+        last: int,
+        draw: Callable[[int], list[Artist]],
+        text: Callable[[int], str],
+    ) -> Film:
+        """Return frames 0 to `last` over this picture, with a text of two lines for each."""
+        notes = finish(self.ax, self.section, title, TWO_LINES, self.entries)
+        return Film(figure_of(self.ax), last, draw, notes, text)
+
+
+def draw_scene(section: Section, ax: Axes | None = None) -> Axes:
+    """Draw a scene: body, supports and loads."""
+    picture = BodyPicture(section, ax)
+    return picture.finish("The scene", picture.notes)

@@ -22,11 +22,12 @@ from kaju.model.study.compare import Comparison, Pair, near_line
 from kaju.model.study.reference import Reference
 
 from .body_plots import draw_body, draw_forces
-from .cut_plots import KEPT, frame_cuts
+from .charts import KEPT, frame_cuts
 from .deformed import corner_displacements
 from .maps import Quantity, draw_map
 from .section import Section, section_of
 from .style import (
+    COLOURS,
     DIVERGING,
     FAINT,
     INK,
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from kaju.model.study.rule_study import RuleStudy, StraightWay
 
 
-COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")
 MARKERS = ("s", "D", "o", "^", "v")
 MOST_PANELS = len(COLOURS)
 
@@ -72,10 +72,23 @@ def plot_profiles(
     symbol: str = "",
 ) -> Figure:
     """Draw a component along lines, a panel each, as it is or as shares of `per`."""
+    return _profiles(comparisons, lines, {(quantity, component): symbol}, believed, per)
+
+
+def _profiles(
+    comparisons: Comparisons,
+    lines: Sequence[Line],
+    symbols: Mapping[tuple[str, str], str],
+    believed: str,
+    per: float | None = None,
+) -> Figure:
+    """Draw components, by quantity and component, along lines: a row of panels each."""
     check_count(comparisons)
-    figure = new_figure((4.1 * len(lines) + 0.5, 3.9))
-    for ax, line in zip(figure.subplots(1, len(lines), squeeze=False)[0], lines, strict=True):
-        plot_profile(ax, comparisons, line, (quantity, component), per, symbol)
+    figure = new_figure((4.1 * len(lines) + 0.5, 3.3 * len(symbols) + 0.6))
+    panels = figure.subplots(len(symbols), len(lines), squeeze=False)
+    for (what, symbol), row in zip(symbols.items(), panels, strict=True):
+        for ax, line in zip(row, lines, strict=True):
+            plot_profile(ax, comparisons, line, what, per, symbol)
     legend_below(figure, comparisons, believed)
     return figure
 
@@ -89,42 +102,30 @@ def plot_profile(
     symbol: str,
 ) -> None:
     """Draw a component along one line, as it is or as a share of `per`."""
-    first = next(iter(comparisons.values()))
-    profile = first.along(line.start, line.end, 401)
+    profile = next(iter(comparisons.values())).along(line.start, line.end, 401)
     shown = pair_of(profile, *what)
-    ax.plot(profile.distance, shown.reference / (per or 1.0), color=INK, linewidth=1.6)
-    drawn = [shown.reference]
-    for number, comparison in enumerate(comparisons.values()):
-        distance, pair = at_cells(comparison, line, what)
-        drawn.append(pair.values)
-        ax.plot(distance, pair.values / (per or 1.0), **look_of(number))
-    frame_of(ax, line, float(profile.distance.max()))
+    judged = [at_cells(comparison, line, what) for comparison in comparisons.values()]
+    unit = per or 1.0
+    ax.plot(profile.distance, shown.reference / unit, color=INK, linewidth=1.6)
+    _draw_judged(ax, line, [(distance, pair.values / unit) for distance, pair in judged])
     if per is None:
-        label_axis(ax.yaxis, symbol, np.concatenate(drawn).tolist(), shown.unit)
+        every = np.concatenate([shown.reference, *(pair.values for _, pair in judged)])
+        label_axis(ax.yaxis, symbol, every.tolist(), shown.unit)
     else:
         ax.set_ylabel(symbol, fontsize=9)
 
 
-def plot_ratio(
-    comparisons: Comparisons,
-    line: Line,
-    quantity: str,
-    component: str,
-    *,
-    believed: str = "reference",
-    symbol: str = "",
-    ax: Axes | None = None,
-) -> Axes:
-    """Draw values over those of the reference along a line; 1 is agreement."""
-    check_count(comparisons)
-    ax = new_axes(ax, (4.6, 3.9))
-    ax.axhline(1.0, color=INK, linewidth=1.6)
-    for number, comparison in enumerate(comparisons.values()):
-        distance, pair = at_cells(comparison, line, (quantity, component))
-        ax.plot(distance, pair.ratio, **look_of(number))
-    frame_of(ax, line, float(np.linalg.norm(np.subtract(line.end, line.start))))
-    ax.set_ylabel(f"{symbol} over that of {believed}", fontsize=9)
-    return ax
+def _draw_judged(ax: Axes, line: Line, curves: Sequence[tuple[Floats, Floats]]) -> None:
+    """Draw what is judged over the distance along a line, in a light frame."""
+    for number, (distance, values) in enumerate(curves):
+        ax.plot(distance, values, **look_of(number))
+    length = float(np.linalg.norm(np.subtract(line.end, line.start)))
+    label_axis(ax.xaxis, line.title, [0.0, length], "m")
+    ax.tick_params(labelsize=8, color=FAINT)
+    ax.grid(True, color="#ececec", linewidth=0.6)
+    ax.axhline(0.0, color="#b5b5b5", linewidth=0.6)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
 
 
 def stress_symbol(axis: str) -> str:
@@ -141,36 +142,38 @@ def plot_stress_ratio(
     too.
     """
     check_count(comparisons)
-    component, symbol = axes[0] * 2, stress_symbol(axes[0])
+    along, symbol = ("stress", axes[0] * 2), stress_symbol(axes[0])
     figure = new_figure((4.2 * (1 + len(axes)) + 0.4 * (len(axes) == 1), 3.9))
     left, middle, *rest = figure.subplots(1, 1 + len(axes))
-    plot_profile(left, comparisons, line, ("stress", component), -pressure, f"−{symbol} / $p$")
-    plot_ratio(comparisons, line, "stress", component, believed=believed, symbol=symbol, ax=middle)
+    plot_profile(left, comparisons, line, along, -pressure, f"−{symbol} / $p$")
     left.set_title(f"Share of the pressure p = {with_unit(pressure, 'Pa')}", **TITLE)
+    pressed = [at_cells(comparison, line, along) for comparison in comparisons.values()]
+    middle.axhline(1.0, color=INK, linewidth=1.6)
+    _draw_judged(middle, line, [(distance, pair.ratio) for distance, pair in pressed])
+    middle.set_ylabel(f"{symbol} over that of {believed}", fontsize=9)
     middle.set_title(f"Over the stress of {believed}", **TITLE)
     for right in rest:
-        plot_cross_ratio(right, comparisons, line, axes[1] * 2, component)
+        profile = next(iter(comparisons.values())).along(line.start, line.end, 401)
+        across = ("stress", axes[1] * 2)
+        true = _over(pair_of(profile, *across).reference, pair_of(profile, *along).reference)
+        right.plot(profile.distance, true, color=INK, linewidth=1.6)
+        beside = [at_cells(comparison, line, across) for comparison in comparisons.values()]
+        _draw_judged(
+            right,
+            line,
+            [
+                (distance, _over(above.values, below.values))
+                for (distance, above), (_, below) in zip(beside, pressed, strict=True)
+            ],
+        )
         right.set_ylabel(f"{stress_symbol(axes[1])} / {symbol}", fontsize=9)
         right.set_title("Stress across over stress along", **TITLE)
     legend_below(figure, comparisons, believed)
     return figure
 
 
-def plot_cross_ratio(ax: Axes, found: Comparisons, line: Line, above: str, below: str) -> None:
-    """Draw one stress over another of the same answer along a line."""
-    first = next(iter(found.values()))
-    profile = first.along(line.start, line.end, 401)
-    assert profile.stress is not None
-    tops, bottoms = profile.stress.component(above), profile.stress.component(below)
-    ax.plot(profile.distance, _over(tops.reference, bottoms.reference), color=INK, linewidth=1.6)
-    for number, comparison in enumerate(found.values()):
-        distance, top = at_cells(comparison, line, ("stress", above))
-        bottom = at_cells(comparison, line, ("stress", below))[1]
-        ax.plot(distance, _over(top.values, bottom.values), **look_of(number))
-    frame_of(ax, line, float(profile.distance.max()))
-
-
 def _over(above: Floats, below: Floats) -> Floats:
+    """Return a ratio, NaN where the divisor is next to nothing."""
     small = np.abs(below) < 1e-3 * np.abs(below).max(initial=0.0)
     return above / np.where(small | (below == 0.0), np.nan, below)
 
@@ -216,16 +219,6 @@ def look_of(number: int) -> dict[str, Any]:
         "markerfacecolor": "white",
         "markeredgewidth": 1.0,
     }
-
-
-def frame_of(ax: Axes, line: Line, length: float) -> None:
-    """Label the axis along a line, and keep the frame light."""
-    label_axis(ax.xaxis, line.title, [0.0, length], "m")
-    ax.tick_params(labelsize=8, color=FAINT)
-    ax.grid(True, color="#ececec", linewidth=0.6)
-    ax.axhline(0.0, color="#b5b5b5", linewidth=0.6)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
 
 
 def legend_below(figure: Figure, comparisons: Comparisons, believed: str) -> None:
@@ -338,8 +331,8 @@ def plot_error(
     drawn.set_cmap(SIZE)
     colour_bar(ax, drawn, f"share of the reference's largest {quantity}")
     _place(ax, section, "")
-    told = f"largest {pair.max_error:.2g}, root mean square {pair.l2_error:.2g}"
-    ax.set_title(f"Error of the {quantity}: {told}", **TITLE)
+    errors = f"largest {pair.max_error:.2g}, root mean square {pair.l2_error:.2g}"
+    ax.set_title(f"Error of the {quantity}: {errors}", **TITLE)
     return ax
 
 
@@ -387,7 +380,8 @@ def pictures_beside(study: RuleStudy, depths: Sequence[float] | None = None) -> 
     found = study.comparisons
     stress = plot_stress_ratio(found, down, along + across, study.pressure, believed=BELIEVED)
     figures = {"stress_ratio": stress}
-    figures["stress_rows"] = _stress_rows(study, rows, (along, across))
+    symbols = {("stress", axis * 2): stress_symbol(axis) for axis in (along, across)}
+    figures["stress_rows"] = _profiles(found, rows, symbols, BELIEVED)
     if study.scene.lattice.dimension == 2:
         shapes = {name: comparison.result for name, comparison in found.items()}
         figures["deformed"] = plot_shapes(shapes, study.believed, name=BELIEVED)
@@ -405,20 +399,8 @@ def _line(study: RuleStudy, way: StraightWay) -> Line:
     return Line(f"{across}, {quantity(way.depth, 'm')} below the load", way.start, way.end)
 
 
-def _stress_rows(study: RuleStudy, rows: Sequence[Line], axes: tuple[str, str]) -> Figure:
-    figure = new_figure((4.1 * len(rows) + 0.5, 7.2))
-    panels = figure.subplots(len(axes), len(rows), squeeze=False)
-    for axis, row in zip(axes, panels, strict=True):
-        for ax, line in zip(row, rows, strict=True):
-            plot_profile(
-                ax, study.comparisons, line, ("stress", axis * 2), None, stress_symbol(axis)
-            )
-    legend_below(figure, study.comparisons, BELIEVED)
-    return figure
-
-
 def _cuts_beside(study: RuleStudy) -> Figure:
-    """Draw what every answer carries through its cuts, each over its way from the load."""
+    """Draw what every answer carries through its cuts, each over its distance from the load."""
     figure = new_figure((6.4, 4.2))
     ax = figure.add_subplot()
     believed, judged = study.cuts()
@@ -432,25 +414,25 @@ def _cuts_beside(study: RuleStudy) -> Figure:
 
 
 def words_beside(study: RuleStudy) -> list[str]:
-    """Say how far each of the answers is off, and where."""
-    told = []
+    """Return sentences on how far each of the answers is off, and where."""
+    lines = []
     unreached = study.unreached()
     believed, judged = study.cuts()
     for name, comparison in study.comparisons.items():
-        told.append(f"{name}: {_grade(comparison.displacement.misfit)}")
-        told.append(f"  {_off(comparison, 'displacement')}")
+        lines.append(f"{name}: {_grade(comparison.displacement.misfit)}")
+        lines.append(f"  {_off(comparison, 'displacement')}")
         if comparison.stress is not None:
-            told.append(f"  {_off(comparison, 'stress')}")
+            lines.append(f"  {_off(comparison, 'stress')}")
         ours, theirs = _carries(judged[name]), _carries(believed)
-        told.append(f"  carries {ours}" + (f" ({BELIEVED}: {theirs})" if ours != theirs else ""))
+        lines.append(f"  carries {ours}" + (f" ({BELIEVED}: {theirs})" if ours != theirs else ""))
         if unreached.get(name, 0.0) > 0.01:
-            told.append(
+            lines.append(
                 f"  {unreached[name]:.0%} of the squared error of the displacement lies where no "
                 "load arrived"
             )
     if study.fit is not None:
-        told.append(f"the fit: {study.fit}")
-    return told
+        lines.append(f"the fit: {study.fit}")
+    return lines
 
 
 def _carries(cuts: Cuts) -> str:

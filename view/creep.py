@@ -1,94 +1,27 @@
-"""What creeps, over time: curves, the body or network as it stood, and films of both."""
+"""What creeps, over time: the body or network as it was at a time, and films."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial, wraps
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError
-from kaju.model.results.result import Curves
-from kaju.view.films import Film
 
-from .body_plots import draw_forces, finish
-from .comparison import COLOURS
-from .deformed import draw_deformation, moving_cells
-from .network_plots import Colour, Stand, plot_network
+from .charts import draw_curves, panels_for
+from .deformed import moving_cells, plot_tiles_deformed
+from .films import Film
+from .network_plots import Colour, NetworkPicture, plot_network
 from .section import section_of
-from .style import FAINT, INK, LINE, caption, label_axis, new_axes, new_figure
+from .style import INK, caption
 from .units import quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from kaju.model.rheology.creep_result import BodyCourse, TimeResult
     from kaju.model.rheology.network import NetworkCreepResult
-
-
-_ACROSS = 2  # panels side by side
-_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
-
-
-class HasCurves(Protocol):
-    """An answer that changes along something."""
-
-    def curves(self) -> Sequence[Curves]:
-        """Return what changes, a panel each."""
-
-
-def plot_curves(result: HasCurves, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
-    """Draw all curves of a result, or one panel of them on axes that are given."""
-    every = result.curves()
-    if ax is not None:
-        return draw_curves(ax, every[panel])
-    figure, panels = panels_for(every)
-    for drawn, curves in zip(panels, every, strict=True):
-        draw_curves(drawn, curves)
-    return figure
-
-
-def panels_for(every: Sequence[Curves]) -> tuple[Figure, list[Axes]]:
-    """Return a new figure, and axes in it for each of some curves."""
-    rows, across = -(-len(every) // _ACROSS), min(_ACROSS, len(every))
-    figure = new_figure((4.9 * across, 3.6 * rows))
-    panels = figure.subplots(rows, across, squeeze=False).ravel().tolist()
-    for empty in panels[len(every) :]:
-        empty.set_axis_off()
-    return figure, panels[: len(every)]
-
-
-def draw_curves(ax: Axes, curves: Curves) -> Axes:
-    """Draw the lines of one panel, with units and, if there are several, their names."""
-    single = len(curves.lines) == 1
-    for number, (name, values) in enumerate(curves.lines.items()):
-        colour = INK if single else COLOURS[number % len(COLOURS)]
-        dash = _DASHES[number % len(_DASHES)]
-        ax.plot(curves.at, values, lw=1.4, color=colour, ls=dash, label=name)
-    label_axis(
-        ax.xaxis, curves.along, [float(curves.at.min()), float(curves.at.max())], curves.along_unit
-    )
-    called = next(iter(curves.lines)) if single else curves.title.lower()
-    if curves.logarithmic:
-        ax.set_yscale("log")
-        ax.set_ylabel(f"{called} ({curves.unit})" if curves.unit else called, fontsize=9)
-        ax.tick_params(labelsize=8)
-    else:
-        every = np.concatenate(list(curves.lines.values()))
-        label_axis(ax.yaxis, called, [float(every.min()), float(every.max())], curves.unit)
-        ax.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
-    ax.grid(color=LINE, lw=0.4)
-    for spine in ax.spines.values():
-        spine.set_color(LINE)
-    if not single:
-        ax.legend(fontsize=8, frameon=False, loc="best")
-    caption(ax, curves.title, [])
-    return ax
-
 
 Cut = Mapping[str, float]
 
@@ -107,14 +40,12 @@ def plot_body_at(
     section = section_of(course.grid, course.static.focus, cut, crop)
     moved_at = partial(course.displacement_at, record=record)
     tiles = moving_cells(course.static, section, moved_at)
-    ax = new_axes(ax)
-    entries, told = draw_deformation(ax, section, tiles, magnification)
-    if course.factors[record]:
-        draw_forces(ax, section, course.static.stage)
+    stage, loaded = course.static.stage, bool(course.factors[record])
+    picture = plot_tiles_deformed(section, tiles, magnification, ax, stage, loaded)
     largest = f"largest displacement {quantity(tiles.largest, 'm')}"
-    notes = [f"{_moment(course, record)}; {largest}", told]
-    finish(ax, section, "Deformed body", notes, entries)
-    return ax
+    return picture.finish(
+        "Deformed body", [f"{_moment(course, record)}; {largest}", picture.magnified]
+    )
 
 
 @wraps(plot_network)
@@ -124,8 +55,8 @@ def plot_network_at(
     """Draw the network at one of the times asked for, the last unless given."""
     record = _checked(course, record)
     ax = plot_network(course.to_network_result(), ax, record=record, **options)
-    told = ax.texts[-1]
-    told.set_text(f"{_moment(course, record)}\n{told.get_text()}")
+    notes = ax.texts[-1]
+    notes.set_text(f"{_moment(course, record)}\n{notes.get_text()}")
     ax.set_title(ax.get_title(loc="left"), loc="left", fontsize=11, fontweight="bold", pad=38.0)
     return ax
 
@@ -134,12 +65,13 @@ def network_over_time(
     course: NetworkCreepResult, colour: Colour = "tension", magnification: float | None = None
 ) -> Film:
     """Return the network as it stood at the times asked for."""
-    stand = Stand(course.to_network_result(), None, colour, magnification)
+    picture = NetworkPicture(course.to_network_result(), None, colour, magnification)
+    picture.draw_rest()
 
-    def words(record: int) -> str:
-        return "\n".join([_moment(course, record), "; ".join(stand.words(record))])
+    def text(record: int) -> str:
+        return "\n".join([_moment(course, record), "; ".join(picture.notes(record))])
 
-    return stand.reel(words)
+    return picture.film(text)
 
 
 def curves_over_time(course: TimeResult) -> Film:
@@ -160,10 +92,8 @@ def curves_over_time(course: TimeResult) -> Film:
             artists += ax.plot([now] * len(reached), reached, "o", ms=4, color=INK, zorder=5)
         return artists
 
-    def words(number: int) -> str:
-        return _moment(course, number)
-
-    return Film(figure, len(course.times) - 1, draw, notes, words)
+    last = len(course.times) - 1
+    return Film(figure, last, draw, notes, lambda number: _moment(course, number))
 
 
 def _moment(course: TimeResult, record: int) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,20 +14,24 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import same_points
 from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body_plots import draw_body, draw_forces, finish
+from .body_plots import BodyPicture, draw_forces
+from .charts import applied_loads
+from .films import Film
 from .layers import OUTLINED, Layer, layer_of, squares_of
 from .section import Section, section_of
-from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
-from .units import quantity, round_down, times
+from .style import BODY, FAINT, SIZE, add_polygons, colour_bar
+from .units import counted, quantity, round_down, times
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.rheology.creeping_body import TransferCreepResult
+    from kaju.model.rheology.elastic import ElasticCreepResult
 
 
 MovedAt = Callable[["Floats"], "Floats"]
@@ -45,15 +50,12 @@ _FOLDED = 64  # agents smaller than this part of the picture may be drawn so
 class Joined(NamedTuple):
     """Cells that share corners, and how to find the displacement of these."""
 
-    points: Floats
-    """The corners (m), each once. Shape (points, dimension)."""
-    parts: Ints
-    """The corners of every cell. Shape (n, corners)."""
-    inside: Floats
-    """Where cells are asked for the displacement of their corners. Shape (n corners, dimension)."""
+    points: Floats  # the corners (m), each once; shape (points, dimension)
+    parts: Ints  # the corners of every cell; shape (n, corners)
+    inside: Floats  # where cells are asked for these; shape (n corners, dimension)
 
     def moved(self, moved_at: MovedAt) -> Floats:
-        """Return the displacement of the points: the mean of what their cells say."""
+        """Return the displacement of the points: the mean over the cells that meet there."""
         own = moved_at(self.inside)
         number = self.parts.ravel()
         share = np.bincount(number)
@@ -97,13 +99,10 @@ def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Flo
 class Moving(NamedTuple):
     """Tiles that move in a picture."""
 
-    rest: Floats
-    moved: Floats
-    """Corners at rest, and by how much they move (m). Shape (n, corners, 2)."""
-    size: Floats
-    """How far the tiles' middles move (m). Shape (n,)."""
-    edge: Floats
-    """How wide they are (m). Shape (n,)."""
+    rest: Floats  # corners at rest (m), shape (n, corners, 2)
+    moved: Floats  # by how much they move (m), shape (n, corners, 2)
+    size: Floats  # how far the tiles' middles move (m), shape (n,)
+    edge: Floats  # how wide they are (m), shape (n,)
 
     @property
     def largest(self) -> float:
@@ -111,7 +110,7 @@ class Moving(NamedTuple):
         return float(self.size.max(initial=0.0))
 
     def scaled(self, share: float) -> Moving:
-        """Return the tiles at a share of their way."""
+        """Return the tiles after a share of their displacement."""
         return self._replace(moved=share * self.moved, size=share * self.size)
 
 
@@ -160,53 +159,65 @@ def check_magnification(magnification: float | None) -> None:
         raise ParameterError(f"magnification: a number above 0 is needed, got {magnification}")
 
 
-def moved_colours(size: Floats, norm: Normalize) -> dict[str, Any]:
-    """Return the colours of what has moved by `size` (m); what has not stays light."""
-    still = _UNMOVED * float(size.max(initial=0.0))
-    return {
-        "array": np.ma.masked_less_equal(size, still),
-        "cmap": colormaps[SIZE].with_extremes(bad=BODY[0]),
-        "norm": norm,
-    }
+class DeformedPicture(BodyPicture):
+    """A body at rest, dashed, on which it is drawn deformed; all magnified alike."""
+
+    def __init__(
+        self,
+        section: Section,
+        magnification: float,
+        largest: float,
+        ax: Axes | None = None,
+        stage: int | None = None,
+        loaded: bool = True,
+    ) -> None:
+        super().__init__(section, ax, stage, filled=False, outlined=False, loaded=loaded)
+        self.magnification, self.norm = magnification, Normalize(0.0, largest or 1.0)
+        surface, _ = section.outlines()
+        rest = LineCollection(
+            list(surface), colors=FAINT, linewidths=0.7, linestyles="--", zorder=2, gid="at rest"
+        )
+        self.ax.add_collection(rest)
+
+    def draw(self, tiles: Moving) -> PolyCollection:
+        """Draw tiles where they have moved to, coloured by how far; unmoved ones stay light."""
+        large = tiles.edge > self.section.span / OUTLINED
+        still = _UNMOVED * tiles.largest
+        return add_polygons(
+            self.ax,
+            tiles.rest + self.magnification * tiles.moved,
+            "moved",
+            array=np.ma.masked_less_equal(tiles.size, still),
+            cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
+            norm=self.norm,
+            edgecolors="#8a8a8a",
+            linewidths=np.where(large, 0.4, 0.0),
+            antialiaseds=large,
+            zorder=3,
+        )
+
+    @property
+    def magnified(self) -> str:
+        """The magnification in words."""
+        return f"deformation shown {times(self.magnification)}"
 
 
-def draw_deformed(
-    ax: Axes, section: Section, tiles: Moving, magnification: float, norm: Normalize
-) -> PolyCollection:
-    """Draw tiles where they have moved to, coloured by how far; unmoved ones stay light."""
-    large = tiles.edge > section.span / OUTLINED
-    return add_polygons(
-        ax,
-        tiles.rest + magnification * tiles.moved,
-        "moved",
-        **moved_colours(tiles.size, norm),
-        edgecolors="#8a8a8a",
-        linewidths=np.where(large, 0.4, 0.0),
-        antialiaseds=large,
-        zorder=3,
-    )
-
-
-def draw_rest(ax: Axes, section: Section) -> None:
-    """Draw the outline of the body at rest, dashed."""
-    surface, _ = section.outlines()
-    rest = LineCollection(list(surface), colors=FAINT, linewidths=0.7, linestyles="--", zorder=2)
-    rest.set_gid("at rest")
-    ax.add_collection(rest)
-
-
-def draw_deformation(
-    ax: Axes, section: Section, tiles: Moving, magnification: float | None
-) -> tuple[list[Artist], str]:
-    """Draw a deformed body over itself at rest; return what explains it, and the factor."""
+def plot_tiles_deformed(
+    section: Section,
+    tiles: Moving,
+    magnification: float | None,
+    ax: Axes | None,
+    stage: int | None,
+    loaded: bool = True,
+) -> DeformedPicture:
+    """Draw a deformed body over itself at rest, magnified until the eye can see it."""
     check_magnification(magnification)
     factor = magnification or magnification_for(section, tiles)
-    entries = draw_body(ax, section, filled=False)
-    draw_rest(ax, section)
-    drawn = draw_deformed(ax, section, tiles, factor, Normalize(0.0, tiles.largest or 1.0))
+    picture = DeformedPicture(section, factor, tiles.largest, ax, stage, loaded)
+    drawn = picture.draw(tiles)
     if tiles.largest > 0.0:
-        colour_bar(ax, drawn, "displacement", "m")
-    return entries, f"deformation shown {times(factor)}"
+        colour_bar(picture.ax, drawn, "displacement", "m")
+    return picture
 
 
 def plot_deformed(
@@ -225,12 +236,100 @@ def plot_deformed(
     else:
         section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
         tiles = moving_cells(result, section)
-    ax = new_axes(ax)
-    entries, told = draw_deformation(ax, section, tiles, magnification)
-    notes = draw_forces(ax, section, result.stage)
+    picture = plot_tiles_deformed(section, tiles, magnification, ax, result.stage)
     if tiles.largest > 0.0:
-        notes = [f"{told}; largest displacement {quantity(tiles.largest, 'm')}", *notes]
+        moved = f"{picture.magnified}; largest displacement {quantity(tiles.largest, 'm')}"
     else:
-        notes = ["nothing has moved: largest displacement 0 m", *notes]
-    finish(ax, section, "Deformed body", notes, entries)
-    return ax
+        moved = "nothing has moved: largest displacement 0 m"
+    return picture.finish("Deformed body", [moved, *picture.notes])
+
+
+def loading(
+    result: TransferResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
+) -> Film:
+    """Return the stages of loading: the body deforms as the load grows."""
+    section = section_of(result.scene, result.focus, cut, crop)
+    states = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
+    load = [0.0, *applied_loads(result).tolist()]
+
+    def text(number: int) -> str:
+        agents = len(result.stages[number - 1].cells) if number else 0
+        applied = f"{quantity(load[number], 'N')} of {quantity(load[-1], 'N')}"
+        return f"applied: {applied}; {counted(agents, 'material agent')}"
+
+    shares = [value / load[-1] if load[-1] else 1.0 for value in load]
+    moves = [moving_cells(state, section) for state in states]
+    return _deforming(result, section, [moves[0].scaled(0.0), *moves], shares, text, staged=True)
+
+
+GROWING = 24
+"""Frames in which an elastic body takes its load."""
+
+
+def growing(
+    result: BodyResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
+) -> Film:
+    """Return an elastic body whose load grows evenly, and its displacements with it."""
+    section = section_of(result.grid, result.focus, cut, crop)
+    full = moving_cells(result, section)
+    shares = [number / GROWING for number in range(GROWING + 1)]
+    moves = [full.scaled(share) for share in shares]
+    return _deforming(result, section, moves, shares, lambda k: f"{shares[k]:.0%} of the load")
+
+
+def creeping(
+    result: TransferCreepResult | ElasticCreepResult,
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Film:
+    """Return a body in time, at the moments asked for."""
+    section = section_of(result.static.grid, result.static.focus, cut, crop)
+    moves = [
+        moving_cells(result.static, section, partial(result.displacement_at, record=k))
+        for k in range(len(result.times))
+    ]
+    shares = result.factors.tolist()
+
+    def text(number: int) -> str:
+        return f"{quantity(result.times[number], 's')}; {shares[number]:.0%} of the load"
+
+    return _deforming(result.static, section, moves, shares, text)
+
+
+def _deforming(
+    result: BodyResult,
+    section: Section,
+    moves: list[Moving],
+    shares: list[float],
+    text: Callable[[int], str],
+    *,
+    staged: bool = False,
+) -> Film:
+    """Return a body that deforms: one move and one share of the load a frame.
+
+    `staged` frames are the scene's own stages of loading.
+    """
+    factor = min((magnification_for(section, m) for m in moves if m.largest), default=1.0)
+    largest = max(move.largest for move in moves)
+    picture = DeformedPicture(section, factor, largest, None, result.stage)
+    ax = picture.ax
+    # The fullest frame and its forces only make room: every frame draws its own.
+    fullest = moves[first_largest(np.array([np.abs(m.moved).max(initial=0.0) for m in moves]))]
+    colour_bar(ax, picture.draw(fullest), "displacement", "m")
+    passing = [drawn for drawn in ax.collections if drawn.get_gid() in ("moved", "forces")]
+
+    def draw(number: int) -> list[Artist]:
+        still = len(ax.collections)
+        picture.draw(moves[number])
+        if shares[number]:
+            stage = number if staged else result.stage
+            draw_forces(ax, section, stage, share=shares[number])
+        return [*ax.collections[still:]]
+
+    below = "; ".join([picture.magnified, *section.notes])
+    film = picture.film(
+        "The body deforms", len(moves) - 1, draw, lambda number: f"{text(number)}\n{below}"
+    )
+    for drawn in passing:
+        drawn.set_visible(False)
+    return film

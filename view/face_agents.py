@@ -1,4 +1,4 @@
-"""Agents of the elastic rule: where they spawned, what is left on them, and who acts when.
+"""Agents of the elastic rule: where they spawned, the loads left on them, and which act when.
 
 An agent stands on a face. It is drawn as the diamond between the ends of its face and the
 middles of the two cells beside it; diamonds of both kinds of faces tile the plane. Parents
@@ -15,20 +15,21 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Colormap, LogNorm, Normalize
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.view.films import TWO_LINES, Film
 
 from .agents import spawn_bar, spawn_norm
-from .body_plots import draw_body, draw_forces, finish
-from .cut_plots import plot_cuts
+from .body_plots import BodyPicture
+from .charts import plot_cuts
 from .deformed import plot_deformed
+from .films import TWO_LINES, Film
 from .maps import plot_displacement, plot_strain, plot_stress, plot_von_mises
-from .section import Section, section_of
-from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, figure_of, new_axes, new_figure
+from .section import section_of
+from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, new_figure
 from .units import counted, quantity
 
 if TYPE_CHECKING:
@@ -49,87 +50,74 @@ def plot_face_agents(
     crop: bool | None = None,
 ) -> Axes:
     """Draw the agents of one level, coloured by the step in which they spawned."""
-    shown = _shown(run, level, cut, crop)
-    ax = new_axes(ax)
-    entries = draw_body(ax, shown.section)
-    notes = draw_forces(ax, shown.section, run.stage)
+    shown = _LevelOfAgents(run, level, cut, crop)
+    picture = BodyPicture(shown.section, ax, run.stage)
     steps = run.agents.spawn_step
     last = int(steps.max(initial=1))
     norm = spawn_norm(last)
-    spawned = steps[shown.agents].astype(np.float64)
-    add_polygons(
-        ax, shown.diamonds(shown.agents), "face agents", array=spawned, cmap=SEQUENTIAL,
-        norm=norm, edgecolors="white", linewidths=0.3, zorder=2,
-    )  # fmt: skip
-    spawn_bar(ax, norm, last, "step in which the agent spawned")
-    told = f"{counted(len(shown.agents), 'agent')} on faces"
+    shown.draw(picture.ax, "face agents", shown.agents, steps[shown.agents], norm, SEQUENTIAL)
+    spawn_bar(picture.ax, norm, last, "step in which the agent spawned")
+    many = f"{counted(len(shown.agents), 'agent')} on faces"
     if level:
-        told = f"{counted(len(shown.agents), 'parent')} of level {level}"
-    finish(ax, shown.section, "Agents of the elastic rule", [told, run.outcome, *notes], entries)
-    return ax
+        many = f"{counted(len(shown.agents), 'parent')} of level {level}"
+    return picture.finish("Agents of the elastic rule", [many, run.outcome, *picture.notes])
 
 
 def plot_left(
     run: ElasticRun, ax: Axes | None = None, *, cut: Cut | None = None, crop: bool | None = None
 ) -> Axes:
     """Draw the loads that the agents of the cells' own faces have left at the end."""
-    shown = _shown(run, 0, cut, crop)
-    ax = new_axes(ax)
-    entries = draw_body(ax, shown.section)
-    notes = draw_forces(ax, shown.section, run.stage)
+    shown = _LevelOfAgents(run, 0, cut, crop)
+    picture = BodyPicture(shown.section, ax, run.stage)
     left = np.abs(run.agents.left)
-    norm = _norm(left)
-    drawn = shown.draw(ax, "left", shown.agents, left[shown.agents], norm)
-    colour_bar(ax, drawn, "load left", "N", extend="min")
-    told = f"γ = {quantity(run.threshold, 'N')}: a load up to it rests"
-    finish(ax, shown.section, "Loads that are left", [told, run.outcome, *notes], entries)
-    return ax
+    drawn = shown.draw(picture.ax, "left", shown.agents, left[shown.agents], _norm(left))
+    colour_bar(picture.ax, drawn, "load left", "N", extend="min")
+    rests = f"γ = {quantity(run.threshold, 'N')}: a load up to it rests"
+    return picture.finish("Loads that are left", [rests, run.outcome, *picture.notes])
 
 
 def waves(run: ElasticRun, *, cut: Cut | None = None, crop: bool | None = None) -> Film:
-    """Return the steps of a run: on the left what is left, on the right who acts."""
+    """Return the steps of a run: on the left the loads left, on the right the acting agents."""
     moments, agents = run.moments, run.agents
     levels = [
-        _shown(run, level, cut, crop) for level in range(int(agents.level.max(initial=0)) + 1)
+        _LevelOfAgents(run, level, cut, crop)
+        for level in range(int(agents.level.max(initial=0)) + 1)
     ]
-    section = levels[0].section
+    finest = levels[0]
     acted = np.diff(moments.taken, axis=0, prepend=moments.taken[:1])
-    left_norm, acted_norm = _norm(np.abs(moments.left[:, levels[0].agents])), _norm(acted)
-    figure = new_figure((11.0, 5.6))
-    rest, act = figure.subplots(1, 2)
-    for ax in (rest, act):
-        draw_body(ax, section)
-        draw_forces(ax, section, run.stage)
-    for ax, norm, label in (
+    left_norm, acted_norm = _norm(np.abs(moments.left[:, finest.agents])), _norm(acted)
+    axes = new_figure((11.0, 5.6)).subplots(1, 2)
+    rest, act = (BodyPicture(finest.section, ax, run.stage) for ax in axes)
+    for picture, norm, label in (
         (rest, left_norm, "load left"),
         (act, acted_norm, "loads taken since the picture before"),
     ):
-        colour_bar(ax, ScalarMappable(norm, LOADS), label, "N", extend="min")
-    finish(act, section, "Who acts", TWO_LINES, [])
-    notes = finish(rest, section, "What is left", TWO_LINES, [])
-    right = act.texts[-1]
+        picture.entries = []
+        colour_bar(picture.ax, ScalarMappable(norm, LOADS), label, "N", extend="min")
+    act.finish("Who acts", TWO_LINES)
+    right = act.ax.texts[-1]
 
     def draw(number: int) -> list[Artist]:
-        here = levels[0]
-        standing = here.agents[agents.spawn_step[here.agents] <= moments.step[number]]
-        size = np.abs(moments.left[number, standing])
-        artists = [here.draw(rest, "left", standing, size, left_norm)]
+        awake = finest.agents[agents.spawn_step[finest.agents] <= moments.step[number]]
+        size = np.abs(moments.left[number, awake])
+        artists: list[Artist] = [finest.draw(rest.ax, "left", awake, size, left_norm)]
         for shown in levels:
             busy = shown.agents[acted[number, shown.agents] > 0.0]
-            artists.append(shown.draw(act, "acting", busy, acted[number, busy], acted_norm))
-        right.set_text(_who(acted[number], agents.level))
+            artists.append(shown.draw(act.ax, "acting", busy, acted[number, busy], acted_norm))
+        right.set_text(_acting(acted[number], agents.level))
         return artists
 
-    def words(number: int) -> str:
+    def text(number: int) -> str:
         step, last = int(moments.step[number]), int(moments.step[-1])
         energy = quantity(float(moments.energy[number]), "J")
         stood = int(np.sum((agents.spawn_step <= step) & (agents.level == 0)))
         return f"step {step} of {last}: {counted(stood, 'agent')} awake\nenergy {energy}"
 
-    return Film(figure_of(rest), len(moments.step) - 1, draw, notes, words)
+    return rest.film("What is left", len(moments.step) - 1, draw, text)
 
 
-def _who(acted: Floats, level: Ints) -> str:
+def _acting(acted: Floats, level: Ints) -> str:
+    """Return how many agents of each level acted."""
     busy = acted > 0.0
     if not busy.any():
         return "nobody has acted yet\n"
@@ -145,42 +133,44 @@ def _norm(sizes: NDArray[np.floating]) -> LogNorm:
     return LogNorm(largest * 10.0**-DECADES, largest, clip=True)
 
 
-class _Shown:
+class _LevelOfAgents:
     """The agents of one level that a picture shows, by their rows in the run's table."""
 
-    def __init__(self, run: ElasticRun, section: Section, agents: Ints, level: int) -> None:
-        self.run, self.section, self.agents = run, section, agents
-        self.half = 0.5 * run.grid.lattice.cell_size * 2.0**level
+    def __init__(self, run: ElasticRun, level: int, cut: Cut | None, crop: bool | None) -> None:
+        agents, grid = run.agents, run.grid
+        chosen = np.flatnonzero(agents.level == level)
+        if level < 0 or (level > 0 and not len(chosen)):
+            last = int(agents.level.max(initial=0))
+            raise ParameterError(
+                f"level: this run has agents of the levels 0 to {last}, got {level}"
+            )
+        finest = agents.position[agents.level == 0]
+        section = section_of(grid, grid.lattice.locate(finest) if len(finest) else None, cut, crop)
+        edge = grid.lattice.cell_size
+        self.half = 0.5 * edge * 2.0**level
+        if section.cut is not None:  # faces in the layer's middle, whose normals lie in the plane
+            axis, index = section.cut
+            apart = np.abs(agents.position[chosen, axis] - (index + 0.5) * edge)
+            near = apart < self.half + 1e-9 * edge
+            chosen = chosen[near & (agents.axis[chosen] != axis)]
+        self.run, self.section, self.agents = run, section, chosen
 
-    def diamonds(self, agents: Ints) -> Floats:
-        """Return the corners of agents' diamonds (m), shape (n, 4, 2)."""
+    def draw(
+        self,
+        ax: Axes,
+        name: str,
+        agents: Ints,
+        values: NDArray[Any],
+        norm: Normalize,
+        cmap: str | Colormap = LOADS,
+    ) -> PolyCollection:
+        """Draw the diamonds of agents, coloured by values."""
         middle = self.section.in_plane(self.run.agents.position[agents])
         corners = self.half * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-        return middle[:, None] + corners
-
-    def draw(self, ax: Axes, name: str, agents: Ints, values: Floats, norm: LogNorm) -> Any:
-        """Draw agents, coloured by values on a logarithmic scale."""
         return add_polygons(
-            ax, self.diamonds(agents), name, array=values.astype(np.float64), cmap=LOADS,
+            ax, middle[:, None] + corners, name, array=values.astype(np.float64), cmap=cmap,
             norm=norm, edgecolors="white", linewidths=0.3, zorder=2,
         )  # fmt: skip
-
-
-def _shown(run: ElasticRun, level: int, cut: Cut | None, crop: bool | None) -> _Shown:
-    agents, grid = run.agents, run.grid
-    chosen = np.flatnonzero(agents.level == level)
-    if level < 0 or (level > 0 and not len(chosen)):
-        last = int(agents.level.max(initial=0))
-        raise ParameterError(f"level: this run has agents of the levels 0 to {last}, got {level}")
-    finest = agents.position[agents.level == 0]
-    section = section_of(grid, grid.lattice.locate(finest) if len(finest) else None, cut, crop)
-    if section.cut is not None:  # the faces in the layer's middle, whose normals lie in the plane
-        axis, index = section.cut
-        edge = grid.lattice.cell_size
-        apart = np.abs(agents.position[chosen, axis] - (index + 0.5) * edge)
-        near = apart < 0.5 * edge * 2.0**level + 1e-9 * edge
-        chosen = chosen[near & (agents.axis[chosen] != axis)]
-    return _Shown(run, section, chosen, level)
 
 
 def _settled(plot: Callable[..., Axes]) -> Callable[..., Axes]:

@@ -10,20 +10,18 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
-from kaju.view.films import TWO_LINES, Film
 
-from .body_plots import draw_body, draw_forces, finish
-from .network_plots import Stand
-from .section import Section, section_of
+from .body_plots import BodyPicture
+from .films import Film
+from .network_plots import NetworkPicture
+from .section import section_of
 from .style import (
     DIVERGING,
     FAINT,
@@ -31,7 +29,6 @@ from .style import (
     INK,
     add_polygons,
     colour_bar,
-    figure_of,
     frame_curves,
     label_axis,
     legend,
@@ -62,30 +59,30 @@ def plot_crack(
         return _plot_broken_cells(result, ax, count, cut)
     if cut is not None:
         raise ParameterError("cut: networks are drawn as a whole")
-    stand = Stand(cast("NetworkResult", result.state(breaks)), ax, "tension", magnification)
-    stand.bar(stand.draw_springs(1)[0])
-    _draw_broken(stand, result, count)
-    stand.finish([*_words(result, count), f"deformation shown {times(stand.factor)}"])
-    legend(stand.ax, [Line2D([], [], color=_BROKEN, lw=1.6, label="broken")])
-    return stand.ax
+    state = cast("NetworkResult", result.state(breaks))
+    picture = NetworkPicture(state, ax, "tension", magnification)
+    picture.draw_springs(1)
+    _draw_broken(picture, result, count)
+    picture.finish([_text(result, count), f"deformation shown {times(picture.factor)}"])
+    legend(picture.ax, [Line2D([], [], color=_BROKEN, lw=1.6, label="broken")])
+    return picture.ax
 
 
-def _draw_broken(stand: Stand, result: FractureResult, count: int) -> Artist:
+def _draw_broken(picture: NetworkPicture, result: FractureResult, count: int) -> Artist:
     """Draw the springs that broke, between the nodes that they joined."""
-    kind = LineCollection if stand.flat else Line3DCollection
-    lines = cast(Any, stand.places(1)[result.network.springs[result.broken[:count]]])
-    width = max(0.8, min(2.2, 60.0 / np.sqrt(len(result.network.springs))))
-    broken = kind(lines, colors=_BROKEN, linewidths=width, zorder=5)
-    broken.set_gid("broken")
-    cast(Any, stand.ax).add_collection(broken, autolim=False)
-    return broken
+    springs = result.network.springs
+    width = max(0.8, min(2.2, 60.0 / np.sqrt(len(springs))))
+    broken = springs[result.broken[:count]]
+    look: dict[str, Any] = {"colors": _BROKEN, "linewidths": width, "zorder": 5}
+    return picture.draw_lines(picture.places(1), broken, "broken", **look)
 
 
-def _words(result: FractureResult, count: int) -> list[str]:
+def _text(result: FractureResult, count: int) -> str:
+    """Return how much is broken, and the load factor."""
     at = max(count - 1, 0)
     factor = float(result.load_factor[at]) if result.breaks else 1.0
     load = f"{counted(count, result.parts)} broken; load factor {factor:.4g}"
-    return [f"{load}, largest so far {result.load_factor[: at + 1].max(initial=0.0):.4g}"]
+    return f"{load}, largest so far {result.load_factor[: at + 1].max(initial=0.0):.4g}"
 
 
 def plot_load_and_displacement(result: FractureResult, ax: Axes | None = None) -> Axes:
@@ -96,8 +93,8 @@ def plot_load_and_displacement(result: FractureResult, ax: Axes | None = None) -
     ax.plot(moved, force, lw=1.0, color=INK, marker="o", ms=2.5, label="breaks, in their order")
     if result.breaks:
         top = 1 + int(np.argmax(result.force))
-        told = f"largest load {quantity(force[top], 'N')}"
-        ax.plot(moved[top], force[top], ls="", marker="o", ms=8, mfc="none", mec=FORCE, label=told)
+        label = f"largest load {quantity(force[top], 'N')}"
+        ax.plot(moved[top], force[top], ls="", marker="o", ms=8, mfc="none", mec=FORCE, label=label)
     label_axis(ax.xaxis, "displacement of the load", list(moved), "m")
     label_axis(ax.yaxis, "load", list(force), "N")
     ax.set_xlim(left=0.0)
@@ -130,13 +127,10 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
 def _plot_broken_cells(
     result: FractureResult, ax: Axes | None, count: int, cut: Mapping[str, float] | None
 ) -> Axes:
-    [borne] = _stresses(result, range(count, count + 1))
-    norm = _norm_of(borne)
-    ax, section, entries = _body_to_break(result, ax, cut, norm)
-    _draw_cells(ax, section, result, count, borne, norm)
-    notes = [*_words(result, count), *draw_forces(ax, section)]
-    finish(ax, section, "What is left of a body", notes, entries)
-    return ax
+    stresses = _stresses(result, range(count, count + 1))
+    picture, norm = _body_to_break(result, ax, cut, stresses)
+    _draw_cells(picture, result, count, stresses[0], norm)
+    return picture.finish("What is left of a body", [_text(result, count), *picture.notes])
 
 
 def _stresses(result: FractureResult, counts: range) -> list[Floats]:
@@ -145,41 +139,33 @@ def _stresses(result: FractureResult, counts: range) -> list[Floats]:
     return [result.factor_after(count) * body.borne() for count, body in bodies]
 
 
-def _norm_of(*stresses: Floats) -> Normalize:
-    most = max(float(np.abs(borne).max(initial=0.0)) for borne in stresses) or 1.0
-    return Normalize(-most, most)
-
-
 def _body_to_break(
-    result: FractureResult, ax: Axes | None, cut: Mapping[str, float] | None, norm: Normalize
-) -> tuple[Axes, Section, list[Artist]]:
-    """Return axes with a body, its supports and a bar of the stresses."""
-    section = section_of(cast(Scene, result.subject), None, cut)
-    ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    colour_bar(ax, ScalarMappable(norm, DIVERGING), "largest principal stress", "Pa")
-    return ax, section, [*entries, Patch(color=_BROKEN, label="broken")]
+    result: FractureResult,
+    ax: Axes | None,
+    cut: Mapping[str, float] | None,
+    stresses: list[Floats],
+) -> tuple[BodyPicture, Normalize]:
+    """Return a body and its supports with a bar of stresses, and the scale of this."""
+    most = max(float(np.abs(borne).max(initial=0.0)) for borne in stresses) or 1.0
+    norm = Normalize(-most, most)
+    picture = BodyPicture(section_of(cast(Scene, result.subject), None, cut), ax)
+    colour_bar(picture.ax, ScalarMappable(norm, DIVERGING), "largest principal stress", "Pa")
+    picture.entries.append(Patch(color=_BROKEN, label="broken"))
+    return picture, norm
 
 
 def _draw_cells(
-    ax: Axes,
-    section: Section,
-    result: FractureResult,
-    count: int,
-    borne: Floats,
-    norm: Normalize,
+    picture: BodyPicture, result: FractureResult, count: int, borne: Floats, norm: Normalize
 ) -> list[Artist]:
     """Draw the cells that are left, by their stresses, and those that broke."""
+    ax, section = picture.ax, picture.section
     cells = np.argwhere(section.scene.rasterise() >= 0)
-    gone = cells[result.broken[:count]]
     look: dict[str, Any] = {"edgecolors": "none", "linewidths": 0.0, "antialiased": False}
     tiles, shown = section.gather(cells, borne, "max")
-    look |= {"cmap": DIVERGING, "norm": norm}
-    drawn: list[Artist] = [
-        add_polygons(ax, section.polygons(tiles), "cells", array=shown, zorder=2, **look)
-    ]
-    if len(gone):
-        tiles, _ = section.gather(gone, np.ones(len(gone)), "max")
+    look |= {"array": shown, "cmap": DIVERGING, "norm": norm, "zorder": 2}
+    drawn: list[Artist] = [add_polygons(ax, section.polygons(tiles), "cells", **look)]
+    if count:
+        tiles, _ = section.gather(cells[result.broken[:count]], np.ones(count), "max")
         places = section.polygons(tiles)
         drawn.append(add_polygons(ax, places, "broken", facecolors=_BROKEN, zorder=3))
     return drawn
@@ -193,30 +179,25 @@ def breaking(
     """Return what is left after every break, one frame each, as far as it resists."""
     last = result.standing
 
-    def words(count: int) -> str:
-        return "\n".join(_words(result, count))
+    def text(count: int) -> str:
+        return _text(result, count)
 
     if isinstance(result.subject, Scene):
         stresses = _stresses(result, range(last + 1))
-        norm = _norm_of(*stresses)
-        ax, section, entries = _body_to_break(result, None, cut, norm)
-        draw_forces(ax, section)
-        notes = finish(ax, section, "A body breaks", TWO_LINES, entries)
-
-        def cells(count: int) -> list[Artist]:
-            return _draw_cells(ax, section, result, count, stresses[count], norm)
-
-        return Film(figure_of(ax), last, cells, notes, words)
-    stand = Stand(cast("NetworkResult", result.state(last)), None, "tension", magnification)
-    first = stand.draw_springs(1)
-    stand.bar(first[0])
-    for artist in first:
-        artist.set_visible(False)
+        body, norm = _body_to_break(result, None, cut, stresses)
+        return body.film(
+            "A body breaks",
+            last,
+            lambda count: _draw_cells(body, result, count, stresses[count], norm),
+            text,
+        )
+    end = cast("NetworkResult", result.state(last))
+    picture = NetworkPicture(end, None, "tension", magnification)
 
     def draw(count: int) -> list[Artist]:
-        now = copy(stand)
+        now = copy(picture)
         now.result = cast("NetworkResult", result.state(count))
         now.network = now.result.network
         return [*now.draw_springs(1), _draw_broken(now, result, count)]
 
-    return Film(figure_of(stand.ax), last, draw, stand.finish(TWO_LINES), words)
+    return picture.film(text, draw, last)

@@ -6,29 +6,21 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
-from kaju.view.films import TWO_LINES, Film
-
-from .body_plots import draw_body, draw_forces, finish
-from .section import Section, section_of
-from .style import (
-    FAINT,
-    INK,
-    add_polygons,
-    colour_bar,
-    figure_of,
-    frame_curves,
-    label_axis,
-    new_axes,
-)
+from .body_plots import BodyPicture
+from .films import Film
+from .section import section_of
+from .style import FAINT, INK, add_polygons, colour_bar, frame_curves, label_axis, new_axes
 from .units import counted, quantity
 
 if TYPE_CHECKING:
     from kaju.model.growth.growth_result import GrowthResult
+
+_DENSITIES = Normalize(0.0, 1.0)
 
 
 def plot_design(
@@ -39,30 +31,43 @@ def plot_design(
     cut: Mapping[str, float] | None = None,
 ) -> Axes:
     """Draw the densities of the cells, of a body of cubes those in a plane."""
-    section = section_of(result.scene, None, cut)
-    ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    drawn = _draw_densities(ax, section, result, step)
-    colour_bar(ax, drawn, "density", "")
-    notes = [_words(result, result.steps if step is None else step)]
-    notes += draw_forces(ax, section, result.stage)
-    if step is None:
-        notes += [result.outcome]
-    finish(ax, section, f"What grows by the rule of {result.rule}", notes, entries)
-    return ax
+    picture = _body(result, cut, ax)
+    _draw_densities(picture, result, step)
+    notes = [_text(result, result.steps if step is None else step), *picture.notes]
+    notes += [result.outcome] if step is None else []
+    return picture.finish(f"What grows by the rule of {result.rule}", notes)
 
 
-def _draw_densities(
-    ax: Axes, section: Section, result: GrowthResult, step: int | None
-) -> PolyCollection:
+def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -> Film:
+    """Return the densities after every step, one frame each."""
+    picture = _body(result, cut)
+    return picture.film(
+        f"Growth by the rule of {result.rule}",
+        result.steps,
+        lambda step: [_draw_densities(picture, result, step)],
+        lambda step: _text(result, step),
+    )
+
+
+def _body(
+    result: GrowthResult, cut: Mapping[str, float] | None, ax: Axes | None = None
+) -> BodyPicture:
+    """Return the body before it grows, with a bar of densities."""
+    picture = BodyPicture(section_of(result.scene, None, cut), ax, result.stage)
+    colour_bar(picture.ax, ScalarMappable(_DENSITIES, "Greys"), "density", "")
+    return picture
+
+
+def _draw_densities(picture: BodyPicture, result: GrowthResult, step: int | None) -> PolyCollection:
+    section = picture.section
     tiles, shown = section.gather(np.argwhere(result.body), result.density_at(step), "max")
     return add_polygons(
-        ax,
+        picture.ax,
         section.polygons(tiles),
         "densities",
         array=shown,
         cmap="Greys",
-        norm=Normalize(0.0, 1.0),
+        norm=_DENSITIES,
         edgecolors="none",
         linewidths=0.0,
         antialiased=False,
@@ -70,7 +75,7 @@ def _draw_densities(
     )
 
 
-def _words(result: GrowthResult, step: int) -> str:
+def _text(result: GrowthResult, step: int) -> str:
     compliance = quantity(float(result.compliances[step]), "J")
     return f"after {counted(step, 'step')}: F·u = {compliance}, volume {result.volumes[step]:.1%}"
 
@@ -90,20 +95,3 @@ def plot_growth(result: GrowthResult, ax: Axes | None = None) -> Axes:
     lines = [*ax.get_lines(), *other.get_lines()]
     title = "Compliance and volume while a body grows"
     return frame_curves(ax, title, [result.outcome], handles=lines)
-
-
-def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -> Film:
-    """Return the densities after every step, one frame each."""
-    section = section_of(result.scene, None, cut)
-    ax = new_axes(None)
-    entries = draw_body(ax, section)
-    draw_forces(ax, section, result.stage)
-    first = _draw_densities(ax, section, result, 0)
-    colour_bar(ax, first, "density", "")
-    first.set_visible(False)
-
-    def draw(step: int) -> list[Artist]:
-        return [_draw_densities(ax, section, result, step)]
-
-    notes = finish(ax, section, f"Growth by the rule of {result.rule}", TWO_LINES, entries)
-    return Film(figure_of(ax), result.steps, draw, notes, lambda step: _words(result, step))

@@ -8,18 +8,17 @@ from math import ceil, log2
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Tiles
 
-from .body_plots import draw_body
-from .section import Section, layer_at, section_of
-from .style import INK, add_polygons
-from .units import grouped, quantity
+from .section import Section, axis_across, layer_at, named_cut, section_of
+from .style import add_polygons
+from .units import quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
@@ -32,8 +31,6 @@ LEGIBLE = 1000
 """If small agents are smaller than this part of the body, pictures are cropped."""
 SMALL = 0.25
 """The agents that pictures are about are the smallest: this share of all."""
-
-_RING = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,34 +59,38 @@ class Layer(Section):
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must be told: the cut, the crop, and what is approximate."""
-        told = []
+        """The cut, the crop, and what is approximate of the answer."""
+        shown = []
         if self.cut is not None:
-            told.append(f"cut at {'xyz'[self.cut[0]]} = {quantity(self.place, 'm')}")
+            shown.append(f"cut at {'xyz'[self.cut[0]]} = {quantity(self.place, 'm')}")
         if self.cropped:
             part = " × ".join(quantity(float(n), "m") for n in self.box[1] - self.box[0])
-            told.append(f"cropped to {part}")
-        return ["; ".join(words) for words in (told, self.caveats) if words]
+            shown.append(f"cropped to {part}")
+        return ["; ".join(words) for words in (shown, self.caveats) if words]
 
 
 def layer_of(
     result: ElasticResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
 ) -> Layer:
     """Show a plane (of itself one through small agents), cropped where they are hard to see."""
-    scene = result.grid
-    axis, place = _plane(result, cut)
-    within = {} if axis is None else {"xyz"[axis]: place}
-    small = small_agents(result)
-    cells = scene.lattice.locate(small.middle)
-    if axis is not None:
+    scene, small = result.grid, small_agents(result)
+    named = named_cut(scene, cut)
+    cells, place, within = scene.lattice.locate(small.middle), 0.0, None
+    if scene.lattice.dimension == 3:
+        if named is None:
+            axis = axis_across(scene, result.stage)
+            middles = np.sort(small.middle[:, axis])
+            place = float(middles[len(middles) // 2])
+        else:
+            axis, place = named
+            low = result.lower[:, axis]
+            if not np.any((low <= place) & (place < low + result.size)):
+                raise ParameterError(f"cut: no agent stands at {'xyz'[axis]} = {place:g} m")
         cells[:, axis] = layer_at(scene, axis, place)
-    found = section_of(scene, cells, within or None, small.hidden if crop is None else crop)
-    return Layer(
-        *(found.scene, found.lower, found.upper, found.axes),
-        *(found.cut, found.block, found.cropped),
-        place=place,
-        caveats=result.caveats_in_brief,
-    )
+        within = {"xyz"[axis]: place}
+    section = section_of(scene, cells, within, small.hidden if crop is None else crop)
+    fields = {name: getattr(section, name) for name in Section.__dataclass_fields__}
+    return Layer(**fields | {"caveats": result.caveats_in_brief}, place=place)
 
 
 class Small(NamedTuple):
@@ -110,26 +111,6 @@ def small_agents(result: ElasticResult) -> Small:
     return Small(corner, corner + 0.5 * result.size[small, None], limit * LEGIBLE < span)
 
 
-def _plane(result: ElasticResult, cut: Mapping[str, float] | None) -> tuple[int | None, float]:
-    if result.lower.shape[1] == 2:
-        if cut is not None:
-            raise ParameterError("cut: belongs to three dimensions; leave it out")
-        return None, 0.0
-    if cut is None:
-        along = np.abs(result.grid.applied(result.stage).force).sum(axis=0)
-        axis = 0 if along[1] > along[[0, 2]].max() else 1
-        middles = np.sort(small_agents(result).middle[:, axis])
-        return axis, float(middles[len(middles) // 2])
-    if len(cut) != 1 or not set(cut) <= set("xyz"):
-        raise ParameterError(f"cut: names one of x, y and z, such as {{'y': 0.05}}; got {cut}")
-    ((name, where),) = cut.items()
-    axis, place = "xyz".index(name), float(where)
-    low = result.lower[:, axis]
-    if not np.any((low <= place) & (place < low + result.size)):
-        raise ParameterError(f"cut: no agent stands at {name} = {place:g} m")
-    return axis, place
-
-
 class DrawnSquares(NamedTuple):
     """What is drawn: lower corners (m) in the picture, edges, values, and whose they are."""
 
@@ -141,19 +122,19 @@ class DrawnSquares(NamedTuple):
     @property
     def corners(self) -> Floats:
         """Corners (m), shape (n, 4, 2), counter-clockwise."""
-        return np.asarray(self.lower[:, None] + _RING * self.size[:, None, None])
+        return np.asarray(self.lower[:, None] + corner_order(2) * self.size[:, None, None])
 
 
 def squares_of(layer: Layer, tiles: Tiles) -> DrawnSquares:
     """Return the squares in which a layer meets agents, those too small to be seen together."""
     rows = layer.meets(tiles.lower, tiles.size)
     met = Tiles(tiles.lower[rows][:, layer.axes], tiles.size[rows], tiles.value[rows])
-    drawn, chosen = together(met, layer.span / FINEST)
+    drawn, chosen = merge_small(met, layer.span / FINEST)
     return DrawnSquares(*drawn, rows[chosen])
 
 
-def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
-    """Draw tiles smaller than `finest` together, by the value farthest from 0, and tell whose."""
+def merge_small(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
+    """Merge tiles smaller than `finest` to ones of the value farthest from 0; return rows, too."""
     lower, size, value = tiles
     everybody = np.arange(len(size))
     step = float(size.min(initial=finest))
@@ -187,18 +168,3 @@ def draw_squares(
         antialiaseds=large,
         zorder=2,
     )
-
-
-def draw_surroundings(ax: Axes, layer: Layer) -> list[Artist]:
-    """Draw supports, the body's surface and its joints; return what explains them."""
-    entries = draw_body(ax, layer, filled=False)
-    surface, joints = layer.outlines()
-    ax.add_collection(LineCollection(list(surface), colors=INK, linewidths=0.9, zorder=4))
-    ax.add_collection(LineCollection(list(joints), colors=INK, linewidths=0.9, zorder=4))
-    return entries
-
-
-def agents_told(agents: int, steps: int, error: float) -> str:
-    """Return in words how many agents there are after how many steps, and their error."""
-    many = "agent" if agents == 1 else "agents"
-    return f"step {steps} of spawning: {grouped(agents)} {many}, estimated error {error:.2g}"

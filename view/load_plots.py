@@ -1,4 +1,4 @@
-"""Loads on their way, as arrows: what each agent took by direction, and who loaded whom."""
+"""Loads as arrows: what each agent took by direction, and which agent loaded which."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.lines import Line2D
 
+from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult, load_path
 
-from .body_plots import draw_body, draw_forces, finish
+from .body_plots import BodyPicture
 from .section import WHOLE_UP_TO, Section, section_of
 from .style import (
     FORCE,
@@ -31,7 +32,6 @@ from .style import (
     add_polygons,
     arrow_polygons,
     colour_bar,
-    new_axes,
 )
 from .units import counted, grouped, quantity
 
@@ -47,6 +47,13 @@ FILM_ARROWS_ACROSS = 24
 
 CLOSE_UP = 12
 """Bodies of more cells across than this are cropped to the agents, so that arrows can be read."""
+
+
+def threshold_of(result: TransferResult) -> float:
+    """Return γ (N)."""
+    rule = result.scene.rule
+    assert isinstance(rule, PrescribedRule)
+    return rule.threshold
 
 
 def loads_taken(stage: Stage, generation: int | None) -> Floats:
@@ -101,7 +108,7 @@ def draw_loads(
     load = loads[row, state]
     lightest_first = np.argsort(load)
     row, state, load = (column[lightest_first] for column in (row, state, load))
-    way, pull = normals[state % len(normals)], state >= len(normals)
+    along, pull = normals[state % len(normals)], state >= len(normals)
     share = np.sqrt(np.clip(load / norm.vmax, 0.0, 1.0)) if len(load) else load
     size = float(section.tile_size.min())
     # In a film arrows are the only thing that moves on: they reach into the next tile.
@@ -109,8 +116,8 @@ def draw_loads(
     tail = section.centres(tiles)[row]
     if loads.shape[1] > len(normals):  # pushes and pulls of one direction lie side by side
         aside = np.where(pull, 0.5, -0.5) * (width + 0.06)
-        tail = tail + (size * aside)[:, None] * np.stack([-way[:, 1], way[:, 0]], axis=1)
-    head = tail + (size * (least + (most - least) * share))[:, None] * way
+        tail = tail + (size * aside)[:, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    head = tail + (size * (least + (most - least) * share))[:, None] * along
     outlines = arrow_polygons(tail, head, size * (width + 0.06 * share))
     if plain:
         colours, rim = np.where(pull, PULL, FORCE), {"edgecolors": "white", "linewidths": 0.6}
@@ -139,25 +146,21 @@ def plot_loads(
     section = section_of(
         result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole, result.caveats_in_brief
     )
-    ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, result.stage)
+    picture = BodyPicture(section, ax, result.stage)
     loads = loads_taken(stage, generation)
     title = "Loads taken" if generation is None else f"Loads taken in generation {generation}"
+    if not loads.any():
+        return picture.finish(title, [stage.outcome, *picture.notes])
+    norm = load_norm(section.gather(stage.cells, loads, "sum")[1])
+    across = draw_loads(picture.ax, section, stage, loads, norm)
+    pulls = sense_entries(loads, stage.taken.shape[1])
+    picture.entries += pulls
+    colour_bar(picture.ax, ScalarMappable(norm, LOADS), "load taken along the arrow", "N")
     total = f"{quantity(float(loads.sum()), 'N')} taken in all, arrow length grows like √load"
-    if loads.any():
-        norm = load_norm(section.gather(stage.cells, loads, "sum")[1])
-        across = draw_loads(ax, section, stage, loads, norm)
-        pulls = sense_entries(loads, stage.taken.shape[1])
-        colour_bar(ax, ScalarMappable(norm, LOADS), "load taken along the arrow", "N")
-        entries += pulls
-        notes = ["; ".join(notes), total]
-        notes += ["pulls in shades of red-violet, as dark as pushes of their size"] if pulls else []
-        notes += ["loads across the section are not shown"] if across else []
-    else:
-        notes = [stage.outcome, *notes]
-    finish(ax, section, title, notes, entries)
-    return ax
+    notes = ["; ".join(picture.notes), total]
+    notes += ["pulls in shades of red-violet, as dark as pushes of their size"] if pulls else []
+    notes += ["loads across the section are not shown"] if across else []
+    return picture.finish(title, notes)
 
 
 MOST_AGENTS = 4000
@@ -246,27 +249,24 @@ def plot_load_path(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw who passed how much to whom: the graph of `TransferResult.load_path`."""
+    """Draw how much each agent passed to which: the graph of `TransferResult.load_path`."""
     whole = result.last
     stage = around_heaviest(whole)
     graph = load_path(result.scene, stage)
     focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (result.focus, WHOLE_UP_TO)
     section = section_of(result.scene, focus, cut, crop, 2**62, close, result.caveats_in_brief)
-    ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, result.stage)
+    picture = BodyPicture(section, ax, result.stage)
     tail, head, load = edges_in(section, graph)
-    if len(load):
-        drawn = draw_edges(ax, section, tail, head, load, load_norm(load))
-        colour_bar(ax, drawn, "load passed on", "N")
-        entries += draw_nodes(ax, section, graph)
-        notes.insert(0, f"{counted(len(load), 'edge')}; each is drawn to the right of its own way")
-        if stage is not whole:
-            notes.append(
-                f"only the {grouped(len(stage.cells))} agents around the one that took most, "
-                f"of {grouped(len(whole.cells))}, are drawn"
-            )
-    else:
-        notes = [whole.outcome, *notes]
-    finish(ax, section, "Load path", notes, entries)
-    return ax
+    if not len(load):
+        return picture.finish("Load path", [whole.outcome, *picture.notes])
+    drawn = draw_edges(picture.ax, section, tail, head, load, load_norm(load))
+    colour_bar(picture.ax, drawn, "load passed on", "N")
+    picture.entries += draw_nodes(picture.ax, section, graph)
+    drawn_edges = f"{counted(len(load), 'edge')}; each is drawn to the right of its own way"
+    notes = [drawn_edges, *picture.notes]
+    if stage is not whole:
+        notes.append(
+            f"only the {grouped(len(stage.cells))} agents around the one that took most, "
+            f"of {grouped(len(whole.cells))}, are drawn"
+        )
+    return picture.finish("Load path", notes)

@@ -16,11 +16,11 @@ from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body_plots import draw_body, draw_forces, finish
-from .layers import DrawnSquares, draw_squares, draw_surroundings, layer_of, squares_of
+from .body_plots import BodyPicture
+from .layers import DrawnSquares, draw_squares, layer_of, squares_of
 from .load_plots import load_norm
 from .section import Section, section_of
-from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
+from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -52,8 +52,7 @@ def quantity_of(
         return Quantity(taken.sum(axis=1), "Loads taken", "N", False, True)
     names = "xyz"[: result.scene.lattice.dimension]
     if what == "displacement":
-        known = ("magnitude", *names)
-        chosen = _known(component or "magnitude", known)
+        chosen = _checked(component or "magnitude", ("magnitude", *names))
         if chosen == "magnitude":
             size = np.linalg.norm(result.displacement, axis=1)
             return Quantity(size, "Displacement", "m", signed=False)
@@ -63,13 +62,13 @@ def quantity_of(
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     sizes = [np.abs(tensor[:, *pair]).max(initial=0.0) for pair in pairs.values()]
     largest = list(pairs)[first_largest(np.array(sizes))]
-    chosen = _known(component or largest, tuple(pairs))
+    chosen = _checked(component or largest, tuple(pairs))
     symbol = "σ" if what == "stress" else "ε"
     title = f"{what.capitalize()} {symbol}{chosen}"
     return Quantity(tensor[:, *pairs[chosen]], title, unit, signed=True)
 
 
-def _known(component: str, known: tuple[str, ...]) -> str:
+def _checked(component: str, known: tuple[str, ...]) -> str:
     if component not in known:
         raise ParameterError(
             f"component: there is no {component!r}{suggestion(str(component), known)}; "
@@ -120,35 +119,33 @@ def plot_map(
 ) -> Axes:
     """Draw a field as the colours of cells, or of agents; cells that have none stay light."""
     shown = quantity_of(result, what, component)
-    ax = new_axes(ax)
-    section: Section
     drawn, extend = None, "neither"
     if result.kind == "elastic":
-        section = layer = layer_of(cast("ElasticResult", result), cut, crop)
-        entries = draw_surroundings(ax, layer)
-        squares = squares_of(layer, cast("ElasticResult", result).tiles(shown.values))
+        elastic = cast("ElasticResult", result)
+        layer = layer_of(elastic, cut, crop)
+        picture = BodyPicture(layer, ax, result.stage, filled=False)
+        squares = squares_of(layer, elastic.tiles(shown.values))
         top, beyond = _top(squares)
         if beyond:
             extend = "both" if shown.signed else "max"
         look = colours_of(shown, squares.value, top)
-        drawn = draw_squares(ax, layer, squares, "map", array=squares.value, **look)
+        drawn = draw_squares(picture.ax, layer, squares, "map", array=squares.value, **look)
     else:
         section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
-        entries = draw_body(ax, section)
+        picture = BodyPicture(section, ax, result.stage)
         if len(shown.values):
-            drawn = draw_map(ax, section, cast("TransferResult", result).last.cells, shown)
-    notes = draw_forces(ax, section, result.stage)
+            cells = cast("TransferResult", result).last.cells
+            drawn = draw_map(picture.ax, section, cells, shown)
     if drawn is None:
-        notes = ["no cell has taken a load", *notes]
-    else:
-        colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit, extend)
-        extreme = float(shown.values[first_largest(np.abs(shown.values))])
-        notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(notes)]
-        if result.kind == "elastic" and what in ("strain", "stress", "von_mises"):
-            reason = cast("ElasticResult", result).largest_stress.no_limit
-            notes += [f"the largest stress has no limit: {reason}"] if reason else []
-    finish(ax, section, shown.title, notes, entries)
-    return ax
+        return picture.finish(shown.title, ["no cell has taken a load", *picture.notes])
+    label = shown.title[0].lower() + shown.title[1:]
+    colour_bar(picture.ax, drawn, label, shown.unit, extend)
+    extreme = float(shown.values[first_largest(np.abs(shown.values))])
+    notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(picture.notes)]
+    if result.kind == "elastic" and what in ("strain", "stress", "von_mises"):
+        reason = elastic.largest_stress.no_limit
+        notes += [f"the largest stress has no limit: {reason}"] if reason else []
+    return picture.finish(shown.title, notes)
 
 
 def _top(squares: DrawnSquares) -> tuple[float, bool]:

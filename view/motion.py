@@ -1,4 +1,4 @@
-"""A stored run as a mesh in motion, for programs that draw in their own way.
+"""A stored run as a mesh in motion, for Blender, ParaView and their like.
 
 Points stay the same from frame to frame, so that a moving body is its rest form and one
 displacement field a frame. Files of it are GLB, for Blender and its like, or a series of VTK files
@@ -24,7 +24,7 @@ from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultFileError, needing
 from kaju.files import atomic_file
-from kaju.model.results.mesh import corner_order
+from kaju.model.results.mesh import CUBE_FACES, corner_order
 from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
@@ -42,24 +42,22 @@ if TYPE_CHECKING:
 
 
 class Frame(NamedTuple):
-    """A moment: its number or time (s), displacements (m) of the points, values of the parts."""
+    """A moment of a motion."""
 
-    time: float
-    moved: Floats
-    values: dict[str, Floats]
+    time: float  # its number, or time (s)
+    moved: Floats  # displacements of the points (m); shape (n, dimension)
+    values: dict[str, Floats]  # of the parts
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Points, what they are the corners of, and where they are in every frame."""
 
-    points: Floats
-    """Places at rest (m). Shape (n, dimension)."""
+    points: Floats  # places at rest (m); shape (n, dimension)
     parts: Ints
-    """Springs (2 corners), triangles (3), squares (4) or hexagons (6) in turn, or cubes (8, as VTK
-    has them). Shape (parts, corners)."""
-    frames: Sequence[Frame]
-    """From rest to the end."""
+    """Corners of springs (2), triangles (3), squares (4) or hexagons (6) in turn, or of cubes (8,
+    as VTK has them). Shape (parts, corners)."""
+    frames: Sequence[Frame]  # from rest to the end
 
     @property
     def farthest(self) -> float:
@@ -172,13 +170,8 @@ _LINES, _TRIANGLES = 1, 4
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint32": 5125}
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
-# Faces of a cube by VTK's numbering of its corners, outwards.
-_FACES = np.array(
-    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-)
 
-
-def write_glb(
+def _write_glb(
     motion: Motion, path: Path, *, fps: float, hold: float, magnification: float | None = None
 ) -> None:
     """Write a motion as binary glTF, its last frame held (s), its magnification in the `extras`."""
@@ -188,40 +181,55 @@ def write_glb(
     factor = magnification or _visible(motion)
     moved = [_upright(factor * frame.moved[used]) for frame in motion.frames]
     glb = _Buffer()
-    index = glb.add(corners.ravel().astype(np.uint32)[:, None], _INDICES)
-    attributes = {
-        "POSITION": glb.add_bounded(_upright(motion.points[used]), _VERTICES),
-        "COLOR_0": glb.add(_colours(motion.frames[-1].moved[used]), _VERTICES, normalized=True),
-    }
-    targets = [{"POSITION": glb.add_bounded(move, _VERTICES)} for move in moved[1:]]
     primitive = {
-        "attributes": attributes,
-        "indices": index,
+        "indices": glb.add(corners.ravel().astype(np.uint32)[:, None], _INDICES),
+        "attributes": {
+            "POSITION": glb.add_bounded(_upright(motion.points[used]), _VERTICES),
+            "COLOR_0": glb.add(_colours(motion.frames[-1].moved[used]), _VERTICES, normalized=True),
+        },
         "material": 0,
         "mode": _LINES if surface.shape[1] == 2 else _TRIANGLES,
-        "targets": targets,
+        "targets": [{"POSITION": glb.add_bounded(move, _VERTICES)} for move in moved[1:]],
     }
-    times, weights = _weights(len(moved), fps, hold)
-    keys, values = glb.add_bounded(times[:, None]), glb.add(weights.reshape(-1, 1))
+    # The weight of each frame's target rises to 1 at its time, and falls until the next one's.
+    times, weights = np.arange(len(moved)) / fps, np.eye(len(moved))[:, 1:]
+    if hold > 0.0:
+        times, weights = np.append(times, times[-1] + hold), np.vstack([weights, weights[-1]])
+    keys = glb.add_bounded(times.astype(np.float32)[:, None])
+    values = glb.add(weights.astype(np.float32).reshape(-1, 1))
     sampler = {"input": keys, "output": values, "interpolation": "LINEAR"}
     channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
     extras = {"magnification": factor, "unit": "m"}
-    named = {"targetNames": [f"frame {k}" for k in range(1, len(moved))]}
+    mesh = {
+        "primitives": [primitive],
+        "weights": [0.0] * (len(moved) - 1),
+        "extras": {"targetNames": [f"frame {k}" for k in range(1, len(moved))]},
+    }
     matte = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
-    scene = {
+    about = {
         "asset": {"version": "2.0", "generator": f"kaju {__version__}", "extras": extras},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "body"}],
-        "meshes": [{"primitives": [primitive], "weights": [0.0] * len(targets), "extras": named}],
+        "meshes": [mesh],
         "materials": [{"name": "displacement", "doubleSided": True, "pbrMetallicRoughness": matte}],
         "animations": [{"channels": [channel], "samplers": [sampler]}],
+        "buffers": [{"byteLength": len(glb.data)}],
+        "bufferViews": glb.views,
+        "accessors": glb.accessors,
     }
-    path.write_bytes(glb.packed(scene))
+    text = json.dumps(about, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    parts = b"".join(
+        len(part).to_bytes(4, "little") + name + part
+        for name, part in ((b"JSON", text), (b"BIN\0", bytes(glb.data)))
+    )
+    head = b"glTF" + (2).to_bytes(4, "little") + (12 + len(parts)).to_bytes(4, "little")
+    path.write_bytes(head + parts)
 
 
 class _Buffer:
-    """The binary part of a GLB, and the table of what lies where."""
+    """The binary part of a GLB, and the tables of what lies where."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -243,25 +251,9 @@ class _Buffer:
         return len(self.accessors) - 1
 
     def add_bounded(self, array: NDArray[Any], target: int | None = None) -> int:
-        """Add rows of numbers, and tell the least and the largest of each column."""
+        """Add rows of numbers with the least and the largest of each column."""
         bounds = {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
         return self.add(array, target, **bounds)
-
-    def packed(self, scene: dict[str, Any]) -> bytes:
-        """Return the whole file: header, JSON, numbers."""
-        about = scene | {
-            "buffers": [{"byteLength": len(self.data)}],
-            "bufferViews": self.views,
-            "accessors": self.accessors,
-        }
-        text = json.dumps(about, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        parts = b"".join(
-            len(part).to_bytes(4, "little") + name + part
-            for name, part in ((b"JSON", text), (b"BIN\0", bytes(self.data)))
-        )
-        head = b"glTF" + (2).to_bytes(4, "little") + (12 + len(parts)).to_bytes(4, "little")
-        return head + parts
 
 
 def _surface(motion: Motion) -> Ints:
@@ -270,7 +262,7 @@ def _surface(motion: Motion) -> Ints:
     if parts.shape[1] == 2:
         return parts
     if parts.shape[1] == 8:
-        faces = parts[:, _FACES].reshape(-1, 4)
+        faces = parts[:, CUBE_FACES].reshape(-1, 4)
         _, number, count = np.unique(
             np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
         )
@@ -303,19 +295,10 @@ def _colours(moved: Floats) -> NDArray[np.uint8]:
     return np.rint(255.0 * np.pad(light, [(0, 0), (0, 1)], constant_values=1.0)).astype(np.uint8)
 
 
-def _weights(frames: int, fps: float, hold: float) -> tuple[NDArray[np.float32], ...]:
-    """Return the times of the keys (s), and the weights of the targets, one row a key."""
-    times = np.arange(frames) / fps
-    weights = np.eye(frames)[:, 1:]
-    if hold > 0.0:
-        times, weights = np.append(times, times[-1] + hold), np.vstack([weights, weights[-1]])
-    return times.astype(np.float32), weights.astype(np.float32)
-
-
 _VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
 
 
-def write_series(motion: Motion, path: Path, target: Path) -> None:
+def _write_series(motion: Motion, path: Path, target: Path) -> None:
     """Write true displacements (m) as a ``.vtu`` file a frame, and the ``.pvd`` that lists them."""
     with needing(f"{target}: needs meshio: pip install 'kaju[vtk]'"):
         import meshio
@@ -323,39 +306,26 @@ def write_series(motion: Motion, path: Path, target: Path) -> None:
     flat = [(0, 0), (0, 3 - motion.points.shape[1])]
     points = np.pad(motion.points, flat)
     cells = [(_VTK[motion.parts.shape[1]], motion.parts)]
-    names = [f"{target.stem}_{number:04d}.vtu" for number in range(len(motion.frames))]
+    lines = ['<?xml version="1.0"?>']
+    lines += ['<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">']
+    lines += ["  <Collection>"]
     with new_folder(target.with_suffix("")) as folder:
-        for name, frame in zip(names, motion.frames, strict=True):
+        for number, frame in enumerate(motion.frames):
+            name = f"{target.stem}_{number:04d}.vtu"
             moved = {"displacement": np.pad(frame.moved, flat)}
             values = {label: [column] for label, column in frame.values.items()}
             meshio.Mesh(points, cells, moved, values).write(folder / name)
-    path.write_text(_listed(motion.frames, [f"{target.stem}/{name}" for name in names]))
+            file = quoteattr(f"{target.stem}/{name}")
+            lines.append(f'    <DataSet timestep="{frame.time!r}" part="0" file={file}/>')
+    path.write_text("\n".join([*lines, "  </Collection>", "</VTKFile>", ""]))
 
 
-def _listed(frames: Sequence[Frame], files: list[str]) -> str:
-    lines = [
-        f'    <DataSet timestep="{frame.time!r}" part="0" file={quoteattr(file)}/>'
-        for frame, file in zip(frames, files, strict=True)
-    ]
-    return "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
-            "  <Collection>",
-            *lines,
-            "  </Collection>",
-            "</VTKFile>",
-            "",
-        ]
-    )
-
-
-def film_of_motion(
+def write_motion(
     motion: Motion, target: Path, fps: float, hold: float, magnification: float | None
 ) -> None:
     """Write a motion to a ``.glb`` or ``.pvd`` file, whole or not at all."""
     with atomic_file(target, ResultFileError) as scratch:
         if target.suffix.lower() == ".glb":
-            write_glb(motion, scratch, fps=fps, hold=hold, magnification=magnification)
+            _write_glb(motion, scratch, fps=fps, hold=hold, magnification=magnification)
         else:
-            write_series(motion, scratch, target)
+            _write_series(motion, scratch, target)

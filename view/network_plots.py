@@ -1,4 +1,4 @@
-"""Spring networks: how they give way, which springs are pulled and which are pressed."""
+"""Spring networks: how they deform, which springs are pulled and which are pressed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
@@ -14,10 +15,10 @@ from matplotlib.text import Text
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.view.films import TWO_LINES, Film
 
+from .films import TWO_LINES, Film
 from .style import (
     DIVERGING,
     FAINT,
@@ -42,15 +43,14 @@ if TYPE_CHECKING:
 
     from kaju.model.network.network_result import NetworkResult
 
-
 Colour = Literal["tension", "strain"]
 
 _VISIBLE = 0.03  # of the network's size: smaller displacements are magnified up to 0.08
 _MOST_NODES = 2000  # above this, nodes are not drawn one by one
 
 
-class Stand:
-    """Axes prepared for the states of one network: frame, colours and magnification."""
+class NetworkPicture:
+    """Axes for the states of one network, with its frame, colours and magnification."""
 
     def __init__(
         self, result: NetworkResult, ax: Axes | None, colour: Colour, magnification: float | None
@@ -71,6 +71,9 @@ class Stand:
             default=0.0,
         )
         self.norm = Normalize(-(largest or 1.0), largest or 1.0)
+        label = "tension: pulled above 0, pressed below" if colour == "tension" else "strain"
+        unit = "N" if colour == "tension" else ""
+        colour_bar(self.ax, ScalarMappable(self.norm, DIVERGING), label, unit)
 
     @property
     def records(self) -> range:
@@ -94,29 +97,30 @@ class Stand:
             return 1.0
         return max(1.0, round_down(0.08 * size / largest))
 
+    def draw_lines(self, places: Floats, springs: Ints, name: str, **look: Any) -> Artist:
+        """Draw springs between places of the nodes (m); return the artist."""
+        kind = LineCollection if self.flat else Line3DCollection
+        lines = kind(cast(Any, places[springs]), gid=name, **look)
+        cast(Any, self.ax).add_collection(lines, autolim=False)
+        return lines
+
     def draw_springs(self, record: int) -> list[Artist]:
         """Draw the springs of one state; return the artists."""
-        values = self.values(record)
-        kind = LineCollection if self.flat else Line3DCollection
+        where, values = (self.places(record), self.network.springs), self.values(record)
         width = max(0.5, min(2.2, 60.0 / np.sqrt(len(values))))
-        lines = cast(Any, self.places(record)[self.network.springs])
+        look: dict[str, Any] = {"array": values, "cmap": DIVERGING, "norm": self.norm}
         # What carries little is nearly white, so every spring has a darker rim.
-        rim = kind(lines, colors="#b0b0b0", linewidths=width + 0.8, zorder=2)
-        springs = kind(
-            lines, array=values, cmap=DIVERGING, norm=self.norm, linewidths=width, zorder=3
-        )
-        springs.set_gid("springs")
-        return [self._add(springs), self._add(rim), *self._draw_nodes(record)]
-
-    def _add(self, collection: Artist) -> Artist:
-        cast(Any, self.ax).add_collection(collection, autolim=False)
-        return collection
+        rim = {"colors": "#b0b0b0", "linewidths": width + 0.8}
+        return [
+            self.draw_lines(*where, "springs", **look, linewidths=width, zorder=3),
+            self.draw_lines(*where, "rims", **rim, zorder=2),
+            *self._draw_nodes(record),
+        ]
 
     def _draw_nodes(self, record: int) -> list[Artist]:
         places, held = self.places(record), self.network.held.any(axis=1)
-        if len(places) > _MOST_NODES:
-            groups = [(held, "^", INK, "held nodes")]
-        else:
+        groups = [(held, "^", INK, "held nodes")]
+        if len(places) <= _MOST_NODES:
             groups = [(~held, "o", INK, "nodes"), (held, "^", "white", "held nodes")]
         size = max(1.5, min(4.0, 60.0 / np.sqrt(len(places))))
         drawn: list[Artist] = []
@@ -124,9 +128,8 @@ class Stand:
             if chosen.any():
                 mark = 1.6 * size if marker == "^" else size
                 style = {"marker": marker, "ms": mark, "mfc": face, "mec": INK, "mew": 0.7}
-                line = cast(Any, self.ax).plot(*places[chosen].T, ls="", zorder=4, **style)[0]
-                line.set_gid(name)
-                drawn.append(line)
+                style |= {"ls": "", "zorder": 4, "gid": name}
+                drawn += cast(Any, self.ax).plot(*places[chosen].T, **style)
         return [*drawn, *self._draw_forces(record)]
 
     def _draw_forces(self, record: int) -> list[Artist]:
@@ -134,29 +137,20 @@ class Stand:
         loaded = np.flatnonzero(every.any(axis=1))
         if not len(loaded):
             return []
-        force = every[loaded]
-        whole = np.linalg.norm(self.network.forces, axis=2).max()
         span = float(np.ptp(self.network.positions, axis=0).max())
-        along = 0.16 * span / whole * force
+        along = 0.16 * span / np.linalg.norm(self.network.forces, axis=2).max() * every[loaded]
         head = self.places(record)[loaded]
-        if self.flat:
-            width = np.full(len(head), 0.012 * span / max(1.0, len(head) / 12.0))
-            outlines = arrow_polygons(head - along, head, width)
-            return [
-                add_polygons(self.ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=6)
-            ]
-        space = cast(Axes3D, self.ax)
-        arrows = space.quiver(*(head - along).T, *along.T, color=FORCE, lw=1.8)
-        arrows.set_gid("forces")
-        return [arrows]
+        if not self.flat:
+            arrows = self.ax.quiver(*(head - along).T, *along.T, color=FORCE, lw=1.8, gid="forces")
+            return [arrows]
+        width = np.full(len(head), 0.012 * span / max(1.0, len(head) / 12.0))
+        outlines = arrow_polygons(head - along, head, width)
+        return [add_polygons(self.ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=6)]
 
     def draw_rest(self) -> None:
         """Draw the network before any load, faintly."""
-        kind = LineCollection if self.flat else Line3DCollection
-        lines = cast(Any, self.network.positions[self.network.springs])
-        rest = kind(lines, colors=LINE, linewidths=0.6, linestyles="--", zorder=1)
-        rest.set_gid("at rest")
-        self._add(rest)
+        where = self.network.positions, self.network.springs
+        self.draw_lines(*where, "at rest", colors=LINE, linewidths=0.6, linestyles="--", zorder=1)
 
     def finish(self, notes: list[str]) -> Text:
         """Set frame, labels, legend and title; return the notes."""
@@ -182,8 +176,8 @@ class Stand:
             legend(self.ax, [mark, rest])
         return caption(self.ax, "Spring network", notes)
 
-    def words(self, record: int) -> list[str]:
-        """Return what is to be said of one state."""
+    def notes(self, record: int) -> list[str]:
+        """Return load, displacement and magnification of one state."""
         _, far = self.result.largest_displacement(record)
         stage = float(self.result.stage[record])
         force = float(np.linalg.norm(self.network.force_at(stage), axis=1).max(initial=0.0))
@@ -191,21 +185,16 @@ class Stand:
         parts.append(f"largest displacement {quantity(far, 'm')}")
         return ["; ".join(parts), f"deformation shown {times(self.factor)}"]
 
-    def bar(self, springs: Artist) -> None:
-        """Add the colour bar."""
-        label = "tension: pulled above 0, pressed below" if self.colour == "tension" else "strain"
-        unit = "N" if self.colour == "tension" else ""
-        colour_bar(self.ax, cast(Any, springs), label, unit)
-
-    def reel(self, words: Callable[[int], str]) -> Film:
-        """Return all states, one frame each, over the network at rest."""
-        self.draw_rest()
-        first = self.draw_springs(0)
-        self.bar(first[0])
-        for artist in first:
-            artist.set_visible(False)
-        notes, last = self.finish(TWO_LINES), len(self.records) - 1
-        return Film(figure_of(self.ax), last, self.draw_springs, notes, words)
+    def film(
+        self,
+        text: Callable[[int], str],
+        draw: Callable[[int], list[Artist]] | None = None,
+        last: int | None = None,
+    ) -> Film:
+        """Return states 0 to `last`, one frame each, by their springs unless `draw` says more."""
+        notes = self.finish(TWO_LINES)
+        last = len(self.records) - 1 if last is None else last
+        return Film(figure_of(self.ax), last, draw or self.draw_springs, notes, text)
 
 
 def plot_network(
@@ -217,16 +206,15 @@ def plot_network(
     magnification: float | None = None,
 ) -> Axes:
     """Draw a loaded network over the one at rest, its springs coloured by tension or strain."""
-    stand = Stand(result, ax, colour, magnification)
-    if not -len(stand.records) <= record < len(stand.records):
+    picture = NetworkPicture(result, ax, colour, magnification)
+    if not -len(picture.records) <= record < len(picture.records):
         raise ParameterError(
-            f"record: this result has the records 0 to {len(stand.records) - 1}, got {record}"
+            f"record: this result has the records 0 to {len(picture.records) - 1}, got {record}"
         )
-    stand.draw_rest()
-    springs = stand.draw_springs(record)[0]
-    stand.bar(springs)
-    stand.finish(stand.words(record))
-    return stand.ax
+    picture.draw_rest()
+    picture.draw_springs(record)
+    picture.finish(picture.notes(record))
+    return picture.ax
 
 
 def plot_response(result: NetworkResult, ax: Axes | None = None) -> Axes:
@@ -249,11 +237,11 @@ def increments(
     result: NetworkResult, colour: Colour = "tension", magnification: float | None = None
 ) -> Film:
     """Return the states of a network, one frame each."""
-    stand = Stand(result, None, colour, magnification)
-    last = len(stand.records) - 1
+    picture = NetworkPicture(result, None, colour, magnification)
+    picture.draw_rest()
 
-    def words(record: int) -> str:
-        load, shown = stand.words(record)
-        return f"increment {record} of {last}; {load}\n{shown}"
+    def text(record: int) -> str:
+        load, shown = picture.notes(record)
+        return f"increment {record} of {len(picture.records) - 1}; {load}\n{shown}"
 
-    return stand.reel(words)
+    return picture.film(text)

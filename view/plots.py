@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,20 +16,13 @@ from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.result import Result, solved_scene
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
-from kaju.model.transfer.transfer_result import TransferResult
 from kaju.result_kinds import KINDS, fetch
 
-from .agents import plot_agents
 from .body_plots import draw_scene
 from .picture_files import save
-from .quadtree import plot_octree, plot_quadtree
 from .section import section_of
-from .space import plot_body_in_space, plot_voxels
-from .stages import plot_both, plot_stages
+from .space import plot_body_in_space
 from .style import figure_of
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.elastic_result import ElasticResult
 
 Picture = Callable[..., "Axes | Figure"]
 
@@ -44,43 +37,13 @@ def plot_scene(
     if scene.lattice.dimension == 3 and cut is None:
         return plot_body_in_space(scene, ax)
     cells = scene.applied().cells if crop else None
-    return draw_scene(scene, section_of(scene, cells, cut, crop), ax)
-
-
-def plot_material_agents(
-    result: TransferResult,
-    ax: Axes | None = None,
-    *,
-    cut: Cut | None = None,
-    crop: bool | None = None,
-) -> Axes:
-    """Draw who spawned, of bodies of cubes in space unless cut."""
-    if result.scene.lattice.dimension == 3 and cut is None:
-        return plot_voxels(result, ax, crop=crop)
-    return plot_agents(result, ax, cut=cut, crop=crop)
-
-
-@wraps(plot_stages)
-def plot_every_stage(
-    result: TransferResult, ax: Axes | None = None, **options: Any
-) -> Axes | Figure:
-    """Draw what grows with the load: both of displacement and agents unless one is asked for."""
-    return plot_both(result) if ax is None and not options else plot_stages(result, ax, **options)
+    return draw_scene(section_of(scene, cells, cut, crop), ax)
 
 
 @wraps(plot_scene)
 def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     """Draw what was asked; within true outlines in space the cells that count."""
     return plot_scene(solved_scene(result), ax, **options)
-
-
-@wraps(plot_quadtree)
-def plot_agents_of_many_sizes(
-    result: ElasticResult, ax: Axes | None = None, **options: Any
-) -> Axes:
-    """Draw agents of many sizes, of bodies of cubes in space unless cut."""
-    whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
-    return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
 
 
 USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
@@ -183,27 +146,17 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     folder = Path(directory)
     if not folder.is_dir():
         raise ResultFileError(f"{folder}: there is no such directory for pictures")
-    written = []
-    for name in _usual(result):
-        written.append(save(plot(result, name), folder / f"{name}.png"))
-        if name == "agents" and (section := _section(result)):
-            written.append(save(figure_of(section), folder / "agents_section.png"))
-    return written
-
-
-def _section(result: Any) -> Axes | None:
-    """Draw a section through the agents of a body in space."""
-    section = KINDS[result.kind].section
-    if section is None or result.scene.lattice.dimension == 2:
-        return None
-    drawn: Axes = fetch(section)(result)
-    return drawn
-
-
-def _usual(result: Result) -> list[str]:
     seldom = {"scene", "left"} | ({"agents"} - {result.pictures[0]})
-    known = [name for name in result.pictures if name not in seldom]
-    return [name for name in USUAL if name in known] if result.kind == "load transfer" else known
+    names = [name for name in result.pictures if name not in seldom]
+    if result.kind == "load transfer":
+        names = [name for name in USUAL if name in names]
+    section, written = KINDS[result.kind].section, []
+    for name in names:
+        written.append(save(plot(result, name), folder / f"{name}.png"))
+        if name == "agents" and section and cast(Any, result).scene.lattice.dimension == 3:
+            drawn = figure_of(fetch(section)(result))
+            written.append(save(drawn, folder / "agents_section.png"))
+    return written
 
 
 def check_options(name: str, draw: Callable[..., Any], options: Mapping[str, object]) -> None:

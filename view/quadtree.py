@@ -6,10 +6,12 @@ In space cubes are drawn where they can be seen, one quarter of the body cut awa
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
@@ -17,36 +19,28 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from kaju.agents.materials import suggestion
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
 from kaju.model.scene import Scene
 
-from .body_plots import draw_forces, finish
-from .layers import (
-    FINEST,
-    agents_told,
-    draw_squares,
-    draw_surroundings,
-    layer_of,
-    small_agents,
-    squares_of,
-    together,
-)
-from .space import DrawnBox, box_around, space_for
-from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar, new_axes
-from .units import quantity
+from .body_plots import BodyPicture
+from .films import TWO_LINES, Film
+from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
+from .space import FACES, DrawnBox, box_around, space_for
+from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar, figure_of
+from .units import grouped, quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
 
 
 class Colour(NamedTuple):
-    """What agents can be coloured by: label, unit, and whether it counts something."""
+    """What agents can be coloured by."""
 
     label: str
     unit: str
-    whole: bool = False
+    whole: bool = False  # whether it counts something
 
 
 COLOURS = {
@@ -57,20 +51,8 @@ COLOURS = {
     "von_mises": Colour("equivalent stress", "Pa"),
 }
 OF_EVERY_GENERATION = ("level", "spawn_step", "unbalanced_load")
-"""What is known of agents that have retired."""
+"""What is stored of agents that have retired, too."""
 DECADES = 6
-
-
-class DrawnAgents(NamedTuple):
-    """The agents of a generation with what their colours show, and when they spawned."""
-
-    tiles: Tiles
-    spawn_step: Ints
-
-    @property
-    def value(self) -> Floats:
-        """What their colours show."""
-        return self.tiles.value
 
 
 def plot_quadtree(
@@ -84,33 +66,44 @@ def plot_quadtree(
     step: int | None = None,
 ) -> Axes:
     """Draw agents at their places and in their sizes."""
-    agents = standing(result, colour, generation)
+    tiles, spawn_step = agents_of(result, colour, generation)
     layer = layer_of(result, cut, crop)
-    ax = new_axes(ax)
-    entries = draw_surroundings(ax, layer)
-    notes = draw_forces(ax, layer, result.stage)
-    shown = squares_of(layer, agents.tiles)
-    look = look_of(colour, agents.value)
-    drawn = draw_squares(ax, layer, shown, "agents", array=shown.value, **look)
+    picture = BodyPicture(layer, ax, result.stage, filled=False)
+    shown = squares_of(layer, tiles)
+    look = look_of(colour, tiles.value)
+    drawn = draw_squares(picture.ax, layer, shown, "agents", array=shown.value, **look)
     if step is not None:
-        born = agents.spawn_step[shown.row] == step
+        born = spawn_step[shown.row] == step
         bold: dict[str, Any] = {"facecolors": "none", "edgecolors": FORCE, "linewidths": 0.8}
-        add_polygons(ax, shown.corners[born], "spawned", **bold, zorder=3)
-    bar_of(ax, drawn, colour, agents.value)
-    finish(ax, layer, "Agents", [told(result, generation), *notes], entries)
-    return ax
+        add_polygons(picture.ax, shown.corners[born], "spawned", **bold, zorder=3)
+    bar_of(picture.ax, drawn, colour, tiles.value)
+    return picture.finish("Agents", [generation_text(result, generation), *picture.notes])
 
 
-def told(result: ElasticResult, generation: int | None) -> str:
-    """Return in words what stands in a generation."""
-    last = len(result.generations) - 1
-    number = last if generation is None else generation
+@wraps(plot_quadtree)
+def plot_agents_of_many_sizes(
+    result: ElasticResult, ax: Axes | None = None, **options: Any
+) -> Axes:
+    """Draw agents of many sizes, of bodies of cubes in space unless cut."""
+    whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
+    return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
+
+
+def generation_text(result: ElasticResult, generation: int | None) -> str:
+    """Return how many agents there are after how many steps, and their error."""
+    number = len(result.generations) - 1 if generation is None else generation
     found = result.generations[number]
-    return agents_told(found.agents, number, found.error)
+    many = "agent" if found.agents == 1 else "agents"
+    return (
+        f"step {number} of spawning: {grouped(found.agents)} {many}, "
+        f"estimated error {found.error:.2g}"
+    )
 
 
-def standing(result: ElasticResult, colour: str, generation: int | None = None) -> DrawnAgents:
-    """Return the agents of a generation, with what their colours show."""
+def agents_of(
+    result: ElasticResult, colour: str, generation: int | None = None
+) -> tuple[Tiles, Ints]:
+    """Return the agents of a generation with what their colours show, and when they spawned."""
     if colour not in COLOURS:
         raise ParameterError(
             f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "
@@ -119,7 +112,7 @@ def standing(result: ElasticResult, colour: str, generation: int | None = None) 
     last = len(result.generations) - 1
     if generation is None or generation == last:
         value = np.asarray(getattr(result, colour), dtype=np.float64)
-        return DrawnAgents(result.tiles(value), result.spawn_step)
+        return result.tiles(value), result.spawn_step
     if not 0 <= generation <= last:
         raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
     if colour not in OF_EVERY_GENERATION:
@@ -135,8 +128,7 @@ def standing(result: ElasticResult, colour: str, generation: int | None = None) 
         "unbalanced_load": result.generations[generation].load,
     }
     value = np.asarray(values[colour], dtype=np.float64)
-    tiles = Tiles(family.lower[rows], family.size[rows], value)
-    return DrawnAgents(tiles, values["spawn_step"])
+    return Tiles(family.lower[rows], family.size[rows], value), values["spawn_step"]
 
 
 def look_of(colour: str, values: Floats) -> dict[str, Any]:
@@ -178,6 +170,13 @@ class View(NamedTuple):
     upper: Floats
     planes: tuple[float, float]
 
+    @property
+    def notes(self) -> list[str]:
+        """Where the body is cut, and the crop."""
+        x, y = (quantity(place, "m") for place in self.planes)
+        crops = [note for note in self.box.notes if note.startswith("cropped")]
+        return [f"cut away: x above {x}, y below {y}", *crops]
+
 
 def plot_octree(
     result: ElasticResult,
@@ -188,14 +187,14 @@ def plot_octree(
     generation: int | None = None,
 ) -> Axes:
     """Draw agents as cubes in space, with a quarter of the body cut away at small ones."""
-    agents = standing(result, colour, generation)
+    tiles, _ = agents_of(result, colour, generation)
     view = view_of(result, crop)
     space, notes = space_for(ax, result.grid, view.box, result.stage, MOST_ARROWS)
-    look = look_of(colour, agents.value)
-    draw_cubes(space, result.grid, view, agents, look)
-    bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, agents.value)
-    notes = [*notes, *view_told(view), "; ".join(result.caveats_in_brief)]
-    caption(space, "Agents", [told(result, generation), *filter(None, notes)])
+    look = look_of(colour, tiles.value)
+    draw_cubes(space, result.grid, view, tiles, look)
+    bar_of(space, ScalarMappable(**look), colour, tiles.value)
+    notes = [*notes, *view.notes, "; ".join(result.caveats_in_brief)]
+    caption(space, "Agents", [generation_text(result, generation), *notes])
     return cast("Axes", space)
 
 
@@ -206,7 +205,8 @@ def view_of(result: ElasticResult, crop: bool | None = None) -> View:
     cells = scene.lattice.locate(small.middle)
     first, last = cells.min(axis=0), cells.max(axis=0)
     around = int((last - first).max()) // 2  # also downwards, where small agents lie flat
-    cells = np.clip([first - around, last + around], *_ends(scene))
+    lower, upper = scene.bounds()
+    cells = np.clip([first - around, last + around], lower, upper - 1)
     box = box_around(scene, cells, small.hidden if crop is None else crop)
     unit = float(result.size.min())
     x, y = (_plane(small.lower[:, axis], unit) for axis in (0, 1))
@@ -224,24 +224,12 @@ def _plane(place: Floats, unit: float) -> float:
     return float(roundest[np.abs(roundest - middle).argmin()])
 
 
-def _ends(scene: Scene) -> tuple[Ints, Ints]:
-    lower, upper = scene.bounds()
-    return lower, upper - 1
-
-
-def view_told(view: View) -> list[str]:
-    """Return what a reader must be told."""
-    x, y = (quantity(place, "m") for place in view.planes)
-    crops = [note for note in view.box.notes if note.startswith("cropped")]
-    return [f"cut away: x above {x}, y below {y}", *crops]
-
-
 def draw_cubes(
-    ax: Axes3D, scene: Scene, view: View, agents: DrawnAgents, look: dict[str, Any]
+    ax: Axes3D, scene: Scene, view: View, tiles: Tiles, look: dict[str, Any]
 ) -> Poly3DCollection:
     """Draw the faces of agents that can be seen, coloured by their values."""
     finest = 2.0 * float((view.upper - view.lower).max()) / FINEST
-    (lower, size, value), _ = together(agents.tiles, finest)
+    (lower, size, value), _ = merge_small(tiles, finest)
     faces, owner, light = seen_faces(scene, view, lower, lower + size[:, None])
     colours = colormaps[look["cmap"]](look["norm"](value[owner]))
     colours[:, :3] *= light[:, None]
@@ -261,62 +249,85 @@ def draw_cubes(
 def seen_faces(
     scene: Scene, view: View, lower: Floats, upper: Floats
 ) -> tuple[Floats, Ints, Floats]:
-    """Return the faces of agents that can be seen: on the body's surface, or by a cut.
+    """Return corners, owner and light of the agents' faces on the body's surface and at a cut.
 
-    `scene`: the body; `view`: what is shown of it; `lower`, `upper`, shape (agents, 3): corners of
-    the agents (m). Returns `corners`, shape (faces, 4, 3); `owner`, shape (faces,); `light`, shape
-    (faces,).
+    `lower`, `upper`, shape (agents, 3): corners of the agents (m). The corners of the faces have
+    shape (faces, 4, 3).
     """
     corners, owner, light = [], [], []
-    for first, last in _parts(view):
+    x, y = view.planes
+    left = view.lower, np.array([x, *view.upper[1:]])
+    behind = np.array([x, y, view.lower[2]]), view.upper
+    rounding = 1e-9 * np.abs(view.upper).max()
+    for first, last in (left, behind):  # the box without its quarter
         low, high = np.maximum(lower, first), np.minimum(upper, last)
         there = np.flatnonzero(np.all(high - low > 1e-9 * (upper - lower), axis=1))
         low, high = low[there], high[there]
         for axis, end in _SEEN:
-            free = _bare(scene, low, high, axis, end)
-            cut = ~free & _by_cut(view, low, high, axis, (last if end else first)[axis], end)
-            for chosen, bright in ((cut, 1.0), (free, _LIGHT[axis])):
-                top = high[chosen]
-                if axis == 0 and bright == 1.0 and last[0] < view.upper[0]:
-                    top[:, 1] = np.minimum(top[:, 1], view.planes[1])
-                corners.append(_rectangles(low[chosen], top, axis, end))
+            place = (high if end else low)[:, axis]
+            beyond = 0.5 * (low + high)
+            beyond[:, axis] = place + (1e-6 if end else -1e-6) * scene.lattice.cell_size
+            bare = scene.kinds(scene.lattice.locate(beyond)) < 0
+            cut = ~bare & (np.abs(place - (last if end else first)[axis]) < rounding)
+            top = high.copy()
+            if axis == 0 and last[0] < view.upper[0]:
+                # This plane is bare in front of the other one only: behind it the two parts meet.
+                cut &= low[:, 1] < y
+                top[cut, 1] = np.minimum(top[cut, 1], y)
+            for chosen, bright in ((cut, 1.0), (bare, _LIGHT[axis])):
+                span = (top - low)[chosen, None]
+                corners.append(low[chosen, None] + FACES[2 * axis + end] * span)
                 owner.append(there[chosen])
                 light.append(np.full(np.count_nonzero(chosen), bright))
     return np.concatenate(corners), np.concatenate(owner), np.concatenate(light)
 
 
-def _parts(view: View) -> list[tuple[Floats, Floats]]:
-    """Return the box without its quarter as two boxes (lower and upper corner, m)."""
-    x, y = view.planes
-    left, behind = view.upper.copy(), view.lower.copy()
-    left[0] = x
-    behind[0], behind[1] = x, y
-    return [(view.lower, left), (behind, view.upper)]
+def generations(
+    result: ElasticResult,
+    colour: str = "level",
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Film:
+    """Return the generations of spawning, coloured by what is stored of each of them."""
+    if colour not in OF_EVERY_GENERATION:
+        raise ParameterError(
+            f"colour: an animation shows {', '.join(OF_EVERY_GENERATION)}, got {colour!r}"
+        )
+    if colour == "unbalanced_load":
+        values = np.concatenate([generation.load for generation in result.generations])
+    else:
+        values = agents_of(result, colour)[0].value
+    look, last = look_of(colour, values), len(result.generations) - 1
+    title = "Agents spawn where load is left unbalanced"
+    if result.lower.shape[1] == 3 and cut is None:
+        view = view_of(result, crop)
+        space, _ = space_for(None, result.grid, view.box, result.stage, MOST_ARROWS)
+        bar_of(space, ScalarMappable(**look), colour, values)
+
+        def draw_in_space(number: int) -> list[Artist]:
+            tiles, _ = agents_of(result, colour, number)
+            return [draw_cubes(space, result.grid, view, tiles, look)]
+
+        notes, text = caption(space, title, TWO_LINES), "; ".join(view.notes)
+        return Film(
+            figure_of(space),
+            last,
+            draw_in_space,
+            notes,
+            lambda number: f"{generation_text(result, number)}\n{text}",
+        )
+    layer = layer_of(result, cut, crop)
+    picture = BodyPicture(layer, None, result.stage, filled=False)
+    bar_of(picture.ax, ScalarMappable(**look), colour, values)
+
+    def draw(number: int) -> list[Artist]:
+        shown = squares_of(layer, agents_of(result, colour, number)[0])
+        return [draw_squares(picture.ax, layer, shown, "agents", array=shown.value, **look)]
+
+    text = "; ".join(layer.notes)
+    return picture.film(
+        title, last, draw, lambda number: f"{generation_text(result, number)}\n{text}"
+    )
 
 
-def _by_cut(view: View, low: Floats, high: Floats, axis: int, limit: float, end: int) -> Flags:
-    """Tell which faces lie where a part ends inside of the body, with nothing shown beyond."""
-    outer = (view.upper if end else view.lower)[axis]
-    face = (high if end else low)[:, axis]
-    cut = np.abs(face - limit) < 1e-9 * np.abs(view.upper).max()
-    if axis == 0 and limit < outer:
-        cut &= low[:, 1] < view.planes[1]  # behind that plane the two parts meet
-    return np.asarray(cut)
-
-
-def _bare(scene: Scene, low: Floats, high: Floats, axis: int, end: int) -> Flags:
-    """Tell which faces have no body beyond them."""
-    middle = 0.5 * (low + high)
-    shift = 1e-6 * scene.lattice.cell_size
-    middle[:, axis] = high[:, axis] + shift if end else low[:, axis] - shift
-    return np.asarray(scene.kinds(scene.lattice.locate(middle)) < 0)
-
-
-def _rectangles(low: Floats, high: Floats, axis: int, end: int) -> Floats:
-    """Return one face each of boxes, shape (n, 4, 3)."""
-    first, second = (a for a in range(3) if a != axis)
-    corners = np.repeat(low[:, None], 4, axis=1)
-    corners[..., axis] = (high if end else low)[:, None, axis]
-    corners[:, 1:3, first] = high[:, None, first]
-    corners[:, 2:4, second] = high[:, None, second]
-    return corners
+unbalanced_loads = partial(generations, colour="unbalanced_load")

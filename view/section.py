@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 
 from .units import grouped, quantity
 
-_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
 _SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
@@ -46,20 +46,13 @@ class Section:
     """A rectangle of tiles in a plane of a body."""
 
     scene: Scene
-    """The body."""
     lower: Ints
-    upper: Ints
-    """The cells shown: lower <= cell < upper, rightwards and upwards. Shape (2,)."""
-    axes: tuple[int, int]
-    """The body's axes that run rightwards and upwards."""
-    cut: tuple[int, int] | None
-    """The layer of cells shown of a three-dimensional body."""
-    block: int
-    """A tile is block × block cells."""
-    cropped: bool
-    """Whether there is more body outside the picture."""
-    caveats: tuple[str, ...] = ()
-    """What is approximate of the answer, in a few words each."""
+    upper: Ints  # cells shown: lower <= cell < upper, rightwards and upwards; shape (2,)
+    axes: tuple[int, int]  # of the body that run rightwards and upwards
+    cut: tuple[int, int] | None  # axis and layer of cells shown of a body in space
+    block: int  # a tile is block × block cells
+    cropped: bool  # whether there is more body outside the picture
+    caveats: tuple[str, ...] = ()  # what is approximate of the answer, in a few words each
 
     @property
     def outlined(self) -> bool:
@@ -78,7 +71,7 @@ class Section:
 
     @cached_property
     def _pitch(self) -> Floats:
-        """How far steps to the next tile lead (m), a column for each way."""
+        """Vectors from a tile to the next one (m), a column each: rightwards and upwards."""
         return self.block * self.scene.lattice.pitch[np.ix_(self.axes, self.axes)]
 
     def holds(self, cells: Ints) -> Flags:
@@ -129,7 +122,7 @@ class Section:
 
         `share` below 1 leaves a gap all round.
         """
-        shape = ((_SQUARE - 0.5) @ self._pitch.T)[None]
+        shape = ((corner_order(2) - 0.5) @ self._pitch.T)[None]
         if self.outlined:
             lattice = self.scene.lattice
             shape = np.stack([lattice.outline(form) for form in range(lattice.forms)])
@@ -207,27 +200,29 @@ class Section:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must be told: the cut, the crop, the coarsening, and the caveats."""
-        told = []
+        """The cut, the crop, the coarsening, and what is approximate of the answer."""
+        shown = []
         shape = np.array(self.scene.lattice.shape)
         if self.cut is not None:
             axis, index = self.cut
             place = (index + 0.5) * self.scene.lattice.cell_size
-            told.append(f"section at {'xyz'[axis]} = {quantity(place, 'm')}")
+            shown.append(f"section at {'xyz'[axis]} = {quantity(place, 'm')}")
         if self.cropped:
             seen = np.minimum(self.upper, shape[[*self.axes]]) - np.maximum(self.lower, 0)
             part = " × ".join(grouped(n) for n in seen)
             whole = " × ".join(grouped(n) for n in shape[[*self.axes]])
-            told.append(f"cropped to {part} of {whole} cells")
+            shown.append(f"cropped to {part} of {whole} cells")
         if self.block > 1:
-            told.append(f"each tile stands for {self.block} × {self.block} cells")
-        return ["; ".join(words) for words in (told, self.caveats) if words]
+            shown.append(f"each tile stands for {self.block} × {self.block} cells")
+        return ["; ".join(words) for words in (shown, self.caveats) if words]
 
 
 MOST_ACROSS = 240
 """At most this many tiles lie side by side."""
 WHOLE_UP_TO = 64
 """Bodies of up to this many cells across are never cropped."""
+_WORTH_CROPPING = 0.6
+"""A picture is cropped only to this share of its area or less."""
 
 
 def section_of(
@@ -247,9 +242,10 @@ def section_of(
     """
     if cells is None:
         cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False
-    where = _cut_of(scene, cells, cut)
+    named, where = named_cut(scene, cut), None
     axes = (0, 1)
-    if where is not None:
+    if scene.lattice.dimension == 3:
+        where = (named[0], layer_at(scene, *named)) if named else _fullest_layer(scene, cells)
         first, second = (axis for axis in range(3) if axis != where[0])
         axes = (first, second)
         cells = cells[cells[:, where[0]] == where[1]]
@@ -258,37 +254,28 @@ def section_of(
     if shape.max() > WHOLE_UP_TO:
         lower, upper = (corner[[*axes]] for corner in scene.bounds())
     whole = (upper - lower).max() <= whole_up_to if crop is None else not crop
-    near_lower, near_upper = _around(cells[:, axes], lower, upper)
-    cropped = not whole and bool(len(cells)) and _saves(near_upper - near_lower, upper - lower)
-    if cropped:
-        lower, upper = near_lower, near_upper
+    cropped = False
+    if len(cells) and not whole:
+        first, last = cells[:, axes].min(axis=0), cells[:, axes].max(axis=0) + 1
+        span = last - first
+        margin = np.maximum(3, np.rint(np.maximum(0.15 * span, 0.05 * span.max())).astype(np.int64))
+        near = np.maximum(first - margin, lower), np.minimum(last + margin, upper)
+        cropped = bool(np.prod((near[1] - near[0]) / (upper - lower)) <= _WORTH_CROPPING)
+        if cropped:
+            lower, upper = near
     block = ceil(int((upper - lower).max()) / most_across)
     rim = max(1, round(0.04 * int((upper - lower).max())))
     return Section(scene, lower - rim, upper + rim, axes, where, block, cropped, caveats)
 
 
-def _around(flat: Ints, lower: Ints, upper: Ints) -> tuple[Ints, Ints]:
-    if not len(flat):
-        return lower, upper
-    first, last = flat.min(axis=0), flat.max(axis=0) + 1
-    span = last - first
-    margin = np.maximum(3, np.rint(np.maximum(0.15 * span, 0.05 * span.max())).astype(np.int64))
-    return np.maximum(first - margin, lower), np.minimum(last + margin, upper)
-
-
-def _saves(part: Ints, whole: Ints) -> bool:
-    """Tell whether a crop is worth its trouble."""
-    return bool(np.prod(part / whole) <= 0.6)
-
-
-def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, float] | None) -> tuple[int, int] | None:
-    shape = scene.lattice.shape
-    if len(shape) == 2:
-        if cut is not None:
-            raise ParameterError(f"cut: only bodies of cubes can be cut, got {dict(cut)!r}")
-        return None
+def named_cut(scene: Scene, cut: Mapping[str, float] | None) -> tuple[int, float] | None:
+    """Return axis and place (m) of a cut, None unless one is asked for; refuse what is none."""
     if cut is None:
-        return _fullest_layer(scene, cells)
+        return None
+    if scene.lattice.dimension == 2:
+        raise ParameterError(
+            f"cut: only bodies of cubes can be cut, got {dict(cut)!r}; leave it out"
+        )
     if len(cut) != 1 or next(iter(cut)) not in ("x", "y", "z"):
         raise ParameterError(
             f"cut: one of the axes 'x', 'y' and 'z' with a place in m, such as {{'y': 0.05}}, "
@@ -296,27 +283,32 @@ def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, float] | None) -> tuple
         )
     ((name, place),) = cut.items()
     axis = "xyz".index(name)
-    return axis, layer_at(scene, axis, place)
+    end = scene.lattice.cell_size * scene.lattice.shape[axis]
+    number = isinstance(place, (int, float, np.number)) and not isinstance(place, bool)
+    if not (number and 0.0 <= place <= end):
+        raise ParameterError(f"cut: {name} runs from 0 to {end:g} m, got {place!r}")
+    return axis, float(place)
 
 
 def layer_at(scene: Scene, axis: int, place: float) -> int:
     """Return the layer of cells that a plane through a body lies in."""
-    edge, count = scene.lattice.cell_size, scene.lattice.shape[axis]
-    number = isinstance(place, (int, float, np.number)) and not isinstance(place, bool)
-    if not (number and 0.0 <= place <= edge * count):
-        raise ParameterError(f"cut: {'xyz'[axis]} runs from 0 to {edge * count:g} m, got {place!r}")
     # On a plane between two layers rounding must not decide which of them is shown.
-    return min(int(place / edge + 1e-9), count - 1)
+    layer = int(place / scene.lattice.cell_size + 1e-9)
+    return min(layer, scene.lattice.shape[axis] - 1)
+
+
+def axis_across(scene: Scene, stage: int | None = None) -> int:
+    """Return across which axis a body is shown cut: y, or x if the loads mainly run along y."""
+    along = np.abs(scene.applied(stage).force).sum(axis=0)
+    return 0 if along[1] > along[[0, 2]].max() else 1
 
 
 def _fullest_layer(scene: Scene, cells: Ints) -> tuple[int, int]:
     """Return the layer with most of the cells, out of those that the loads run along.
 
-    Layers lie across y, or across x if the loads mainly run along y. Of layers with about as
-    many cells it is the middle one; without cells that of the body.
+    Of layers with about as many cells it is the middle one; without cells that of the body.
     """
-    along = np.abs(scene.applied().force).sum(axis=0)
-    axis = 0 if along[1] > along[[0, 2]].max() else 1
+    axis = axis_across(scene)
     if not len(cells):
         return axis, scene.lattice.shape[axis] // 2
     layers, counts = np.unique(cells[:, axis], return_counts=True)

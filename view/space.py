@@ -1,61 +1,43 @@
-"""Bodies of cubes in space: the agents, or the body itself, by the faces that can be seen."""
+"""Bodies of cubes in space, by the faces that can be seen."""
 
 from __future__ import annotations
 
 from typing import NamedTuple, cast
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize, to_rgba
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from kaju.arrays import Floats, Ints
+from kaju.model.results.mesh import CUBE_FACES, corner_order
 from kaju.model.scene import Scene
-from kaju.model.transfer.stage import Stage
-from kaju.model.transfer.transfer_result import TransferResult
 
-from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
-from .body_plots import MOST_ARROWS, force_arrows, told
-from .section import one_a_place
-from .style import BODY, FAINT, FORCE, INK, SEQUENTIAL, caption, label_axis, legend, new_axes
+from .body_plots import MOST_ARROWS, applied_text, force_arrows
+from .style import BODY, FAINT, FORCE, INK, caption, label_axis, legend, new_axes
 from .units import grouped
 
 MOST_ACROSS = 40
 """Where more cells than this lie side by side, a voxel is a block of cells."""
 
-# Corners of a unit cube's faces, in the order -x, +x, -y, +y, -z, +z.
-_FACES = np.array(
-    [
-        [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0]],
-        [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]],
-        [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]],
-        [[0, 1, 0], [0, 1, 1], [1, 1, 1], [1, 1, 0]],
-        [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]],
-        [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
-    ],
-    dtype=np.float64,
-)
+# Corners of a unit cube's faces, outwards, in the order -x, +x, -y, +y, -z, +z.
+FACES = corner_order(3)[CUBE_FACES]
 _STEPS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
 _LIGHT = np.array([0.72, 0.86, 0.8, 0.7, 0.6, 1.0])  # of each face, so that form can be read
 _EDGES = np.array(
-    [[a, a | bit] for bit in (1, 2, 4) for a in range(8) if not a & bit]
-)  # of a box whose corner k lies at the upper end along axis i if bit i of k is set
+    [pair for k in range(4) for pair in ((k, (k + 1) % 4), (k + 4, (k + 1) % 4 + 4), (k, k + 4))]
+)  # round the bottom, round the top, and upwards
 
 
 class DrawnBox(NamedTuple):
     """The part of a body that a picture in space shows."""
 
     lower: Ints
-    upper: Ints
-    """The cells shown: lower <= cell < upper. Shape (3,)."""
-    block: int
-    """A voxel is a cube of this many cells along each edge."""
-    notes: list[str]
-    """What a reader must be told."""
+    upper: Ints  # cells shown: lower <= cell < upper; shape (3,)
+    block: int  # a voxel is a cube of this many cells along each edge
+    notes: list[str]  # on crop and blocks
 
 
 def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> DrawnBox:
@@ -96,7 +78,7 @@ def seen_faces(voxels: Ints) -> tuple[Ints, Ints]:
 def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3DCollection:
     """Draw cubes of an edge (m) by their visible faces; colours have shape (n, 3 or 4)."""
     voxel, direction = seen_faces(voxels)
-    faces = (voxels[voxel, None] + _FACES[direction]) * edge
+    faces = (voxels[voxel, None] + FACES[direction]) * edge
     shaded = colours[voxel].copy()
     shaded[:, :3] *= _LIGHT[direction, None]
     drawn = Poly3DCollection(faces, facecolors=shaded, edgecolors=INK, linewidths=0.25, zorder=3)
@@ -104,130 +86,53 @@ def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3
     return drawn
 
 
-def draw_frame(ax: Axes3D, scene: Scene, box: DrawnBox) -> None:
-    """Draw the edges of the body's bounding box, and its rigid sides as hatched planes."""
+def space_for(
+    ax: Axes | None, scene: Scene, box: DrawnBox, stage: int | None, most: int = MOST_ARROWS
+) -> tuple[Axes3D, list[str]]:
+    """Return axes with a box's frame and up to `most` forces, and a note on these."""
+    space = cast(Axes3D, new_axes(ax, (6.8, 6.2), "3d"))
     edge = scene.lattice.cell_size
-    ends = np.stack([box.lower, box.upper]) * edge
-    corners = np.array([[ends[k >> i & 1, i] for i in range(3)] for k in range(8)])
+    low, high = box.lower * edge, box.upper * edge
+    faces = low + FACES * (high - low)
+    corners = low + corner_order(3) * (high - low)
     frame = Line3DCollection(corners[_EDGES], colors=FAINT, linewidths=0.7, zorder=2)
     frame.set_gid("outline")
-    ax.add_collection3d(frame)
+    space.add_collection3d(frame)
     for number, side in enumerate(scene.lattice.sides):
         axis, upper = divmod(number, 2)
         at_side = (box.upper[axis] == scene.lattice.shape[axis]) if upper else box.lower[axis] == 0
         if scene.side_condition(side).supports and at_side:
-            plane = _FACES[number] * (ends[1] - ends[0]) + ends[0]
             ground = Poly3DCollection(
-                plane[None],
+                faces[number][None],
                 facecolors=(0.8, 0.8, 0.8, 0.35),
                 edgecolors=FAINT,
                 hatch="////",
                 zorder=1,
             )
             ground.set_gid(f"support {side}")
-            ax.add_collection3d(ground)
-    ax.set_xlim(ends[0, 0], ends[1, 0])
-    ax.set_ylim(ends[0, 1], ends[1, 1])
-    ax.set_zlim(ends[0, 2], ends[1, 2])
-    ax.set_box_aspect(ends[1] - ends[0])
-    ax.set_proj_type("ortho")
-    ax.computed_zorder = False  # a flat ground would now and then hide what stands on it
-    ax.view_init(elev=22.0, azim=-58.0)
-    for name in "xyz":
-        axis3d = getattr(ax, f"{name}axis")
-        label_axis(axis3d, name, list(ends[:, "xyz".index(name)]), "m")
+            space.add_collection3d(ground)
+    for name, first, last in zip("xyz", low.tolist(), high.tolist(), strict=True):
+        getattr(space, f"set_{name}lim")(first, last)
+        axis3d = getattr(space, f"{name}axis")
+        label_axis(axis3d, name, [first, last], "m")
         axis3d.pane.set_visible(False)
         axis3d.line.set_color(FAINT)
-    ax.grid(False)
-
-
-def draw_arrows(
-    ax: Axes3D, scene: Scene, box: DrawnBox, stage: int | None, most: int = MOST_ARROWS
-) -> list[str]:
-    """Draw the applied forces, or `most` of them; return a note that says how much they are."""
+    space.set_box_aspect(high - low)
+    space.set_proj_type("ortho")
+    space.computed_zorder = False  # a flat ground would now and then hide what stands on it
+    space.view_init(elev=22.0, azim=-58.0)
+    space.grid(False)
     applied = scene.applied(stage)
     inside = np.all((applied.cells >= box.lower) & (applied.cells < box.upper), axis=1)
     arrows = force_arrows(scene, applied, np.flatnonzero(inside), most)
     if len(arrows.force):
-        size = np.linalg.norm(arrows.force, axis=1).max()
-        reach = 0.28 * float((box.upper - box.lower).max()) * scene.lattice.cell_size
-        along = (reach / size) * arrows.force
+        reach = 0.28 * float((high - low).max())
+        along = (reach / np.linalg.norm(arrows.force, axis=1).max()) * arrows.force
         tail = np.where(arrows.pulls[:, None], arrows.place, arrows.place - along)
-        drawn = ax.quiver(*tail.T, *along.T, color=FORCE, linewidth=2.2, arrow_length_ratio=0.3)
+        drawn = space.quiver(*tail.T, *along.T, color=FORCE, linewidth=2.2, arrow_length_ratio=0.3)
         drawn.set_gid("forces")
         drawn.set_zorder(20)
-    return told(applied)
-
-
-def space_for(
-    ax: Axes | None, scene: Scene, box: DrawnBox, stage: int | None, most: int = MOST_ARROWS
-) -> tuple[Axes3D, list[str]]:
-    """Return axes with a box's frame and the forces in it, and a note of how much these are."""
-    space = cast(Axes3D, new_axes(ax, (6.8, 6.2), "3d"))
-    draw_frame(space, scene, box)
-    return space, draw_arrows(space, scene, box, stage, most)
-
-
-def draw_agents_in_space(
-    ax: Axes3D,
-    scene: Scene,
-    stage: Stage,
-    box: DrawnBox,
-    norm: Normalize,
-    generation: int | None = None,
-) -> list[Artist]:
-    """Draw the agents that have spawned up to a generation; return the artists."""
-    until = stage.generations + 1 if generation is None else generation
-    edge = scene.lattice.cell_size * box.block
-    born = stage.spawn_step <= until
-    voxels, step = one_a_place(stage.cells[born] // box.block, stage.spawn_step[born], "min")
-    colour = colormaps[SEQUENTIAL]
-    drawn = draw_voxels(ax, voxels, edge, np.atleast_2d(colour(norm(step))))
-    drawn.set_gid("material agents")
-    artists: list[Artist] = [drawn]
-    for kind, symbol in SYMBOLS.items():
-        chosen = (stage.boundary_kind == kind) & (stage.boundary_spawn_step <= until)
-        if chosen.any():
-            cells, steps = stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
-            places, step = one_a_place(cells // box.block, steps, "min")
-            marks = ax.scatter(
-                *((places + 0.5) * edge).T,
-                c=colour(norm(step)),
-                s=26,
-                marker=symbol.marker,
-                edgecolors=INK,
-                linewidths=0.6,
-                depthshade=False,
-                zorder=4,
-            )
-            marks.set_gid(f"{symbol.name}s")
-            artists.append(marks)
-    return artists
-
-
-def plot_voxels(
-    result: TransferResult, ax: Axes | None = None, *, crop: bool | None = None
-) -> Axes:
-    """Draw the agents of a body of cubes in space, coloured by their spawn step.
-
-    Only material agents are solid; of the body there is the outline. Boundary agents are
-    marks, round where the body is free and triangular where it is held.
-    """
-    scene, stage = result.scene, result.last
-    cells = result.focus
-    assert cells is not None
-    box = box_around(scene, cells, crop)
-    space, notes = space_for(ax, scene, box, result.stage)
-    if len(stage.cells):
-        norm = spawn_norm(stage.generations)
-        draw_agents_in_space(space, scene, stage, box, norm)
-        spawn_bar(space, norm, stage.generations)
-        notes.insert(0, counts(stage))
-        legend(space, boundary_entries(stage.boundary_kind))
-    else:
-        notes.insert(0, stage.outcome)
-    caption(space, "Agents", [*notes, *box.notes])
-    return cast("Axes", space)
+    return space, applied_text(applied)
 
 
 def plot_body_in_space(scene: Scene, ax: Axes | None = None) -> Axes:

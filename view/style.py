@@ -44,6 +44,9 @@ BODY = ("#ececec", "#e6d9be", "#cfe0ea", "#d9e3cf", "#e7d3dc", "#d6d4e6")
 BODY_HATCHES = ("", "...", "--", "oo", "++", "**")
 """So that materials can be told apart without colour."""
 
+COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")
+"""Of several curves in one chart."""
+
 LEGEND_COLUMNS = 3
 
 SEQUENTIAL = "viridis"

@@ -25,7 +25,7 @@ COLOURS = {
 WORDS = {name: name for name in COLOURS} | {"refused": "refused by a named error"}
 
 SMALLEST = 1e-3
-"""True errors are drawn from here on: the elements that tell them are off by less."""
+"""True errors are drawn from here on: the elements that measure them are off by less."""
 
 
 def plot_trials(outcomes: Sequence[Outcome], path: str | Path) -> Path:
@@ -58,10 +58,10 @@ def _bars(ax: Axes, outcomes: Sequence[Outcome]) -> None:
 
 def _errors(ax: Axes, outcomes: Sequence[Outcome]) -> None:
     known = [o for o in outcomes if np.isfinite(o.true_error) and o.estimate > 0.0]
-    told = np.array([o.estimate for o in known])
+    stated = np.array([o.estimate for o in known])
     true = np.maximum([o.true_error for o in known], SMALLEST)
     ax.plot([SMALLEST, 10.0], [SMALLEST, 10.0], color=INK, linewidth=0.8)
-    ax.plot(true, told, "o", color=COLOURS["answered"], markersize=4, alpha=0.6)
+    ax.plot(true, stated, "o", color=COLOURS["answered"], markersize=4, alpha=0.6)
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlabel("true error (energy norm; graded elements of order 4)")

@@ -22,6 +22,12 @@ def corner_order(dimension: int) -> Floats:
     return np.array([(*corner, level) for level, corner in product((0, 1), ring)], np.float64)
 
 
+CUBE_FACES = np.array(
+    [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
+)
+"""Corners of a cube's faces by `corner_order`, outwards, in the order -x, +x, -y, +y, -z, +z."""
+
+
 def same_points(points: Floats, apart: float | Floats) -> tuple[Ints, Ints]:
     """Return which points (m) to keep of those less than `apart` apart, and which each is."""
     place = np.rint(points / apart).astype(np.int64)

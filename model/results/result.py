@@ -18,7 +18,7 @@ from kaju.errors import ResultError, ResultFileError
 from kaju.files import is_there
 from kaju.model.scene import Scene
 from kaju.model.scene.body_cells import body_cells
-from kaju.result_kinds import KINDS, fetch
+from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
 from .archive import Archive, open_archive, reading, write_archive
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
@@ -176,7 +176,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the page, or a picture."""
-        html: str = fetch("view.page.notebook:shown")(self)
+        html: str = fetch(NOTEBOOK)(self)
         return html
 
 

@@ -20,7 +20,7 @@ from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
 from kaju.model.results.subjects import subject_archive, subject_from
-from kaju.result_kinds import fetch
+from kaju.result_kinds import NOTEBOOK, fetch
 from kaju.stepping import Until, step_to_end
 from kaju.stopping import Answer
 
@@ -171,7 +171,7 @@ class SteppedModel(Model):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the page, with what has happened so far."""
-        html: str = fetch("view.page.notebook:shown")(self)
+        html: str = fetch(NOTEBOOK)(self)
         return html
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:

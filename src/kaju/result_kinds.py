@@ -13,12 +13,14 @@ from typing import Any
 
 _MAPS = ("displacement", "strain", "stress", "von_mises")
 _FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
-_CURVES = {"curves": "view.creep:plot_curves"}
+_CURVES = {"curves": "view.charts:plot_curves"}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
-_IN_TIME = {"times": "view.films:creeping", "curves": "view.creep:curves_over_time"}
+_IN_TIME = {"times": "view.deformed:creeping", "curves": "view.creep:curves_over_time"}
 _COLUMNS = "model.results.formats"
 _COURSE = {"anything in time, course": f"{_COLUMNS}:COURSE"}
 _PAGE = "view.page.motion_data"
+NOTEBOOK = "view.page.notebook:html_of"
+"""The function that returns what a notebook shows of a model or a result."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +40,18 @@ KINDS = {
     "load transfer": Kind(
         "model.transfer.transfer_result:TransferResult",
         pictures={
-            "agents": "view.plots:plot_material_agents",
+            "agents": "view.agents:plot_material_agents",
             "loads": "view.load_plots:plot_loads",
             "deformed": "view.deformed:plot_deformed",
             **_FIELDS,
             "taken": "view.maps:plot_taken",
             "load_path": "view.load_plots:plot_load_path",
-            "cuts": "view.cut_plots:plot_cuts",
-            "ledger": "view.ledger:plot_ledger",
-            "stages": "view.plots:plot_every_stage",
+            "cuts": "view.charts:plot_cuts",
+            "ledger": "view.charts:plot_ledger",
+            "stages": "view.charts:plot_stages",
             **_SCENE,
         },
-        films={"generations": "view.films:spawning", "stages": "view.films:loading"},
+        films={"generations": "view.agents:spawning", "stages": "view.deformed:loading"},
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
         page=f"{_PAGE}:generations_of",
         section="view.agents:plot_agents",
@@ -61,16 +63,16 @@ KINDS = {
     "elastic": Kind(
         "model.elastic.elastic_result:ElasticResult",
         pictures={
-            "agents": "view.plots:plot_agents_of_many_sizes",
+            "agents": "view.quadtree:plot_agents_of_many_sizes",
             "deformed": "view.deformed:plot_deformed",
             **_FIELDS,
-            "cuts": "view.cut_plots:plot_cuts",
+            "cuts": "view.charts:plot_cuts",
             **_SCENE,
         },
         films={
-            "generations": "view.films:generations",
-            "loads": "view.films:unbalanced_loads",
-            "loading": "view.films:growing",
+            "generations": "view.quadtree:generations",
+            "loads": "view.quadtree:unbalanced_loads",
+            "loading": "view.deformed:growing",
         },
         meshes={"loading": "view.motion:loaded"},
         page=f"{_PAGE}:elastic_answer",

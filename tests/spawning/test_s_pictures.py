@@ -8,7 +8,7 @@ from spawning_bodies import under_a_patch
 from kaju import Scene, animate, plot, solve
 from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
-from kaju.view.layers import layer_of, squares_of, together
+from kaju.view.layers import layer_of, merge_small, squares_of
 from kaju.view.plots import plot_all, plot_scene
 from kaju.view.quadtree import seen_faces, view_of
 
@@ -121,8 +121,8 @@ def test_agents_too_small_to_be_seen_are_drawn_together():
     size = np.array([1.0, 0.5, 0.5, 0.5, 0.5])
     value = np.array([1.0, 2.0, -7.0, 3.0, 4.0])
     for finest in (0.1, 0.5):
-        assert len(together(Tiles(lower, size, value), finest)[1]) == 5
-    (place, edge, seen), row = together(Tiles(lower, size, value), 0.6)
+        assert len(merge_small(Tiles(lower, size, value), finest)[1]) == 5
+    (place, edge, seen), row = merge_small(Tiles(lower, size, value), 0.6)
     np.testing.assert_array_equal(place, [[0.0, 0.0], [1.0, 0.0]])
     assert (edge.tolist(), seen.tolist(), row.tolist()) == ([1.0, 1.0], [1.0, -7.0], [0, 2])
 
@@ -173,7 +173,7 @@ def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
         ({"colour": "levle"}, "did you mean 'level'"),
         ({"colour": "von_mises", "generation": 0}, "last generation only"),
         ({"generation": 99}, "generation: must lie between 0"),
-        ({"cut": {"y": 0.1}}, "three dimensions"),
+        ({"cut": {"y": 0.1}}, "only bodies of cubes"),
     ],
 )
 def test_what_cannot_be_drawn_is_named(flat, options, match):
@@ -182,9 +182,9 @@ def test_what_cannot_be_drawn_is_named(flat, options, match):
 
 
 def test_cuts_and_films_that_cannot_be_are_named(flat, solid, tmp_path):
-    with pytest.raises(ParameterError, match="no agent"):
+    with pytest.raises(ParameterError, match="x runs from 0 to"):
         plot(solid, "agents", cut={"x": 3.0})
-    with pytest.raises(ParameterError, match="one of x, y and z"):
+    with pytest.raises(ParameterError, match="one of the axes"):
         plot(solid, "von_mises", cut={"w": 3.0})
     with pytest.raises(ParameterError, match="component"):
         plot(flat, "stress", component="xz")

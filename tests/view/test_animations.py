@@ -16,7 +16,7 @@ from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import animate
-from kaju.view.films import loading
+from kaju.view.deformed import loading
 
 BLOCK = plate(
     [6, 5], [3, 4], [0.0, -1.0], steps=3, material="oak", rule=PrescribedRule(threshold=0.1)

@@ -88,7 +88,7 @@ def test_parents_are_drawn_twice_as_large():
 
 def test_every_picture_and_the_film_can_be_drawn(run, tmp_path, monkeypatch):
     monkeypatch.setattr("kaju.view.animation.MOST_FRAMES", 3)
-    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 30)
+    monkeypatch.setattr("kaju.view.films.RESOLUTION", 30)
     for what in ("left", "curves", "deformed", "displacement", "stress", "scene"):
         assert plot(run, what).axes
     with Image.open(animate(run, tmp_path / "waves.gif", fps=20.0)) as film:

@@ -18,12 +18,10 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import PICTURES, plot, plot_all
-from kaju.view.agents import plot_agents
+from kaju.view.agents import plot_agents, spawning
 from kaju.view.deformed import plot_deformed
-from kaju.view.films import spawning
 from kaju.view.load_plots import plot_loads
 from kaju.view.section import section_of
-from kaju.view.stages import plot_stages
 from kaju.view.style import FORCE, PULL
 
 CUBE = plate_of([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[1.0] * 3).to_toml()
@@ -135,7 +133,7 @@ def test_a_run_in_which_nothing_happens_says_so() -> None:
         assert "nothing happens" in notes(plot(quiet, what).axes[0])
     assert "nothing has moved" in notes(plot(quiet, "deformed").axes[0])
     assert "no cell has taken a load" in notes(plot(quiet, "von_mises").axes[0])
-    assert "nothing happens" in notes(plot_stages(quiet))
+    assert "nothing happens" in notes(plot(quiet, "stages", quantity_shown="displacement").axes[0])
 
 
 def test_the_magnification_is_round_and_stated() -> None:

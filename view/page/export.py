@@ -190,7 +190,7 @@ def packed_page(
     exact: bool = False,
     lesson: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Return what the page is told, packed as README.md beside this file describes it."""
+    """Return a page's data, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and of.outlined:
         of, text = _outlined(of, text)
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
@@ -218,8 +218,8 @@ def packed_page(
     if not isinstance(shown, Scene) and not (
         isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
     ):
-        told, columns = motion_data(shown)
-        return pack(header | told | {"kind": "pictures"}, columns)
+        pictures, columns = motion_data(shown)
+        return pack(header | pictures | {"kind": "pictures"}, columns)
     assert isinstance(scene, Scene)
     data, columns = scene_data(scene)
     data |= {"growth": growth} if growth else {}
@@ -247,8 +247,8 @@ def _outlined(scene: Scene, text: Text) -> tuple[Scene | Result, Text]:
 
     if not isinstance(scene.rule, PrescribedRule):
         return solve(scene), text
-    told = {key: [_in(key, text), CELLS[key]] for key in LANGUAGES}
-    return on_cells(scene), {key: "\n\n".join(filter(None, of)) for key, of in told.items()}
+    texts = {key: [_in(key, text), CELLS[key]] for key in LANGUAGES}
+    return on_cells(scene), {key: "\n\n".join(filter(None, of)) for key, of in texts.items()}
 
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
@@ -333,7 +333,7 @@ def _by_the_rule(result: TransferResult) -> bool:
 
 
 def _alike(ours: NDArray[Any], theirs: NDArray[Any]) -> bool:
-    """Tell whether two columns are equal but for rounding; what is not known of ours counts."""
+    """Tell whether two columns are equal but for rounding; NaN of ours means unknown."""
     if ours.shape != theirs.shape:
         return False
     known = ~np.isnan(ours)
@@ -401,7 +401,7 @@ def worker() -> str:
 
 
 def page_html(packed: bytes, title: str, code: str | None = None, policy: str = "") -> str:
-    """Return the file: the page's modules, what they are told, and a strict content policy.
+    """Return the file: the page's modules, their data, and a strict content policy.
 
     The modules are deflated, half of the file's bytes otherwise, and put in by a short script.
     Only these two, whose hashes the policy names, may run; nothing may be fetched but what

@@ -30,7 +30,7 @@ from kaju.model.transfer.stability import Certificate
 from .motion_data import MovingFaces, Pictures, applied, curve_data, diamonds, picture_data
 from .own import acting_controls, own_data, own_parts
 from .packing import pack
-from .scene_data import FORMAT, Account, SentAmounts, scene_data
+from .scene_data import FORMAT, Account, amount_columns, scene_data
 
 if TYPE_CHECKING:
     from kaju.model.elastic.relaxation.push_table import PushTable
@@ -48,7 +48,7 @@ MOST_LOADS = 50_000
 MOST = 1e300
 """A number of a message is smaller than this."""
 _AS_IT_IS = 0
-"""Level of compression: time counts more than bytes on the way to the same machine."""
+"""Level of compression: time counts more than bytes that stay on one machine."""
 
 
 def usual_model(scene: Scene) -> LoadModel:
@@ -65,16 +65,16 @@ class Session:
         columns: Columns = {}
         try:
             asked = _read(message) if isinstance(message, str) else _table({"": message}, "")
-            header, columns = self.told(asked)
+            header, columns = self.reply(asked)
         except Exception as error:
             header = complaint(error)
         return pack(header, columns, level=_AS_IT_IS)
 
     def opening(self) -> bytes:
-        """Return what the page is told before it asks anything."""
+        """Return what the page gets before it asks anything."""
         raise NotImplementedError
 
-    def told(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
+    def reply(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
         """Return the header and the columns of the answer to a message."""
         raise NotImplementedError
 
@@ -103,7 +103,7 @@ class LiveRun(Session):
         assert self._model is not None
         return self._model
 
-    def told(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
+    def reply(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
         """Return the elastic answer if that is asked for, else what the agents did."""
         if asked.get("type") == "elastic":
             return self._elastic()
@@ -130,7 +130,7 @@ class LiveRun(Session):
     def _begin(self, scene: Scene, numbers: Mapping[str, Any] | None = None) -> None:
         self._model = self.model_of(scene, **numbers or {})
         self._account = Account(scene, bool(own_parts(self._model)))
-        self._sent = self._known = 0
+        self._sent = self._agents = 0
 
     def _step(self, generations: int) -> dict[str, Any]:
         """Let generations pass; agents that somebody wrote may fail, what was until then counts."""
@@ -151,17 +151,17 @@ class LiveRun(Session):
     def _news(self, fresh: bool) -> tuple[dict[str, Any], Columns]:
         """Return what has happened since the last answer."""
         model, lattice = self.model, self.model.lattice
-        news = model.since(self._sent, self._known)
+        news = model.since(self._sent, self._agents)
         channels = lattice.directions * (2 if model.transfer.rule.sense else 1)
-        rows = SentAmounts(news.generation, news.key * channels + news.channel, news.load)
-        span = self._sent + 1, model.generation
-        columns: Columns = rows.columns(*span) | self._account.columns(*span)
+        place, span = news.key * channels + news.channel, (self._sent + 1, model.generation)
+        columns = amount_columns(news.generation, place, news.load, span)
+        columns |= self._account.columns(span)
         columns |= {
             "key": news.born.astype(np.uint32),
             "spawn": news.spawn_step.astype(np.uint32),
             "woken": news.woken_by.astype(np.uint8),
         }
-        self._sent, self._known = model.generation, self._known + len(news.born)
+        self._sent, self._agents = model.generation, self._agents + len(news.born)
         header: dict[str, Any] = {
             "fresh": fresh,
             "at_rest": not model.running,
@@ -197,7 +197,7 @@ class LiveRun(Session):
 def scene_from(
     data: Mapping[str, Any], cells: NDArray[np.int16], stage: int | None = None
 ) -> Scene:
-    """Return the scene that a page was told and has changed, with a stage's loads at once."""
+    """Return the scene that a page has changed, with a stage's loads at once."""
     lattice = _table(data, "lattice")
     kind, shape = lattice.get("kind"), _list(lattice, "shape")
     sizes = all(isinstance(n, int) and n > 0 for n in shape)
@@ -259,7 +259,7 @@ def _load(given: object, kind: object, dimension: int, stage: int | None) -> dic
 
 
 def complaint(error: Exception) -> dict[str, Any]:
-    """Return what a page is told of an error; of somebody's own agents the log tells more."""
+    """Return the text of an error; where agents of one's own failed, the log has its trace."""
     if isinstance(error, KajuError):
         return {"error": str(error)}
     log.error("agents or the scene failed", exc_info=error)
@@ -267,7 +267,7 @@ def complaint(error: Exception) -> dict[str, Any]:
 
 
 def certified(certificate: Certificate) -> dict[str, Any]:
-    """Return what a page is told of a certificate; nobody knows whether own agents are stable."""
+    """Return whether loads end (None: unknown, of agents of one's own), and why."""
     stable = bool(certificate.stable) if certificate.known else None
     return {"stable": stable, "verdict": certificate.verdict}
 
@@ -355,13 +355,11 @@ class LiveFaces(Session):
         """Return where the faces are, and how things stand before the first step."""
         model = self.model
         h = model.table.grid.lattice.cell_size
-        points, parts = diamonds(model.table.positions(0), h)
         units = {"load_left": "N", "load_taken": "N"}
         frame = self._frame()
         header, columns = picture_data(
             Pictures(
-                points=points,
-                parts=parts,
+                **diamonds(model.table.positions(0), h),
                 at=[0.0],
                 along="step",
                 values={name: (unit, frame[name][None]) for name, unit in units.items()},
@@ -374,7 +372,7 @@ class LiveFaces(Session):
         )
         return pack(header | own_data(model) | {"format": FORMAT, "kind": "live"}, columns)
 
-    def told(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
+    def reply(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
         """Return the frames of the steps that are asked for."""
         fresh = asked.get("type") == "hello"
         if not fresh and asked.get("type") != "step":
@@ -384,7 +382,7 @@ class LiveFaces(Session):
             model.reset()
         count, every = generations_of(asked), whole(asked, "every", 1, MOST_STEPS, 1)
         frames = [self._frame()] if fresh else []
-        at, visits, known = [0.0] * fresh, [0] * fresh, len(model.history)
+        at, visits, first = [0.0] * fresh, [0] * fresh, len(model.history)
         wrong: dict[str, Any] = {}
         most = max(1, MOST_NUMBERS // (len(model.table.levels[0].stiffness) * 4))
         for _ in range(min(count, most)):
@@ -400,7 +398,7 @@ class LiveFaces(Session):
             visits.append(model.visit.level)
             if wrong:
                 break
-        curves = curves_of(model.history[known:], known, model.threshold)
+        curves = curves_of(model.history[first:], first, model.threshold)
         header = {
             "fresh": fresh,
             "at": at,
@@ -416,9 +414,9 @@ class LiveFaces(Session):
     def _columns(self, frames: Sequence[dict[str, Floats]]) -> Columns:
         columns: Columns = {"born": self._born()}
         for name in ("load_left", "load_taken", "moved"):
-            told = "moved" if name == "moved" else f"value {name}"
+            column = "moved" if name == "moved" else f"value {name}"
             values = [frame[name].ravel() for frame in frames]
-            columns[told] = np.concatenate([np.empty(0), *values]).astype(np.float32)
+            columns[column] = np.concatenate([np.empty(0), *values]).astype(np.float32)
         return columns
 
     def _frame(self) -> dict[str, Floats]:

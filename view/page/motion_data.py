@@ -1,4 +1,4 @@
-"""What the page is told of runs that it replays as pictures: parts that move and change.
+"""Runs that the page replays: parts that move and change, as a header and columns of numbers.
 
 Spring networks, creep, elastic agents, agents of many sizes, elastic answers, bodies that grow and
 load transfer on lattices of one's own are all parts (springs, cells) at points, with values and
@@ -7,8 +7,8 @@ displacements a frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
@@ -43,37 +43,33 @@ MOST_FRAMES = 120
 """Longer runs are shown at so many of their moments."""
 
 
+Forces = Sequence[tuple[list[float], list[float]]]
+"""Places (m) and forces (N) of loads."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pictures:
     """Parts at points, and what becomes of them."""
 
-    points: Floats
-    """Places at rest (m). Shape (n, dimension)."""
+    points: Floats  # places at rest (m); shape (n, dimension)
     parts: NDArray[np.integer]
     """2 corners: a spring; 4: a square or a face's diamond; 8: a cube; else a polygon. Shape
     (parts, corners)."""
-    at: Sequence[float] | Floats
+    at: Sequence[float] | Floats  # the moment of each frame
     along: str
-    """What each frame stands at, and what that is: "s", "step", "generation", "stage"; "share" of
-    an answer at rest, whose `moved` and `values` are told once, for the whole load."""
+    """What moments are: "s", "step", "generation", "stage"; "share" of an answer at rest, whose
+    `moved` and `values` have one frame, for the whole load."""
     values: dict[str, tuple[str, NDArray[np.floating]]]
-    """What parts can be coloured by: one number each, or one each a frame."""
+    """What parts can be coloured by: unit, and one number each, or one each a frame."""
     moved: NDArray[np.floating] | None = None
     """Displacements (m) of points, or of whole parts. Shape (frames, n or parts, dimension)."""
-    born: NDArray[np.integer] | None = None
-    gone: NDArray[np.integer] | None = None
-    """From when on a part is there, and from when on it is no more; in the units of `at`. Shape
-    (parts,)."""
-    curves: Sequence[Curves] = ()
-    """What is drawn beside it."""
-    held: NDArray[np.integer] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    """Points that something holds."""
-    forces: Sequence[tuple[list[float], list[float]]] = ()
-    """Loads (m, N)."""
-    visits: Sequence[int] = ()
-    """Which level acted before each frame, where parents stand for blocks of cells."""
-    words: str = ""
-    """How the run ended."""
+    born: NDArray[np.integer] | None = None  # from when on a part is there, in units of `at`
+    gone: NDArray[np.integer] | None = None  # from when on it is no more; shape (parts,)
+    curves: Sequence[Curves] = ()  # drawn beside it
+    held: NDArray[np.integer] | None = None  # points that something holds
+    forces: Forces = ()
+    visits: Sequence[int] = ()  # level that acted before each frame, where blocks have parents
+    outcome: str = ""  # how the run ended, in words
     alone: bool = False
     """Whether every frame is magnified by itself: what hardly holds any more moves far."""
     outlines: Sequence[dict[str, Any]] = ()
@@ -92,34 +88,34 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     return picture_data(fetch(page)(result))
 
 
-def picture_data(told: Pictures) -> tuple[dict[str, Any], Columns]:
+def picture_data(pictures: Pictures) -> tuple[dict[str, Any], Columns]:
     """Return the header and the columns of a page that shows parts."""
-    single = np.float32
+    none = np.empty(0, dtype=np.int64)
+    held = none if pictures.held is None else pictures.held
     columns: Columns = {
-        "points": told.points.astype(single),
-        "parts": told.parts.astype(np.uint32),
-        "held": told.held.astype(np.uint32),
+        "points": pictures.points.astype(np.float32),
+        "parts": pictures.parts.astype(np.uint32),
+        "held": held.astype(np.uint32),
     }
-    if told.moved is not None:
-        columns["moved"] = told.moved.astype(single)
-    if told.born is not None:
-        columns["born"] = told.born.astype(np.uint32)
-    if told.gone is not None:
-        columns["gone"] = told.gone.astype(np.uint32)
-    for name, (_, values) in told.values.items():
-        columns[f"value {name}"] = values.astype(single)
+    if pictures.moved is not None:
+        columns["moved"] = pictures.moved.astype(np.float32)
+    for name, column in (("born", pictures.born), ("gone", pictures.gone)):
+        if column is not None:
+            columns[name] = column.astype(np.uint32)
+    for name, (_, values) in pictures.values.items():
+        columns[f"value {name}"] = values.astype(np.float32)
     header = {
-        "dimension": told.points.shape[1],
-        "corners": told.parts.shape[1],
-        "at": np.asarray(told.at, dtype=float).tolist(),
-        "along": told.along,
-        "colours": {name: unit for name, (unit, _) in told.values.items()},
-        "curves": [curve_data(curves) for curves in told.curves],
-        "forces": [{"place": place, "force": force} for place, force in told.forces],
-        "visits": list(told.visits),
-        "outcome": told.words,
-        "alone": told.alone,
-        "outlines": list(told.outlines),
+        "dimension": pictures.points.shape[1],
+        "corners": pictures.parts.shape[1],
+        "at": np.asarray(pictures.at, dtype=float).tolist(),
+        "along": pictures.along,
+        "colours": {name: unit for name, (unit, _) in pictures.values.items()},
+        "curves": [curve_data(curves) for curves in pictures.curves],
+        "forces": [{"place": place, "force": force} for place, force in pictures.forces],
+        "visits": list(pictures.visits),
+        "outcome": pictures.outcome,
+        "alone": pictures.alone,
+        "outlines": list(pictures.outlines),
     }
     return header, columns
 
@@ -138,40 +134,49 @@ def curve_data(curves: Curves) -> dict[str, Any]:
 
 
 def network(result: NetworkResult) -> Pictures:
-    """Tell of a network stage by stage."""
-    over, moved = ("stage", "", result.stage), _largest(result.displacement)
-    stages = Curves("Displacement", *over, moved, "m")
+    """Show a network stage by stage."""
+    moved = np.linalg.norm(result.displacement, axis=2).max(axis=1)
     pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
-    springs = Curves("Largest forces", *over, pull, "N")
-    return _network(motion.increments(result), result.network, "stage", [stages, springs])
+    over = "stage", "", result.stage
+    curves = [
+        Curves("Displacement", *over, {"largest displacement": moved}, "m"),
+        Curves("Largest forces", *over, pull, "N"),
+    ]
+    return _moving(motion.increments(result), "stage", curves, **_supports(result.network))
 
 
 def network_in_time(result: NetworkCreepResult) -> Pictures:
-    """Tell of a network that creeps."""
-    return _network(motion.network_times(result), result.network, "s", result.curves())
+    """Show a network that creeps."""
+    moving = motion.network_times(result)
+    return _moving(moving, "s", result.curves(), **_supports(result.network))
 
 
 def body_in_time(result: TransferCreepResult | ElasticCreepResult) -> Pictures:
-    """Tell of a body that creeps."""
+    """Show a body that creeps, with the largest strain and stress over time."""
     moving = _strained(result, motion.times(result))
-    curves = [*result.curves()[:2], *map(_largest_of(moving), ("strain", "stress"))]
+    times = np.array([frame.time for frame in moving.frames])
+    curves = [*result.curves()[:2]]
+    for name in ("strain", "stress"):
+        cells = [frame.values.get(name, np.zeros(1)) for frame in moving.frames]
+        line = {name: np.array([values.max(initial=0.0) for values in cells])}
+        curves.append(Curves(f"Largest {name}", "time", "s", times, line, _UNITS[name]))
     return _moving(moving, "s", curves, applied(result.static.scene))
 
 
 def generations_of(result: TransferResult) -> Pictures:
-    """Tell of load transfer on a lattice that the page does not know."""
-    told = _moving(motion.generations(result), "generation", [], applied(result.scene))
-    return replace(told, words=result.outcome)
+    """Show load transfer on a lattice that the page does not know."""
+    pictures = _moving(motion.generations(result), "generation", [], applied(result.scene))
+    return replace(pictures, outcome=result.outcome)
 
 
 def elastic_answer(result: ElasticResult) -> Pictures:
-    """Tell how agents spawned; of equal agents how they move with the load."""
+    """Show how agents spawned; of equal agents how they move with the load."""
     if result.spawned:
         return _spawned(result)
-    return _moving(motion.loaded(result), "share", [], applied(solved_scene(result)), 21)
+    return _moving(motion.loaded(result), "share", [], applied(solved_scene(result)), shares=21)
 
 
-_UNITS = {"strain": "", "stress": "Pa"}
+_UNITS = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "strain": "", "stress": "Pa"}
 
 
 def _strained(result: TransferCreepResult | ElasticCreepResult, moving: Motion) -> Motion:
@@ -200,20 +205,8 @@ def _principal(tensors: Floats) -> Floats:
     return np.asarray(np.abs(np.linalg.eigvalsh(tensors)).max(axis=1, initial=0.0))
 
 
-def _largest_of(moving: Motion) -> Callable[[str], Curves]:
-    times = np.array([frame.time for frame in moving.frames])
-
-    def curve(name: str) -> Curves:
-        none = np.zeros(1)
-        line = [float(f.values.get(name, none).max(initial=0.0)) for f in moving.frames]
-        title = f"Largest {name}"
-        return Curves(title, "time", "s", times, {name: np.array(line)}, _UNITS[name])
-
-    return curve
-
-
 def element(result: CreepResult) -> Pictures:
-    """Tell of one element: a bar, four times as long as it ever lengthens, held on its left."""
+    """Show one element: a bar, four times as long as it ever lengthens, held on its left."""
     times, moved = result.times, result.displacement
     long = 4.0 * float(np.abs(moved).max(initial=0.0)) or 1.0
     points = long * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.25], [0.0, 0.25]])
@@ -232,91 +225,78 @@ def element(result: CreepResult) -> Pictures:
     )
 
 
-def _largest(displacement: Floats) -> dict[str, Floats]:
-    return {"largest displacement": np.linalg.norm(displacement, axis=2).max(axis=1)}
-
-
 def _chosen(count: int) -> Ints:
     """Return the moments that are shown: all, or so many, evenly, with both ends."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
 
 
-def _network(
-    moving: Motion, network: SpringNetwork, along: str, curves: Sequence[Curves]
-) -> Pictures:
-    return _moving(
-        moving,
-        along,
-        curves,
-        _acting(network),
-        held=np.flatnonzero(network.held.any(axis=1)),
-    )
-
-
-def _acting(network: SpringNetwork) -> list[tuple[list[float], list[float]]]:
-    """Return the places and forces of a network's loads."""
+def _supports(network: SpringNetwork) -> dict[str, Any]:
+    """Return what holds and what loads a network."""
     force = network.forces[-1]
     acting = np.flatnonzero(force.any(axis=1))
-    return [(network.positions[node].tolist(), force[node].tolist()) for node in acting]
+    places = network.positions[acting].tolist()
+    return {
+        "forces": list(zip(places, force[acting].tolist(), strict=True)),
+        "held": np.flatnonzero(network.held.any(axis=1)),
+    }
 
 
 def _moving(
     moving: Motion,
     along: str,
     curves: Sequence[Curves],
-    forces: Sequence[tuple[list[float], list[float]]],
+    forces: Forces,
+    *,
     shares: int = 0,
     held: NDArray[np.integer] | None = None,
 ) -> Pictures:
-    """Tell of points that move; `shares`: of an answer at rest, how many are shown."""
-    units = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "level": "", **_UNITS}
+    """Show points that move; `shares`: of an answer at rest, how many are shown."""
     frames = [moving.frames[k] for k in ([-1] if shares else _chosen(len(moving.frames)))]
-    values = {
-        name: (units.get(name, ""), np.array([frame.values[name] for frame in frames]))
-        for name in frames[-1].values
-    }
-    at = np.linspace(0.0, 1.0, shares) if shares else np.array([frame.time for frame in frames])
-    none = np.empty(0, dtype=np.int64)
     return Pictures(
         points=moving.points,
         parts=moving.parts,
-        at=at,
+        at=np.linspace(0.0, 1.0, shares) if shares else [frame.time for frame in frames],
         along=along,
-        values=values,
+        values={
+            name: (_UNITS.get(name, ""), np.array([frame.values[name] for frame in frames]))
+            for name in frames[-1].values
+        },
         moved=np.array([frame.moved for frame in frames]),
         curves=curves,
         forces=forces,
-        held=none if held is None else held,
+        held=held,
     )
 
 
-def applied(scene: Scene, stage: int | None = None) -> list[tuple[list[float], list[float]]]:
+def _apart(corners: Floats) -> dict[str, Any]:
+    """Return points and parts of cells that share no points, from their corners."""
+    count, each, dimension = corners.shape
+    parts = np.arange(count * each).reshape(count, each)
+    return {"points": corners.reshape(-1, dimension), "parts": parts}
+
+
+def applied(scene: Scene, stage: int | None = None) -> Forces:
     """Return the places and forces of a scene's loads."""
     applied = scene.applied(stage)
-    places = scene.lattice.centres(applied.cells)
-    return [(p.tolist(), f.tolist()) for p, f in zip(places, applied.force, strict=True)]
+    places = scene.lattice.centres(applied.cells).tolist()
+    return list(zip(places, applied.force.tolist(), strict=True))
 
 
 def _spawned(result: ElasticResult) -> Pictures:
-    """Agents of every generation, each from when it spawned to when it retired."""
+    """Show agents of every generation, each from when it spawned to when it retired."""
     family, generations = result.family, result.generations
-    rows, dimension = family.rows, result.lower.shape[1]
-    corners = corner_order(dimension)
-    places = family.lower[:, None] + family.size[:, None, None] * corners
-    count = np.arange(float(len(generations)))
-    over = ("generation", "", count)
-    curves = [
-        Curves("Agents", *over, {"agents": np.array([float(g.agents) for g in generations])}, ""),
-        Curves(
-            "Error", *over, {"error": np.array([100.0 * g.error for g in generations])}, "%", True
-        ),
-        Curves("Strain energy", *over, {"energy": np.array([g.energy for g in generations])}, "J"),
-    ]
+    rows = family.rows
+    corners = corner_order(result.lower.shape[1])
+    at = np.arange(float(len(generations)))
+
+    def curve(title: str, values: list[float], unit: str, logarithmic: bool = False) -> Curves:
+        line = {title.rsplit(" ", 1)[-1].lower(): np.array(values)}
+        return Curves(title, "generation", "", at, line, unit, logarithmic)
+
     retired = rows["retired_step"].astype(np.int64)
     return Pictures(
-        points=places.reshape(-1, dimension),
-        parts=np.arange(len(rows) * len(corners)).reshape(len(rows), -1),
-        at=np.arange(float(len(generations))),
+        **_apart(family.lower[:, None] + family.size[:, None, None] * corners),
+        at=at,
         along="generation",
         values={
             "level": ("", family.level.astype(float)),
@@ -325,23 +305,25 @@ def _spawned(result: ElasticResult) -> Pictures:
         },
         born=rows["spawn_step"].astype(np.int64),
         gone=np.where(retired < 0, len(generations), retired),
-        curves=curves,
+        curves=[
+            curve("Agents", [float(g.agents) for g in generations], ""),
+            curve("Error", [100.0 * g.error for g in generations], "%", True),
+            curve("Strain energy", [g.energy for g in generations], "J"),
+        ],
         forces=applied(result.scene),
-        words=f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %",
+        outcome=f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %",
     )
 
 
 def growth_steps(result: GrowthResult) -> Pictures:
-    """Densities step by step; of the last step alone if no other were kept."""
+    """Show densities step by step; of the last step alone if no other were kept."""
     lattice = result.scene.lattice
     corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
-    places = lattice.centres(np.argwhere(result.body))[:, None] + corners
     steps = _chosen(result.steps + 1) if len(result.designs) else np.array([result.steps])
     designs = result.designs[steps] if len(result.designs) else result.cells[None]
     over = ("step", "", np.arange(result.steps + 1.0))
     return Pictures(
-        points=places.reshape(-1, lattice.dimension),
-        parts=np.arange(places.size // lattice.dimension).reshape(len(places), -1),
+        **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
         at=steps.astype(float),
         along="step",
         values={"density": ("", np.rint(256.0 * designs) / 256.0)},  # more would not deflate
@@ -350,12 +332,12 @@ def growth_steps(result: GrowthResult) -> Pictures:
             Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
         ],
         forces=applied(result.scene, result.stage),
-        words=result.outcome,
+        outcome=result.outcome,
     )
 
 
 def breaks(result: FractureResult) -> Pictures:
-    """Springs or cells, each until it breaks, under the load of the last break."""
+    """Show springs or cells, each until it breaks, under the load of the last break."""
     counts = _chosen(result.standing + 1)
     moved, borne = [], []
     for count, body in zip(counts.tolist(), result.replayed(counts.tolist()), strict=True):
@@ -365,40 +347,36 @@ def breaks(result: FractureResult) -> Pictures:
     points, parts = body.points
     gone = np.full(len(parts), result.breaks + 1)
     gone[result.broken] = np.arange(1, result.breaks + 1)
-    over = ("break", "", np.arange(result.breaks + 1.0))
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
     # What bears hardly anything any more moves so far that the rest would not be seen.
     bearing = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
-    course = Curves(
-        "Load over displacement (m)",
-        *("displacement", "m", way[:bearing]),
-        {"load": force[:bearing]},
-        "N",
-    )
+    load = {"load": force[:bearing]}
     sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
-    books = {name: np.append(0.0, getattr(result, name)) for name in ("work", "stored", "released")}
+    energy = {
+        name: np.append(0.0, getattr(result, name)) for name in ("work", "stored", "released")
+    }
+    over = ("break", "", np.arange(result.breaks + 1.0))
+    supports: dict[str, Any]
     if isinstance(result.subject, Scene):
-        name, unit, held, forces = "stress", "Pa", None, applied(result.subject)
+        name, supports = "stress", {"forces": applied(result.subject)}
     else:
-        name, unit, held = "tension", "N", np.flatnonzero(result.subject.held.any(axis=1))
-        forces = _acting(result.subject)
+        name, supports = "tension", _supports(result.subject)
     return Pictures(
         points=points,
         parts=parts,
         at=counts.astype(float),
         along="break",
-        values={name: (unit, np.array(borne))},
+        values={name: (_UNITS[name], np.array(borne))},
         moved=np.array(moved),
         gone=gone,
         curves=[
             Curves("Load", *over, {"load": force}, "N"),
-            course,
+            Curves("Load over displacement (m)", "displacement", "m", way[:bearing], load, "N"),
             Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
-            Curves("Energy", *over, books, "J"),
+            Curves("Energy", *over, energy, "J"),
         ],
-        held=np.empty(0, dtype=np.int64) if held is None else held,
-        forces=forces,
-        words=result.outcome,
+        **supports,
+        outcome=result.outcome,
         alone=True,
     )
 
@@ -410,15 +388,12 @@ def _steps_of(values: Floats, count: int) -> Floats:
     return np.asarray(step * np.rint(values / step))
 
 
-def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
-    """Return points and parts that stand for faces of cells: each half in either cell."""
-    dimension = middle.shape[1]
-    if dimension == 3:
+def diamonds(middle: Floats, h: float) -> dict[str, Any]:
+    """Return points and parts that stand for faces of cells of an edge h (m)."""
+    corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    if middle.shape[1] == 3:
         corners = 0.5 * (corner_order(3) - 0.5)
-    else:
-        corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    points = (middle[:, None] + h * corners).reshape(-1, dimension)
-    return points, np.arange(len(points)).reshape(len(middle), -1)
+    return _apart(middle[:, None] + h * corners)
 
 
 class MovingFaces:
@@ -452,42 +427,35 @@ class MovingFaces:
         return moved
 
 
-def _shape_of(run: ElasticRun, chosen: Ints) -> NDArray[np.floating] | None:
-    """Return how the agents on the cells' own faces have moved at some moments, if that is told."""
-    moved, own = run.moments.displacement, run.agents.level == 0
-    if moved is None:
-        return None
-    axis, places = run.agents.axis[own], run.agents.position[own] / run.grid.lattice.cell_size
-    across = axis[:, None] != np.arange(places.shape[1])
-    index = np.rint(places - 0.5 * across).astype(np.int64) + 1
-    fields = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
-    moving = MovingFaces(axis, index, fields)
-    told = np.stack([moving.at(moment) for moment in moved[chosen][:, own].astype(float)])
-    bits = told.astype(np.float32).view(np.uint32)  # five digits: the rest would not deflate
-    return ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)
-
-
 def elastic_agents(run: ElasticRun) -> Pictures:
-    """Agents on the faces of the cells."""
+    """Show agents on the faces of the cells."""
     agents, moments = run.agents, run.moments
     own = agents.level == 0
-    points, parts = diamonds(agents.position[own], run.grid.lattice.cell_size)
     # Most happens in the first steps, so the moments shown lie ever farther apart.
     last = len(moments.step)
     chosen = np.unique(np.geomspace(1, last, min(last, MOST_FRAMES)).round().astype(np.int64)) - 1
+    shape = None
+    if moments.displacement is not None:
+        axis, places = agents.axis[own], agents.position[own] / run.grid.lattice.cell_size
+        across = axis[:, None] != np.arange(places.shape[1])
+        index = np.rint(places - 0.5 * across).astype(np.int64) + 1
+        fields = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
+        moving = MovingFaces(axis, index, fields)
+        moved = [moving.at(now[own].astype(float)) for now in moments.displacement[chosen]]
+        bits = np.stack(moved).astype(np.float32).view(np.uint32)
+        shape = ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)  # more would not deflate
     return Pictures(
-        points=points,
-        parts=parts,
+        **diamonds(agents.position[own], run.grid.lattice.cell_size),
         at=moments.step[chosen].astype(float),
         along="step",
         values={
             "load_left": ("N", np.abs(moments.left[chosen][:, own]).astype(float)),
             "load_taken": ("N", moments.taken[chosen][:, own].astype(float)),
         },
-        moved=_shape_of(run, chosen),
+        moved=shape,
         born=agents.spawn_step[own],
         curves=run.curves(),
         forces=applied(run.scene),
         visits=moments.level[chosen].tolist(),
-        words=run.outcome,
+        outcome=run.outcome,
     )

@@ -41,7 +41,7 @@ export default {
 """
 
 
-def shown(of: Any) -> str:
+def html_of(of: Any) -> str:
     """Return what a notebook shows of a model or a result: a page, or else a picture."""
     try:
         page = page_html(packed_page(_so_far(of)), "kaju")
@@ -57,12 +57,9 @@ def _so_far(of: Any) -> Any:
     """Return what to show: of a model what has happened, or will; the model stays as it is."""
     if not isinstance(of, SteppedModel):
         return of
-    return of.result() if of.steps else _again(of)
-
-
-def _again(of: Any) -> Any:
-    subject = Archive(Path(), *of.checkpoint_parts())
-    return of.again(subject_from(subject))
+    if of.steps:
+        return of.result()
+    return of.again(subject_from(Archive(Path(), *of.checkpoint_parts())))
 
 
 def _picture(of: Any) -> str:

@@ -1,4 +1,4 @@
-"""What pages are told of true outlines: curves that cut the agents' squares, and their loads."""
+"""True outlines in pages: curves that cut the agents' squares, and the loads on them."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def cut_agents(result: OutlineResult) -> Pictures:
         gone=gone,
         curves=curves,
         forces=[arrow for load in result.scene.loads for arrow in _arrows_of(result, load)],
-        words=f"{result.agents} agents, error at most {100.0 * result.error_bound:.2g} %",
+        outcome=f"{result.agents} agents, error at most {100.0 * result.error_bound:.2g} %",
         outlines=drawn.regions,
     )
 
@@ -114,9 +114,9 @@ def drawn_outlines(result: OutlineResult) -> DrawnOutlines:
     return DrawnOutlines(places, np.stack(moved), regions)
 
 
-def _as_curves(told: Floats) -> Floats:
+def _as_curves(points: Floats) -> Floats:
     """Return the control points of cubic curves through every third of these points, closed."""
-    of = np.stack([told[0::3], told[1::3], told[2::3], np.roll(told[0::3], -1, 0)], 1)
+    of = np.stack([points[0::3], points[1::3], points[2::3], np.roll(points[0::3], -1, 0)], 1)
     controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
     return np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)])
 

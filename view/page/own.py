@@ -33,7 +33,7 @@ def own_parts(model: Any) -> list[type | Callable[..., Any]]:
 
 
 def own_data(model: Any) -> dict[str, Any]:
-    """Return what a page is told of agents of one's own, for its header; empty without any."""
+    """Return names, source and parameters of agents of one's own; empty without any."""
     parts = own_parts(model)
     if not parts:
         return {}
@@ -76,7 +76,8 @@ def acting_controls(model: LoadModel) -> list[str]:
     usual = _outcome(model, model.scene)
     found = []
     for name, scene in _changed(model.scene):
-        if process_time() - began > PATIENCE or not _same(_outcome(model, scene), usual):
+        tried = process_time() - began <= PATIENCE
+        if not (tried and _same(_outcome(model, scene), usual)):
             found.append(name)
     return found
 
@@ -85,36 +86,30 @@ def _changed(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """Yield the name of every control, and the scene with its number changed."""
     rule = scene.rule
     assert isinstance(rule, PrescribedRule)
-    usual = (0.5, 0.5, 0.25 if scene.lattice.dimension == 2 else 0.125)
+    usual = rule.alpha_in(scene.lattice.dimension)
 
-    def with_rule(**changes: Callable[[Any], Any]) -> Scene:
-        def new(own: Coefficients) -> dict[str, Any]:
-            return {key: change(getattr(own, key)) for key, change in changes.items()}
-
-        materials = {name: replace(own, **new(own)) for name, own in rule.materials.items()}
-        return scene.replace(rule=replace(rule, **new(rule), materials=materials))
-
-    def with_material(key: str, change: Callable[[float], float]) -> Scene:
-        materials = {}
-        for material in scene.cell_materials:
-            new: dict[str, Any] = {key: change(getattr(material, key))}
-            materials[material.name] = replace(material, **new)
-        return scene.replace(materials=materials)
+    def with_rule(changes_of: Callable[[Coefficients], dict[str, Any]]) -> Scene:
+        own = {name: replace(of, **changes_of(of)) for name, of in rule.materials.items()}
+        return scene.replace(rule=replace(rule, **changes_of(rule), materials=own))
 
     def less(value: float) -> float:
         return 0.9 * value or 0.1
 
     for number in range(3):
 
-        def share(alpha: tuple[float, ...] | None, number: int = number) -> tuple[float, ...]:
-            shares = list(alpha or usual)
+        def with_share(of: Coefficients, number: int = number) -> dict[str, Any]:
+            shares = list(of.alpha or usual)
             shares[number] = less(shares[number])
-            return tuple(shares)
+            return {"alpha": tuple(shares)}
 
-        yield f"alpha{number + 1}", with_rule(alpha=share)
-    yield "beta", with_rule(beta=less)
-    yield "nu", with_material("poissons_ratio", less)
-    yield "modulus", with_material("youngs_modulus", less)
+        yield f"alpha{number + 1}", with_rule(with_share)
+    yield "beta", with_rule(lambda of: {"beta": less(of.beta)})
+    for name, key in (("nu", "poissons_ratio"), ("modulus", "youngs_modulus")):
+        changed = {}
+        for material in scene.cell_materials:
+            new: dict[str, Any] = {key: less(getattr(material, key))}
+            changed[material.name] = replace(material, **new)
+        yield name, scene.replace(materials=changed)
     for name, change in (
         ("gamma", {"threshold": 0.5 * rule.threshold}),
         ("accumulate", {"accumulate": not rule.accumulate}),

@@ -1,8 +1,7 @@
-"""What the page is told of a scene and of a run, as README.md beside this file describes it."""
+"""A scene and a run as a page reads them, as README.md beside this file describes it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
 
 FORMAT = 1
-"""Of what pages are told."""
+"""Version of the data in pages."""
 MOST_CELLS = 1_000_000
 """A page holds every cell of the array, so larger ones are refused."""
 
@@ -67,7 +66,7 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
 
 
 def _side(condition: SideCondition) -> str | dict[str, Any]:
-    """Return a side as a scene file writes it."""
+    """Return a side as a scene file has it."""
     if condition.stiffness is not None:
         return {"stiffness": condition.stiffness}
     if condition.displacement is not None:
@@ -108,31 +107,33 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
     ]
 
 
-@dataclass(frozen=True)
-class SentAmounts:
-    """Amounts, ready to be sent: one row a generation and place."""
+def amount_columns(
+    generation: Ints,
+    place: Ints,
+    amount: Floats,
+    span: tuple[int, int],
+    exact: bool = False,
+    name: str = "",
+) -> Columns:
+    """Return the history's columns for the generations from the first to the last of `span`.
 
-    generation: Ints
-    place: Ints
-    """When, and where: of loads taken the cell's key times the number of channels, plus the
-    channel; of what agents did with them see `Account`."""
-    amount: Floats
-    """Newtons, of elongations metres."""
-
-    def columns(self, first: int, last: int, exact: bool = False, name: str = "") -> Columns:
-        """Return the history's columns for the generations `first` to `last`."""
-        order = np.lexsort((self.place, self.generation))
-        generation, place = self.generation[order], self.place[order]
-        offset = np.searchsorted(generation, np.arange(first, last + 2))
-        delta = np.diff(place, prepend=0)
-        starts = offset[:-1][offset[:-1] < offset[1:]]
-        delta[starts] = place[starts]
-        real = np.float64 if exact else np.float32
-        return {
-            f"{name}offset": offset.astype(np.uint32),
-            f"{name}delta": delta.astype(np.uint32),
-            f"{name}load": self.amount[order].astype(real),
-        }
+    One row a generation and place: of loads taken the cell's key times the number of channels,
+    plus the channel; of what agents did with them see `Account`. Amounts are newtons, of
+    elongations metres.
+    """
+    first, last = span
+    order = np.lexsort((place, generation))
+    generation, place = generation[order], place[order]
+    offset = np.searchsorted(generation, np.arange(first, last + 2))
+    # Places are stored as steps from the one before, but for the first of each generation.
+    delta = np.diff(place, prepend=0)
+    starts = offset[:-1][offset[:-1] < offset[1:]]
+    delta[starts] = place[starts]
+    return {
+        f"{name}offset": offset.astype(np.uint32),
+        f"{name}delta": delta.astype(np.uint32),
+        f"{name}load": amount[order].astype(np.float64 if exact else np.float32),
+    }
 
 
 class Account:
@@ -147,7 +148,7 @@ class Account:
         self.scene, self.own = scene, own
         self.key: Ints = np.empty(0, dtype=np.int64)
         self._outside = np.empty((0, scene.lattice.directions), dtype=np.bool_)
-        self._known: dict[str, Floats] = {}
+        self._last: dict[str, Floats] = {}
         self._rows: dict[str, list[tuple[Ints, Ints, Floats]]] = {}
         self._returns = True
 
@@ -161,9 +162,9 @@ class Account:
         self._outside = np.concatenate([self._outside, np.stack(beyond, axis=1)])
         for name, now in self._amounts(totals, returned).items():
             change = now.copy()
-            if name in self._known:
-                change[: len(self._known[name])] -= self._known[name]
-            self._known[name] = now.copy()
+            if name in self._last:
+                change[: len(self._last[name])] -= self._last[name]
+            self._last[name] = now.copy()
             row, column = np.nonzero(change)
             place = self.key[row] * now.shape[1] + column
             when = np.full(len(row), generation)
@@ -174,7 +175,7 @@ class Account:
 
         Loads one by one are handed over only above the threshold, so what went to a boundary
         came back; where they are added up, or boundaries are one's own, some may have ended
-        there, and the shares of the agents are not told apart. From then on it is not known.
+        there, and the shares of the agents cannot be separated: from then on they are left out.
         """
         found = {"passed": totals.passed, "dropped": totals.dropped[:, None]}
         sent = np.where(self._outside, totals.passed, 0.0).sum(axis=1, keepdims=True)
@@ -188,16 +189,16 @@ class Account:
             found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
         return found
 
-    def columns(self, first: int, last: int, exact: bool = False) -> Columns:
-        """Return the history's columns for the generations `first` to `last`, once."""
+    def columns(self, span: tuple[int, int], exact: bool = False) -> Columns:
+        """Return the history's columns for the generations of a span, once."""
         columns: Columns = {}
         names = ["passed", "dropped"]
         names += ["returned"] * self._returns + ["kept", "stretch"] * self.own
         none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
         for name in names:
             rows = self._rows.pop(name, [])
-            parts = (np.concatenate(part) for part in zip(none, *rows, strict=True))
-            columns |= SentAmounts(*parts).columns(first, last, exact, f"{name} ")
+            when, place, amount = map(np.concatenate, zip(none, *rows, strict=True))
+            columns |= amount_columns(when, place, amount, span, exact, f"{name} ")
         return columns
 
 
@@ -210,16 +211,16 @@ def history_columns(
     sense = isinstance(scene.rule, PrescribedRule) and scene.rule.sense
     states = lattice.directions * (2 if sense else 1)
     state = history.direction + lattice.directions * history.pull
-    rows = SentAmounts(history.generation, key[history.agent] * states + state, history.load)
+    place, span = key[history.agent] * states + state, (1, stage.generations)
     if account is None:
         account = Account(scene, not _by_shares(scene, stage))
         account.note(stage.generations, stage, float(stage.returned.sum()))
     return {
-        **rows.columns(1, stage.generations, exact),
+        **amount_columns(history.generation, place, history.load, span, exact),
         "key": key.astype(np.uint32),
         "spawn": stage.spawn_step.astype(np.uint32),
         "woken": stage.woken_by.astype(np.uint8),
-        **account.columns(1, stage.generations, exact),
+        **account.columns(span, exact),
     }
 
 

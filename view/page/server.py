@@ -122,19 +122,19 @@ def watch_app(of: Watched | CreepModel, idle: float = IDLE, token: str = "") -> 
         begin = sessions_of(of)
         html = live_page(begin().opening())
 
-    def known(asks: Request | WebSocket) -> bool:
+    def has_token(asks: Request | WebSocket) -> bool:
         given = asks.query_params.get("token", "").encode()
         return not token or secrets.compare_digest(given, token.encode())
 
     async def page(request: Request) -> Response:
-        if not known(request):
+        if not has_token(request):
             return PlainTextResponse(_STRANGER, 403, _HEADERS)
         return HTMLResponse(html, headers=_HEADERS)
 
     sessions = Sessions(idle)
 
     async def session(websocket: WebSocket) -> None:
-        if not (_same_origin(websocket) and known(websocket)):
+        if not (_same_origin(websocket) and has_token(websocket)):
             await websocket.close(REFUSED)
             return
         await sessions.serve(websocket, begin())
@@ -156,7 +156,7 @@ _HEADERS = {
 
 
 class Sessions:
-    """Everybody who watches; each answered in a thread, so that nobody waits for another."""
+    """Open pages; each is answered in a thread, so that none waits for another."""
 
     def __init__(self, idle: float) -> None:
         self.idle = idle
@@ -198,7 +198,7 @@ def _listen(port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((ADDRESS, port))
-        listening.listen(128)  # who comes before the server is ready waits
+        listening.listen(128)  # browsers that come before the server is ready wait
     except (OSError, OverflowError) as error:
         listening.close()
         reason = getattr(error, "strerror", None) or error

@@ -27,7 +27,7 @@ def columns() -> str:
     tables = {name: fetch(at) for kind in KINDS.values() for name, at in kind.columns.items()}
     lines = []
     for name, table in (tables | {"reference": REFERENCE}).items():
-        lines += [name, *(f"  {column:20}{told.told()}" for column, told in table.items())]
+        lines += [name, *(f"  {column:20}{told.text()}" for column, told in table.items())]
     return "\n".join(["```text", *lines, "```"])
 
 

@@ -16,6 +16,6 @@ def test_what_is_entered_is_there(kind):
             assert callable(function)
             assert inspect.signature(function).parameters
     for table in map(fetch, entry.columns.values()):
-        assert all(column.told() for column in table.values())
+        assert all(column.text() for column in table.values())
     for function in (entry.page, entry.section):
         assert function is None or callable(fetch(function))

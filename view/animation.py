@@ -11,7 +11,7 @@ import numpy as np
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
-from kaju.files import scratch_beside
+from kaju.files import atomic_file
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
@@ -129,7 +129,7 @@ def animate(
         with new_folder(target) as folder:
             write_frames(film, frames, folder)
         return target
-    with scratch_beside(target, ResultFileError) as scratch:
+    with atomic_file(target, ResultFileError) as scratch:
         WRITERS[ending](film, frames, scratch, fps, hold)
     return target
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultFileError, needing
-from kaju.files import scratch_beside
+from kaju.files import atomic_file
 from kaju.model.results.mesh import CUBE_FACES, corner_order
 from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
@@ -324,7 +324,7 @@ def write_motion(
     motion: Motion, target: Path, fps: float, hold: float, magnification: float | None
 ) -> None:
     """Write a motion to a ``.glb`` or ``.pvd`` file, whole or not at all."""
-    with scratch_beside(target, ResultFileError) as scratch:
+    with atomic_file(target, ResultFileError) as scratch:
         if target.suffix.lower() == ".glb":
             _write_glb(motion, scratch, fps=fps, hold=hold, magnification=magnification)
         else:

@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from kaju.errors import ResultFileError
-from kaju.files import scratch_beside, scratch_folder, take_place
+from kaju.files import atomic_file, hidden_folder, move_into_place
 
 RESOLUTION = 150
 """Dots per inch of saved pictures."""
@@ -24,7 +24,7 @@ def save(figure: Figure, path: str | Path) -> Path:
             f"{target}: {target.suffix or 'no ending'!r} is no format of pictures; "
             f"choose .png, .svg or .pdf (there is {', '.join(sorted(known))})"
         )
-    with scratch_beside(target, ResultFileError) as scratch:
+    with atomic_file(target, ResultFileError) as scratch:
         figure.savefig(scratch, dpi=RESOLUTION)
     return target
 
@@ -34,6 +34,6 @@ def new_folder(target: Path) -> Iterator[Path]:
     """Yield a folder to fill, which takes the target's name only if all goes well."""
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
         raise ResultFileError(f"{target}: is there already; take another name, or remove it")
-    with scratch_folder(target, ResultFileError) as scratch:
+    with hidden_folder(target, ResultFileError) as scratch:
         yield scratch
-        take_place(scratch, target, replace=False)
+        move_into_place(scratch, target, replace=False)

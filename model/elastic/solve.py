@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
-from kaju.stopping import NOTE, stopped
+from kaju.stopping import NOTE, interrupt_requested
 
 from .arguments import SMALLEST, check_numbers, checked_stiffness
 from .cell_agents import CellAgents
@@ -47,7 +47,7 @@ def solve(
         scene, stage, found, perf_counter() - start, tolerance=None, resolution=resolution
     )
     if not solution.converged:
-        solution.notes += [NOTE] if stopped() else []
+        solution.notes += [NOTE] if interrupt_requested() else []
         asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
         raise ConvergenceError(
             f"solve: after {solution.iterations} iterations of {solution.method} the relative "

@@ -17,7 +17,7 @@ from kaju.factors import factors_of
 from kaju.model.elastic.multigrid.hierarchy import GUARD, Hierarchy, is_box, of_parents, outside_of
 from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.multigrid.mixed_form import MixedForm, without_pressure
-from kaju.stopping import stopped
+from kaju.stopping import interrupt_requested
 
 from .problem import ACTIVE, FIXED, ElasticProblem, FaceFields
 from .staggered import Numbering, internal_force, stiffness_matrix
@@ -131,7 +131,7 @@ def followed(problem: ElasticProblem, start: FaceFields | None, tolerance: float
     system = System(problem, hierarchy)
     x = system.unknown(start) if start else hierarchy.full_multigrid(system.right)[0]
     run = _iterate(system, hierarchy, x, lambda run: run.errors[-1] <= tolerance)
-    if not run.converged and not stopped():
+    if not run.converged and not interrupt_requested():
         return solve_problem(problem, tolerance, start)
     solution = system.solution(run, "Galerkin multigrid", 0.0, hierarchy.depth)
     x = run.solution
@@ -455,7 +455,7 @@ def _by_multigrid(
     watch = _Watch(system, tolerance, discretisation)
     run = _iterate(system, hierarchy, x, watch)
     notes = []
-    if watch.slow and not hierarchy.plain and not stopped():
+    if watch.slow and not hierarchy.plain and not interrupt_requested():
         notes = [f"geometric multigrid was slow after {run.iterations} iterations"]
         numbering = Numbering(problem.face_states)
         if numbering.size <= DIRECT_LIMIT[problem.dimension]:

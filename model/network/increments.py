@@ -16,7 +16,7 @@ import numpy as np
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, TangentError
-from kaju.stopping import stopped
+from kaju.stopping import interrupt_requested
 
 from .assembler import Assembler
 from .equilibrium import (
@@ -109,7 +109,7 @@ class IncrementalLoading:
 
     def run(self) -> NetworkResult:
         """Take all the steps that are left and return the result."""
-        while not (self.finished or stopped()):
+        while not (self.finished or interrupt_requested()):
             self.step()
         return self.result()
 

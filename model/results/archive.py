@@ -1,8 +1,8 @@
-"""Results in one ``.npz`` file: written whole or not at all, and believed only after a look.
+"""Results in one ``.npz`` file: written whole or not at all, and checked when they are read.
 
-A file may come from anywhere, and its arrays end in compiled loops that check nothing. So
-every checksum is read to its end, nothing is unpacked that is out of proportion, the seal over
-all of it must be that of its contents, and whoever reads an array says what it must be.
+A file may come from anywhere, and its arrays end in compiled loops that check nothing. So every
+checksum is read to its end, nothing out of proportion is unpacked, the digest of all contents
+(the seal) must match, and every reader of an array says what it must be.
 """
 
 from __future__ import annotations
@@ -24,16 +24,13 @@ from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.errors import KajuError, ResultFileError
-from kaju.files import file_to_read, scratch_beside
+from kaju.files import atomic_file, file_to_read
 
-FORMAT, SEALED = 3, 3
-"""Version of the files, 1 were those of kaju 0.1; and from which on they are sealed."""
-PACKED_AT_MOST, SMALL = 200, 1 << 24
-"""How many times larger than its file an archive may be, but for its first bytes."""
-QUICK = 1
-"""How hard archives are packed: the usual 6 takes three times as long for 2 % less."""
+FORMAT, SEALED = 3, 3  # version of the files (1: kaju 0.1), and from which on they are sealed
+PACKED_AT_MOST, SMALL = 200, 1 << 24  # limit of unpacked over packed size, past so many bytes
+QUICK = 1  # level of compression: the usual 6 takes three times as long for 2 % less
 
-Kind = Literal["f", "s", "i", "b"]
+Kind = Literal["f", "s", "i", "b"]  # floating point, single precision, whole numbers, truth values
 _NAMES = {"f": "float64", "s": "float32", "i": "int64", "b": "bool"}
 _TYPES = {"f": ("f8",), "s": ("f4",), "i": ("i8", "u8"), "b": ("b1",)}
 
@@ -42,23 +39,14 @@ class Column(NamedTuple):
     """What an array of a stored result must be."""
 
     kind: Kind
-    """Floating-point numbers, those of single precision, whole numbers, true and false. One of "f",
-    "s", "i", "b"."""
-    shape: str
-    """The sizes along its axes, each a number or a name; arrays that use a name agree."""
-    low: float | None = None
-    high: float | str | None = None
-    """The smallest and the largest value; a name is the size that whole numbers stay below, and
-    that floating-point numbers reach at most."""
-    finite: bool = True
-    """Whether floating-point numbers must be finite."""
-    optional: bool = False
-    """Whether it may be missing: earlier versions did not write it, or not every result has it."""
-    order: Literal["", "rising", "never falling"] = ""
-    """Of the values one after another; such an array has one at least. One of "", "rising", "never
-    falling"."""
+    shape: str  # sizes along its axes, each a number or a name; arrays that use a name agree
+    low: float | None = None  # smallest value
+    high: float | str | None = None  # largest; of a named size whole numbers stay below
+    finite: bool = True  # whether floating-point numbers must be finite
+    optional: bool = False  # earlier versions did not write it, or not every result has it
+    order: Literal["", "rising", "never falling"] = ""  # of one value at least
 
-    def told(self) -> str:
+    def text(self) -> str:
         """Return the same in words."""
         words = [f"({', '.join(self.shape.split())}) {_NAMES[self.kind]}"]
         if self.high is not None:
@@ -67,14 +55,13 @@ class Column(NamedTuple):
             words += [f"in [{self.low:g}, {upper}{')' if below else ']'}"]
         elif self.low is not None:
             words += [f"≥ {self.low:g}"]
-        words += ["" if self.finite else "or NaN", "optional" if self.optional else ""]
-        words += [self.order]
-        return " ".join(word for word in words if word)
+        words += ["" if self.finite else "or NaN", "optional" if self.optional else "", self.order]
+        return " ".join(filter(None, words))
 
 
 @dataclass(frozen=True, eq=False)
 class Archive:
-    """What a file holds, taken out by name and looked at."""
+    """The contents of a file; every array and value is checked when it is taken out."""
 
     path: Path
     arrays: dict[str, NDArray[Any]]
@@ -96,20 +83,17 @@ class Archive:
         found = self.arrays[name]
         if found.dtype.str[1:] not in _TYPES[kind]:
             raise self._wrong(name, f"hold {_NAMES[kind]}", f"is of {found.dtype}")
-        fits = shape is None or (
-            found.ndim == len(shape)
-            and all(
-                length in (None, given) for length, given in zip(shape, found.shape, strict=True)
-            )
-        )
-        if not fits and shape is not None:
-            told = tuple("any" if length is None else length for length in shape)
-            raise self._wrong(name, f"be of shape {told}", f"is of shape {found.shape}")
+        if shape is not None and (
+            found.ndim != len(shape)
+            or any(length not in (None, n) for length, n in zip(shape, found.shape, strict=True))
+        ):
+            needed = tuple("any" if length is None else length for length in shape)
+            raise self._wrong(name, f"be of shape {needed}", f"is of shape {found.shape}")
         if kind in "fs" and finite and not np.isfinite(found).all():
             raise self._wrong(name, "hold finite numbers", "does not")
         if low is not None and found.size and not np.nanmin(found) >= low:
             raise self._wrong(name, f"be {low:g} or more", f"holds {np.nanmin(found):g}")
-        if high is not None and not np.all((found <= high) | (found != found)):
+        if high is not None and not np.all((found <= high) | np.isnan(found)):
             raise self._wrong(name, f"be {high} or less", f"holds {np.nanmax(found):g}")
         return np.asarray(found, dtype=found.dtype.newbyteorder("="), order="C")
 
@@ -117,26 +101,27 @@ class Archive:
         self, table: Mapping[str, Column], sizes: Mapping[str, Any], prefix: str = ""
     ) -> dict[str, NDArray[Any]]:
         """Return the arrays of a table; the first that names an unknown size gives it."""
-        known, found = dict(sizes), {}
+        sizes, found = dict(sizes), {}
         for name, column in table.items():
             if column.optional and prefix + name not in self.arrays:
                 continue
             axes = column.shape.split()
-            whole = column.kind == "i"  # sizes are told of whole numbers below them
-            high = known[column.high] - whole if isinstance(column.high, str) else column.high
-            shape = tuple(int(axis) if axis.isdigit() else known.get(axis) for axis in axes)
-            found[name] = self.array(
+            shape = tuple(int(axis) if axis.isdigit() else sizes.get(axis) for axis in axes)
+            high: Any = column.high
+            if isinstance(high, str):
+                high = sizes[high] - (column.kind == "i")  # indices stay below a size
+            values = self.array(
                 prefix + name, column.kind, shape, low=column.low, high=high, finite=column.finite
             )
             if column.order:
-                self._in_order(prefix + name, found[name], column.order)
-            known |= dict(zip(axes, found[name].shape, strict=True))
+                step = np.diff(values)
+                right = np.all(step > 0 if column.order == "rising" else step >= 0)
+                if not (len(values) and right):
+                    rule = f"hold {column.order} numbers, one or more"
+                    raise self._wrong(prefix + name, rule, "does not")
+            found[name] = values
+            sizes |= dict(zip(axes, values.shape, strict=True))
         return found
-
-    def _in_order(self, name: str, values: NDArray[Any], order: str) -> None:
-        step = np.diff(values)
-        if not len(values) or not np.all(step > 0 if order == "rising" else step >= 0):
-            raise self._wrong(name, f"hold {order} numbers, one or more", "does not")
 
     def part(self, prefix: str) -> dict[str, NDArray[Any]]:
         """Return the arrays whose names begin so, by the rest of their names."""
@@ -155,10 +140,8 @@ class Archive:
         except ValidationError as error:
             first = error.errors()[0]
             inside = ".".join(map(str, (name, *first["loc"])))
-            told = first["msg"].replace("Input should", "should").replace(" be a ", " be ")
-            raise self._wrong(
-                inside, told.removeprefix("should "), f"is {first['input']!r:.40}"
-            ) from error
+            rule = first["msg"].removeprefix("Input should ").replace("be a ", "be ", 1)
+            raise self._wrong(inside, rule, f"is {first['input']!r:.40}") from error
 
     def record(self, name: str, kind: type) -> dict[str, Any]:
         """Return the plain fields of a dataclass, which `plain_of` has listed."""
@@ -184,9 +167,9 @@ def _plain(kind: type) -> dict[str, Any]:
     return {name: form for name, form in get_type_hints(kind).items() if form in kinds}
 
 
-def plain_of(told: object) -> dict[str, Any]:
+def plain_of(record: object) -> dict[str, Any]:
     """Return the plain fields of a dataclass: all but arrays, and classes of kaju's."""
-    return {name: getattr(told, name) for name in _plain(type(told))}
+    return {name: getattr(record, name) for name in _plain(type(record))}
 
 
 def write_archive(
@@ -200,7 +183,7 @@ def write_archive(
     labelled["seal"] = seal_of(arrays, json.loads(json.dumps(labelled)))
     described = np.frombuffer(json.dumps(labelled).encode(), dtype=np.uint8)
     with (
-        scratch_beside(target, ResultFileError) as scratch,
+        atomic_file(target, ResultFileError) as scratch,
         zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED, compresslevel=QUICK) as archive,
     ):
         for name, array in {"json": described, **arrays}.items():
@@ -240,7 +223,7 @@ def open_archive(path: str | Path, *kinds: str) -> Archive:
 
 
 def seal_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> str:
-    """Return a digest of everything in a file; whoever changes one number breaks it."""
+    """Return a digest of everything in a file: one changed number breaks it."""
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.asarray(arrays[name])
@@ -259,17 +242,14 @@ def unpacked(file: Path) -> dict[str, NDArray[Any]]:
                 f"{file}: {packed:,} bytes would unpack to {whole:,}, more than results do; it was "
                 "not read"
             )
-        return {
-            entry.filename.removesuffix(".npy"): _array(archive.read(entry)) for entry in entries
-        }
-
-
-def _array(stored: bytes) -> NDArray[Any]:
-    stream = BytesIO(stored)
-    found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-    if stream.read(1):
-        raise ValueError("an array is shorter than what is stored of it")
-    return found
+        arrays: dict[str, NDArray[Any]] = {}
+        for entry in entries:
+            stream = BytesIO(archive.read(entry))
+            name = entry.filename.removesuffix(".npy")
+            arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
+            if stream.read(1):
+                raise ValueError("an array is shorter than what is stored of it")
+    return arrays
 
 
 @contextmanager
@@ -280,7 +260,7 @@ def reading(path: str | Path) -> Iterator[None]:
     except ResultFileError:
         raise
     except Exception as error:
-        told = str(error) if isinstance(error, KajuError) else f"{type(error).__name__}: {error}"
+        cause = str(error) if isinstance(error, KajuError) else f"{type(error).__name__}: {error}"
         raise ResultFileError(
-            f"{path}: is damaged, or no result of kaju's ({told.rstrip(': ')}); compute it again"
+            f"{path}: is damaged, or no result of kaju's ({cause.rstrip(': ')}); compute it again"
         ) from error

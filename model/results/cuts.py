@@ -30,37 +30,28 @@ _NEAR = 1e-6  # of a cell: places that are the same but for rounding
 class Carrying(NamedTuple):
     """Parts of a body and the stress in each."""
 
-    middle: Floats
-    """Middles (m). Shape (n, dimension)."""
-    height: Floats
-    """How far each reaches along the axis across which the body is cut (m). Shape (n,)."""
-    volume: Floats
-    """Volumes (m³). Shape (n,)."""
-    stress: Floats
-    """Stress tensors (Pa). Shape (n, dimension, dimension)."""
+    middle: Floats  # (m), shape (n, dimension)
+    height: Floats  # extent along the axis across which the body is cut (m), shape (n,)
+    volume: Floats  # (m³), shape (n,)
+    stress: Floats  # tensors (Pa), shape (n, dimension, dimension)
 
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
     """What an answer carries through every cut across one axis, and what it would have to carry."""
 
-    axis: str
-    """Across which the body is cut: "x", "y" or "z"."""
-    at: Floats
-    """Where the cuts lie along it (m), ascending. Shape (n,)."""
+    axis: str  # across which the body is cut: "x", "y" or "z"
+    at: Floats  # where the cuts lie along it (m), ascending; shape (n,)
+    # Force (N) by which the part beyond each cut presses on the part before it, shape
+    # (n, dimension). Of elasticity it is in equilibrium along the axis; its shear comes from the
+    # means of cells, which smear it over two layers where a surface is dragged, and over agents
+    # of different sizes.
     force: Floats
-    """Force (N) by which the part beyond each cut presses on the part before it. Of elasticity it
-    is in equilibrium along the axis; the shear across it is told by the means of cells, which smear
-    it over two layers where a surface is dragged, and over agents of different sizes. Shape (n,
-    dimension)."""
+    # The force (N) that balances what acts on the part that no support holds; NaN where supports
+    # hold both parts, for statics alone cannot divide it. Shape (n, dimension).
     needed: Floats
-    """The force (N) that balances what acts on the part that no support holds; NaN where supports
-    hold both parts, for statics alone does not say what they share. Shape (n, dimension)."""
-    load: float
-    """Sum of the applied forces along the axis (N)."""
-    sense: Floats
-    """1 where the part beyond a cut is the free one, or bears more of the load; else -1. Shape
-    (n,)."""
+    load: float  # sum of the applied forces along the axis (N)
+    sense: Floats  # 1 where the part beyond a cut is free, or bears more of the load; else -1
 
     @property
     def carried(self) -> Floats:

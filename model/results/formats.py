@@ -1,9 +1,9 @@
 """What stored results hold, kind by kind: every array with its numbers, shape and range.
 
 Files are read by these tables and documented by them (docs/formats.md). Sizes go by name:
-"agents" are however many rows the first array has that says so; sizes of the scene are known
-before (`sizes_of`). Elastic answers are told by the agents they were found with and looked at
-where these are built, `CellAgents.of_archive` and `TreeAgents.of_archive`.
+"agents" is the number of rows of the first array that has that name in its shape; sizes of the
+scene come from `sizes_of`. Elastic answers are checked where their agents are built
+(`CellAgents.of_archive`, `TreeAgents.of_archive`).
 """
 
 from __future__ import annotations

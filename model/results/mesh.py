@@ -71,8 +71,8 @@ def write_polygons(
     start = np.cumsum(count) - count
     alike = [np.flatnonzero(count == number) for number in np.unique(count)]
     blocks = [("polygon", point[start[rows, None] + np.arange(count[rows[0]])]) for rows in alike]
-    told = {name: [of[rows] for rows in alike] for name, of in values.items()}
-    return _write(path, corners[first], blocks, moved[first], told)
+    parted = {name: [of[rows] for rows in alike] for name, of in values.items()}
+    return _write(path, corners[first], blocks, moved[first], parted)
 
 
 def _write(
@@ -90,10 +90,9 @@ def _write(
     if target.suffix not in (".vtu", ".vtk"):
         target = target.with_name(target.name + ".vtu")
     flat = [(0, 0), (0, 3 - points.shape[1])]
-    told = {} if moved is None else {"displacement": np.pad(moved, flat)}
-    written = meshio.Mesh(np.pad(points, flat), blocks, told, values)
+    of_points = {} if moved is None else {"displacement": np.pad(moved, flat)}
     try:
-        written.write(target)
+        meshio.Mesh(np.pad(points, flat), blocks, of_points, values).write(target)
     except OSError as error:
         raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
     return target

@@ -32,48 +32,39 @@ class Curves:
     """Some quantities of one unit over one other quantity."""
 
     title: str
-    """What it is about."""
-    along: str
-    """What they are drawn over, such as "time"."""
-    along_unit: str
-    """Its unit, "" if it is a number."""
-    at: Floats
-    """Values of that. Shape (k,)."""
-    lines: Mapping[str, Floats]
-    """The quantities, by what they are called. Shape (k,)."""
-    unit: str
-    """Their unit, "" if they are numbers."""
-    logarithmic: bool = False
-    """Whether they are told by their orders of magnitude; all are above 0 then."""
+    along: str  # what they are drawn over, such as "time"
+    along_unit: str  # its unit, "" if it is a number
+    at: Floats  # its values, shape (k,)
+    lines: Mapping[str, Floats]  # the quantities by name, shape (k,) each
+    unit: str  # theirs, "" if they are numbers
+    logarithmic: bool = False  # whether orders of magnitude are drawn; all are above 0 then
 
 
 _SCENE = "scene."
 
-
+# Shares by which a ledger, energies, and forces may be off without a word in the notes; and the
+# last of these as a share of the error that an answer states.
 BOOKS, ROUNDING, BALANCE = 1e-12, 1e-9, 1e-6
-"""Shares by which a ledger, energies, and forces may be off without a word in the notes."""
 BALANCE_OF_ERROR = 1e-2
-"""The last of these as a share of the error that an answer states."""
 
 
 class Check(NamedTuple):
     """One thing that must hold in an answer."""
 
     what: str
-    off: float
-    allowed: float
-    """By what share it is missed, and by what it may be."""
+    off: float  # by what share it is missed
+    allowed: float  # by what share it may be
 
     @property
     def holds(self) -> bool:
-        """Whether it does; a number that is none holds nothing."""
+        """Whether it does; NaN holds nothing."""
         return self.off <= self.allowed
 
 
 class Result:
     """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
 
-    It prints its key figures: nobody wants to see thousands of agents printed.
+    It prints its key figures, and not its thousands of agents.
 
     Attributes
     ----------
@@ -126,7 +117,7 @@ class Result:
         """Return one row per agent, or per time."""
 
     def checks(self) -> list[Check]:
-        """Return what must hold in it whatever was asked: its books, forces and energies balance.
+        """Return what must hold in it whatever was asked: its ledger, forces and energies balance.
 
         Examples
         --------
@@ -192,12 +183,9 @@ class Result:
 class Tiles(NamedTuple):
     """Squares or cubes with a value each: what maps, sections and solids are drawn of."""
 
-    lower: Floats
-    """Lower corners (m). Shape (n, dimension)."""
-    size: Floats
-    """Edges (m). Shape (n,)."""
-    value: Floats
-    """Shape (n,)."""
+    lower: Floats  # lower corners (m), shape (n, dimension)
+    size: Floats  # edges (m), shape (n,)
+    value: Floats  # shape (n,)
 
 
 def solved_scene(result: Any) -> Scene:
@@ -265,14 +253,14 @@ class BodyResult(Result):
         """
         import pandas as pd
 
-        first, way, length = line_of(start, end, self.scene.lattice.dimension, "profile")
-        points = first + np.linspace(0.0, length, count)[:, None] * way
+        first, direction, length = line_of(start, end, self.scene.lattice.dimension, "profile")
+        points = first + np.linspace(0.0, length, count)[:, None] * direction
         points = points[body_cells(self.grid, points)[1]]
         if not len(points):
             where = f"from {list(start)} to {list(end)}"
             raise ResultError(f"profile: no point {where} lies in the body")
         names = "xyz"[: len(first)]
-        columns: dict[str, Any] = {"distance (m)": (points - first) @ way}
+        columns: dict[str, Any] = {"distance (m)": (points - first) @ direction}
         columns |= {f"{name} (m)": points[:, a] for a, name in enumerate(names)}
         moved, stress = self.displacement_at(points), self.stress_at(points)
         columns |= {f"displacement_{name} (m)": moved[:, a] for a, name in enumerate(names)}
@@ -437,7 +425,7 @@ def load_result(path: str | Path) -> Result:
         file = file / "result.npz"
     kind = open_archive(file).about["kind"]
     likely = [KINDS[kind]] if kind in KINDS else KINDS.values()  # earlier ones had other labels
-    for known in (fetch(entry.result) for entry in likely):
-        if kind in known.kinds():
-            return cast(Result, known.load(file))
+    for result in (fetch(entry.result) for entry in likely):
+        if kind in result.kinds():
+            return cast(Result, result.load(file))
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")

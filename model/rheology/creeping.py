@@ -26,7 +26,7 @@ from kaju.model.rheology.integrate import Loading, StepControl, TimeRecorder, st
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
-from kaju.stopping import NOTE, keeping, stopped
+from kaju.stopping import NOTE, interrupt_requested, interruptible
 
 from .creep_result import CreepResult, CreepState
 from .creeping_body import CreepingAgents, Elements, TransferCreepResult
@@ -145,7 +145,7 @@ def creep(  # type: ignore[misc]
         return task.course(log, state, perf_counter() - began)
 
     began = perf_counter()
-    return keeping(run)
+    return interruptible(run)
 
 
 AnyCourse = CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult
@@ -278,7 +278,7 @@ def _result(
 
 
 def _notes(work: float, at_jumps: float) -> tuple[str, ...]:
-    notes = [NOTE] if stopped() else []
+    notes = [NOTE] if interrupt_requested() else []
     if at_jumps > JUMPS_SAID_FROM * work:
         notes.append(
             f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does "

@@ -28,7 +28,7 @@ from kaju.errors import ConvergenceError, KajuError, TangentError
 from kaju.model.rheology.creep_result import CreepState
 from kaju.model.rheology.load_history import History
 from kaju.model.rheology.schemes import Energy, Scheme
-from kaju.stopping import stopped
+from kaju.stopping import interrupt_requested
 
 Fields = tuple[Floats, ...]
 
@@ -150,7 +150,7 @@ def stops(
             state = _keep_tolerance(system, method, drive, state, node, corner, pace)
         else:
             state = _go_evenly(system, method, drive, state, node, pace.step)
-        ended = stopped()
+        ended = interrupt_requested()
         if node in wanted or ended:
             yield state
         if ended:
@@ -184,7 +184,7 @@ def _go_evenly(
         fields, booked = take_step(system, method, state.fields, length, factors)
         scale, jump = _scale(system, state, fields), drive.jumps_at(start)
         state = state.moved(end, fields, booked, scale, jump=jump)
-        if stopped():
+        if interrupt_requested():
             break
     return state
 
@@ -200,7 +200,7 @@ def _keep_tolerance(
 ) -> CreepState:
     """Go on to `node` in steps whose estimated error keeps the tolerance."""
     wish, gave_way, too_long = state.next_step or 1e-3 * (node - state.time), 0, inf
-    while state.time < node and not stopped():
+    while state.time < node and not interrupt_requested():
         left = node - state.time
         # Two equal steps to the node rather than a long one and a sliver.
         step = left if wish >= left else min(wish, 0.5 * left)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
-from kaju.files import file_to_read, scratch_folder, take_place
+from kaju.files import file_to_read, hidden_folder, move_into_place
 from kaju.model.elastic import fields
 from kaju.model.elastic.staggered import axis_pairs
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
@@ -273,7 +273,7 @@ class PiecedResult(BodyResult):
             raise ResultError("save: a stored result is a folder already; copy that")
         first = comm.Get_rank() == 0
         hidden = None
-        holder = scratch_folder(target, ResultFileError) if first else None
+        holder = hidden_folder(target, ResultFileError) if first else None
         try:
             hidden = together(comm, lambda: _opened(holder, target))
             place = Path(comm.bcast(str(hidden)))
@@ -298,7 +298,7 @@ class PiecedResult(BodyResult):
             (place / SUMMARY).write_text(summary + "\n", encoding="utf-8")
             about = {"scene": text, "stage": self.stage, "files": _checksums(place)}
             write_archive(place / SCENE, "pieces", arrays, about)
-            take_place(place, target, replace=False)
+            move_into_place(place, target, replace=False)
         except OSError as error:
             raise ResultFileError(f"{target}: cannot be written: {error}") from error
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ParameterError, SceneError, SceneFileError
-from kaju.files import scratch_beside
+from kaju.files import atomic_file
 
 from .body import Body
 from .description import TABLES, Description
@@ -266,14 +266,14 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
     table = _drawn(table, picture)
     if picture is not None and "drawing" not in table["body"]:
         beside = path.with_name(f"{path.stem}.cells.npy")
-        with scratch_beside(beside, SceneFileError) as scratch:
+        with atomic_file(beside, SceneFileError) as scratch:
             np.save(scratch, picture.codes, allow_pickle=False)
         table = _arrayed(table, picture, beside.name)
     for region in table["body"].get("regions", []):
         for key in {"image", "surface"} & set(region):
             if not region[key]["file"].startswith((EMBEDDED, EMBEDDED_ARRAY)):
                 region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
-    with scratch_beside(path, SceneFileError) as scratch:
+    with atomic_file(path, SceneFileError) as scratch:
         scratch.write_text(dumps(table), encoding="utf-8")
 
 

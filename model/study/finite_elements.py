@@ -1,9 +1,8 @@
 """Finite elements on the cells of a scene (scikit-fem): the independent answer.
 
-Nothing of kaju's own solvers takes part: a scene gives its cells, moduli, loads and supports,
-scikit-fem the elements. Triangles may be graded towards every point where the solution is
-singular, which makes them the truth of plane bodies. Within, lengths are in cells of the scene,
-displacements in metres, forces in newtons.
+Nothing of kaju's own solvers takes part. Triangles are graded towards every point where the
+solution is singular, which makes them the truth of plane bodies. Lengths are in cells of the
+scene, displacements in metres, forces in newtons.
 """
 
 from __future__ import annotations
@@ -22,20 +21,17 @@ from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
-from kaju.model.scene.selection import AppliedLoads, Uneven
+from kaju.model.scene.selection import Uneven
 from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
 
-NEAREST = 16
-"""Elements that are asked first for a point."""
+NEAREST = 16  # elements that are asked first for a point
 ROUNDING = 1e-9
-DIRECT = 400_000
-"""More unknowns than this are found by pyamg, which needs less memory than factors."""
+DIRECT = 400_000  # more unknowns are found by pyamg, which needs less memory than factors
 RESIDUAL = 1e-10
 ORDERS = {"triangles": (1, 2, 3, 4), "boxes": (1, 2)}
-MOST_CELLS = 1_000_000
-"""Bodies of more cells do not fit in memory as elements."""
+MOST_CELLS = 1_000_000  # more do not fit in memory as elements
 
 
 def finite_elements(
@@ -104,27 +100,28 @@ def finite_elements(
             f"scene: {cells:,} cells are too many for finite elements in memory, which is "
             f"{MOST_CELLS:,}; give a coarser scene"
         )
-    around = surroundings(scene)
-    family: tuple[Any, ...]
+    kinds = surroundings(scene)
     if shape == "triangles":
-        family = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3, skfem.ElementTriP4)
-        mesh = graded_mesh(around, singular_points(scene, around), levels)
+        family = [getattr(skfem, f"ElementTriP{k}") for k in ORDERS[shape]]
+        mesh = graded_mesh(kinds, singular_points(scene, kinds), levels)
+        words = f"triangles of order {order}" + (f", {levels} times halved" if levels else "")
+        # Exact for products of slopes and for loads that are uniform in an element.
+        degree = max(2 * order - 2, order)
     else:
-        plane = (skfem.ElementQuad1, skfem.ElementQuad2)
-        family = (skfem.ElementHex1, skfem.ElementHex2) if solid else plane
-        mesh = box_mesh(around, split)
-    # Exact for products of slopes and for loads that are uniform in an element.
-    degree = 2 * order if shape == "boxes" else max(2 * order - 2, order)
+        family = [getattr(skfem, f"Element{'Hex' if solid else 'Quad'}{k}") for k in ORDERS[shape]]
+        mesh = box_mesh(kinds, split)
+        words, degree = f"boxes of order {order}, {split} along a cell", 2 * order
     basis = skfem.Basis(mesh, skfem.ElementVector(family[order - 1]()), intorder=degree)
-    told = f"{shape} of order {order}" + (f", {levels} times halved" if levels else "")
-    if shape == "boxes":
-        told = f"boxes of order {order}, {split} along a cell"
-    return _reference_of(scene, solve_on(scene, basis, around), told)
+    field = solve_on(scene, basis, kinds)
+    points = scene.lattice.centres(np.argwhere(scene.rasterise() >= 0))
+    moved, _, stress = field.at(points)
+    source = f"finite elements: {words}, {basis.N} unknowns (scikit-fem {skfem.__version__})"
+    return ElementReference(points, moved, stress, field.energy, source, field)
 
 
 @dataclass(frozen=True, eq=False)
 class ElementReference(Reference):
-    """Displacement, stress and strain energy of finite elements, known all over the body.
+    """Displacement, stress and strain energy of finite elements, defined all over the body.
 
     Its own points are the middles of the cells; these alone are saved and loaded again.
     """
@@ -145,16 +142,11 @@ class ElementReference(Reference):
 class ElementField:
     """The unknowns of elements, and what they say at points."""
 
-    basis: Any
-    """Vector-valued, on a mesh in cells."""
-    displacement: Floats
-    """In m. Shape (unknowns,)."""
-    energy: float
-    """In J."""
-    cell_size: float
-    """In m."""
-    moduli: Moduli
-    """Of every element (Pa)."""
+    basis: Any  # vector-valued, on a mesh in cells
+    displacement: Floats  # of every unknown (m)
+    energy: float  # (J)
+    cell_size: float  # (m)
+    moduli: Moduli  # of every element (Pa)
 
     @property
     def unknowns(self) -> int:
@@ -180,22 +172,10 @@ class ElementField:
         return moved.T, gradient, 2.0 * shear * strain + lateral * volume
 
 
-def _reference_of(scene: Scene, field: ElementField, told: str) -> ElementReference:
-    """Return what elements answer, with the middles of the cells as its own points."""
-    import skfem
-
-    lattice = scene.lattice
-    cells = np.argwhere(scene.rasterise() >= 0)
-    points = lattice.centres(cells)
-    moved, _, stress = field.at(points)
-    source = f"finite elements: {told}, {field.unknowns} unknowns (scikit-fem {skfem.__version__})"
-    return ElementReference(points, moved, stress, field.energy, source, field)
-
-
 def _elements_around(basis: Any, place: Floats) -> Index:
     """Return the element that holds each place, or comes closest to it.
 
-    The mesh's own finder knows no rounding, which counts beside triangles graded to 1e-5.
+    The mesh's own finder makes no allowance for rounding, which counts in triangles of 1e-5.
     """
     from scipy.spatial import cKDTree
 
@@ -203,25 +183,23 @@ def _elements_around(basis: Any, place: Floats) -> Index:
     if corners.shape[1] == 2 ** len(place):  # boxes, which lie along the axes
         low, high = corners.min(axis=1).T - ROUNDING, corners.max(axis=1).T + ROUNDING
         return np.array([np.argmax(np.all((p >= low) & (p <= high), axis=1)) for p in place.T])
-    middles = corners.mean(axis=1)
-    nearest = cKDTree(middles.T).query(place.T, min(NEAREST, middles.shape[1]))[1]
-    near = np.asarray(nearest, dtype=np.int64).reshape(place.shape[1], -1)
-    inside = _depth_within(basis, np.repeat(place, near.shape[1], axis=1), near.ravel())
-    inside = inside.reshape(near.shape)
-    best = inside.argmax(axis=1)
-    rows = np.arange(len(near))
-    found: Index = near[rows, best]
-    for lost in np.flatnonzero(inside[rows, best] < -ROUNDING):
-        every = np.arange(middles.shape[1])
-        repeated = np.repeat(place[:, [lost]], len(every), axis=1)
-        found[lost] = _depth_within(basis, repeated, every).argmax()
+
+    def depth_within(places: Floats, elements: Index) -> Floats:
+        # The smallest barycentric coordinate of each place, shape (1, places), in its elements.
+        many = elements.shape[1]
+        repeated = np.repeat(places, many, axis=1)[:, :, None]
+        local = basis.mapping.invF(repeated, elements.ravel())[..., 0]
+        smallest = np.minimum(local.min(axis=0), 1.0 - local.sum(axis=0))
+        return np.asarray(smallest.reshape(-1, many))
+
+    middles = corners.mean(axis=1).T
+    ranks = np.arange(1, min(NEAREST, len(middles)) + 1)
+    near = np.asarray(cKDTree(middles).query(place.T, ranks)[1], dtype=np.int64)
+    inside = depth_within(place, near)
+    found: Index = near[np.arange(len(near)), inside.argmax(axis=1)]
+    for lost in np.flatnonzero(inside.max(axis=1) < -ROUNDING):
+        found[lost] = depth_within(place[:, [lost]], np.arange(len(middles))[None]).argmax()
     return found
-
-
-def _depth_within(basis: Any, place: Floats, element: Index) -> Floats:
-    """Return the smallest barycentric coordinate of each place in its element."""
-    local = basis.mapping.invF(place[:, :, None], element)[..., 0]
-    return np.asarray(np.minimum(local.min(axis=0), 1.0 - local.sum(axis=0)))
 
 
 def surroundings(scene: Scene) -> Index:
@@ -255,12 +233,10 @@ def cells_of(mesh: Any) -> Index:
 def element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
     """Return the moduli (Pa) of every element; see `surroundings` for `kinds`."""
     kind = kinds[tuple(cells_of(mesh) + 1)]
-    materials = scene.cell_materials
-    constants = (
-        np.array([m.youngs_modulus for m in materials]),
-        np.array([m.poissons_ratio for m in materials]),
-    )
-    return Moduli(*(modulus[kind] for modulus in moduli_of(*constants, scene.plane)))
+    constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
+    youngs_modulus, poissons_ratio = np.array(constants).T
+    moduli = moduli_of(youngs_modulus, poissons_ratio, scene.plane)
+    return Moduli(*(modulus[kind] for modulus in moduli))
 
 
 def _faces_of(mesh: Any, facets: Index) -> tuple[Index, Index]:
@@ -286,15 +262,6 @@ def stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
     return depth(scene) * form.assemble(basis, lateral=lateral, shear=shear)
 
 
-def _weight(scene: Scene, mesh: Any) -> Floats:
-    """Return the forces in the middle of cells, spread over the elements, for unit volume."""
-    applied = scene.applied()
-    inside = applied.direction < 0
-    within = np.zeros((*scene.lattice.shape, scene.lattice.dimension))
-    np.add.at(within, tuple(applied.cells[inside].T), applied.force[inside])
-    return np.asarray(within[tuple(cells_of(mesh))].T)
-
-
 def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     """Return the mean of the loads on facets of the boundary, and its growth along each axis.
 
@@ -305,8 +272,8 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
 
     d, applied = scene.lattice.dimension, scene.applied()
     row = np.flatnonzero(applied.direction >= 0)
-    cells, way, force = applied.cells[row], applied.direction[row], applied.force[row]
-    if (scene.kinds(cells + scene.lattice.normals[way].astype(int)) >= 0).any():
+    cells, direction, force = applied.cells[row], applied.direction[row], applied.force[row]
+    if (scene.kinds(cells + scene.lattice.normals[direction].astype(int)) >= 0).any():
         raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
     part = np.tile([[0.0], [1.0]], (len(applied.force), 1, d))
     slope = np.zeros((len(applied.force), d, d))
@@ -314,7 +281,7 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
         part[applied.uneven.row], slope[applied.uneven.row] = applied.uneven[1:]
     cell, own = _faces_of(mesh, facets)
     sizes = (*scene.lattice.shape, 2 * d)
-    loads = pd.DataFrame({"face": np.ravel_multi_index((*cells.T, way), sizes)})
+    loads = pd.DataFrame({"face": np.ravel_multi_index((*cells.T, direction), sizes)})
     sides = pd.DataFrame({"face": np.ravel_multi_index((*cell, own), sizes)})
     both = loads.reset_index(names="load").merge(sides.reset_index(names="side"), on="face")
     load, side = both["load"].to_numpy(), both["side"].to_numpy()
@@ -331,13 +298,18 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
 
 
 def _load_vector(scene: Scene, basis: Any) -> Floats:
-    """Return the forces on the unknowns of vector-valued elements."""
+    """Return the forces on the unknowns: of weight in the elements, of tractions on facets."""
     import skfem
 
-    mesh = basis.mesh
-    facets, weight = mesh.boundary_facets(), _weight(scene, mesh)
+    mesh, applied = basis.mesh, scene.applied()
+    total = np.zeros(basis.N)
+    inside = applied.direction < 0
+    if inside.any():
+        weight = np.zeros((*scene.lattice.shape, scene.lattice.dimension))  # of a cell's volume
+        np.add.at(weight, tuple(applied.cells[inside].T), applied.force[inside])
+        total += _assembled(weight[tuple(cells_of(mesh))].T[:, :, None], basis)
+    facets = mesh.boundary_facets()
     mean, growth = _tractions(scene, mesh, facets)
-    total = _assembled(weight[:, :, None], basis) if weight.any() else np.zeros(basis.N)
     loaded = mean.any(axis=1) | growth.any(axis=(1, 2))
     if loaded.any():
         side = skfem.FacetBasis(mesh, basis.elem, facets=facets[loaded])
@@ -362,13 +334,13 @@ def _assembled(density: Floats, basis: Any) -> Floats:
 def held(basis: Any, kinds: Index) -> Index:
     """Return the unknowns that rigid cells and rollers hold; see `surroundings` for `kinds`."""
     facets = basis.mesh.boundary_facets()
-    cell, way = _faces_of(basis.mesh, facets)
+    cell, direction = _faces_of(basis.mesh, facets)
     beyond = cell + 1
-    beyond[way // 2, np.arange(len(way))] += 2 * (way % 2) - 1
+    beyond[direction // 2, np.arange(len(direction))] += 2 * (direction % 2) - 1
     kind = kinds[tuple(beyond)]
     parts = [basis.get_dofs(facets[kind == RIGID]).flatten()]
     for axis in range(len(cell)):
-        sliding = facets[(kind == ROLLER) & (way // 2 == axis)]
+        sliding = facets[(kind == ROLLER) & (direction // 2 == axis)]
         parts.append(basis.get_dofs(sliding).all([f"u^{axis + 1}"]))
     return np.unique(np.concatenate(parts).astype(np.int64))
 
@@ -409,56 +381,41 @@ def multigrid(matrix: Any, right: Floats, motions: Floats, residual: float) -> F
     return np.asarray(hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000))
 
 
-def cell_mesh(kinds: Index) -> Any:
-    """Return triangles (tetrahedra) on the body's cells, four (six) in each."""
-    import skfem
-
-    ticks = [np.arange(n - 1.0) for n in kinds.shape]
-    if len(ticks) == 2:
-        whole = skfem.MeshQuad.init_tensor(*ticks).to_meshtri(style="x")
-    else:
-        whole = skfem.MeshTet.init_tensor(*ticks)
-    return _body_of(whole, kinds)
-
-
 def box_mesh(kinds: Index, split: int) -> Any:
     """Return squares (cubes) on the body's cells, `split` along the edge of each."""
     import skfem
 
     ticks = [np.arange(split * (n - 2) + 1.0) / split for n in kinds.shape]
     kind = skfem.MeshQuad if len(ticks) == 2 else skfem.MeshHex
-    return parted(_body_of(kind.init_tensor(*ticks), kinds))
+    return _separated(_within_body(kind.init_tensor(*ticks), kinds))
 
 
-def _body_of(whole: Any, kinds: Index) -> Any:
+def _within_body(whole: Any, kinds: Index) -> Any:
     return whole.restrict(np.flatnonzero(kinds[tuple(cells_of(whole) + 1)] >= 0))
 
 
 def graded_mesh(kinds: Index, singular: Floats, levels: int) -> Any:
-    """Return triangles on the body's cells, halved `levels` times around singular points."""
+    """Return four triangles a cell, halved `levels` times around singular points (in cells)."""
+    import skfem
     from scipy.spatial import cKDTree
 
-    mesh = cell_mesh(kinds)
+    ticks = [np.arange(n - 1.0) for n in kinds.shape]
+    mesh = _within_body(skfem.MeshQuad.init_tensor(*ticks).to_meshtri(style="x"), kinds)
     corner = (singular == np.floor(singular)).all(axis=1)
     tree, within = cKDTree(singular[corner]), singular[~corner]
     for _ in range(levels if len(singular) else 0):
-        sharp = np.equal(tree.query(mesh.p.T)[0], 0.0)
-        near = sharp[mesh.t].any(axis=0)
-        near[_on_facets(mesh, within)] = True
+        near = np.equal(tree.query(mesh.p.T)[0], 0.0)[mesh.t].any(axis=0)
+        facets = mesh.boundary_facets()  # some points lie within the side of a cell
+        ends = mesh.p[:, mesh.facets[:, facets]]
+        low, high = ends.min(axis=1).T - ROUNDING, ends.max(axis=1).T + ROUNDING
+        for point in within:
+            there = ((point >= low) & (point <= high)).all(axis=1)
+            near[mesh.f2t[0, facets[there]]] = True
         mesh = mesh.refined(np.flatnonzero(near))
-    return parted(mesh)
+    return _separated(mesh)
 
 
-def _on_facets(mesh: Any, points: Floats) -> Index:
-    """Return the triangles on whose sides at the boundary points lie."""
-    facets = mesh.boundary_facets()
-    ends = mesh.p[:, mesh.facets[:, facets]]
-    low, high = ends.min(axis=1) - ROUNDING, ends.max(axis=1) + ROUNDING
-    found = [np.flatnonzero(((p >= low.T) & (p <= high.T)).all(axis=1)) for p in points]
-    return np.asarray(mesh.f2t[0, facets[np.concatenate([*found, []]).astype(np.int64)]])
-
-
-def parted(mesh: Any) -> Any:
+def _separated(mesh: Any) -> Any:
     """Give elements that touch at a corner only a point each: one point holds nothing together.
 
     Corners of elements are joined through the facets that elements share.
@@ -499,35 +456,25 @@ def singular_points(scene: Scene, kinds: Index) -> Floats:
 
 
 def _ends_of_loads(scene: Scene) -> Floats:
-    """Return the ends of faces whose traction is not that of the next face in line."""
+    """Return the ends of faces whose traction is not that of the next face in line, in cells."""
     applied = scene.applied()
-    traction: dict[tuple[int, ...], Floats] = {}
-    for cell, way, force in zip(applied.cells, applied.direction, applied.force, strict=True):
-        if way >= 0:
-            key = (int(way), *map(int, cell))
-            traction[key] = traction.get(key, 0.0) + force
+    on_face = applied.direction >= 0
+    face = (applied.direction[on_face], *applied.cells[on_face].T)
+    traction = np.zeros((4, *scene.lattice.shape, 2))
+    np.add.at(traction, face, applied.force[on_face])
     ends = []
-    for (way, *cell), force in traction.items():
-        axis, upper = divmod(way, 2)
-        for step in (-1, 1):
-            beside = list(cell)
-            beside[1 - axis] += step
-            other = traction.get((way, *beside), np.zeros(2))
-            if np.abs(other - force).max() > ROUNDING * np.abs(force).max():
-                end = list(cell)
-                end[axis] += upper
-                end[1 - axis] += step == 1
-                ends.append(end)
-    return np.concatenate([np.reshape(ends, (-1, 2)), _ends_within(applied)])
-
-
-def _ends_within(applied: AppliedLoads) -> Floats:
-    """Return where loads begin and end within faces."""
-    if applied.uneven is None:
-        return np.zeros((0, 2))
-    row, part, _ = applied.uneven
-    axis, upper = np.divmod(applied.direction[row], 2)
-    ends = applied.cells[row][:, None] + part
-    ends[np.arange(len(row)), :, axis] = (applied.cells[row, axis] + upper)[:, None]
-    inside = (ends != np.floor(ends)).any(axis=2)
-    return np.asarray(ends[inside])
+    for axis, upper in np.ndindex(2, 2):
+        # Faces of one direction, those in line along the first axis; nothing before and after.
+        lines = np.moveaxis(traction[2 * axis + upper], 1 - axis, 0)
+        lines = np.pad(lines, [(1, 1), (0, 0), (0, 0)])
+        size, step = np.abs(lines).max(axis=2), np.abs(np.diff(lines, axis=0)).max(axis=2)
+        found = np.argwhere(step > ROUNDING * np.maximum(size[1:], size[:-1]))
+        found[:, 1] += upper
+        ends.append(found if axis else found[:, ::-1])
+    if applied.uneven is not None:  # loads that begin or end within faces
+        row, part, _ = applied.uneven
+        axes, uppers = np.divmod(applied.direction[row], 2)
+        within = applied.cells[row][:, None] + part
+        within[np.arange(len(row)), :, axes] = (applied.cells[row, axes] + uppers)[:, None]
+        ends.append(within[(within != np.floor(within)).any(axis=2)])
+    return np.concatenate(ends)

@@ -1,10 +1,9 @@
 """Which coefficients of the prescribed rule come closest to a reference.
 
-A load either exceeds the threshold or it does not, so the answer jumps when a coefficient
-passes certain values: no gradients. The search divides the box of coefficients into ever
-smaller boxes (Jones, Perttunen & Stuckman 1993, "Lipschitzian optimization without the
-Lipschitz constant") and improves the best point by a simplex (Nelder & Mead 1965). Both
-are deterministic.
+A load either exceeds the threshold or it does not, so the answer jumps where a coefficient passes
+certain values, and has no gradients. The search divides the box of coefficients into ever smaller
+boxes (Jones, Perttunen & Stuckman 1993, "Lipschitzian optimization without the Lipschitz
+constant") and improves the best point by a simplex (Nelder & Mead 1965). Both are deterministic.
 """
 
 from __future__ import annotations
@@ -28,52 +27,43 @@ from kaju.model.study.compare import AnyAnswer, Comparison, Pair, Settling, comp
 from kaju.model.study.reference import Reference
 from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.transfer_result import TransferResult
 
 Quantity = Literal["displacement", "stress"]
 Believed = AnyAnswer | Reference | Settling
 
-GLOBAL_SHARE = 0.7
-"""Part of the evaluations that go into the search of the whole box."""
-UNSTABLE = 10.0
-"""What a rule counts whose loads would grow; worse than any that is worth considering."""
-LEAST_BESIDE = 0.02
-"""At least this part of what is passed on along the load goes beside."""
-LARGEST_SHARE = 0.98
-"""No load is passed on in a larger piece, so that all of them end."""
-CELLS_ACROSS = {2: 160, 3: 48}
-"""Cells of a believed answer across a body, where nobody says how many."""
+GLOBAL_SHARE = 0.7  # part of the evaluations that go into the search of the whole box
+UNSTABLE = 10.0  # misfit of a rule whose loads would grow: worse than any worth considering
+LEAST_BESIDE = 0.02  # at least this part of what is passed on goes beside the load's line
+LARGEST_SHARE = 0.98  # no load is passed on in a larger piece, so that all of them end
+CELLS_ACROSS = {2: 160, 3: 48}  # cells of a believed answer across a body, by default
+SIMPLEX = 0.05  # edge of the first simplex, in the box
 
 
 class Misfit(NamedTuple):
-    """How far one quantity of one scene was off before the fit, and is after it."""
+    """How far one quantity of one scene was off before the fit, and is after it.
 
-    scene: int
-    """Number of the scene, from 0."""
+    As the norm of the difference over that of the reference: 1 is no better than nothing.
+    """
+
+    scene: int  # from 0
     quantity: Quantity
-    """One of "displacement", "stress"."""
-    weight: float
-    """How much it counted; 0 if it was only watched."""
+    weight: float  # how much it counted; 0 if it was only watched
     before: float
     after: float
-    """Norm of the difference over that of the reference: 1 is no better than nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The coefficients that were found."""
 
-    rule: PrescribedRule
-    """The first scene's with the fitted α and β, ready for `Scene.replace(rule=...)`."""
+    rule: PrescribedRule  # the first scene's with the fitted α and β, for `Scene.replace(rule=...)`
     comparisons: tuple[tuple[Comparison, Comparison], ...]
     """For every scene its own rule, and the fitted one, against the reference."""
-    misfits: tuple[Misfit, ...]
-    """What every quantity of every scene has gained or lost, whether it was fitted or not."""
-    history: Floats
-    """Least weighted misfit found up to each run of the rule. Shape (evaluations,)."""
-    seconds: float
-    """Time that the search took (s)."""
-    notes: tuple[str, ...] = ()
-    """What a reader of the figures should know, in words."""
+    misfits: tuple[Misfit, ...]  # of every quantity of every scene, whether it was fitted or not
+    history: Floats  # least weighted misfit up to each run of the rule, shape (evaluations,)
+    seconds: float  # time that the search took (s)
+    notes: tuple[str, ...] = ()  # what a reader of the figures should know
 
     @property
     def before(self) -> Comparison:
@@ -99,10 +89,8 @@ class Fit:
     def misfit(self) -> tuple[float, float]:
         """Weighted misfit of what was fitted, before and after."""
         weights = [row.weight for row in self.misfits]
-        before, after = (
-            [getattr(row, name) for row in self.misfits] for name in Misfit._fields[3:]
-        )
-        return _weighted(before, weights), _weighted(after, weights)
+        before = _weighted([row.before for row in self.misfits], weights)
+        return before, _weighted([row.after for row in self.misfits], weights)
 
     @property
     def trade_off(self) -> str:
@@ -113,10 +101,10 @@ class Fit:
         better = [row for row in self.misfits if row.after < row.before]
         unfitted = any(row.weight == 0.0 for row in worse)
         remedy = "; quantity={'displacement': 1, 'stress': 1} weighs both" if unfitted else ""
-        told = f"{self._told(worse)} got worse"
-        return (f"{self._told(better)} got better, but " if better else "") + told + remedy
+        gained = f"{self._listed(better)} got better, but " if better else ""
+        return f"{gained}{self._listed(worse)} got worse{remedy}"
 
-    def _told(self, rows: Sequence[Misfit]) -> str:
+    def _listed(self, rows: Sequence[Misfit]) -> str:
         several = len(self.comparisons) > 1
         return ", ".join(
             f"{row.quantity}{f' of scene {row.scene + 1}' if several else ''} "
@@ -144,15 +132,15 @@ class Fit:
         assert self.rule.alpha is not None
         before, after = self.misfit
         alpha = ", ".join(f"{share:.4g}" for share in self.rule.alpha)
-        told = (
+        text = (
             f"alpha = ({alpha}), beta = {self.rule.beta:.4g}: misfit of the {self.quantity} "
             f"{before:.3g} before, {after:.3g} after, {self.evaluations} runs"
         )
-        return "; ".join([told, *filter(None, [self.trade_off]), *self.notes])
+        return "; ".join([text, *filter(None, [self.trade_off]), *self.notes])
 
 
 def elastic_reference(scene: Scene, resolution: int | None = None) -> BodyResult:
-    """Return the answer of elasticity, on cells fine enough to be believed unless told."""
+    """Return the answer of elasticity, by default on cells fine enough to be believed."""
     if resolution is None:
         across = CELLS_ACROSS[scene.lattice.dimension]
         resolution = min(8, max(1, across // max(scene.lattice.shape)))
@@ -173,12 +161,12 @@ def fit_rule(
     """Find α and β that bring the prescribed rule closest to references on scenes.
 
     The coefficients fit these bodies under these loads, and no others. Made small is the root of
-    the weighted mean square of all misfits; what got worse for it is told.
+    the weighted mean square of all misfits; the result lists what got worse for it.
 
     Parameters
     ----------
     scene : Scene, or several
-        With a `PrescribedRule`; its threshold and way of adding up are kept, coefficients of
+        With a `PrescribedRule`; its threshold and kind of adding up are kept, coefficients of
         single materials are given up.
     reference : BodyResult, ElasticRun or Reference, or one for each scene, optional
         What to come close to; by default the answers of elasticity.
@@ -240,18 +228,18 @@ def fit_rule(
     ]
     search = _Search(cases, most_passed_on, began + seconds)
     best = search.run(evaluations)
-    rule = search.rule(cases[0], best)
     pairs = tuple((case.before, case.compare(search.rule(case, best))) for case in cases)
     misfits = tuple(
         Misfit(number, name, case.weights.get(name, 0.0), first.misfit, _pair(after, name).misfit)
         for number, (case, (before, after)) in enumerate(zip(cases, pairs, strict=True))
         for name in get_args(Quantity)
-        if (first := _known_pair(before, name)) is not None
+        if (first := getattr(before, name)) is not None
     )
     notes: tuple[str, ...] = ()
     if search.ended_early:
         notes = (f"ended after {seconds:g} s with {len(search.found)} of {evaluations} runs",)
     history = np.minimum.accumulate(np.array(search.found))
+    rule = search.rule(cases[0], best)
     return Fit(rule, pairs, misfits, history, perf_counter() - began, notes)
 
 
@@ -311,29 +299,27 @@ class _Case:
         weights: Mapping[Quantity, float],
         points: ArrayLike | None,
     ) -> None:
-        # The last stage alone counts, and each is run from the start.
-        self.scene = scene.in_one_step()
-        self.weights = weights
         assert isinstance(scene.rule, PrescribedRule)
-        self.rule = scene.rule
+        # The last stage alone counts, and each is run from the start.
+        self.scene, self.rule, self.weights = scene.in_one_step(), scene.rule, weights
         first = LoadModel(self.scene, engine="arrays", allow_unstable=True).run()
         self.before = compare(first, reference, points=points)
-        self.wanted = {name: _pair(self.before, name).reference for name in weights}
         self.own = [_pair(self.before, name).misfit for name in weights]
+
+    def _run(self, rule: PrescribedRule) -> TransferResult:
+        return LoadModel(self.scene.replace(rule=rule), engine="arrays").run()
 
     def compare(self, rule: PrescribedRule) -> Comparison:
         """Compare a rule with the reference, where the first one was compared."""
-        result = LoadModel(self.scene.replace(rule=rule), engine="arrays").run()
-        return compare(result, self.before.reference, points=self.before.points)
+        return compare(self._run(rule), self.before.reference, points=self.before.points)
 
     def misfits(self, rule: PrescribedRule) -> list[float]:
         """Return the misfits of a rule that count."""
-        result = LoadModel(self.scene.replace(rule=rule), engine="arrays").run()
-        found = []
-        for name, wanted in self.wanted.items():
+        result, found = self._run(rule), []
+        for name in self.weights:
             at = result.stress_at if name == "stress" else result.displacement_at
-            difference = np.linalg.norm(at(self.before.points) - wanted)
-            found.append(float(difference / np.linalg.norm(wanted)))
+            wanted = _pair(self.before, name)
+            found.append(replace(wanted, values=at(self.before.points)).misfit)
         return found
 
 
@@ -395,26 +381,19 @@ class _Search:
         """Return the best point of the box."""
         from scipy.optimize import Bounds, direct, minimize
 
+        box = Bounds(np.zeros(4), np.ones(4))
         try:
             self(self.start())
-            direct(
-                self,
-                Bounds(np.zeros(4), np.ones(4)),
-                maxfun=int(GLOBAL_SHARE * evaluations),
-                maxiter=evaluations,
-                locally_biased=True,
-            )
-            minimize(
-                self,
-                self.box,
-                method="Nelder-Mead",
-                bounds=[(0.0, 1.0)] * 4,
-                options={
-                    "maxfev": max(evaluations - len(self.found), 5),
-                    "initial_simplex": _simplex(self.box),
-                    "xatol": 1e-5,
-                },
-            )
+            most = int(GLOBAL_SHARE * evaluations)
+            direct(self, box, maxfun=most, maxiter=evaluations, locally_biased=True)
+            # The best point and its neighbours along every axis, all inside the box.
+            inwards = np.diag(np.where(self.box < 0.5, SIMPLEX, -SIMPLEX))
+            options: Any = {
+                "maxfev": max(evaluations - len(self.found), 5),
+                "initial_simplex": self.box + np.concatenate([np.zeros((1, 4)), inwards]),
+                "xatol": 1e-5,
+            }
+            minimize(self, self.box, method="Nelder-Mead", bounds=box, options=options)
         except _TimeIsUpError:
             self.ended_early = True
         return self.box
@@ -426,20 +405,9 @@ def _weighted(misfits: Sequence[float], weights: Sequence[float]) -> float:
     return hypot(*(sqrt(w / whole) * m for m, w in zip(misfits, weights, strict=True)))
 
 
-def _simplex(box: Floats, size: float = 0.05) -> Floats:
-    """Return a point and its neighbours along every axis, all inside the box."""
-    corners = np.tile(box, (len(box) + 1, 1))
-    for axis in range(len(box)):
-        corners[axis + 1, axis] += size if box[axis] < 0.5 else -size
-    return corners
-
-
-def _known_pair(comparison: Comparison, quantity: str) -> Pair | None:
-    return comparison.displacement if quantity == "displacement" else comparison.stress
-
-
-def _pair(comparison: Comparison, quantity: str) -> Pair:
-    pair = _known_pair(comparison, quantity)
+def _pair(comparison: Comparison, quantity: Quantity) -> Pair:
+    """Return the displacements or the stresses of a comparison."""
+    pair: Pair | None = getattr(comparison, quantity)
     if pair is None:
         raise ParameterError("quantity: the reference knows no stress; fit the displacement")
     return pair

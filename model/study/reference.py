@@ -1,4 +1,4 @@
-"""What results are measured against: a displacement and a stress known at some points.
+"""What results are measured against: displacement and stress at some points.
 
 A reference may come from another program, an experiment or a formula. It knows nothing
 between its points and never guesses.
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
-_SAME_PLACE = 1e-7
-"""Points this near, as a share of the extent of all points, are the same point."""
+_SAME_PLACE = 1e-7  # distance within which points are the same, as a share of the extent of all
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,18 +76,16 @@ class Reference:
             raise ParameterError(
                 f"points: an array of shape (n, 2) or (n, 3) is needed, got shape {points.shape}"
             )
-        n, dimension = points.shape
         object.__setattr__(self, "points", points)
-        wanted = {"displacement": (n, dimension), "stress": (n, dimension, dimension)}
-        for name, shape in wanted.items():
-            given = getattr(self, name)
-            if given is None and name == "stress":
+        n, d = points.shape
+        for name, shape in (("displacement", (n, d)), ("stress", (n, d, d))):
+            if name == "stress" and self.stress is None:
                 continue
-            values = _numbers(name, given)
+            values = _numbers(name, getattr(self, name))
             if values.shape != shape:
                 raise ParameterError(
-                    f"{name}: {n} points in {dimension} dimensions need an array of shape "
-                    f"{shape}, got shape {values.shape}"
+                    f"{name}: {n} points in {d} dimensions need an array of shape {shape}, got "
+                    f"shape {values.shape}"
                 )
             object.__setattr__(self, name, values)
 
@@ -104,7 +101,7 @@ class Reference:
         return cKDTree(self.points)
 
     def rows(self, points: Floats) -> Ints:
-        """Return for each point the row of the reference that knows it, -1 if none does."""
+        """Return for each point the row of the reference at this place, -1 if there is none."""
         reach = _SAME_PLACE * float(np.ptp(self.points, axis=0).max(initial=0.0))
         distance, row = self._tree.query(np.asarray(points, dtype=np.float64))
         return np.where(distance <= reach, row, -1).astype(np.int64)

@@ -1,14 +1,15 @@
-"""A scene's rule beside elasticity: run, fitted, and derived, against one answer.
+"""A scene's rule beside elasticity: as it is, fitted, and derived, against one answer.
 
-The description of the prescribed rule compares it with finite elements along lines: in the
-column under the load, and along rows at some depths. Here the same is done for any scene; the
-answer that is believed is that of `kaju.solve` on smaller cells.
+The description of the prescribed rule compares it with finite elements along lines: in the column
+under the load, and along rows at some depths. Here the same is done for any scene; the answer that
+is believed is that of `kaju.solve` on smaller cells.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -34,13 +35,11 @@ if TYPE_CHECKING:
 CHOSEN = "prescribed rule"
 FITTED = "prescribed rule, fitted"
 DERIVED = "elastic agents"
-
-ELASTIC_TOLERANCE = 1e-6
-"""So far the elastic agents are run beside a prescribed rule."""
+ELASTIC_TOLERANCE = 1e-6  # of the elastic agents beside a prescribed rule
 
 
 class StraightWay(NamedTuple):
-    """A straight way: its ends (m), and its depth below the load (m), None of the way down."""
+    """A line through the body: its ends (m), and its depth below the load (m; None: along it)."""
 
     start: tuple[float, ...]
     end: tuple[float, ...]
@@ -51,54 +50,52 @@ class StraightWay(NamedTuple):
 class RuleStudy:
     """How a scene's rule does beside elasticity."""
 
-    scene: Scene
-    """What was asked, all of its load applied at once."""
-    believed: BodyResult
-    """The answer of elasticity."""
+    scene: Scene  # what was asked, all of its load applied at once
+    believed: BodyResult  # the answer of elasticity
+    # What is judged by it: agents of the prescribed rule, of the same rule with fitted
+    # coefficients, and of the elastic rule.
     comparisons: Mapping[str, Comparison]
-    """What is judged by it: agents of the prescribed rule, of the same rule with fitted
-    coefficients, and of the elastic rule."""
-    fit: Fit | None
-    """The coefficients that come closest."""
-    axis: int
-    """Along which the load presses most."""
-    seconds: float
-    """Time that all of it took (s)."""
-    notes: tuple[str, ...] = ()
-    """What is to be known of it, such as that it was interrupted."""
+    fit: Fit | None  # the coefficients that come closest
+    axis: int  # along which the load presses most
+    seconds: float  # time that all of it took (s)
+    notes: tuple[str, ...] = ()  # such as that it was interrupted
 
     @property
     def down(self) -> StraightWay:
-        """The way from the middle of the load through the body, along the load."""
-        place, _, far = self._load
-        start, end = place.copy(), place.copy()
-        start[self.axis], end[self.axis] = self._surface, far
-        return StraightWay(tuple(start.tolist()), tuple(end.tolist()), None)
+        """The line from the middle of the load through the body, along the load."""
+        surface, _, far = self._along_load
+        return self._line({self.axis: (surface, far)}, None)
 
     def rows(self, depths: Sequence[float] | None = None) -> list[StraightWay]:
-        """Return ways across the load at some depths (m) below it.
+        """Return lines across the load at some depths (m) below it.
 
         Unless given at the middle of the first row of cells, and those nearest to a quarter and to
         half of the way down.
         """
-        place, into, far = self._load
-        length, edge = abs(far - self._surface), self.scene.lattice.cell_size
+        surface, into, far = self._along_load
+        length, edge = abs(far - surface), self.scene.lattice.cell_size
         if depths is None:
             layers = {int(share * length / edge + 1e-9) for share in (0.0, 0.25, 0.5)}
             depths = [(layer + 0.5) * edge for layer in sorted(layers)]
-        across = 0 if self.axis else 1
-        ways = []
+        across, lines = 0 if self.axis else 1, []
         for depth in depths:
             if not 0.0 < depth < length:
                 raise ParameterError(
                     f"depth: must lie between 0 and {length:g} m, the way through the body; "
                     f"got {depth}"
                 )
-            start, end = place.copy(), place.copy()
-            start[self.axis] = end[self.axis] = self._surface + into * depth
-            start[across], end[across] = 0.0, self.scene.lattice.extent[across]
-            ways.append(StraightWay(tuple(start.tolist()), tuple(end.tolist()), float(depth)))
-        return ways
+            height, extent = surface + into * depth, self.scene.lattice.extent[across]
+            ends = {self.axis: (height, height), across: (0.0, extent)}
+            lines.append(self._line(ends, float(depth)))
+        return lines
+
+    def _line(self, ends: Mapping[int, tuple[float, float]], depth: float | None) -> StraightWay:
+        """Return the line through the middle of the load whose ends differ along some axes."""
+        points = np.tile(self._middle[1], (2, 1))
+        for axis, both in ends.items():
+            points[:, axis] = both
+        start, end = map(tuple, points.tolist())
+        return StraightWay(start, end, depth)
 
     @property
     def pressure(self) -> float:
@@ -110,24 +107,24 @@ class RuleStudy:
         area = len(np.unique(flat, axis=0)) * lattice.face_area(self.scene.thickness)
         return force / area
 
-    @property
-    def _load(self) -> tuple[Floats, float, float]:
-        """Middle of the load (m), its sense along the axis, and where the body ends there."""
+    @cached_property
+    def _middle(self) -> tuple[Floats, Floats]:
+        """The middle of the load (m), and the centre of the cell that it lies in."""
         applied, lattice = self.scene.applied(), self.scene.lattice
-        force = applied.force[:, self.axis]
-        weight = np.abs(force)
+        weight = np.abs(applied.force[:, self.axis])
         middle = (weight[:, None] * lattice.centres(applied.cells)).sum(axis=0) / weight.sum()
-        # In the middle of a row of cells, or a way would run along their faces.
-        place = lattice.centres(lattice.locate(middle[None] + 1e-9 * lattice.cell_size))[0]
-        lower, upper = (np.asarray(end) * lattice.cell_size for end in self.scene.bounds())
-        half = 0.5 * (lower[self.axis] + upper[self.axis])
-        into = -1.0 if middle[self.axis] > half else 1.0
-        return place, into, float(lower[self.axis] if into < 0.0 else upper[self.axis])
+        # Between two rows it belongs to the upper one: a line along faces would be ambiguous.
+        cell = lattice.locate(middle[None] + 1e-9 * lattice.cell_size)
+        return middle, np.asarray(lattice.centres(cell)[0])
 
     @property
-    def _surface(self) -> float:
-        place, into, _ = self._load
-        return float(place[self.axis] - 0.5 * into * self.scene.lattice.cell_size)
+    def _along_load(self) -> tuple[float, float, float]:
+        """Along its axis: the loaded surface (m), the sense into the body, and its far end (m)."""
+        edge = self.scene.lattice.cell_size
+        middle, place = (float(point[self.axis]) for point in self._middle)
+        ends = [float(end[self.axis]) * edge for end in self.scene.bounds()]
+        into = -1.0 if middle > 0.5 * sum(ends) else 1.0
+        return place - 0.5 * into * edge, into, ends[0] if into < 0.0 else ends[1]
 
     def cuts(self) -> tuple[Cuts, dict[str, Cuts]]:
         """Return the force through every cut across the load: as believed, and of each answer."""
@@ -153,15 +150,8 @@ class RuleStudy:
         """Return the key figures as plain numbers and strings."""
         fitted = None
         if self.fit is not None:
-            before, after = self.fit.misfit
-            rule = self.fit.rule
-            fitted = {
-                "alpha": list(rule.alpha or ()),
-                "beta": rule.beta,
-                "misfit_before": before,
-                "misfit_after": after,
-                "runs": self.fit.evaluations,
-            }
+            names = ("alpha", "beta", "misfit_before", "misfit_after", "runs")
+            fitted = {name: self.fit.summary()[name] for name in names}
         reference = self.believed.summary()
         believed, judged = self.cuts()
         return {
@@ -196,7 +186,7 @@ def beside_elasticity(
     found: dict[str, Comparison] = {}
     fit: Fit | None = None
 
-    def told(*notes: str) -> RuleStudy:
+    def study(*notes: str) -> RuleStudy:
         axis, seconds = first_largest(force), perf_counter() - began
         return RuleStudy(scene, believed, found, fit, axis, seconds, notes)
 
@@ -212,5 +202,5 @@ def beside_elasticity(
     except KeyboardInterrupt:
         if not found:
             raise
-        raise Interrupted(told(NOTE)) from None
-    return told()
+        raise Interrupted(study(NOTE)) from None
+    return study()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from kaju.errors import OutOfMemoryError, ParameterError
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.subjects import question_of
 from kaju.model.scene import Scene
-from kaju.stopping import keeping
+from kaju.stopping import Answer, interruptible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,6 +28,40 @@ if TYPE_CHECKING:
 
 Strategy = Literal["auto", "uniform", "spawning"]
 STRATEGIES = ("auto", "uniform", "spawning")
+
+_OUTLINES = (
+    "{name}: is not known of true outlines, whose agents %s; leave it out, or take regions with "
+    'outline = "cells"'
+)
+_TAKEN = {
+    "network": (
+        "tolerance increments method",
+        "{name}: belongs to no SpringNetwork; leave it out",
+    ),
+    "scene": (
+        "tolerance resolution strategy tolerance_at previous stage stiffness most_agents engine",
+        "{name}: belongs to no Scene; leave it out",
+    ),
+    "plane with outlines": (
+        "tolerance most_agents previous tolerance_at strategy=spawning stage=1",
+        _OUTLINES % "spawn where the tolerance asks for it",
+    ),
+    "solid with outlines": (
+        "resolution strategy=uniform stage=1",
+        _OUTLINES % "are equal cells in space, as many as `resolution` says",
+    ),
+    "petsc": (
+        "tolerance resolution stage engine strategy=uniform",
+        "engine: 'petsc' solves equal cells, by tolerance (of the equations), resolution and "
+        "stage; it knows no {name}",
+    ),
+    "stiffness": (
+        "tolerance resolution previous stage stiffness strategy=uniform",
+        "stiffness: a field of it belongs to equal cells, which know no {name}; leave the one or "
+        "the other out",
+    ),
+}
+"""By solver, the options that it takes (or the one value of them), and what is said of others."""
 
 
 # The overloads only say which subject gives which result; options are checked by name below.
@@ -135,53 +170,32 @@ def solve(  # type: ignore[misc]
     ('proved', True)
     """
     subject = question_of(subject)
+    options: dict[str, Any] = {
+        "tolerance": tolerance,
+        "resolution": resolution,
+        "strategy": None if strategy == "auto" else strategy,
+        "tolerance_at": tolerance_at,
+        "previous": previous,
+        "stage": stage,
+        "stiffness": stiffness,
+        "most_agents": most_agents,
+        "engine": engine,
+        "increments": increments,
+        "method": method,
+    }
+    given = {name: value for name, value in options.items() if value is not None}
     if isinstance(subject, Scene):
-        _refuse(subject, increments=increments, method=method)
+        _refuse_others("scene", given)
         if subject.outlined:
-            solid = subject.lattice.dimension == 3
-            known = ("auto", "uniform" if solid else "spawning")
-            own: dict[str, object] = {}
-            if solid:
-                own = {"tolerance": tolerance, "most_agents": most_agents, "previous": previous}
-            _refuse_with_outlines(
-                solid,
-                resolution=None if solid else resolution,
-                strategy=None if strategy in known else strategy,
-                tolerance_at=tolerance_at if solid else None,
-                stage=None if stage == 1 else stage,
-                engine=engine,
-                stiffness=stiffness,
-                **own,
-            )
-            if solid:
-                from kaju.model.solid.solid_agents import solve_solid
-
-                return keeping(lambda: solve_solid(subject, resolution))
-            return keeping(
-                lambda: _solve_outlined(subject, tolerance, most_agents, previous, tolerance_at)
-            )
+            return interruptible(lambda: _with_memory(_solve_outlined, subject, given))
         if engine is not None:
-            _refuse_beside_petsc(
-                engine,
-                strategy,
-                previous=previous,
-                tolerance_at=tolerance_at,
-                agents=most_agents,
-                stiffness=stiffness,
-            )
+            if engine != "petsc":
+                raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
+            _refuse_others("petsc", given)
             from kaju.model.scale.solve_petsc import solve_petsc
 
             return solve_petsc(subject, tolerance, resolution, stage=stage)
-        try:
-            asked = (tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents)
-            return keeping(lambda: _solve_scene(subject, *asked, stiffness))
-        except MemoryError as error:
-            if isinstance(error, OutOfMemoryError):
-                raise
-            raise OutOfMemoryError(
-                f"solve: {error or 'memory ran out'}; take a smaller resolution, a larger "
-                "tolerance, or fewer agents (most_agents)"
-            ) from error
+        return interruptible(lambda: _with_memory(_solve_scene, subject, given))
     from kaju.model.network import SpringNetwork
     from kaju.model.network import solve as solve_network
 
@@ -190,88 +204,65 @@ def solve(  # type: ignore[misc]
             "subject: a Scene, a SpringNetwork, a model of one, or the path of a scene is needed, "
             f"got {type(subject).__name__}"
         )
-    _refuse(
-        subject,
-        resolution=resolution,
-        strategy=None if strategy == "auto" else strategy,
-        tolerance_at=tolerance_at,
-        previous=previous,
-        stage=stage,
-        stiffness=stiffness,
-        most_agents=most_agents,
-        engine=engine,
-    )
-    how = {"tolerance": tolerance, "increments": increments, "method": method}
-    given: dict[str, Any] = {name: value for name, value in how.items() if value is not None}
-    return keeping(lambda: solve_network(subject, **given))
+    _refuse_others("network", given)
+    return interruptible(lambda: solve_network(subject, **given))
 
 
-def _first_given(**named: object) -> str:
-    """Return the first name with a value, "" if there is none."""
-    return next((name for name, value in named.items() if value is not None), "")
+def _refuse_others(solver: str, given: Mapping[str, Any]) -> None:
+    """Refuse the first option that is given and that a solver does not take."""
+    taken, message = _TAKEN[solver]
+    for name, value in given.items():
+        if not {name, f"{name}={value}"} & set(taken.split()):
+            raise ParameterError(message.format(name=name))
 
 
-def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:
-    if engine != "petsc":
-        raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
-    if name := _first_given(**given) or (strategy if strategy == "spawning" else ""):
-        raise ParameterError(
-            f"engine: 'petsc' solves equal cells, by tolerance (of the equations), resolution and "
-            f"stage; it knows no {name}"
-        )
+def _with_memory(
+    solver: Callable[[Scene, dict[str, Any]], Answer], scene: Scene, given: dict[str, Any]
+) -> Answer:
+    """Return an answer; where memory runs out, say which options need less."""
+    try:
+        return solver(scene, given)
+    except MemoryError as error:
+        if isinstance(error, OutOfMemoryError):
+            raise
+        raise OutOfMemoryError(
+            f"solve: {error or 'memory ran out'}; take a smaller resolution, a larger "
+            "tolerance, or fewer agents (most_agents)"
+        ) from error
 
 
-def _refuse_with_outlines(solid: bool, **given: object) -> None:
-    if name := _first_given(**given):
-        how = "spawn where the tolerance asks for it"
-        if solid:
-            how = "are equal cells in space, as many as `resolution` says"
-        raise ParameterError(
-            f"{name}: is not known of true outlines, whose agents {how}; leave it out, or take "
-            'regions with outline = "cells"'
-        )
+def _solve_outlined(scene: Scene, given: dict[str, Any]) -> AnyElastic:
+    """Solve a scene within true outlines: agents that spawn in the plane, equal cells in space."""
+    if scene.lattice.dimension == 3:
+        _refuse_others("solid with outlines", given)
+        from kaju.model.solid.solid_agents import solve_solid
 
-
-def _solve_outlined(
-    scene: Scene,
-    tolerance: float | None,
-    most_agents: int | None,
-    previous: object,
-    tolerance_at: ToleranceAt | None,
-) -> OutlineResult:
-    check_numbers(tolerance, None, None, most_agents)
+        return solve_solid(scene, given.get("resolution"))
+    _refuse_others("plane with outlines", given)
     from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.outline.outlined_scene import solve_outlined
 
+    tolerance, most_agents = given.get("tolerance"), given.get("most_agents")
+    previous = given.get("previous")
+    check_numbers(tolerance, None, None, most_agents)
     if previous is not None and not isinstance(previous, OutlineResult):
         raise ParameterError(
             "previous: agents within true outlines continue from an OutlineResult, got "
             f"{type(previous).__name__}; leave it out"
         )
-    return solve_outlined(scene, tolerance, most_agents, previous, tolerance_at)
+    return solve_outlined(scene, tolerance, most_agents, previous, given.get("tolerance_at"))
 
 
-def _refuse(subject: object, **given: object) -> None:
-    """Refuse what is given though it belongs to another subject."""
-    if name := _first_given(**given):
-        raise ParameterError(f"{name}: belongs to no {type(subject).__name__}; leave it out")
-
-
-def _solve_scene(
-    scene: Scene,
-    tolerance: float | None,
-    resolution: int | None,
-    strategy: str,
-    tolerance_at: ToleranceAt | None,
-    previous: ElasticResult | OutlineResult | None,
-    stage: int | None,
-    most_agents: int | None,
-    stiffness: ArrayLike | None,
-) -> ElasticResult:
+def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
+    """Solve a scene's cells by the strategy asked for, or the one that suits the options."""
     from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.solve import solve as solve_uniform
 
+    strategy, previous = given.get("strategy", "auto"), given.get("previous")
+    tolerance, resolution, stage, most_agents, tolerance_at = map(
+        given.get, ("tolerance", "resolution", "stage", "most_agents", "tolerance_at")
+    )
     if strategy not in STRATEGIES:
         raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
     if previous is not None and not isinstance(previous, ElasticResult):
@@ -279,17 +270,10 @@ def _solve_scene(
             f"previous: an ElasticResult is needed to start from, got {type(previous).__name__}"
         )
     check_numbers(tolerance, resolution, stage, most_agents, least=SMALLEST)
-    if stiffness is not None:
-        name = _first_given(tolerance_at=tolerance_at, most_agents=most_agents)
-        name = name or ("strategy='spawning'" if strategy == "spawning" else "")
-        if name:
-            raise ParameterError(
-                f"stiffness: a field of it belongs to equal cells, which know no {name}; leave "
-                "the one or the other out"
-            )
-        return solve_uniform(
-            scene, tolerance, resolution, stage=stage, previous=previous, stiffness=stiffness
-        )
+    kept: dict[str, Any] = {"stage": stage, "previous": previous}
+    if "stiffness" in given:
+        _refuse_others("stiffness", given)
+        return solve_uniform(scene, tolerance, resolution, stiffness=given["stiffness"], **kept)
     spawned = previous is not None and previous.found.storage == "tree"
     if strategy == "auto" and (tolerance_at is not None or spawned):
         strategy = "spawning"
@@ -298,25 +282,16 @@ def _solve_scene(
     if strategy == "spawning":
         from kaju.model.elastic.refine.solve_spawning import solve_spawning
 
-        return solve_spawning(
-            scene,
-            tolerance,
-            resolution,
-            tolerance_at=tolerance_at,
-            stage=stage,
-            most_agents=most_agents,
-            previous=previous,
-        )
+        kept |= {"tolerance_at": tolerance_at, "most_agents": most_agents}
+        return solve_spawning(scene, tolerance, resolution, **kept)
     if tolerance_at is not None:
         raise ParameterError(
             "tolerance_at: equal cells have no error to choose; take strategy='spawning'"
         )
     if tolerance is None:
-        return solve_uniform(scene, None, resolution, stage=stage, previous=previous)
+        return solve_uniform(scene, None, resolution, **kept)
     from kaju.model.elastic.refine.choice import solve_cheaply, solve_equal
 
     if strategy == "uniform":
-        return solve_equal(scene, tolerance, resolution, stage=stage, previous=previous)
-    return solve_cheaply(
-        scene, tolerance, resolution, stage=stage, most_agents=most_agents, previous=previous
-    )
+        return solve_equal(scene, tolerance, resolution, **kept)
+    return solve_cheaply(scene, tolerance, resolution, most_agents=most_agents, **kept)

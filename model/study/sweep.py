@@ -1,8 +1,8 @@
 """The verb: run a scene at many points, on many processes, and go on after an interruption.
 
 joblib hands the runs out, in batches sized by what runs have taken so far. A run that kills its
-process takes joblib's other processes with it: the runs that were on their way are then computed
-one at a time, so that the one that kills is known by it.
+process takes joblib's other processes with it: the runs under way are then computed one at a time,
+which singles out the one that kills.
 """
 
 from __future__ import annotations
@@ -35,10 +35,8 @@ from .sweep_store import identity_of, store_of, write_table
 if TYPE_CHECKING:
     import pandas
 
-_TRIED = 8
-"""So many points are tried for their scene before anything starts."""
-DEATHS = 2
-"""So often a run may kill the process that computes nothing else, before it is given up."""
+_TRIED = 8  # points that are tried for their scene before anything starts
+DEATHS = 2  # how often a run may kill a process that computes nothing else before it is given up
 
 
 def sweep(
@@ -112,7 +110,7 @@ def sweep(
     ResultFileError
         If the folder holds another sweep, or cannot be written.
     WorkerError
-        If nobody is left to compute; what was finished is kept in `out`.
+        If no worker is left to compute; what was finished is kept in `out`.
 
     Examples
     --------
@@ -174,58 +172,52 @@ def _try_scenes(job: SweepJob, points: SweepPoints) -> None:
     """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
     if not isinstance(job.subject, Scene):
         return
-    first: SceneError | None = None
+    errors = []
     for number in np.unique(np.linspace(0, len(points) - 1, _TRIED).astype(int)):
         point = points[int(number)]
         changes = {key: value for key, value in point.items() if not key.startswith("run.")}
         try:
             job.varied(changes, 0)
         except SceneError as error:
-            first = first or error
+            errors.append(error)
         else:
             return
-    assert first is not None
+    first = errors[0]
     raise SceneError(f"no point that was tried makes a scene; the first: {first}") from first
 
 
 def _described(job: SweepJob, points: SweepPoints, samples: int | None) -> dict[str, Any]:
-    """Return what is asked, and by what it is known again."""
+    """Return what is asked, and a digest by which the same sweep is recognised."""
+    measure: Any = job.measure
+    if isinstance(measure, str) or callable(measure):
+        measure = [_named(measure)]
     about = {
         "subject": str(job.subject) if isinstance(job.subject, Scene) else _named(job.subject),
         "run": _named(job.run),
-        "measure": _words(job.measure),
+        "measure": None if measure is None else list(measure),
         "varied": list(points.columns),
         "method": points.method,
         "samples": samples,
         "points": len(points),
         "seed": job.seed,
     }
-    identity = identity_of(_identifying(job, points, about))
-    return about | {"kaju_version": __version__, "identity": identity}
 
+    def parts() -> Iterator[bytes]:
+        yield json.dumps(about, default=str).encode()
+        if isinstance(job.subject, Scene):
+            text, arrays = job.subject.to_archive()
+            yield text.encode()
+            for name, array in sorted(arrays.items()):
+                yield name.encode()
+                yield np.ascontiguousarray(array).tobytes()
+        for number in range(len(points)):
+            yield json.dumps(points[number], default=str).encode()
 
-def _identifying(job: SweepJob, points: SweepPoints, about: dict[str, Any]) -> Iterator[bytes]:
-    yield json.dumps(about, default=str).encode()
-    if isinstance(job.subject, Scene):
-        text, arrays = job.subject.to_archive()
-        yield text.encode()
-        for name, array in sorted(arrays.items()):
-            yield name.encode()
-            yield np.ascontiguousarray(array).tobytes()
-    for number in range(len(points)):
-        yield json.dumps(points[number], default=str).encode()
-
-
-def _words(measure: Measure) -> list[str] | None:
-    if measure is None:
-        return None
-    if isinstance(measure, str) or callable(measure):
-        return [_named(measure)]
-    return list(measure)
+    return about | {"kaju_version": __version__, "identity": identity_of(parts())}
 
 
 def _named(what: Any) -> str:
-    """Return by which name something is known again in another process."""
+    """Return the name by which something is recognised in another process."""
     if isinstance(what, str):
         return what
     if isinstance(what, partial):
@@ -248,13 +240,13 @@ def _rows_of(
     deaths: dict[int, int] = {}
     while groups:
         group = groups.pop()
-        on_their_way: dict[int, bool] = {}
+        under_way: dict[int, bool] = {}
         try:
-            for row in _parallel(job, points, group, workers, on_their_way):
-                del on_their_way[row[RUN]]
+            for row in _parallel(job, points, group, workers, under_way):
+                del under_way[row[RUN]]
                 yield row
         except TerminatedWorkerError:
-            started, rest = list(on_their_way), group[group.index(max(on_their_way)) + 1 :]
+            started, rest = list(under_way), group[group.index(max(under_way)) + 1 :]
             groups += [rest] if rest else []
             if len(group) == 1:
                 deaths[group[0]] = deaths.get(group[0], 0) + 1
@@ -281,13 +273,13 @@ def _parallel(
             started[run] = True
             yield delayed(job.row)(run, points[run])
 
-    # A single run that may kill its process must not have this one.
+    # A single run that may kill its process must not run in this one.
     count = max(workers, 2) if len(runs) == 1 and workers > 1 else workers
     parallel = Parallel(
         n_jobs=count,
         return_as="generator_unordered",
         mmap_mode=None,
-        # Not with a worker's first run: killed before it came, nobody would end the worker.
+        # Not with a worker's first run: if this process is killed before it, the worker stays.
         initializer=_settle_in,
         initargs=(os.getpid(),),
     )
@@ -298,7 +290,7 @@ def _parallel(
 def _rows_by(
     executor: Executor, job: SweepJob, points: SweepPoints, runs: Ints, workers: int
 ) -> Iterator[Row]:
-    """Yield the rows of runs that an executor of somebody else's computes."""
+    """Yield the rows of runs that another executor computes."""
     pieces = np.array_split(runs, min(len(runs), 16 * workers))
     try:
         futures = [
@@ -319,19 +311,19 @@ def _rows_at(job: SweepJob, batch: list[tuple[int, Mapping[str, Any]]]) -> list[
 
 
 def _settle_in(home: int) -> None:
-    """Let a worker end with the process that started it, and look for garbage in new things only.
+    """Let a worker end with the process that started it, and freeze what is loaded by now.
 
     Short runs of many agents leave garbage, which Python looks for in all that a process has
     loaded: a fifth of a run of 7 ms.
     """
+
+    def end_with_home() -> None:
+        while os.getppid() == home:
+            sleep(0.2)
+        os._exit(1)
+
     gc.freeze()
-    Thread(target=_end_with, args=(home,), daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        sleep(0.2)
-    os._exit(1)
+    Thread(target=end_with_home, daemon=True).start()
 
 
 @contextmanager

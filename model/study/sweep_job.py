@@ -30,14 +30,10 @@ _NOT_REPEATABLE = ("seconds", "kaju_version")
 class SweepJob:
     """What is done at every point."""
 
-    subject: Scene | Callable[..., Any]
-    """What is changed by the point's keys; a function is called with them by name."""
-    run: Callable[..., Any]
-    """Takes the subject, and the keys that begin with "run." as options."""
-    measure: Measure
-    """What of the result goes into the row."""
-    seed: int
-    """From which the runs' own seeds are made."""
+    subject: Scene | Callable[..., Any]  # changed by the point's keys, or called with them by name
+    run: Callable[..., Any]  # takes the subject, and the keys that begin with "run." as options
+    measure: Measure  # what of the result goes into the row
+    seed: int  # from which the runs' own seeds are made
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
@@ -56,14 +52,13 @@ class SweepJob:
     def figures(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return what is measured at one point."""
         seed = seed_of(self.seed, number)
-        options = {
-            key.removeprefix(_OPTION): value
-            for key, value in point.items()
-            if key.startswith(_OPTION)
-        }
-        changes = {key: value for key, value in point.items() if not key.startswith(_OPTION)}
+        changes, options = dict(point), {}
+        for key in [key for key in changes if key.startswith(_OPTION)]:
+            options[key.removeprefix(_OPTION)] = changes.pop(key)
         with without_progress():
-            result = _answer(self.run, self.varied(changes, seed), options, seed)
+            result = _called(self.run, (self.varied(changes, seed),), options, seed)
+            if isinstance(self.run, type) and hasattr(result, "run"):
+                result = result.run()  # a model's class makes a model, which has still to be run
         return _measured(result, self.measure)
 
     def varied(self, changes: Mapping[str, Any], seed: int) -> Any:
@@ -99,12 +94,6 @@ def by_its_kind(subject: Any, rng: int | None = None) -> Any:
     return solve(subject) if isinstance(subject, (Scene, SpringNetwork)) else subject
 
 
-def _answer(run: Callable[..., Any], subject: Any, options: Mapping[str, Any], seed: int) -> Any:
-    result = _called(run, (subject,), options, seed)
-    # A model's class makes a model, which has still to be run.
-    return result.run() if isinstance(run, type) and hasattr(result, "run") else result
-
-
 def _called(
     function: Callable[..., Any], arguments: tuple[Any, ...], options: Mapping[str, Any], seed: int
 ) -> Any:
@@ -114,20 +103,21 @@ def _called(
 
 
 def _measured(result: Any, measure: Measure) -> Row:
+    """Return what the measure takes of a result, by column."""
     if measure is None:
         return _everything(result)
     if isinstance(measure, str):
         measure = (measure,)
     if isinstance(measure, Mapping):
-        return {name: _figure(name, function(result)) for name, function in measure.items()}
-    if not callable(measure):
+        found: Mapping[str, Any] = {name: each(result) for name, each in measure.items()}
+    elif callable(measure):
+        value = measure(result)
+        name = getattr(measure, "__name__", "measure").replace("<lambda>", "measure")
+        found = value if isinstance(value, Mapping) else {name: value}
+    else:
         table = _table(result)
-        return {name: _figure(name, _found(result, table, name)) for name in measure}
-    value = measure(result)
-    if isinstance(value, Mapping):
-        return {str(name): _figure(str(name), part) for name, part in value.items()}
-    name = getattr(measure, "__name__", "measure").replace("<lambda>", "measure")
-    return {name: _figure(name, value)}
+        found = {name: _found(result, table, name) for name in measure}
+    return {str(name): _figure(str(name), value) for name, value in found.items()}
 
 
 def _table(result: Any) -> Mapping[str, Any]:
@@ -141,20 +131,19 @@ def _table(result: Any) -> Mapping[str, Any]:
 
 
 def _everything(result: Any) -> Row:
+    """Return all single figures of a result that are the same at every repetition."""
     if _is_figure(plain(result)):
         return {"value": plain(result)}
-    figures = {key: plain(value) for key, value in _table(result).items()}
-    taken = {
-        key: value
-        for key, value in figures.items()
-        if _is_figure(value) and key not in _NOT_REPEATABLE
+    figures = {
+        key: plain(value) for key, value in _table(result).items() if key not in _NOT_REPEATABLE
     }
-    if not taken:
+    figures = {key: value for key, value in figures.items() if _is_figure(value)}
+    if not figures:
         raise ParameterError(
             f"measure: a {type(result).__name__} has no figures of its own; "
             "say what to measure by a function of it"
         )
-    return taken
+    return figures
 
 
 def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
@@ -193,6 +182,4 @@ def _figure(name: str, value: Any) -> Any:
 
 def _cell(value: Any) -> Any:
     """Return a varied value as a cell of a table holds it: lists and tables as text."""
-    if _is_figure(value):
-        return value
-    return json.dumps(value, default=str)
+    return value if _is_figure(value) else json.dumps(value, default=str)

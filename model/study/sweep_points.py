@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from kaju.agents.materials import suggestion
-from kaju.arrays import Floats
 from kaju.errors import ParameterError, needing
 
 Vary = Mapping[str, Any]
@@ -32,10 +31,8 @@ MOST_POINTS = 10_000_000
 class SweepPoints:
     """The points of a sweep, by column."""
 
-    columns: Mapping[str, Sequence[Any]]
-    """The values that each varied quantity takes, one per point."""
-    method: str
-    """How they were chosen."""
+    columns: Mapping[str, Sequence[Any]]  # of each varied quantity, one value per point
+    method: str  # how they were chosen
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -126,7 +123,17 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPo
             f"samples: Sobol points are balanced only in powers of two; take {below} or "
             f"{2 * below} instead of {samples}, or method='lhs'"
         )
-    unit = _unit_cube(len(vary), method, samples, seed)
+    if method == "saltelli":
+        with needing("Saltelli's points need SALib: pip install 'kaju[sweep]'"):
+            from SALib.sample import sobol
+        cube = {"num_vars": len(vary), "bounds": [[0.0, 1.0]] * len(vary), "names": list(vary)}
+        unit = sobol.sample(cube, samples, calc_second_order=False, seed=seed)
+    else:
+        from scipy.stats import qmc
+
+        engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
+        unit = engine(len(vary), seed=seed).random(samples)
+    unit = np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
     columns: dict[str, Sequence[Any]] = {}
     for (key, given), column in zip(vary.items(), unit.T, strict=True):
         if hasattr(given, "ppf"):
@@ -137,21 +144,6 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPo
             values = _values(key, given)
             columns[key] = [values[int(place)] for place in column * len(values)]
     return SweepPoints(columns, method)
-
-
-def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> Floats:
-    if method == "saltelli":
-        with needing("Saltelli's points need SALib: pip install 'kaju[sweep]'"):
-            from SALib.sample import sobol
-        cube = {"num_vars": dimension, "bounds": [[0.0, 1.0]] * dimension}
-        cube["names"] = [str(number) for number in range(dimension)]
-        unit = sobol.sample(cube, samples, calc_second_order=False, seed=seed)
-    else:
-        from scipy.stats import qmc
-
-        engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
-        unit = engine(dimension, seed=seed).random(samples)
-    return np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
 
 
 def plain(value: Any) -> Any:

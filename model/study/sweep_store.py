@@ -19,7 +19,7 @@ import numpy as np
 
 from kaju.arrays import Ints
 from kaju.errors import ResultFileError, needing
-from kaju.files import is_there, scratch_beside
+from kaju.files import atomic_file, is_there
 
 from .sweep_job import ERROR, RUN, Row
 
@@ -109,7 +109,7 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
 
 def write_table(table: pandas.DataFrame, out: Path) -> None:
     """Write the table of a finished sweep beside its store, for everybody to read."""
-    with scratch_beside(out / TABLE, ResultFileError) as scratch:
+    with atomic_file(out / TABLE, ResultFileError) as scratch:
         bare = table.copy(deep=False)
         bare.attrs = {}
         bare.to_parquet(scratch, index=False)
@@ -125,7 +125,7 @@ def load_sweep(folder: str | Path) -> pandas.DataFrame:
 
 
 def identity_of(parts: Iterable[bytes]) -> str:
-    """Return a digest by which a sweep is known again."""
+    """Return a digest by which a sweep is recognised."""
     digest = hashlib.sha256()
     for part in parts:
         digest.update(len(part).to_bytes(8, "big") + part)
@@ -148,7 +148,7 @@ def _begin(database: sqlite3.Connection, about: dict[str, Any]) -> None:
 def _opened(folder: Path) -> Iterator[sqlite3.Connection]:
     with closing(sqlite3.connect(folder / STORE, isolation_level=None)) as database:
         with _reading(folder):
-            # Appends to a journal: a row costs no wait for the disk, and nobody who reads blocks.
+            # Appends to a journal: a row costs no wait for the disk, and readers block nothing.
             database.execute("PRAGMA journal_mode=WAL")
             database.execute("PRAGMA synchronous=NORMAL")
         yield database

@@ -83,19 +83,20 @@ def main() -> None:
     except MemoryError as error:
         _end(f"there is not enough memory ({error}); take a coarser or a smaller body")
     except OSError as error:
-        gone = isinstance(error, FileNotFoundError)  # whatever has no name was written to a stream
+        gone = isinstance(error, FileNotFoundError)  # errors without a name are of a stream
         where = error.filename or ("the working folder" if gone else "the output")
         _end(f"{where}: {error.strerror or error}")
 
 
-def _end(told: str) -> NoReturn:
+def _end(message: str) -> NoReturn:
+    """Print an error, on the stream that still takes it, and exit."""
     _full(sys.stdout)
-    typer.echo(f"error: {told}", err=not _full(sys.stderr))
+    typer.echo(f"error: {message}", err=not _full(sys.stderr))
     sys.exit(2)
 
 
 def _full(stream: TextIO) -> bool:
-    """Tell whether a stream takes nothing more; what is left in it is given up then."""
+    """Tell whether a stream takes nothing more; what it still holds is then discarded."""
     try:
         stream.flush()
     except OSError:

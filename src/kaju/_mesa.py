@@ -1,7 +1,7 @@
 """Mesa's names, without two things that come with them.
 
 Mesa's batch runner sets multiprocessing's start method to "spawn" for the whole process when
-it is imported. Whoever imports kaju has not asked for that, so it is put back as it was.
+it is imported. An import of kaju must not do that, so it is put back as it was.
 
 Mesa's agents are numbered from a table that keeps every model for ever: many runs in one process
 grow slower and larger with each. The agents here are numbered from one that does not.

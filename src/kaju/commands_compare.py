@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,12 +14,14 @@ from kaju.files import check_writable
 from kaju.stopping import NOTE, Interrupted
 
 from .console import Console
-from .options import Force, Json, Pictures, Quiet, Settings, scene_of
+from .options import Force, Json, Pictures, Quiet, Settings, folder, scene_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from kaju.model.scene import Scene
     from kaju.model.study.compare import Comparison
+    from kaju.model.study.rule_study import RuleStudy
 
 Stored = "a result or reference (.npz), or the folder of a run"
 
@@ -37,11 +39,7 @@ def compare(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            *("--out", "-o"),
-            metavar="DIR",
-            help="Folder for comparison.json and pictures; of a scene SCENE-compared unless given.",
-        ),
+        folder("Folder for comparison.json and pictures; of a scene SCENE-compared unless given."),
     ] = None,
     settings: Settings = None,
     resolution: Annotated[
@@ -67,54 +65,53 @@ def compare(
     answer of elasticity; and says in words how far each is off, and where.
     """
     console = Console(as_json, quiet)
-    if judged.suffix == ".toml":
-        if reference is not None:
-            raise ParameterError(
-                f"{reference}: a scene is compared with elasticity; to compare its run with "
-                f"another result, run it first (kaju run {judged}), then compare its folder"
-            )
-        folder = out or Path(f"{judged.stem}-compared")
-        _check_free(folder, force)
-        try:
-            told = _rule(judged, settings, resolution, depth, fit, console)
-        except KeyboardInterrupt:
-            typer.echo("interrupted before there was anything to keep", err=True)
-            raise typer.Exit(130) from None
-        ended_early = bool(told[0]["notes"])
-        _write(folder, *told, pictures and not ended_early, console)
-        if ended_early:
-            typer.echo(f"{NOTE}; it is in {folder}", err=True)
-            raise typer.Exit(130)
+    if judged.suffix != ".toml":
+        for given, name in ((settings, "--set"), (resolution, "--resolution"), (depth, "--depth")):
+            if given is not None:
+                raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
+        if reference is None:
+            raise ParameterError(f"REFERENCE: is needed, which {judged} is judged by")
+        if out is not None:
+            _check_free(out, force)
+        found = _two(judged, reference, console)
+        if out is not None:
+            _write(out, found.summary(), _error_maps(found) if pictures else {}, console)
         return
-    for given, name in ((settings, "--set"), (resolution, "--resolution"), (depth, "--depth")):
-        if given is not None:
-            raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
-    if reference is None:
-        raise ParameterError(f"REFERENCE: is needed, which {judged} is judged by")
-    if out is not None:
-        _check_free(out, force)
-    told = _two(judged, reference, console)
-    if out is not None:
-        _write(out, *told, pictures, console)
+    if reference is not None:
+        raise ParameterError(
+            f"{reference}: a scene is compared with elasticity; to compare its run with "
+            f"another result, run it first (kaju run {judged}), then compare its folder"
+        )
+    target = out or Path(f"{judged.stem}-compared")
+    _check_free(target, force)
+    try:
+        study = _study(scene_of(judged, settings), resolution, depth, fit, console)
+    except KeyboardInterrupt:
+        typer.echo("interrupted before there was anything to keep", err=True)
+        raise typer.Exit(130) from None
+    from kaju.view.comparison import pictures_beside
+
+    ended_early = bool(study.notes)
+    drawn = pictures_beside(study, depth) if pictures and not ended_early else {}
+    _write(target, study.summary(), drawn, console)
+    if ended_early:
+        typer.echo(f"{NOTE}; it is in {target}", err=True)
+        raise typer.Exit(130)
 
 
-Figures = Callable[[], "Mapping[str, Figure]"]
-
-
-def _rule(
-    path: Path,
-    settings: list[str] | None,
+def _study(
+    scene: Scene,
     resolution: int | None,
     depth: list[float] | None,
     fit: int,
     console: Console,
-) -> tuple[dict[str, Any], Figures]:
+) -> RuleStudy:
     """Set a scene's rule beside elasticity, and say what was found."""
     from kaju.model.study.rule_study import RuleStudy, beside_elasticity
-    from kaju.view.comparison import pictures_beside, words_beside
+    from kaju.view.comparison import words_beside
 
     try:
-        study = beside_elasticity(scene_of(path, settings), resolution=resolution, evaluations=fit)
+        study = beside_elasticity(scene, resolution=resolution, evaluations=fit)
     except Interrupted as stop:
         if not isinstance(stop.best, RuleStudy):
             raise
@@ -124,10 +121,10 @@ def _rule(
         console.say(line)
     if console.as_json:
         console.figures(study.summary())
-    return study.summary(), lambda: pictures_beside(study, depth)
+    return study
 
 
-def _two(result: Path, reference: Path, console: Console) -> tuple[dict[str, Any], Figures]:
+def _two(result: Path, reference: Path, console: Console) -> Comparison:
     """Compare two stored answers, and say what was found."""
     from kaju.model.study.compare import compare as compare_answers
     from kaju.model.study.compare import load_answer
@@ -147,8 +144,7 @@ def _two(result: Path, reference: Path, console: Console) -> tuple[dict[str, Any
     console.say(f"{summary['result']} against {summary['reference']}, {len(found.points)} points")
     console.say(f"  {'':14}{'largest error':>14}{'r.m.s. error':>14}{'misfit':>10}")
     for name in ("displacement", "stress"):
-        if summary[name]:
-            errors = summary[name]
+        if errors := summary[name]:
             console.say(
                 f"  {name:14}{errors['max_error']:14.4g}{errors['l2_error']:14.4g}"
                 f"{errors['misfit']:10.4g}"
@@ -158,7 +154,7 @@ def _two(result: Path, reference: Path, console: Console) -> tuple[dict[str, Any
     console.say(
         "  errors are shares of the reference's largest value; misfit: |difference| over |it|"
     )
-    return summary, lambda: _error_maps(found)
+    return found
 
 
 def _error_maps(found: Comparison) -> dict[str, Figure]:
@@ -169,26 +165,26 @@ def _error_maps(found: Comparison) -> dict[str, Figure]:
     return {f"error_{name}": figure_of(plot_error(found, name)) for name in names}
 
 
-def _check_free(folder: Path, force: bool) -> None:
-    target = folder / "comparison.json"
-    if target.exists() and not force:
+def _check_free(target: Path, force: bool) -> None:
+    file = target / "comparison.json"
+    if file.exists() and not force:
         raise ResultFileError(
-            f"{target}: exists already; take another folder, or --force to replace it"
+            f"{file}: exists already; take another folder, or --force to replace it"
         )
-    check_writable(folder, ResultFileError)
+    check_writable(target, ResultFileError)
 
 
 def _write(
-    folder: Path, summary: dict[str, Any], figures: Figures, pictures: bool, console: Console
+    target: Path, summary: dict[str, Any], figures: Mapping[str, Figure], console: Console
 ) -> None:
     from kaju.view.picture_files import save
 
+    written = [target / "comparison.json"]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        target.mkdir(parents=True, exist_ok=True)
         text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
-        (folder / "comparison.json").write_text(text, encoding="utf-8")
+        written[0].write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ResultFileError(f"{folder}: cannot be written: {error.strerror}") from error
-    drawn = figures() if pictures else {}
-    written = [save(figure, folder / f"{name}.png") for name, figure in drawn.items()]
-    console.files([folder / "comparison.json", *written])
+        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
+    written += [save(figure, target / f"{name}.png") for name, figure in figures.items()]
+    console.files(written)

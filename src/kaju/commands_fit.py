@@ -11,7 +11,7 @@ import typer
 from kaju.errors import ParameterError
 
 from .console import Console
-from .options import Force, Json, Quiet, Settings, refuse_to_replace, scene_of
+from .options import Force, Json, Quiet, Settings, folder, refuse_to_replace, scene_of
 
 if TYPE_CHECKING:
     from kaju.model.study.fitting import Fit
@@ -40,11 +40,7 @@ def fit(
     seconds: Annotated[float, typer.Option(help="The search ends after so long.")] = 60.0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            *("--out", "-o"),
-            metavar="DIR",
-            help="Where the fitted scenes are written, as SCENE-fitted.toml; here unless given.",
-        ),
+        folder("Where the fitted scenes are written, as SCENE-fitted.toml; here unless given."),
     ] = None,
     settings: Settings = None,
     force: Force = False,
@@ -60,8 +56,8 @@ def fit(
     from kaju.model.study.compare import load_answer
     from kaju.model.study.fitting import fit_rule
 
-    console, folder = Console(as_json, quiet), out or Path()
-    targets = [folder / f"{path.stem}-fitted.toml" for path in scenes]
+    console, place = Console(as_json, quiet), out or Path()
+    targets = [place / f"{path.stem}-fitted.toml" for path in scenes]
     for target in targets:
         refuse_to_replace(target, force)
     described = [scene_of(path, settings) for path in scenes]
@@ -74,11 +70,11 @@ def fit(
         evaluations=runs,
         seconds=seconds,
     )
-    _tell(found, scenes, console)
+    _say(found, scenes, console)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ParameterError(f"--out: {folder} cannot be made: {error.strerror}") from error
+        raise ParameterError(f"--out: {place} cannot be made: {error.strerror}") from error
     for scene, target in zip(described, targets, strict=True):
         assert isinstance(scene.rule, PrescribedRule)
         rule = replace(scene.rule, alpha=found.rule.alpha, beta=found.rule.beta, materials={})
@@ -96,7 +92,7 @@ def _weight(text: str) -> tuple[str, float]:
         ) from None
 
 
-def _tell(found: Fit, scenes: list[Path], console: Console) -> None:
+def _say(found: Fit, scenes: list[Path], console: Console) -> None:
     if console.as_json:
         console.figures(found.summary())
     alpha = ", ".join(f"{share:.4g}" for share in found.rule.alpha or ())

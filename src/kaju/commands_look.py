@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,17 +13,7 @@ from kaju.errors import ParameterError
 
 from .options import Force, Settings, refuse_to_replace, scene_of
 
-if TYPE_CHECKING:
-    from kaju.model.results.result import Result
-    from kaju.model.scene import Scene
-
-
-class Language(Enum):
-    """What the page's own words are written in, for the shell to complete."""
-
-    EN = "en"
-    DE = "de"
-    JA = "ja"
+Language = StrEnum("Language", "en de ja")
 
 
 def animate(
@@ -76,18 +66,14 @@ def page(
     force: Force = False,
 ) -> None:
     """Write a page that opens by a double click: no server, no network, no installation."""
+    from kaju.model.results.result import load_result
     from kaju.view.page import export_page
 
     refuse_to_replace(target := out or Path(f"{file.stem}.html"), force)
-    shown: Scene | Result
-    if file.suffix == ".toml":
-        shown = scene_of(file, settings)
-    elif settings:
+    is_scene = file.suffix == ".toml"
+    if settings and not is_scene:
         raise ParameterError("--set: changes a scene, and what a stored result shows is over")
-    else:
-        from kaju.model.results.result import load_result
-
-        shown = load_result(file)
+    shown: Any = scene_of(file, settings) if is_scene else load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
     typer.echo(export_page(shown, target, title=headline, language=language and language.value))
 

@@ -13,29 +13,23 @@ import typer
 from kaju import __version__
 from kaju.errors import ParameterError, ResultFileError
 
+from .options import SceneFile, folder
+
 if TYPE_CHECKING:
     import pandas
 
-    from kaju.model.study.trials.trial import Outcome
-
-
-Vary = Annotated[
-    list[str],
-    typer.Option(
-        "--vary",
-        metavar="KEY=VALUES",
-        help="What is varied, may be repeated: values (rule.threshold=0.01,0.02), or a range to "
-        "draw from (rule.beta=0:1 or 0..1, and rule.threshold=1e-4:1e-1:log).",
-    ),
-]
-
 
 def sweep(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")],
-    vary: Vary,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the table.")
-    ] = None,
+    scene: SceneFile,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="What is varied, may be repeated: values (rule.threshold=0.01,0.02), or a range "
+            "to draw from (rule.beta=0:1 or 0..1, and rule.threshold=1e-4:1e-1:log).",
+        ),
+    ],
+    out: Annotated[Path | None, folder("Folder for the table.")] = None,
     measure: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="A figure of the summary; all unless given."),
@@ -56,7 +50,7 @@ def sweep(
     """Run a scene at many points. The same command again goes on where it was interrupted."""
     from kaju.model.study.sweep import sweep as run_all
 
-    folder = out or Path(f"{scene.stem}-sweep")
+    target = out or Path(f"{scene.stem}-sweep")
     try:
         table = run_all(
             scene,
@@ -66,7 +60,7 @@ def sweep(
             method=method,
             run=_verb(run),
             workers=workers,
-            out=folder,
+            out=target,
             seed=seed,
         )
     except KeyboardInterrupt:
@@ -79,10 +73,9 @@ def sweep(
         typer.echo(f"... and {len(table) - 20} more")
     if len(failed):
         typer.echo(f"run {failed['run'].iloc[0]} failed: {failed['error'].iloc[0]}")
-    typer.echo(folder / "table.parquet")
-    if pictures:
-        for picture in _draw(table, folder, measure):
-            typer.echo(picture)
+    typer.echo(target / "table.parquet")
+    for picture in _draw(table, target, measure) if pictures else ():
+        typer.echo(picture)
     if len(failed) == len(table):
         raise typer.Exit(1)
 
@@ -101,6 +94,7 @@ def _verb(name: str) -> Any:
 
 
 def _varied(text: str) -> tuple[str, Any]:
+    """Return a key, and the values or the distribution that it takes."""
     key, equals, values = text.partition("=")
     if not (key.strip() and equals and values.strip()):
         raise ParameterError(f"--vary: KEY=VALUE,VALUE or KEY=LOW:HIGH is needed, got {text!r}")
@@ -108,7 +102,7 @@ def _varied(text: str) -> tuple[str, Any]:
 
 
 def _distribution(text: str) -> Any:
-    """Return what ``0:1`` or ``1e-4:1e-1:log`` stands for; None for anything else."""
+    """Return the distribution meant by ``0:1`` or ``1e-4:1e-1:log``; None for anything else."""
     from scipy.stats import loguniform, uniform
 
     low, _, rest = text.replace("..", ":").partition(":")
@@ -133,7 +127,7 @@ def _listed(text: str) -> list[Any]:
         return [part.strip() for part in text.split(",") if part.strip()]
 
 
-def _draw(table: pandas.DataFrame, folder: Path, measure: list[str] | None) -> list[Path]:
+def _draw(table: pandas.DataFrame, target: Path, measure: list[str] | None) -> list[Path]:
     """Draw the first measure that varies."""
     from kaju.view.picture_files import save
     from kaju.view.sweep_plots import plot_effects, plot_sweep_map
@@ -147,9 +141,9 @@ def _draw(table: pandas.DataFrame, folder: Path, measure: list[str] | None) -> l
     shown = next((name for name in numbers if good[name].nunique() > 1), None)
     if shown is None:
         return []
-    written = [save(plot_effects(table, shown), folder / "effects.png")]
+    written = [save(plot_effects(table, shown), target / "effects.png")]
     if len(about["varied"]) > 1:
-        written.append(save(plot_sweep_map(table, shown), folder / "map.png"))
+        written.append(save(plot_sweep_map(table, shown), target / "map.png"))
     return written
 
 
@@ -157,9 +151,7 @@ QUICK, ALL = 300, 10_000
 
 
 def stress(
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for tables and pictures.")
-    ] = Path("stress"),
+    out: Annotated[Path, folder("Folder for tables and pictures.")] = Path("stress"),
     quick: Annotated[bool, typer.Option("--quick", help=f"{QUICK} trials only.")] = False,
     count: Annotated[
         int | None, typer.Option(min=1, metavar="N", help=f"How many trials; all are {ALL}.")
@@ -179,8 +171,7 @@ def stress(
     that is too busy. The same number is the same trial on every machine: --first N --count 1
     repeats one.
     """
-    from kaju.model.study.trials.trial import FAILED, UNFINISHED
-    from kaju.model.study.trials.trial_corpus import CORPUS
+    from kaju.model.study.trials.trial import CORPUS, FAILED, UNFINISHED
     from kaju.model.study.trials.trial_workers import bounded, record, tally, trials
 
     try:
@@ -189,26 +180,23 @@ def stress(
         table.touch()
     except OSError as error:
         raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
-    began = perf_counter()
-    number = count or (QUICK if quick else ALL)
-    outcomes: list[Outcome] = []
-    kept = [] if count else list(CORPUS)
-    cases: list[int | tuple[int, str]] = [*kept, *range(first, first + number)]
-    number = len(cases)
+    began, outcomes = perf_counter(), []
+    chosen = range(first, first + (count or (QUICK if quick else ALL)))
+    cases = [*([] if count else CORPUS), *chosen]
     for outcome in record(trials(cases, workers, limit), table):
         outcomes.append(outcome)
         if outcome.verdict in (FAILED, UNFINISHED):
             typer.echo(f"trial {outcome.number}, {outcome.family}: {outcome.engine} {outcome.what}")
         elif len(outcomes) % 500 == 0:
-            typer.echo(f"{len(outcomes)} of {number}")
+            typer.echo(f"{len(outcomes)} of {len(cases)}")
     counts = tally(outcomes)
     typer.echo(f"{'':28}{'answered':>10}{'refused':>10}{'failed':>10}{'not finished':>14}")
     for engine, row in counts.items():
         typer.echo(f"{engine:28}{row[0]:10}{row[1]:10}{row[2]:10}{row[3]:14}")
     known, proven, inside = bounded(outcomes)
     typer.echo(f"truth known of {known} answers, bounds of {proven}, truth within {inside} of them")
-    told = {
-        "trials": number,
+    summary = {
+        "trials": len(cases),
         "kaju_version": __version__,
         "workers": workers,
         "minutes": round((perf_counter() - began) / 60.0, 1),
@@ -216,7 +204,7 @@ def stress(
         "engines": counts,
         "bounds": [known, proven, inside],
     }
-    (out / "summary.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     typer.echo(table)
     if pictures:
         from kaju.view.trials import plot_trials
@@ -224,5 +212,5 @@ def stress(
         typer.echo(plot_trials(outcomes, out / "outcomes.png"))
     _, _, failed, unfinished = map(sum, zip(*counts.values(), strict=True))
     if failed or unfinished:
-        typer.echo(f"{failed} of {number} trials failed, {unfinished} not finished", err=True)
+        typer.echo(f"{failed} of {len(cases)} trials failed, {unfinished} not finished", err=True)
         raise typer.Exit(1 if failed else 3)

@@ -1,11 +1,11 @@
-"""The verbs that compute a scene: `demo`, `run` and `creep` let agents act, `solve` answers."""
+"""The verbs that compute a scene: agents act in `demo`, `run` and `creep`; `solve` answers."""
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from inspect import Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,10 +28,9 @@ from .options import (
     Resolution,
     SceneFile,
     Settings,
-    drawn_by,
-    fraction,
     places_of,
     scene_of,
+    share,
     worked_plate,
 )
 
@@ -39,10 +38,16 @@ if TYPE_CHECKING:
     from kaju.model.results.result import Result
     from kaju.model.scene import Scene
 
+# What options can be, for the shell to complete.
+Strategy = StrEnum("Strategy", "auto uniform spawning")
+Engine = StrEnum("Engine", "kaju petsc")
+Measure = StrEnum("Measure", "force stress strain energy")
+GrowthRule = StrEnum("GrowthRule", "compliance remodelling stress")
+
 
 @dataclass(frozen=True)
 class Task:
-    """What a verb is to do: with which scene, where its results go, and how it speaks."""
+    """What a verb is to do: with which scene, where its results go, and what it prints."""
 
     file: Path
     scene: Scene
@@ -68,20 +73,19 @@ class Task:
             best = getattr(stop, "best", None)
             if isinstance(best, Result):
                 console.figures(best.summary())
-                console.files(target.write(best, Drawn.NONE))
+                console.files(target.write(best, "none"))
                 typer.echo(f"{NOTE}; it is in {target.path}", err=True)
             else:
                 typer.echo("interrupted before there was anything to keep", err=True)
             raise typer.Exit(130) from None
         except ConvergenceError as error:
             if isinstance(error.best, Result):
-                console.files(target.write(error.best, Drawn.NONE))
+                console.files(target.write(error.best, "none"))
             raise
         console.figures(result.summary())
-        written = target.write(result, self.pictures)
-        console.files(written)
-        if self.pictures is not Drawn.NONE:
-            console.say(f"look first at {target.story(written, result)}")
+        console.files(target.write(result, self.pictures))
+        if self.pictures is not Drawn.none:
+            console.say(f"look first at {target.path / result.pictures[0]}.png")
         return result
 
 
@@ -96,7 +100,7 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., None]], Callable[..., Non
             scene: SceneFile,
             out: Out = None,
             settings: Settings = None,
-            pictures: Draw = Drawn.ONE,
+            pictures: Draw = Drawn.one,
             no_pictures: DrawNone = False,
             force: Force = False,
             as_json: Json = False,
@@ -105,100 +109,19 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., None]], Callable[..., Non
         ) -> None:
             console, described = Console(as_json, quiet), scene_of(scene, settings)
             folder = out or Path(f"{scene.stem}-{ending}")
-            do(
-                Task(scene, described, folder, console, drawn_by(pictures, no_pictures), force),
-                **own,
-            )
+            drawn = Drawn.none if no_pictures else pictures
+            do(Task(scene, described, folder, console, drawn, force), **own)
 
+        # Typer reads the options of all and the verb's own from one signature.
         shared = list(signature(command, eval_str=True).parameters.values())[:-1]
         every = [*shared, *list(signature(do, eval_str=True).parameters.values())[1:]]
         command.__name__, command.__doc__ = do.__name__, do.__doc__
         command.__annotations__ = {each.name: each.annotation for each in every}
-        command.__signature__ = Signature(every)  # type: ignore[attr-defined]  # what Typer reads
+        command.__signature__ = Signature(every)  # type: ignore[attr-defined]
         return command
 
     return verb
 
-
-def solve_on_processes(task: Task, **how: Any) -> bool:
-    """Solve a scene and write it in pieces; False, with nothing done, if this process is alone."""
-    from kaju.model.scale.pieces import PiecedResult
-    from kaju.model.scale.solve_petsc import communicator, solve_petsc, together
-
-    comm = communicator()
-    if comm.Get_size() == 1:
-        return False
-    speaks, folder = comm.Get_rank() == 0, task.folder
-    try:
-        together(comm, lambda: _check_new(folder))
-        try:
-            result, missed = solve_petsc(task.scene, **how), None
-        except ConvergenceError as error:
-            result, missed = error.best, error  # type: ignore[assignment]
-        assert isinstance(result, PiecedResult)
-        if speaks:
-            task.console.figures(result.summary())
-        result.save(folder)
-        if speaks:
-            task.console.files(sorted(folder.iterdir()))
-        if missed is not None:
-            raise missed
-    except KajuError:
-        if not speaks:
-            raise SystemExit(2) from None
-        raise
-    except Exception:
-        # The others may be waiting for a message that this process will never send.
-        traceback.print_exc()
-        comm.Abort(1)
-    return True
-
-
-def _check_new(folder: Path) -> None:
-    if folder.exists():
-        raise ResultFileError(f"{folder}: exists already; pieces go into a new folder")
-
-
-class StrategyName(Enum):
-    """Where agents may be small, for the shell to complete."""
-
-    AUTO = "auto"
-    UNIFORM = "uniform"
-    SPAWNING = "spawning"
-
-
-class EngineName(Enum):
-    """Whose machinery solves equal cells, for the shell to complete."""
-
-    KAJU = "kaju"
-    PETSC = "petsc"
-
-
-AllowUnstable = Annotated[
-    bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
-]
-Strategy = Annotated[
-    StrategyName,
-    typer.Option(
-        help="Equal cells, agents that are small where the error asks for it, or (auto) "
-        "whichever is cheaper."
-    ),
-]
-Engine = Annotated[
-    EngineName,
-    typer.Option(
-        help="kaju's own, or PETSc for equal cells, on many processes under mpirun (docs/scale.md)."
-    ),
-]
-Tolerance = Annotated[
-    float | None,
-    typer.Option(
-        parser=fraction,
-        metavar="SHARE",
-        help="Relative error in the energy norm to keep; 0.01 or 1%.",
-    ),
-]
-Misplaced = Annotated[str | None, typer.Option(hidden=True)]
 
 LOW = {"body.size": [0.2, 0.05], "body.cells": [20, 5], "loads.0.cell": [10, 4]}
 """What makes the worked plate so low that its load reaches the ground and wakes agents there."""
@@ -206,7 +129,7 @@ LOW = {"body.size": [0.2, 0.05], "body.cells": [20, 5], "loads.0.cell": [10, 4]}
 
 def demo(
     out: Out = None,
-    pictures: Draw = Drawn.ONE,
+    pictures: Draw = Drawn.one,
     no_pictures: DrawNone = False,
     force: Force = False,
     as_json: Json = False,
@@ -220,10 +143,11 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
-    scene, drawn = Scene.from_toml(worked_plate()), drawn_by(pictures, no_pictures)
+    drawn = Drawn.none if no_pictures else pictures
+    scene = Scene.from_toml(worked_plate())
     task = Task(Path("plate.toml"), scene, folder, console, drawn, force)
-    result = task.write(lambda: _watched(scene, console))
-    if drawn is not Drawn.NONE:
+    result = task.write(lambda: _run_agents(scene, console))
+    if drawn is not Drawn.none:
         from kaju.view import animate
 
         console.say(animate(result, folder / "spawning.gif"))
@@ -231,10 +155,15 @@ def demo(
         console.say(animate(low, folder / "ground.gif"))
 
 
+Misplaced = Annotated[str | None, typer.Option(hidden=True)]
+
+
 @of_a_scene("result")
 def run(
     task: Task,
-    allow_unstable: AllowUnstable = False,
+    allow_unstable: Annotated[
+        bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
+    ] = False,
     resolution: Resolution = None,
     strategy: Misplaced = None,
     tolerance: Misplaced = None,
@@ -251,36 +180,7 @@ def run(
                 f"elasticity: kaju solve {task.file} --{name} {value}"
             )
     scene = task.scene if resolution is None else task.scene.refine(resolution)
-    task.write(lambda: _watched(scene, task.console, allow_unstable))
-
-
-@of_a_scene("solved")
-def solve(
-    task: Task,
-    resolution: Resolution = None,
-    strategy: Strategy = StrategyName.AUTO,
-    tolerance: Tolerance = None,
-    at: Places = None,
-    engine: Engine = EngineName.KAJU,
-) -> None:
-    """Solve a scene as linear elasticity, whatever its rule.
-
-    Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
-    without one the scene's own cells are solved.
-    """
-    pieces = engine is EngineName.PETSC
-    if pieces and solve_on_processes(task, tolerance=tolerance, resolution=resolution):
-        return
-
-    def answer() -> Result:
-        from kaju.model.study.solving import solve as solve_scene
-
-        more: dict[str, Any] = {"engine": "petsc"} if pieces else {"tolerance_at": places_of(at)}
-        found: Result = solve_scene(task.scene, tolerance, resolution, strategy.value, **more)
-        task.console.say("solved as linear elasticity")
-        return found
-
-    task.write(answer)
+    task.write(lambda: _run_agents(scene, task.console, allow_unstable))
 
 
 THE_RULE = """\
@@ -295,8 +195,8 @@ A load that is not above γ ends.                └───────┘
 """What α, β and γ are, with one labelled cell."""
 
 
-def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
-    """Let agents act."""
+def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
+    """Let agents act by a scene's rule."""
     result: Result
     if scene.rule.kind == "elastic":
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
@@ -311,24 +211,104 @@ def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Re
     return result
 
 
-Hold = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SECONDS", help="For a scene without a history: apply its loads and hold them."
-    ),
-]
-Duration = Annotated[
-    float | None,
-    typer.Option(metavar="SECONDS", help="How long; as long as the history unless given."),
-]
-Step = Annotated[
-    float | None,
-    typer.Option(metavar="SECONDS", help="Longest time step; unless given it is chosen."),
-]
+@of_a_scene("solved")
+def solve(
+    task: Task,
+    resolution: Resolution = None,
+    strategy: Annotated[
+        Strategy,
+        typer.Option(
+            help="Equal cells, agents that are small where the error asks for it, or (auto) "
+            "whichever is cheaper."
+        ),
+    ] = Strategy.auto,
+    tolerance: Annotated[
+        float | None, share("Relative error in the energy norm to keep; 0.01 or 1%.")
+    ] = None,
+    at: Places = None,
+    engine: Annotated[
+        Engine,
+        typer.Option(
+            help="kaju's own, or PETSc for equal cells, on many processes under mpirun "
+            "(docs/scale.md)."
+        ),
+    ] = Engine.kaju,
+) -> None:
+    """Solve a scene as linear elasticity, whatever its rule.
+
+    Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
+    without one the scene's own cells are solved.
+    """
+    pieces = engine is Engine.petsc
+    if pieces and solve_on_processes(task, tolerance=tolerance, resolution=resolution):
+        return
+
+    def answer() -> Result:
+        from kaju.model.study.solving import solve as solve_scene
+
+        more: dict[str, Any] = {"engine": "petsc"} if pieces else {"tolerance_at": places_of(at)}
+        found: Result = solve_scene(task.scene, tolerance, resolution, strategy.value, **more)
+        task.console.say("solved as linear elasticity")
+        return found
+
+    task.write(answer)
+
+
+def solve_on_processes(task: Task, **how: Any) -> bool:
+    """Solve a scene and write it in pieces; False, with nothing done, if this process is alone."""
+    from kaju.model.scale.pieces import PiecedResult
+    from kaju.model.scale.solve_petsc import communicator, solve_petsc, together
+
+    comm = communicator()
+    if comm.Get_size() == 1:
+        return False
+    first, folder = comm.Get_rank() == 0, task.folder
+    try:
+        together(comm, lambda: _check_new(folder))
+        try:
+            result, missed = solve_petsc(task.scene, **how), None
+        except ConvergenceError as error:
+            result, missed = error.best, error  # type: ignore[assignment]
+        assert isinstance(result, PiecedResult)
+        if first:
+            task.console.figures(result.summary())
+        result.save(folder)
+        if first:
+            task.console.files(sorted(folder.iterdir()))
+        if missed is not None:
+            raise missed
+    except KajuError:
+        if not first:
+            raise SystemExit(2) from None
+        raise
+    except Exception:
+        # The others may be waiting for a message that this process will never send.
+        traceback.print_exc()
+        comm.Abort(1)
+    return True
+
+
+def _check_new(folder: Path) -> None:
+    if folder.exists():
+        raise ResultFileError(f"{folder}: exists already; pieces go into a new folder")
+
+
+def seconds(help: str) -> Any:
+    """Return an option that takes a time."""
+    return typer.Option(metavar="SECONDS", help=help)
 
 
 @of_a_scene("creep")
-def creep(task: Task, hold: Hold = None, duration: Duration = None, step: Step = None) -> None:
+def creep(
+    task: Task,
+    hold: Annotated[
+        float | None, seconds("For a scene without a history: apply its loads and hold them.")
+    ] = None,
+    duration: Annotated[
+        float | None, seconds("How long; as long as the history unless given.")
+    ] = None,
+    step: Annotated[float | None, seconds("Longest time step; unless given it is chosen.")] = None,
+) -> None:
     """Let a scene creep under its history: its materials give, flow, and recover.
 
     Writes summary.json, result.npz and pictures: displacement, stress and energies over time,
@@ -356,15 +336,6 @@ def creep(task: Task, hold: Hold = None, duration: Duration = None, step: Step =
     task.write(answer)
 
 
-class MeasureName(Enum):
-    """What is exceeded where a spring or a cell breaks, for the shell to complete."""
-
-    FORCE = "force"
-    STRESS = "stress"
-    STRAIN = "strain"
-    ENERGY = "energy"
-
-
 @of_a_scene("broken")
 def break_(
     task: Task,
@@ -372,15 +343,10 @@ def break_(
         float, typer.Option(help="Mean strength of springs or cells: N, Pa, a share, or J.")
     ] = 1.0,
     measure: Annotated[
-        MeasureName | None,
+        Measure | None,
         typer.Option(help="What is exceeded: force of springs, stress of cells unless given."),
     ] = None,
-    scatter: Annotated[
-        float | None,
-        typer.Option(
-            parser=fraction, metavar="SHARE", help="How far strengths scatter; 0.1 unless given."
-        ),
-    ] = None,
+    scatter: Annotated[float | None, share("How far strengths scatter; 0.1 unless given.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the strengths.")] = 0,
     most: Annotated[int | None, typer.Option(min=1, help="End after so many breaks.")] = None,
 ) -> None:
@@ -394,38 +360,27 @@ def break_(
     def answer() -> Result:
         from kaju.model.fracture.fracture_model import FractureModel
 
-        spread = 0.1 if scatter is None else scatter
-        asked = None if measure is None else measure.value
-        options: dict[str, Any] = {"measure": asked, "scatter": spread}
-        model = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **options)
-        broken = model.run()
-        task.console.say(f"{broken.parts}s of the body break: {broken.outcome}")
-        return broken
+        how: dict[str, Any] = {"measure": measure and measure.value}
+        how["scatter"] = 0.1 if scatter is None else scatter
+        broken = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how)
+        result = broken.run()
+        task.console.say(f"{result.parts}s of the body break: {result.outcome}")
+        return result
 
     task.write(answer)
-
-
-class GrowthRuleName(Enum):
-    """How cells grow, for the shell to complete."""
-
-    COMPLIANCE = "compliance"
-    REMODELLING = "remodelling"
-    STRESS = "stress"
 
 
 @of_a_scene("grown")
 def grow(
     task: Task,
     rule: Annotated[
-        GrowthRuleName, typer.Option(help="How cells grow by what they feel.")
-    ] = GrowthRuleName.COMPLIANCE,
+        GrowthRule, typer.Option(help="How cells grow by what they feel.")
+    ] = GrowthRule.compliance,
     volume: Annotated[
         float | None,
-        typer.Option(
-            parser=fraction,
-            metavar="SHARE",
-            help="Share of the body that is filled: at first, and by compliance throughout; 50% "
-            "unless given.",
+        share(
+            "Share of the body that is filled: at first, and by compliance throughout; 50% unless "
+            "given."
         ),
     ] = None,
     radius: Annotated[
@@ -442,10 +397,9 @@ def grow(
     def answer() -> Result:
         from kaju.model.growth.growth_model import GrowthModel
 
-        share = 0.5 if volume is None else volume
-        options: dict[str, Any] = {"volume": share, "filter_radius": radius, "most_steps": steps}
-        grown = GrowthModel(task.scene, rule=rule.value, **options).run()
-        task.console.say(f"cells grow by the rule of {rule.value}: {grown.outcome}")
+        how: dict[str, Any] = {"rule": rule.value, "volume": 0.5 if volume is None else volume}
+        grown = GrowthModel(task.scene, filter_radius=radius, most_steps=steps, **how).run()
+        task.console.say(f"cells grow by the rule of {rule}: {grown.outcome}")
         return grown
 
     task.write(answer)

@@ -41,8 +41,8 @@ def _check_result(file: Path, as_json: bool) -> None:
         raise ResultFileError(f"{file}: its figures are not all finite numbers") from None
     checks = result.checks()
     if as_json:
-        told = {check.what: check._asdict() | {"holds": check.holds} for check in checks}
-        typer.echo(json.dumps({"kind": result.kind, "checks": told}, indent=2))
+        listed = {check.what: check._asdict() | {"holds": check.holds} for check in checks}
+        typer.echo(json.dumps({"kind": result.kind, "checks": listed}, indent=2))
     else:
         typer.echo(f"{result.kind}: whole, as it was saved")
         for check in checks:
@@ -61,14 +61,14 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
     radius, alone = certificate.spectral_radius, certificate.largest_share
     bounds = [certificate.lower, certificate.upper]
     if as_json:
-        told = {
+        verdict = {
             "stable": certificate.stable,
             "verdict": certificate.verdict,
             "largest_share": alone,
             "spectral_radius": radius,
             "spectral_radius_bounds": bounds,
         }
-        typer.echo(json.dumps(told, indent=2))
+        typer.echo(json.dumps(verdict, indent=2))
     else:
         growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
         typer.echo(f"verdict              {certificate.verdict}")

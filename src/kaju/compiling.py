@@ -1,4 +1,4 @@
-"""Compiled loops: where they are kept, and a word when they are made.
+"""Compiled loops: where they are kept, and a message when they are made.
 
 Numba compiles a loop when it is first called and keeps it on disk, beside the source or in the
 user's cache; after installation the first answer therefore takes some seconds longer.
@@ -17,11 +17,8 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-__all__ = ["along", "inlined", "njit", "part"]
-
 log = logging.getLogger("kaju")
-_one_at_a_time = RLock()
-"""Threads that import numba at once would wait for each other without end."""
+_import_lock = RLock()  # threads that import numba at once would wait for each other without end
 
 
 class Loop:
@@ -33,8 +30,8 @@ class Loop:
 
     @cached_property
     def compiled(self) -> Any:
-        """What numba made of it; it sees other loops as what numba made of these."""
-        with _one_at_a_time:
+        """The function compiled; other loops that it calls are compiled first."""
+        with _import_lock:
             _prepare()
             seen = self.py_func.__globals__
             for name in self.py_func.__code__.co_names:
@@ -43,35 +40,34 @@ class Loop:
             return self._make(self.py_func)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
         return self.compiled(*arguments)
 
 
 def njit(**how: Any) -> Callable[[Callable[..., Any]], Any]:
     """Return a decorator like numba's of this name, with its options."""
-    return partial(Loop, make=partial(_compile, how))
 
+    def compile_function(function: Callable[..., Any]) -> Any:
+        import numba
 
-_PLAIN: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
-"""Without checks of divisors, and without a door for C: less to be compiled."""
+        # Without checks of divisors, and without an entry for C: less to be compiled.
+        plain: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+        return numba.njit(**plain, **how)(function)
 
-
-def _compile(how: dict[str, Any], function: Callable[..., Any]) -> Any:
-    import numba
-
-    return numba.njit(**_PLAIN, **how)(function)
+    return partial(Loop, make=compile_function)
 
 
 part: Any = njit(fastmath=True, no_cpython_wrapper=True)
-"""Decorates loops that only other loops call: the doors for Python take long to be compiled."""
+"""Decorates loops that only other loops call: an entry for Python takes long to be compiled."""
 
 inlined: Any = njit(inline="always", fastmath=True)
-"""Decorates loops that one other calls, in one place: they are compiled as part of that alone."""
+"""Decorates loops called in one place by one other: they are compiled as part of that alone."""
 
 
 def _along(_typing, array, start):  # type: ignore[no-untyped-def]
     """Point to an array's memory from one entry on, axis after axis.
 
-    A slice without its checks and without a count of who holds it, which take most of the time
+    A slice without its checks and without reference counts, which take most of the time
     that loops over many rows need to be compiled. Only for arrays that outlive it.
     """
     from numba import types
@@ -122,23 +118,22 @@ def keep_loops_somewhere() -> None:
 
 @cache
 def _prepare() -> None:
-    """Say where compiled loops are kept, and have a word said when they are made."""
+    """Choose where compiled loops are kept, and have a message logged when they are made."""
     from numba.core import event
 
-    class Teller(event.Listener):
-        """Say once that loops are compiled."""
+    class Announcement(event.Listener):
+        """Logs once that loops are compiled."""
 
-        def __init__(self) -> None:
-            self.told = False
+        logged = False
 
         def on_start(self, compiling: event.Event) -> None:
             name = compiling.data["dispatcher"].py_func.__module__
-            if not self.told and name.startswith("kaju."):
-                self.told = True
+            if not self.logged and name.startswith("kaju."):
+                self.logged = True
                 log.warning("kaju compiles its loops for this machine: once, some ten seconds")
 
         def on_end(self, compiling: event.Event) -> None:
-            """Nothing is to be said."""
+            """Log nothing."""
 
     keep_loops_somewhere()
-    event.register("numba:compile", Teller())  # type: ignore[no-untyped-call]
+    event.register("numba:compile", Announcement())  # type: ignore[no-untyped-call]

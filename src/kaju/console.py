@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ UNITS = {
     **dict.fromkeys(("potential_energy", "strain_energy", "energy_bounds"), "J"),
     **dict.fromkeys(("duration", "seconds"), "s"),
 }
-"""Units of key figures; a key that ends in _N, _m, _J or _s says its own."""
+"""Units of key figures; a key that ends in _N, _m, _J, _s or _Pa says its own."""
 
 WORDS = {"spectral_radius": "growth_if_added_up", "seconds": "time_taken"}
 """Keys that say more to a reader under another name."""
@@ -46,8 +46,8 @@ class Console:
         """Print key figures: as a table with units, or as JSON."""
         if self.as_json:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
-        for line in _lines(summary):
-            self.say(line)
+        for name, text in _rows(summary):
+            self.say(f"  {name.replace('_', ' '):28} {text.replace('_', ' ')}")
         for note in summary.get("notes", ()):
             self.say(f"  note: {note}")
 
@@ -57,27 +57,26 @@ class Console:
             self.say(path)
 
 
-def _lines(summary: Mapping[str, Any]) -> list[str]:
-    lines = []
+def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield key figures as people read them, but for the notes and what is not known."""
     for key, value in summary.items():
         if key == "notes" or (value is None and key not in WORDS):
-            continue  # told last, a line each; nothing that could be known of this answer
+            continue
         name, unit = WORDS.get(key, key), UNITS.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "m", "J", "s", "Pa"):
             name, unit = stem, ending
         if isinstance(value, Mapping):
-            lines += [f"  {f'{name} {part}':28} {told(v, unit)}" for part, v in value.items()]
+            yield from ((f"{name} {part}", text_of(v, unit)) for part, v in value.items())
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
-                parts = [f"{part} {told(v)}" for part, v in entry.items() if v is not None]
-                lines.append(f"  {f'{name} {number}':28} {', '.join(parts)}")
+                parts = [f"{part} {text_of(v)}" for part, v in entry.items() if v is not None]
+                yield f"{name} {number}", ", ".join(parts)
         else:
-            lines.append(f"  {name:28} {told(value, unit)}")
-    return [line.replace("_", " ") for line in lines]
+            yield name, text_of(value, unit)
 
 
-def told(value: object, unit: str = "") -> str:
+def text_of(value: object, unit: str = "") -> str:
     """Return a key figure as people read it: four digits, and its unit."""
     if value is None:
         return "not known"
@@ -91,5 +90,5 @@ def told(value: object, unit: str = "") -> str:
         numbers = [abs(part) for part in value if isinstance(part, float)]
         least = 1e-9 * max(numbers, default=0.0)  # beside the others, rounding is nothing
         parts = [0.0 if isinstance(v, float) and abs(v) < least else v for v in value]
-        return ", ".join(told(part, unit) for part in parts) or "none"
+        return ", ".join(text_of(part, unit) for part in parts) or "none"
     return str(value)

@@ -127,7 +127,7 @@ def check_type(name: str, value: object, form: Any) -> None:
         if isinstance(value, str):
             value.encode()
     except ValidationError as error:
-        told = error.errors()[0]["msg"].replace("Input should", "should")
-        raise ParameterError(f"{name}: {told}, got {value!r:.80}") from None
+        rule = error.errors()[0]["msg"].replace("Input should", "should")
+        raise ParameterError(f"{name}: {rule}, got {value!r:.80}") from None
     except UnicodeEncodeError as error:
         raise ParameterError(f"{name}: {value!r:.80} is no text ({error.reason})") from None

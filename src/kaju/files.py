@@ -1,8 +1,7 @@
 """Opening files, and writing them and folders: whole or not at all, whenever the process ends.
 
-What is being written has a hidden name (``.kaju-…``) beside its target and carries a lock that
-the system takes away with the process. So the next writer can tell what a dead one left behind,
-and sweeps it.
+What is being written has a hidden name (``.kaju-…``) beside its target and a lock that the system
+releases with the process: so the next writer finds what a dead one left behind, and removes it.
 """
 
 from __future__ import annotations
@@ -25,8 +24,7 @@ except ImportError:  # on Windows: there nothing is locked, so nothing is swept
     fcntl = None  # type: ignore[assignment]
 
 HIDDEN = ".kaju-"
-_EXCHANGE = 2
-_HERE = -100  # AT_FDCWD: names count from the working folder
+_EXCHANGE, _AT_FDCWD = 2, -100  # of Linux and macOS: swap; names count from the working folder
 
 
 def file_to_read(
@@ -61,7 +59,7 @@ def text_of_file(
 
 
 def is_there(path: Path) -> bool:
-    """Tell whether there is anything of that name; a name that no system takes is nobody's."""
+    """Tell whether there is anything of that name; there is not if the system refuses the name."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -69,9 +67,9 @@ def is_there(path: Path) -> bool:
 
 
 @contextmanager
-def scratch_beside(target: Path, error: type[KajuError]) -> Iterator[Path]:
+def atomic_file(target: Path, error: type[KajuError]) -> Iterator[Path]:
     """Yield a file to write to, which takes the target's name only if all goes well."""
-    with _named(target, error), _claimed(target.parent, suffix=target.suffix) as scratch:
+    with _named_errors(target, error), _hidden(target.parent, target.suffix) as scratch:
         yield scratch
         _to_disk(scratch)
         scratch.replace(target)
@@ -79,19 +77,18 @@ def scratch_beside(target: Path, error: type[KajuError]) -> Iterator[Path]:
 
 
 @contextmanager
-def scratch_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
+def hidden_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
     """Yield a hidden folder beside a folder to be; it goes when the block ends."""
-    with _named(target, error):
+    with _named_errors(target, error):
         target.parent.mkdir(parents=True, exist_ok=True)
-        with _claimed(target.parent, folder=True) as scratch:
+        with _hidden(target.parent, folder=True) as scratch:
             yield scratch
 
 
-def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
+def move_into_place(scratch: Path, target: Path, *, replace: bool) -> None:
     """Give a whole folder its name in one step; with `replace` it then has what stood there."""
-    for path in scratch.rglob("*"):
+    for path in (*scratch.rglob("*"), scratch):
         _to_disk(path)
-    _to_disk(scratch)
     if replace:
         _exchange(scratch, target)
     else:
@@ -101,15 +98,14 @@ def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
 
 def check_writable(target: Path, error: type[KajuError]) -> None:
     """Refuse a place where nothing can be written, before anything is computed for it."""
-    above = target.absolute().parent
-    while not is_there(above):
-        above = above.parent
-    with _named(target, error), _claimed(above):
+    above = next(folder for folder in target.absolute().parents if is_there(folder))
+    with _named_errors(target, error), _hidden(above):
         pass
 
 
 @contextmanager
-def _named(target: Path, error: type[KajuError]) -> Iterator[None]:
+def _named_errors(target: Path, error: type[KajuError]) -> Iterator[None]:
+    """Turn errors of the system into one of kaju's that names the target."""
     try:
         yield
     except OSError as reason:
@@ -119,28 +115,25 @@ def _named(target: Path, error: type[KajuError]) -> Iterator[None]:
 
 
 @contextmanager
-def _claimed(place: Path, *, suffix: str = "", folder: bool = False) -> Iterator[Path]:
-    """Yield a new hidden file or folder that is locked until the block ends."""
-    _sweep(place)
-    path, lock = _new(place, suffix, folder)
-    try:
-        yield path
-    finally:
-        _remove(path)
-        os.close(lock)
-
-
-def _new(place: Path, suffix: str, folder: bool) -> tuple[Path, int]:
-    while True:
+def _hidden(place: Path, suffix: str = "", *, folder: bool = False) -> Iterator[Path]:
+    """Yield a new hidden file or folder, locked until the block ends, and then removed."""
+    for left in place.glob(f"{HIDDEN}*") if fcntl else ():
+        if (lock := _lock(left)) is not None:  # its writer is no longer alive
+            _remove(left)
+            os.close(lock)
+    lock = None
+    while lock is None:  # another writer may sweep it before it is locked
         path = place / f"{HIDDEN}{secrets.token_hex(6)}{suffix}"
         if folder:
             path.mkdir()
         else:
             path.touch(exist_ok=False)
         lock = _lock(path)
-        if lock is not None:
-            return path, lock
-        # Somebody swept it between its making and its locking.
+    try:
+        yield path
+    finally:
+        _remove(path)
+        os.close(lock)
 
 
 def _lock(path: Path) -> int | None:
@@ -149,27 +142,15 @@ def _lock(path: Path) -> int | None:
         handle = os.open(path, os.O_RDONLY)
     except FileNotFoundError:
         return None
-    if fcntl is None:
-        return handle
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if path.stat().st_ino == os.fstat(handle).st_ino:
+        if fcntl:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not fcntl or path.stat().st_ino == os.fstat(handle).st_ino:
             return handle
     except OSError:
         pass
     os.close(handle)
     return None
-
-
-def _sweep(place: Path) -> None:
-    """Remove what writers left that are no longer alive."""
-    if fcntl is None:
-        return
-    for path in place.glob(f"{HIDDEN}*"):
-        lock = _lock(path)
-        if lock is not None:
-            _remove(path)
-            os.close(lock)
 
 
 def _remove(path: Path) -> None:
@@ -191,15 +172,17 @@ def _to_disk(path: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> None:
-    """Let two folders exchange their names, in one step where the system can."""
-    names = os.fsencode(one), os.fsencode(other)
-    system = None if os.name == "nt" else ctypes.CDLL(None)
-    linux = getattr(system, "renameat2", None)
-    if linux is not None and linux(_HERE, names[0], _HERE, names[1], _EXCHANGE) == 0:
-        return
-    apple = getattr(system, "renamex_np", None)
-    if apple is not None and apple(*names, _EXCHANGE) == 0:
-        return
+    """Let two folders exchange their names, in one step where the system can (Linux, macOS)."""
+    names, system = (os.fsencode(one), os.fsencode(other)), None
+    if os.name != "nt":
+        system = ctypes.CDLL(None)
+    for function, arguments in (
+        ("renameat2", (_AT_FDCWD, names[0], _AT_FDCWD, names[1], _EXCHANGE)),
+        ("renamex_np", (*names, _EXCHANGE)),
+    ):
+        call = getattr(system, function, None)
+        if call is not None and call(*arguments) == 0:
+            return
     aside = one.with_name(f"{one.name}-old")
     other.rename(aside)
     one.rename(other)

@@ -1,9 +1,9 @@
 """What all of kaju's Mesa models have in common: seeds, steps that end, data, and checkpoints.
 
-Steps are certain: from the same scene, seed and classes they lead to the same numbers, bit for
-bit. So a checkpoint holds no inboxes and no multigrid cycle half done; loading it takes the
-steps again, and compares the figures that were noted on the way. Nothing in the file is code:
-classes of one's own are given again.
+Steps are deterministic: from the same scene, seed and classes they lead to the same numbers, bit
+for bit. So a checkpoint holds no inboxes and no multigrid cycle half done; loading it takes the
+steps again and compares the figures noted at the end. Nothing in the file is code: classes of
+one's own are given again.
 """
 
 from __future__ import annotations
@@ -12,43 +12,32 @@ import json
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
 from kaju.model.results.subjects import subject_archive, subject_from
-from kaju.model.scene import Scene
 from kaju.result_kinds import NOTEBOOK, fetch
-from kaju.stepping import Answer, Until, step_to_end
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-    from kaju.model.transfer.load_model import LoadModel
-
+from kaju.stepping import Until, step_to_end
+from kaju.stopping import Answer
 
 _SUBJECT = "subject."
-Draws = tuple[dict[str, Any], tuple[int, tuple[int, ...], float | None]]
-"""States of a model's two generators of random numbers, before anything was drawn."""
+RandomStates = tuple[dict[str, Any], tuple[int, tuple[int, ...], float | None]]
+"""Of a model's two generators of random numbers, before anything was drawn."""
 
 
-def _named(value: Any) -> str:
-    """Return what tells a reader which class or object was used."""
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key}: {_named(part)}" for key, part in sorted(value.items()))
-    return str(getattr(value, "__name__", None) or type(value).__name__)
+def _names_of(own: Mapping[str, Any]) -> dict[str, str]:
+    """Return by which names classes and objects of one's own are recognised."""
 
+    def name_of(value: Any) -> str:
+        if isinstance(value, Mapping):
+            return ", ".join(f"{key}: {name_of(part)}" for key, part in sorted(value.items()))
+        return str(getattr(value, "__name__", None) or type(value).__name__)
 
-def _check_own(target: Path, wanted: dict[str, str], given: Mapping[str, Any]) -> None:
-    found = {name: _named(value) for name, value in given.items() if value is not None}
-    for name in wanted.keys() | found.keys():
-        if wanted.get(name) != found.get(name):
-            raise ParameterError(
-                f"{name}: {target} was made with {wanted.get(name, 'none of your own')}, got "
-                f"{found.get(name, 'none')}; give load_checkpoint(path, {name}=...) what the "
-                "model was made with"
-            )
+    return {name: name_of(value) for name, value in own.items() if value is not None}
 
 
 class SteppedModel(Model):
@@ -88,7 +77,7 @@ class SteppedModel(Model):
         self.step = self._one_step
         self.steps_taken, self._stepping = 0, False
         super().__init__(rng=rng if seed is None else seed, **of_mesa)
-        self.first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
+        self.first_states = deepcopy(self.rng.bit_generator.state), self.random.getstate()
 
     def begin_step(self) -> None:
         """Do what has to be done before anybody acts, whatever `step` a subclass has."""
@@ -124,8 +113,8 @@ class SteppedModel(Model):
     def datacollector(self) -> DataCollector:
         """The figures after every step, as Mesa keeps them."""
         if self._collector is None:
-            names = list(self.figures())
-            self._collector = DataCollector({name: _Figure(name) for name in names})
+            reporters = {name: partial(_figure, name) for name in self.figures()}
+            self._collector = DataCollector(reporters)
         noted, self._noted = self._noted, []
         for step, figures in noted:
             for name, value in figures.items():
@@ -157,7 +146,7 @@ class SteppedModel(Model):
         """Go back to no steps, the first random numbers and no data."""
         self.steps = self.steps_taken = 0
         self.running = True
-        state, drawn = self.first_draws
+        state, drawn = self.first_states
         self.rng.bit_generator.state = deepcopy(state)
         self.random.setstate(drawn)
         self._collector, self._noted, self._own_collector = None, [], False
@@ -210,8 +199,8 @@ class SteppedModel(Model):
             "model": type(self).__name__,
             "subject": about,
             "options": options,
-            "own": {name: _named(value) for name, value in own.items() if value is not None},
-            "rng": list(self.first_draws),
+            "own": _names_of(own),
+            "rng": list(self.first_states),
             "steps": self.steps,
             "figures": self.figures(),
         }
@@ -246,16 +235,22 @@ class SteppedModel(Model):
                 raise ResultFileError(
                     f"{target}: holds a {model_name}; load it with {model_name}.load_checkpoint"
                 )
-            described = archive.value("subject", dict[str, Any])
-            parts = Archive(target, archive.part(_SUBJECT), described)
-            subject = subject_from(parts)
+            about = archive.value("subject", dict[str, Any])
+            subject = subject_from(Archive(target, archive.part(_SUBJECT), about))
             wanted = archive.value("own", dict[str, str])
             steps, figures = archive.value("steps", int), archive.about["figures"]
-        _check_own(target, wanted, own)
+        found = _names_of(own)
+        for name in wanted.keys() | found.keys():
+            if wanted.get(name) != found.get(name):
+                raise ParameterError(
+                    f"{name}: {target} was made with {wanted.get(name, 'none of your own')}, got "
+                    f"{found.get(name, 'none')}; give load_checkpoint(path, {name}=...) what the "
+                    "model was made with"
+                )
         # What goes wrong with classes of one's own is not the file's fault.
         with nullcontext() if own else reading(target):
             model = cls(subject, **archive.value("options", dict[str, Any]), **own)
-            model.first_draws = archive.value("rng", Draws)
+            model.first_states = archive.value("rng", RandomStates)
             model.reset()
             while model.running and model.steps < steps:
                 model.step()
@@ -274,26 +269,9 @@ class SteppedModel(Model):
         result: Callable[[], Answer],
         after: Callable[[], None] | None = None,
     ) -> Answer:
-        """Step to the end; see `step_to_end`."""
         return step_to_end(self, until, result, after)
 
 
-class _Figure:
-    """Reports one of a model's figures to Mesa; unlike a lambda it can be sent to a process."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __call__(self, model: SteppedModel) -> float:
-        return model.figures()[self.name]
-
-
-def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
-    """Return the Mesa model of a scene, `LoadModel` or `ElasticModel`, by the kind of its rule."""
-    if scene.rule.kind == "elastic":
-        from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-
-        return ElasticModel(scene, **options)
-    from kaju.model.transfer.load_model import LoadModel
-
-    return LoadModel(scene, **options)
+def _figure(name: str, model: SteppedModel) -> float:
+    """Return one of a model's figures, as Mesa asks for it."""
+    return model.figures()[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from enum import Enum
+from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,53 +15,6 @@ from kaju.files import is_there
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
-
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        *("--out", "-o"),
-        metavar="DIR",
-        help="Folder for the results; unless given it is named after scene and verb, such as "
-        "plate-result (run), plate-solved (solve), plate-creep, plate-broken, plate-grown, "
-        "plate-compared or kaju-demo.",
-    ),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. rule.threshold=0.001."),
-]
-Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
-
-
-class Drawn(Enum):
-    """Which pictures a result's folder holds, for the shell to complete."""
-
-    ONE = "one"
-    ALL = "all"
-    NONE = "none"
-
-
-Draw = Annotated[
-    Drawn,
-    typer.Option("--pictures", help="Draw the one picture that tells the story, all, or none."),
-]
-DrawNone = Annotated[bool, typer.Option("--no-pictures", help="As --pictures none.")]
-
-
-def drawn_by(pictures: Drawn, no_pictures: bool) -> Drawn:
-    """Return which pictures the two options ask for."""
-    return Drawn.NONE if no_pictures else pictures
-
-
-Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print the key figures as JSON, and nothing else.")
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Resolution = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
-]
 
 
 def fraction(word: str) -> float:
@@ -75,6 +28,44 @@ def fraction(word: str) -> float:
         raise typer.BadParameter(f"a share such as 0.01, or 1%, is needed, got {word!r}") from None
 
 
+def share(help: str) -> Any:
+    """Return an option that takes a share."""
+    return typer.Option(parser=fraction, metavar="SHARE", help=help)
+
+
+def folder(help: str) -> Any:
+    """Return the option that says where a folder is written."""
+    return typer.Option("--out", "-o", metavar="DIR", help=help)
+
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
+Out = Annotated[
+    Path | None,
+    folder(
+        "Folder for the results; unless given it is named after scene and verb, such as "
+        "plate-result (run), plate-solved (solve), plate-creep, plate-broken, plate-grown, "
+        "plate-compared or kaju-demo."
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. rule.threshold=0.001."),
+]
+Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
+Drawn = StrEnum("Drawn", "one all none")
+Draw = Annotated[
+    Drawn,
+    typer.Option("--pictures", help="Draw the one picture that tells the story, all, or none."),
+]
+DrawNone = Annotated[bool, typer.Option("--no-pictures", help="As --pictures none.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the key figures as JSON, and nothing else.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Resolution = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
+]
 Places = Annotated[
     list[str] | None,
     typer.Option(
@@ -102,16 +93,13 @@ def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
     """Return the scene of a file, changed by ``--set KEY=VALUE``."""
     from kaju.model.scene import load_scene
 
-    described = load_scene(path)
-    if not settings:
-        return described
-    changes = {}
-    for setting in settings:
+    described, changes = load_scene(path), {}
+    for setting in settings or ():
         key, equals, value = setting.partition("=")
         if not (key and equals):
             raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
         changes[key.strip()] = value.strip()
-    return described.with_overrides(changes)
+    return described.with_overrides(changes) if changes else described
 
 
 def worked_plate() -> str:

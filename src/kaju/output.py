@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaju.errors import ResultFileError
-from kaju.files import check_writable, is_there, scratch_folder, take_place
+from kaju.files import check_writable, hidden_folder, is_there, move_into_place
 from kaju.view import PICTURES
-
-from .options import Drawn
 
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
@@ -42,15 +39,26 @@ class Folder:
             )
         check_writable(path, ResultFileError)
 
-    def write(self, result: Result, pictures: Drawn) -> list[Path]:
-        """Write summary.json, result.npz and pictures; return their paths.
+    def write(self, result: Result, pictures: str) -> list[Path]:
+        """Write summary.json, result.npz and "one", "all" or "none" of the pictures.
 
         Everything is written aside first; the whole folder then takes its place in one step.
         """
-        with scratch_folder(self.path, ResultFileError) as scratch:
-            self._fill(scratch, result, pictures)
+        with hidden_folder(self.path, ResultFileError) as scratch:
+            result.save(scratch / "result.npz")
+            summary = json.dumps(result.summary(), indent=2, allow_nan=False)
+            (scratch / "summary.json").write_text(summary + "\n", encoding="utf-8")
+            if pictures == "all":
+                from kaju.view import plot_all
+
+                plot_all(result, scratch)
+            elif pictures == "one":
+                from kaju.view import plot
+                from kaju.view.picture_files import save
+
+                save(plot(result), scratch / f"{result.pictures[0]}.png")
             names = sorted(file.name for file in scratch.iterdir())
-            place = self._arrive(scratch, names)
+            place = self._move_in(scratch, names)
         if place != self.path:
             raise ResultFileError(
                 f"{self.path}: another run has put its results there since this one began; "
@@ -58,51 +66,28 @@ class Folder:
             )
         return [place / name for name in names]
 
-    def _fill(self, scratch: Path, result: Result, pictures: Drawn) -> None:
-        result.save(scratch / "result.npz")
-        summary = json.dumps(result.summary(), indent=2, allow_nan=False)
-        (scratch / "summary.json").write_text(summary + "\n", encoding="utf-8")
-        if pictures is Drawn.ALL:
-            from kaju.view import plot_all
-
-            plot_all(result, scratch)
-        elif pictures is Drawn.ONE:
-            from kaju.view import plot
-            from kaju.view.picture_files import save
-
-            save(plot(result), scratch / f"{result.pictures[0]}.png")
-
-    @staticmethod
-    def story(written: list[Path], result: Result) -> Path:
-        """Return which of the files tells the story: the picture to look at first."""
-        return next(path for path in written if path.name == f"{result.pictures[0]}.png")
-
-    def _arrive(self, scratch: Path, names: list[str]) -> Path:
-        """Let the folder take its place; return which: another if somebody else was quicker."""
+    def _move_in(self, scratch: Path, names: list[str]) -> Path:
+        """Let the folder take its place; return which: another if a second run was quicker."""
         if self._replaces is not None and _identity(self.path) == self._replaces:
             for entry in self.path.iterdir():
                 if entry.name not in (*names, *OURS):
                     _keep(entry, scratch / entry.name)
-            take_place(scratch, self.path, replace=True)
+            move_into_place(scratch, self.path, replace=True)
             return self.path
-        for place in self._places():
+        place = self.path
+        for number in count(2):
             try:
-                take_place(scratch, place, replace=False)
+                move_into_place(scratch, place, replace=False)
+                break
             except OSError:
                 if not place.exists():
                     raise
-            else:
-                return place
-        raise AssertionError  # there are always more names
-
-    def _places(self) -> Iterator[Path]:
-        yield self.path
-        for number in count(2):
-            yield self.path.with_name(f"{self.path.name}-{number}")
+            place = self.path.with_name(f"{self.path.name}-{number}")
+        return place
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what tells a folder from another of the same name; None if there is none."""
+    """Return what distinguishes a folder from another of the same name; None if there is none."""
     try:
         about = path.stat()
     except FileNotFoundError:
@@ -111,7 +96,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def _keep(entry: Path, copy: Path) -> None:
-    """Put a file or folder of somebody else's under a second name, without copying if possible."""
+    """Put a foreign file or folder under a second name, by links where the system can."""
     if entry.is_dir() and not entry.is_symlink():
         shutil.copytree(entry, copy, symlinks=True, copy_function=_link)
     else:

@@ -39,7 +39,7 @@ def progress_line(shown: bool | None = None) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def without_progress() -> Iterator[None]:
-    """Let runs inside the block show no line unless told to: they are part of something larger."""
+    """Let runs inside the block show no line by default: they are part of a larger computation."""
     before = _one_of_many.set(True)
     try:
         yield

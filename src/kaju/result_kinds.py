@@ -27,20 +27,13 @@ NOTEBOOK = "view.page.notebook:html_of"
 class Kind:
     """What there is to a kind of result; each mapping is by name, the usual one first."""
 
-    result: str
-    """The class."""
-    pictures: Mapping[str, str]
-    """Functions that draw the result with `kaju.plot`."""
-    films: Mapping[str, str] = field(default_factory=dict)
-    """Functions that give `kaju.animate` the frames of a film."""
-    meshes: Mapping[str, str] = field(default_factory=dict)
-    """Functions that give it a mesh that moves."""
-    page: str | None = None
-    """The function that tells the page what it replays; None if a page cannot show it."""
-    columns: Mapping[str, str] = field(default_factory=dict)
-    """Tables of the arrays that are stored, as docs/formats.md lists them."""
-    section: str | None = None
-    """The function that draws a section through the agents of a body in space."""
+    result: str  # the class
+    pictures: Mapping[str, str]  # functions that draw the result with `kaju.plot`
+    films: Mapping[str, str] = field(default_factory=dict)  # that give `kaju.animate` its frames
+    meshes: Mapping[str, str] = field(default_factory=dict)  # that give it a mesh that moves
+    page: str | None = None  # what it replays on a page; None if a page cannot show it
+    columns: Mapping[str, str] = field(default_factory=dict)  # tables of its stored arrays
+    section: str | None = None  # draws a section through the agents of a body in space
 
 
 KINDS = {

@@ -1,4 +1,4 @@
-"""What models that step have in common, with Mesa or without: who acts, and when to stop."""
+"""What models that step have in common, with Mesa or without: which agents act, when to stop."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from numbers import Integral
 from typing import Any, Protocol, TypeVar
 
 from kaju.errors import ParameterError
-from kaju.stopping import keeping, stopped
+from kaju.stopping import Answer, interrupt_requested, interruptible
 
 A = TypeVar("A")
-Answer = TypeVar("Answer")
 
 Order = Callable[[list[A]], Iterable[A]]
 """Of the agents for which loads wait, those that act in this step, one after another."""
@@ -29,12 +28,13 @@ class Steps(Protocol):
 
 
 def chosen(order: Order[A], waiting: list[A]) -> list[A]:
-    """Return whom an order of one's own lets act, each once."""
+    """Return the agents that an order of one's own lets act, each once."""
+    most = 10 * len(waiting) + 10  # an order may name an agent twice, but must come to an end
     answer = order(list(waiting))
     try:
-        named = list(islice(answer, 10 * len(waiting) + 10))
+        named = list(islice(answer, most))
         acting = list(dict.fromkeys(named))
-        right = bool(acting) and set(acting) <= set(waiting) and len(named) < 10 * len(waiting) + 10
+        right = len(acting) > 0 and set(acting) <= set(waiting) and len(named) < most
     except TypeError:
         acting, right = [], False
     if not right:
@@ -70,7 +70,7 @@ def step_to_end(
         raise ParameterError(
             f"until: a function of the model, or a number of steps, is needed, got {until!r}"
         )
-    left = until if isinstance(until, Integral) else None
+    left = int(until) if isinstance(until, Integral) else None
 
     def steps() -> Answer:
         nonlocal left
@@ -79,8 +79,8 @@ def step_to_end(
             left = None if left is None else left - 1
             if after is not None:
                 after()
-            if stopped():
+            if interrupt_requested():
                 break
         return result()
 
-    return keeping(steps)
+    return interruptible(steps)

@@ -1,8 +1,8 @@
 """Ctrl-C ends a computation between two of its steps, so that what was computed is whole.
 
-The first Ctrl-C is only noted. Loops ask `stopped` between cycles, generations and time steps
-and end there; whoever called gets what there is, as `Interrupted.best`. A second Ctrl-C ends at
-once, as it does everywhere else in Python.
+The first Ctrl-C is only noted. Loops ask `interrupt_requested` between cycles, generations and
+time steps and end there; the caller gets what there is, as `Interrupted.best`. A second Ctrl-C
+ends at once, as it does everywhere else in Python.
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ from kaju.errors import ConvergenceError
 
 Answer = TypeVar("Answer")
 
-NOTE = "interrupted: what was computed until then, and not the whole answer"
-"""How results are marked."""
-_WORDS = b"stopping after this step; Ctrl-C once more ends at once\n"
-_asked: bool | None = None
-"""Whether to stop; None while nobody computes what could be kept."""
+NOTE = "interrupted: what was computed until then, and not the whole answer"  # marks results
+_MESSAGE = b"stopping after this step; Ctrl-C once more ends at once\n"
+_requested: bool | None = None  # None while nothing runs that could keep its answer
 
 
 class Interrupted(KeyboardInterrupt):
@@ -33,36 +31,37 @@ class Interrupted(KeyboardInterrupt):
         self.best = best
 
 
-def stopped() -> bool:
-    """Tell whether Ctrl-C was pressed: whoever steps then takes no further step."""
-    return bool(_asked)
+def interrupt_requested() -> bool:
+    """Tell whether Ctrl-C was pressed: a loop that steps then takes no further step."""
+    return bool(_requested)
 
 
-def keeping(compute: Callable[[], Answer]) -> Answer:
-    """Return what is computed, by steps between which it may be stopped."""
-    global _asked
+def interruptible(compute: Callable[[], Answer]) -> Answer:
+    """Return what is computed in steps, or raise `Interrupted` if it ended after Ctrl-C."""
+    global _requested
     usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if _asked is not None or not usual or current_thread() is not main_thread():
+    if _requested is not None or not usual or current_thread() is not main_thread():
         return compute()
-    _asked = False
+    _requested = False
     signal.signal(signal.SIGINT, _note)
     try:
         answer: object = compute()
-        if not stopped():
+        if not _requested:
             return answer  # type: ignore[return-value]
     except ConvergenceError as error:
-        if not stopped():
+        if not _requested:
             raise
         answer = error.best
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        _asked = None
+        _requested = None
     raise Interrupted(answer)
 
 
 def _note(number: int, frame: FrameType | None) -> None:
-    global _asked
-    if _asked:
+    """Note the first signal; end at the second."""
+    global _requested
+    if _requested:
         signal.default_int_handler(number, frame)
-    _asked = True
-    os.write(2, _WORDS)  # nothing else is safe while a stream may be half-written
+    _requested = True
+    os.write(2, _MESSAGE)  # nothing else is safe while a stream may be half-written

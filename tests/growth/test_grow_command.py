@@ -39,7 +39,7 @@ def test_the_bridge_grows(tmp_path):
 
 def test_what_has_grown_is_kept_after_ctrl_c(monkeypatch):
     model = kaju.GrowthModel(kaju.load_scene(BRIDGE), volume=0.3, most_steps=50)
-    monkeypatch.setattr("kaju.stepping.stopped", lambda: model.steps >= 3)
+    monkeypatch.setattr("kaju.stepping.interrupt_requested", lambda: model.steps >= 3)
     result = model.run()
     assert result.steps == 3
     assert result.outcome == ""

@@ -166,7 +166,7 @@ def test_what_petsc_cannot_do_is_refused():
     scene = scale_work.plate()
     with pytest.raises(ValueError, match="it knows no previous"):
         kaju.solve(scene, engine="petsc", previous=kaju.solve(scene))
-    with pytest.raises(ValueError, match="it knows no spawning"):
+    with pytest.raises(ValueError, match="it knows no strategy"):
         kaju.solve(scene, engine="petsc", strategy="spawning")
     with pytest.raises(ValueError, match="tolerance: must lie"):
         kaju.solve(scene, engine="petsc", tolerance=2.0)

@@ -77,7 +77,7 @@ def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, an
     # Few cells and agents are iterated here as many are.
     monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
     monkeypatch.setattr("kaju.model.elastic.multigrid.nested.DIRECT", {2: 1_500, 3: 2_500})
-    interrupting(monkeypatch, (krylov, "stopped"), 3)
+    interrupting(monkeypatch, (krylov, "interrupt_requested"), 3)
     with pytest.raises(KeyboardInterrupt) as stop:
         solve(holed, **asked)
     best = stop.value.best

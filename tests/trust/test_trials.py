@@ -20,8 +20,7 @@ from kaju.model.elastic import elastic_result
 from kaju.model.outline import outline_bracket
 from kaju.model.study.trials import trial, trial_kinds, trial_scenes, trial_workers
 from kaju.model.study.trials.stability_map import stability_map
-from kaju.model.study.trials.trial import FAILED, REFUSED, UNFINISHED, attempt, put_to
-from kaju.model.study.trials.trial_corpus import CORPUS
+from kaju.model.study.trials.trial import CORPUS, FAILED, REFUSED, UNFINISHED, attempt, put_to
 from kaju.model.study.trials.trial_scenes import (
     BODIES,
     described_scene,

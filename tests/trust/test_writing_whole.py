@@ -75,10 +75,10 @@ def test_a_killed_run_leaves_the_old_folder_or_the_new_one(old, new, force):
     states = set()
     for event in range(1, 1000):
         if force and not folder.exists():
-            Folder(folder).write(old, pictures=False)
+            Folder(folder).write(old, pictures="none")
             (folder / "notes.txt").write_text("mine")
         before = taken(folder)
-        killed = killed_at(event, lambda: Folder(folder, force).write(new, pictures=False))
+        killed = killed_at(event, lambda: Folder(folder, force).write(new, pictures="none"))
         after = taken(folder)
         states.add(after)
         assert after in (before, new.summary()["load_taken"])
@@ -112,28 +112,28 @@ def test_a_stored_file_is_the_old_one_or_the_new_one(old, new):
 @pytest.mark.parametrize("force", [False, True])
 def test_who_comes_second_keeps_the_results_beside_and_says_so(old, new, force):
     if force:
-        Folder(Path("here")).write(old, pictures=False)
+        Folder(Path("here")).write(old, pictures="none")
     slow, quick = Folder(Path("here"), force), Folder(Path("here"), force)
-    quick.write(old, pictures=False)
+    quick.write(old, pictures="none")
     with pytest.raises(ResultFileError, match=r"another run .* this one's are in here-2"):
-        slow.write(new, pictures=False)
+        slow.write(new, pictures="none")
     assert taken(Path("here")) == old.summary()["load_taken"]
     assert taken(Path("here-2")) == new.summary()["load_taken"]
 
 
 def test_an_empty_folder_may_be_filled(new):
     Path("here").mkdir()
-    assert [p.name for p in Folder(Path("here")).write(new, pictures=False)] == [
+    assert [p.name for p in Folder(Path("here")).write(new, pictures="none")] == [
         "result.npz",
         "summary.json",
     ]
 
 
 def test_folders_of_ones_own_inside_a_replaced_run_stay(old, new):
-    Folder(Path("here")).write(old, pictures=False)
+    Folder(Path("here")).write(old, pictures="none")
     Path("here/films/of mine").mkdir(parents=True)
     Path("here/films/of mine/one.txt").write_text("kept")
-    Folder(Path("here"), force=True).write(new, pictures=False)
+    Folder(Path("here"), force=True).write(new, pictures="none")
     assert Path("here/films/of mine/one.txt").read_text() == "kept"
     assert taken(Path("here")) == new.summary()["load_taken"]
 
@@ -156,8 +156,8 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(p
 
 def test_without_an_exchange_in_one_step_names_are_exchanged_all_the_same(old, new, monkeypatch):
     monkeypatch.setattr("ctypes.CDLL", lambda _: object())
-    Folder(Path("here")).write(old, pictures=False)
-    Folder(Path("here"), force=True).write(new, pictures=False)
+    Folder(Path("here")).write(old, pictures="none")
+    Folder(Path("here"), force=True).write(new, pictures="none")
     assert taken(Path("here")) == new.summary()["load_taken"]
     assert [path.name for path in Path().iterdir()] == ["here"]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError, check_type
-from kaju.files import scratch_beside
+from kaju.files import atomic_file
 from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.growth.growth_result import GrowthResult
@@ -176,7 +176,7 @@ def export_page(
             raise ParameterError(f"presets: {name!r} must be a Scene, or one with a text, in pairs")
     packed = packed_page(from_file(of), title, text, presets or {}, language, exact, lesson)
     html = page_html(packed, _in(language, title) or "kaju")
-    with scratch_beside(target, ResultFileError) as scratch:
+    with atomic_file(target, ResultFileError) as scratch:
         scratch.write_text(html, encoding="utf-8")
     return target
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.stopping import stopped
+from kaju.stopping import interrupt_requested
 
 Operator = Callable[[Floats], Floats]
 
@@ -104,7 +104,7 @@ def conjugate_gradients(
             run.converged = True
             x += z
             return run
-        if step == most or product <= 0.0 or stopped():
+        if step == most or product <= 0.0 or interrupt_requested():
             return run
         if p is None:
             p = np.array(z, dtype=np.float64)
@@ -160,7 +160,7 @@ def minimal_residuals(
         if run.residuals[-1] <= tolerance:
             run.converged = True
             return run
-        if gamma_new == 0.0 or stopped():
+        if gamma_new == 0.0 or interrupt_requested():
             return run
         v_old, v, z = v, v_new, z_new
         gamma_old, gamma = gamma, gamma_new

@@ -27,7 +27,7 @@ from kaju.model.elastic.refine.solve_spawning import solve_spawning
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.scene.selection import AppliedLoads
-from kaju.stopping import stopped
+from kaju.stopping import interrupt_requested
 
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
 """An agent, spawned generation by generation, costs as much as so many equal cells."""
@@ -110,7 +110,7 @@ class UniformRefinement:
             self._allowed = []
             return None
         self._learn(result)
-        if stopped() or division == self.resolution:
+        if interrupt_requested() or division == self.resolution:
             return result
         if self.error <= self.tolerance:
             # It is to be proved as well, if that can be.
@@ -146,7 +146,7 @@ class UniformRefinement:
             before = None if self.last is not None else self.previous
             return solve(self.scene, resolution=division, stage=self.stage, previous=before)
         except (SceneError, ConvergenceError):
-            if stopped():
+            if interrupt_requested():
                 raise
             return None
 

@@ -17,7 +17,7 @@ from kaju.model.elastic.refine.block_loop import spawner_of
 from kaju.model.elastic.refine.generations import Spawning
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import Lattice
-from kaju.stopping import NOTE, stopped
+from kaju.stopping import NOTE, interrupt_requested
 
 CONTRAST = 1e4
 """Of materials, from which on estimates of what a tolerance is about were seen to fail."""
@@ -58,7 +58,7 @@ def solve_spawning(
         alike = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
         start_from = before if alike and serves(before, ground) else None
     spawner = spawner_of(ground, tolerance, most_agents, aim_of(goals, ground), start_from)
-    while not spawner.finished and not (spawner.generations and stopped()):
+    while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
     if before is not None:
@@ -69,7 +69,7 @@ def solve_spawning(
         here = np.all((inside >= 0) & (inside < now.size[at, None]), axis=1)
         spawning.retired = int(np.count_nonzero(here & (now.size[at] > old.size)))
     spawning.notes += [note] if note else []
-    spawning.notes += [NOTE] if stopped() else []
+    spawning.notes += [NOTE] if interrupt_requested() else []
     seconds = perf_counter() - start
     result = answer_of(spawning, scene, stage, tolerance, resolution, goals, seconds)
     if spawning.stopped == "agents":

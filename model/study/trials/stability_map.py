@@ -14,24 +14,19 @@ from kaju.model.transfer.load_model import LoadModel
 
 CELLS = 9
 GENERATIONS = 400
-FIRST = 300
-"""Generations that are left for the slowest of the other modes to fade."""
+FIRST = 300  # generations in which the slowest of the other modes fades
 
 
 @dataclass(frozen=True)
 class StabilityMap:
     """Growth of loads that are added up, over the coefficients of a rule."""
 
-    forward: Floats
-    friction: Floats
-    """α₂ and α₃. Shape (n,), (m,)."""
+    forward: Floats  # α₂, shape (n,)
+    friction: Floats  # α₃, shape (m,)
     beta: float
     poissons_ratio: float
-    radius: Floats
-    """Spectral radius by the certificate. Shape (n, m)."""
-    growth: Floats
-    """What the loads' sum was multiplied by a generation, in a run; 0 where all had ended. Shape
-    (n, m)."""
+    radius: Floats  # spectral radius by the certificate, shape (n, m)
+    growth: Floats  # of the loads' sum a generation, in a run; 0 where all had ended
 
     @property
     def contradicted(self) -> int:
@@ -43,52 +38,35 @@ class StabilityMap:
 def stability_map(
     beta: float, poissons_ratio: float, steps: int = 13, own: float = 0.5
 ) -> StabilityMap:
-    """Run a small plate under every pair of α₂ and α₃, and ask the certificate of each.
+    """Run a small plate under pairs of α₂ (0 to 1) and α₃ (0 to ½), and ask their certificates.
 
-    Parameters
-    ----------
-    beta : float
-        Free part of the Poisson expansion.
-    poissons_ratio : float
-    steps : int
-        Values of either coefficient, from 0 to 1 and from 0 to ½.
-    own : float
-        α₁.
+    `steps`: values of either; `own`: α₁.
     """
     forward, friction = np.linspace(0.0, 0.99, steps), np.linspace(0.0, 0.495, steps)
-    radius, growth = np.zeros((steps, steps)), np.zeros((steps, steps))
+    plate = Scene(
+        body={"cell_size": 0.01, "cells": [CELLS, CELLS], "material": "m"},
+        materials={"m": Material("m", youngs_modulus=1e9, poissons_ratio=poissons_ratio)},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [CELLS // 2, CELLS - 1], "force": [0.3, -1.0]}],
+    )
+    radius, growth = np.zeros((2, steps, steps))
     for i, j in np.ndindex(steps, steps):
-        scene = _plate((own, float(forward[i]), float(friction[j])), beta, poissons_ratio)
-        radius[i, j], growth[i, j] = _grown(scene)
+        alpha = own, float(forward[i]), float(friction[j])
+        rule = PrescribedRule(alpha=alpha, beta=beta, threshold=1e-280, accumulate=True)
+        radius[i, j], growth[i, j] = _growth(plate.replace(rule=rule))
     return StabilityMap(forward, friction, beta, poissons_ratio, radius, growth)
 
 
-def _plate(alpha: tuple[float, float, float], beta: float, poissons_ratio: float) -> Scene:
-    material = Material("m", youngs_modulus=1e9, poissons_ratio=poissons_ratio)
-    return Scene(
-        body={"cell_size": 0.01, "cells": [CELLS, CELLS], "material": "m"},
-        materials={"m": material},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [CELLS // 2, CELLS - 1], "force": [0.3, -1.0]}],
-        rule=PrescribedRule(alpha=alpha, beta=beta, threshold=1e-280, accumulate=True),
-    )
-
-
-def _grown(scene: Scene) -> tuple[float, float]:
+def _growth(scene: Scene) -> tuple[float, float]:
     """Return the certificate's radius, and by how much the loads grew a generation."""
     model = LoadModel(scene, engine="arrays", allow_unstable=True, max_generations=GENERATIONS)
-    early = late = None
+    first, early = 0, model.engine.applied
     while model.running:
         model.step()
-        if model.generation == FIRST:
-            early = model.engine.pending
-        late = model.generation, model.engine.pending
-    assert late is not None
-    generation, pending = late
-    certificate = model.certificate.spectral_radius
-    radius = certificate if certificate is not None else model.certificate.upper
-    if pending == 0.0:
-        return radius, 0.0
-    if early:
-        return radius, float((pending / early) ** (1.0 / (generation - FIRST)))
-    return radius, float((pending / model.engine.applied) ** (1.0 / generation))
+        generation, late = model.generation, model.engine.pending
+        if generation == FIRST and late:
+            first, early = generation, late
+    radius = model.certificate.spectral_radius
+    if radius is None:
+        radius = model.certificate.upper
+    return radius, float((late / early) ** (1.0 / (generation - first))) if late else 0.0

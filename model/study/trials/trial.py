@@ -16,38 +16,27 @@ from kaju.errors import KajuError
 
 ANSWERED, REFUSED, FAILED, UNFINISHED = VERDICTS = "answered", "refused", "failed", "not finished"
 
-Told = dict[str, Any]
-Kind = Callable[[Generator, int], Told]
+Facts = dict[str, Any]  # fields of an `Outcome`
+Kind = Callable[[Generator, int], Facts]
 
 
 @dataclass(frozen=True)
 class Outcome:
     """What came of a trial."""
 
-    number: int
-    """From which the scene was made."""
-    family: str
-    engine: str
-    """Kind of scene, and what it was put to."""
-    verdict: str
-    """One of "answered"; "refused" is an error that kaju names, "failed" is anything that must not
-    happen, "not finished" is what the machine was too busy for."""
-    what: str
-    """The error or the failure, in words; how it ended, if it was answered."""
-    agents: int = 0
-    """How many carried load."""
-    estimate: float = nan
-    """Estimated error of the answer in the energy norm, relative; NaN if there is none."""
-    true_error: float = nan
-    """The same by graded elements of high order; NaN where they were not asked."""
-    truth: float = nan
-    lower: float = nan
+    number: int  # from which the scene was made
+    family: str  # of scenes
+    engine: str  # what the scene was put to
+    verdict: str  # answered; refused: an error of kaju's; failed: a bug; not finished: busy machine
+    what: str  # the error or the failure; how it ended, if it was answered
+    agents: int = 0  # how many carried load
+    estimate: float = nan  # error in the energy norm, relative, as the answer estimates it
+    true_error: float = nan  # the same by graded elements of high order
+    truth: float = nan  # energy by these elements (J)
+    lower: float = nan  # proven bounds of the energy (J)
     upper: float = nan
-    """Energy by these elements, and proven bounds of it (J); NaN if there are none."""
-    iterations: int = 0
-    """Iterations, steps or generations."""
-    seconds: float = 0.0
-    """Of processor time."""
+    iterations: int = 0  # or steps, or generations
+    seconds: float = 0.0  # of processor time
 
 
 class Broken(Exception):  # noqa: N818 (it is a finding, not an error of the program)
@@ -57,43 +46,43 @@ class Broken(Exception):  # noqa: N818 (it is a finding, not an error of the pro
 KINDS: dict[str, Kind] = {}
 """All kinds of trial, by name."""
 TURNS: dict[int, str] = {}
-"""Who is tried, in turn: the kind whose turn it is, by a trial's number modulo 20 (or else 40)."""
+"""The kind whose turn it is, by a trial's number modulo 20 (or else 40)."""
 
 
 def trial(name: str, *turns: int) -> Callable[[Kind], Kind]:
-    """Let a function be a kind of trial: it draws from a number, judges, and tells of it.
+    """Let a function be a kind of trial: it draws from a number, judges, and returns its facts.
 
     `*turns`: its turns among twenty, which no other kind has, or the later ones of them, from
     20 to 39, which it takes from the kind that has both.
     """
 
-    def known(kind: Kind) -> Kind:
+    def enter(kind: Kind) -> Kind:
         KINDS[name] = kind
         TURNS.update(dict.fromkeys(turns, name))
         return kind
 
-    return known
+    return enter
 
 
 def attempt(number: int, engine: str = "") -> Outcome:
     """Make the scene of a number, put it to an engine, its own unless given; judge the answer."""
-    turn = put_to(number)
-    engine = engine or turn
+    engine = engine or put_to(number)
     rng = np.random.default_rng([2026, number])
     start = process_time()
-    told: Told
+    facts: Facts
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
-            told = {"verdict": ANSWERED, **KINDS[engine](rng, number)}
+            facts = {"verdict": ANSWERED, **KINDS[engine](rng, number)}
     except Broken as finding:
-        told = {"verdict": FAILED, "what": str(finding)}
-    except KajuError as error:
-        told = {"verdict": REFUSED, "what": f"{type(error).__name__}: {_line(error)}"}
+        facts = {"verdict": FAILED, "what": str(finding)}
     except Exception as error:
-        told = {"verdict": FAILED, "what": f"raw {type(error).__name__}: {_line(error)}"}
-    family = told.pop("family", "") or family_of(number)
-    return Outcome(number, family, engine, seconds=process_time() - start, **told)
+        raw = "" if isinstance(error, KajuError) else "raw "
+        message = " ".join(str(error).split())[:300]
+        facts = {"verdict": FAILED if raw else REFUSED}
+        facts["what"] = f"{raw}{type(error).__name__}: {message}"
+    family = facts.pop("family", "") or family_of(number)
+    return Outcome(number, family, engine, seconds=process_time() - start, **facts)
 
 
 def put_to(number: int) -> str:
@@ -110,35 +99,56 @@ def family_of(number: int) -> str:
     return list(BODIES)[number // 10 % len(BODIES)]
 
 
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]
-
-
 def demand(holds: bool, otherwise: str) -> None:
     """Call an answer broken unless something holds."""
     if not holds:
         raise Broken(otherwise)
 
 
-def demand_finite(told: Any, name: str = "summary") -> None:
+def demand_finite(value: Any, name: str = "summary") -> None:
     """Refuse numbers that are none, at any depth of a summary."""
-    if isinstance(told, dict):
-        for key, value in told.items():
-            demand_finite(value, f"{name}.{key}")
-    elif isinstance(told, (list, tuple)):
-        for item in told:
-            demand_finite(item, name)
-    elif isinstance(told, float):
-        demand(isfinite(told), f"{name} is {told}")
+    if isinstance(value, dict):
+        for key, part in value.items():
+            demand_finite(part, f"{name}.{key}")
+    elif isinstance(value, (list, tuple)):
+        for part in value:
+            demand_finite(part, name)
+    elif isinstance(value, float):
+        demand(isfinite(value), f"{name} is {value}")
 
 
-def demand_sound(result: Any) -> Told:
-    """Return an answer's summary; call it broken if a number is none, or books do not balance."""
-    told: Told = result.summary()
-    demand_finite(told)
+def demand_sound(result: Any) -> Facts:
+    """Return an answer's summary; call it broken if a number is none, or a balance is missed."""
+    summary: Facts = result.summary()
+    demand_finite(summary)
     for check in result.checks():
         demand(
             check.holds,
             f"{check.what}: off by {check.off:.1e}, where {check.allowed:.0e} is allowed",
         )
-    return told
+    return summary
+
+
+CORPUS: dict[tuple[int, str], str] = {
+    (732, "tolerance"): "a solid on which 10,000 agents were given millions of cells",
+    (1262, "tolerance"): "forces beside those of a moved side, which left them hardly any digits",
+    (2962, "tolerance"): "a solid next to ν = -1 that hardly balanced",
+    (5162, "tolerance"): "forces that did not balance, without a word",
+    (5219, "tolerance"): "leftovers that no side passes on: a proof without end",
+    (6589, "tolerance"): "forces that no agent passes on",
+    (8529, "tolerance"): "a solid given to millions of cells",
+    (1124, "equal cells"): "factors of a part on a soft bed",
+    (287, "equal cells"): "rounding that leaves nothing of an answer",
+    (753, "described, tolerance"): "an error that no bound holds, as an infinite number",
+    (792, "described, tolerance"): "the same, of loads that a wall bears where they act",
+    (1770, "described, equal"): "the truth of other cells than those that were solved",
+    (4738, "misbehaving agents"): "True as a direction, which masked an array",
+    (4954, "goals"): "a share of loads that move nothing, by which it was divided",
+    (335, "saved"): "a run on halved cells, which was not read again",
+    (796, "network"): "a network that crept for ever",
+    (5036, "network"): "a network that buckled while it crept",
+    (945, "elastic agents"): "next to ν = 1/2, newtons that rounding lost, as if none may be",
+    (3748, "true outlines"): "corners in line but for rounding, a pocket of itself without end",
+    (20068, "true outlines"): "next to ν = 1/2, bounds that rounding put in the wrong order",
+}
+"""Every trial that has ever failed, with why, by number and kind: they run first."""

@@ -16,19 +16,14 @@ import kaju
 from kaju.errors import AgentError, KajuError
 
 from . import trial_scenes as drawn
-from .trial import Broken, Told, demand, demand_finite, demand_sound, family_of, trial
+from .trial import Broken, Facts, demand, demand_finite, demand_sound, family_of, trial
 
-MOST_AGENTS = 10_000
-"""What asks for more is given up, by a named error."""
+MOST_AGENTS = 10_000  # answers that take more are given up, by a named error
 FEW_CELLS, MOST_GENERATIONS = 20, 3000
-TRUTH_EVERY = 4
-"""Finite elements of high order check every so many plane bodies of a kind."""
-LEVELS, MOST_SINGULAR = 8, 16
-"""How often they are halved round every singular point, and up to how many of these."""
-TRUTH = 1e-4
-"""Share by which the energy of these elements may be off."""
-OWN = 3
-"""In whose turn it is agents of one's own that pass loads on."""
+TRUTH_EVERY = 4  # finite elements of high order check every so many plane bodies of a kind
+LEVELS, MOST_SINGULAR = 8, 16  # halvings round every singular point, and up to how many of these
+TRUTH = 1e-4  # share by which the energy of these elements may be off
+OWN = 3  # the turn of agents of one's own, modulo 10
 
 
 def _passed_on(scene: kaju.Scene, engine: Any, most: int, **own: Any) -> kaju.LoadModel:
@@ -37,8 +32,8 @@ def _passed_on(scene: kaju.Scene, engine: Any, most: int, **own: Any) -> kaju.Lo
 
 
 @trial("prescribed rule", 0, 3)
-def _transfer(rng: Generator, number: int) -> Told:
-    """Pass loads on by chosen shares: they end as the certificate says, and the books balance."""
+def _transfer(rng: Generator, number: int) -> Facts:
+    """Pass loads on by chosen shares: they end as the certificate says, and the ledger balances."""
     scene = drawn.transfer_scene(rng)
     turn = number % 10 == OWN and scene.lattice.kind == "square"
     own = {"material_agent": Grain} if turn else {}
@@ -74,7 +69,7 @@ def _transfer(rng: Generator, number: int) -> Told:
 
 
 class Grain(kaju.MaterialAgent):
-    """An agent of one's own, who draws how much it passes ahead and loses the rest."""
+    """An agent of one's own, which draws how much it passes ahead and loses the rest."""
 
     def __init__(self, model: Any, cell: Any, material: Any, shares: Any) -> None:
         forward = float(model.rng.uniform(0.0, 0.7))
@@ -91,7 +86,7 @@ def _solved(
     """Enter a kind that solves scenes as it asks for, and judges with the truth in between."""
 
     @trial(name, *turns)
-    def kind(rng: Generator, number: int) -> Told:
+    def kind(rng: Generator, number: int) -> Facts:
         scene, asks = scene_of(rng, family_of(number)), asks_of(rng)
         # At another resolution regions are asked again: the scene's cells are not that body.
         known = asks.get("resolution") in (None, 1) and number // 20 % TRUTH_EVERY == 0
@@ -113,9 +108,9 @@ _solved(
 _solved("described, tolerance", (12, 13), drawn.described_scene, _within(0.3, 0.1))
 
 
-def _judged(scene: kaju.Scene, result: Any, known: bool) -> Told:
+def _judged(scene: kaju.Scene, result: Any, known: bool) -> Facts:
     """Judge an answer of linear elasticity: numbers, balance, and sometimes the truth."""
-    told = demand_sound(result)
+    summary = demand_sound(result)
     energy = result.strain_energy
     pulled = any(scene.side_condition(name).kind == "displaced" for name in scene.lattice.sides)
     demand(energy >= 0.0 or pulled, f"a strain energy of {energy:.2e} J")
@@ -128,8 +123,8 @@ def _judged(scene: kaju.Scene, result: Any, known: bool) -> Told:
             f"the true energy {truth:.6e} J lies outside of its bounds {lower:.6e}, {upper:.6e}",
         )
     return {
-        "what": str(told["method"]),
-        "agents": int(told["agents"]),
+        "what": str(summary["method"]),
+        "agents": int(summary["agents"]),
         "estimate": float(result.error_estimate),
         "true_error": sqrt(abs(energy / truth - 1.0)) if truth > 0.0 else nan,
         "truth": truth,
@@ -154,7 +149,7 @@ def _true_energy(scene: kaju.Scene) -> float:
 
 
 @trial("elastic agents", 5)
-def _agents(rng: Generator, number: int) -> Told:
+def _agents(rng: Generator, number: int) -> Facts:
     """Let elastic agents settle, in one of their orders of work."""
     order: Any = ["wave", "largest first", "multilevel"][rng.integers(3)]
     scene = drawn.elastic_scene(rng, family_of(number))
@@ -170,7 +165,7 @@ def _agents(rng: Generator, number: int) -> Told:
 
 
 @trial("network", 6)
-def _network(rng: Generator, number: int) -> Told:
+def _network(rng: Generator, number: int) -> Facts:
     """Press a lattice of springs or a body of hexagons, lightly or until it gives way, or creep."""
     from kaju.model.network.hexagon_body import hexagon_body
     from kaju.model.network.spring_lattices import triangular
@@ -196,7 +191,7 @@ def _network(rng: Generator, number: int) -> Told:
 
 
 @trial("three elements", 8)
-def _element(rng: Generator, number: int) -> Told:
+def _element(rng: Generator, number: int) -> Facts:
     """Hold a steady force on a three-element material: the scheme has an exact answer."""
     k, d_f, d_d = (float(10 ** rng.uniform(-6, 6)) for _ in range(3))
     element = kaju.ThreeElement(K_f=k, D_f=d_f, D_d=d_d if rng.random() < 0.8 else inf)
@@ -211,7 +206,7 @@ def _element(rng: Generator, number: int) -> Told:
 
 
 @trial("goals", 14)
-def _goals(rng: Generator, number: int) -> Told:
+def _goals(rng: Generator, number: int) -> Facts:
     """Ask for a quantity at two tolerances: what is certain of it must be so at both."""
     scene = drawn.described_scene(rng, family_of(number))
     size = np.array(scene.lattice.extent)
@@ -244,7 +239,7 @@ def demand_one_truth(certain: list[tuple[float, float]]) -> None:
 
 
 @trial("true outlines", 23, 28)
-def _outlined(rng: Generator, number: int) -> Told:
+def _outlined(rng: Generator, number: int) -> Facts:
     """Solve a body of true outlines on two grids: both bounds hold one energy; save and read."""
     scene = drawn.outlined_scene(rng)
     certain = []
@@ -253,33 +248,38 @@ def _outlined(rng: Generator, number: int) -> Told:
         grid = {"cells": [times * n for n in lattice.shape], "cell_size": lattice.cell_size / times}
         finer = scene.with_overrides({f"body.{key}": value for key, value in grid.items()})
         result: Any = kaju.solve(finer, tolerance=tolerance, most_agents=MOST_AGENTS)
-        told = demand_sound(result)
-        demand(tuple(told["energy_bounds"]) == result.energy_bounds, "bounds that are not told")
+        summary = demand_sound(result)
+        demand(
+            tuple(summary["energy_bounds"]) == result.energy_bounds,
+            "bounds that the summary does not hold",
+        )
         demand(result.error_bound <= tolerance, "a tolerance that is not kept")
         for name in result.hoops:
             demand_finite(result.outline_stress(name)[1].tolist(), "hoop stress")
         certain.append(result.energy_bounds)
     demand_one_truth(certain)
-    told = {"family": f"{len(result.hoops)} outlines", "what": "proved", "agents": result.agents}
-    return {**_read_again(rng, result), **told}
+    summary = {"family": f"{len(result.hoops)} outlines", "what": "proved", "agents": result.agents}
+    return {**_read_again(rng, result), **summary}
 
 
 @trial("saved", 15)
-def _saved(rng: Generator, number: int) -> Told:
+def _saved(rng: Generator, number: int) -> Facts:
     """Save an answer and read it."""
-    way = int(rng.integers(4))
-    if way == 0:
+    variant = int(rng.integers(4))
+    if variant == 0:
         result: Any = _passed_on(drawn.transfer_scene(rng), "arrays", 100).run(progress=False)
-    elif way == 1:
+    elif variant == 1:
         result = kaju.ElasticModel(drawn.elastic_scene(rng, family_of(number)), max_steps=50).run()
     else:
         scene = drawn.described_scene(rng, family_of(number))
-        asks: dict[str, Any] = {"tolerance": 0.3, "most_agents": MOST_AGENTS} if way == 2 else {}
+        asks: dict[str, Any] = (
+            {"tolerance": 0.3, "most_agents": MOST_AGENTS} if variant == 2 else {}
+        )
         result = kaju.solve(scene, **asks)
     return {"what": "the same", **_read_again(rng, result)}
 
 
-def _read_again(rng: Generator, result: Any) -> Told:
+def _read_again(rng: Generator, result: Any) -> Facts:
     """Save and read: the same; turn a bit over: refused, or nothing depended on it."""
     from kaju.model.results.archive import seal_of
 
@@ -304,15 +304,15 @@ def _read_again(rng: Generator, result: Any) -> Told:
 
 
 @trial("pages", 16)
-def _page(rng: Generator, number: int) -> Told:
+def _page(rng: Generator, number: int) -> Facts:
     """Write a page of a scene, a run or an answer."""
-    way = int(rng.integers(3))
+    variant = int(rng.integers(3))
     shown: Any
-    if way == 0:
+    if variant == 0:
         shown = kaju.solve(drawn.described_scene(rng, family_of(number)))
     else:
         shown = drawn.transfer_scene(rng)
-        if way == 1:
+        if variant == 1:
             shown = _passed_on(shown, "arrays", 200).run(progress=False)
     with TemporaryDirectory() as folder:
         path = kaju.export_page(shown, Path(folder) / "page.html")
@@ -322,7 +322,7 @@ def _page(rng: Generator, number: int) -> Told:
 
 
 @trial("creeping bodies", 17)
-def _creeping(rng: Generator, number: int) -> Told:
+def _creeping(rng: Generator, number: int) -> Facts:
     """Let a body of one or two laws creep, by the prescribed rule or elastically."""
     pace = float(10 ** rng.uniform(-3, 3))
     scene = drawn.described_scene(rng, family_of(number), pace=pace)
@@ -338,8 +338,8 @@ def _creeping(rng: Generator, number: int) -> Told:
 
 
 @trial("misbehaving agents", 18)
-def _misbehaving(rng: Generator, number: int) -> Told:
-    """Let agents or ground answer nonsense: refused by name, or harmless as the books show."""
+def _misbehaving(rng: Generator, number: int) -> Facts:
+    """Let agents or ground answer nonsense: refused by name, or harmless as the ledger shows."""
     mine, rigid = kaju.MaterialAgent, kaju.RigidBoundaryAgent
     worst: list[Any] = [nan, inf, -1.0, 1e308, 0.0, 3.0, None, "half", 1j, 10**400, [], True]
     nonsense: Any = worst[rng.integers(len(worst))]
@@ -366,7 +366,7 @@ def _misbehaving(rng: Generator, number: int) -> Told:
 
 
 @trial("prescribed, described; large", 19)
-def _prescribed(rng: Generator, number: int) -> Told:
+def _prescribed(rng: Generator, number: int) -> Facts:
     """Pass weight and described loads on; every fifth time solve a body of 10⁵ cells."""
     if number // 20 % 5 == 0:
         scene = drawn.large_scene(rng)

@@ -1,7 +1,7 @@
 """Scenes that try the solvers and the rules: each made from a number alone.
 
-Every family is a way in which bodies, materials, supports, loads or coefficients are known to
-give trouble. The same number gives the same scene on every machine.
+Every family is a kind of body, material, support, load or coefficient that is known to give
+trouble. The same number gives the same scene on every machine.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from kaju.model.scene.pictures import embedded
 
 Codes = NDArray[np.int64]
 """0 is air, 1, 2, … are materials, -1 is rigid; [column, row from the bottom]."""
-
-ELASTIC = "kind", "elastic"
 
 
 def _pixels(rng: Generator) -> Codes:
@@ -66,12 +64,12 @@ def _corner_neck(rng: Generator) -> Codes:
 def _spiral(rng: Generator) -> Codes:
     """Return a wound-up member, one or two cells wide."""
     codes = np.zeros((11, 11), dtype=np.int64)
-    place, way = np.array([0, 0]), np.array([0, 1])
+    place, heading = np.array([0, 0]), np.array([0, 1])
     for length in (10, 10, 10, 8, 8, 6, 6, 4, 4, 2)[: int(rng.integers(3, 11))]:
         for _ in range(length):
             codes[tuple(place)] = 1
-            place = place + way
-        way = np.array([way[1], -way[0]])
+            place = place + heading
+        heading = np.array([heading[1], -heading[0]])
     codes[tuple(place)] = 1
     wide = int(rng.integers(1, 3))
     return codes.repeat(wide, axis=0).repeat(wide, axis=1)
@@ -139,22 +137,28 @@ def elastic_scene(rng: Generator, family: str) -> Scene:
         codes = codes[:5, :5, None].repeat(int(rng.integers(1, 4)), axis=2)
         if not (codes > 0).any():
             codes[0, 0, 0] = 1
-    legend = {0: "air", -1: "rigid", 1: "a", 2: "b", 3: "c"}
+    names = {0: "air", -1: "rigid", 1: "a", 2: "b", 3: "c"}
     body: dict[str, Any] = {"cell_size": _size(rng)}
     if not solid:
         body |= {
             "plane": str(rng.choice(["stress", "strain"])),
             "thickness": float(10 ** rng.uniform(-4, 0)),
         }
-    return Scene.from_array(
+    return _of_cells(
         codes,
-        legend={int(code): legend[int(code)] for code in np.unique(codes)},
-        materials=_materials(rng, [n for k, n in legend.items() if k > 0 and k in codes]),
+        names,
+        materials=_materials(rng, [n for k, n in names.items() if k > 0 and k in codes]),
         sides=_sides(rng, codes.ndim),
         loads=[_load(rng, codes) for _ in range(int(rng.integers(1, 4)))],
         rule={"kind": "elastic"},
         **body,
     )
+
+
+def _of_cells(codes: Codes, names: dict[int, str], **described: Any) -> Scene:
+    """Return a scene whose cells are given by codes."""
+    legend = {int(code): names[int(code)] for code in np.unique(codes)}
+    return Scene.from_array(codes, legend=legend, **described)
 
 
 def _size(rng: Generator) -> float:
@@ -235,9 +239,9 @@ def hexagon_scene(rng: Generator) -> Scene:
     codes = np.ones(rng.integers(2, 8, 2), dtype=np.int64)
     if rng.random() < 0.5:
         codes[tuple(rng.integers(0, np.array(codes.shape)))] = 0
-    return Scene.from_array(
+    return _of_cells(
         codes,
-        legend={0: "air", 1: "a"} if (codes == 0).any() else {1: "a"},
+        {0: "air", 1: "a"},
         materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": 1 / 3}},
         lattice="hexagon",
         cell_size=_size(rng),
@@ -262,10 +266,9 @@ def transfer_scene(rng: Generator) -> Scene:
         loads.append({"cell": [int(i) for i in cell], "force": [float(v) for v in vector]})
     kinds = ["free", "rigid", "roller"]
     names = ["left", "right", "bottom", "top", *(["front", "back"] if dimension == 3 else [])]
-    legend = {0: "air", -1: "rigid", 1: "steel", 2: "rubber"}
-    return Scene.from_array(
+    return _of_cells(
         codes,
-        legend={int(code): legend[int(code)] for code in np.unique(codes)},
+        {0: "air", -1: "rigid", 1: "steel", 2: "rubber"},
         cell_size=0.01,
         sides={name: str(rng.choice(kinds)) for name in names},
         loads=loads,
@@ -296,8 +299,7 @@ def _rule(rng: Generator, dimension: int, force: float) -> dict[str, Any]:
     }
 
 
-DRAWS = 6
-"""How often a scene is drawn until one describes something; the last may be refused."""
+DRAWS = 6  # how often a scene is drawn until one describes something; the last may be refused
 
 
 def described_scene(

@@ -1,4 +1,4 @@
-"""Many trials, side by side, each in a process that may hang or die without stopping the rest."""
+"""Many trials side by side, each in a process that may hang or die without stopping the rest."""
 
 from __future__ import annotations
 
@@ -24,16 +24,12 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 COLUMNS = tuple(field.name for field in fields(Outcome))
-MOST_MEMORY = 6 * 2**30
-"""Address space of a worker (bytes): a scene that wants more is a finding."""
-PATIENCE = 20
-"""Times its processor time that a trial may take by the clock: the machine may be busy."""
+MOST_MEMORY = 6 * 2**30  # address space of a worker (bytes): a scene that wants more is a finding
+PATIENCE = 20  # times its processor time that a trial may take by the clock, on a busy machine
 OUT_OF_TIME = getattr(signal, "SIGXCPU", 0)
-WARM = (0, 1, 2, 5, 12, 19, 38)
-"""Trials by which a worker loads, or compiles, what trials need: no trial's time counts that."""
+WARM = (0, 1, 2, 5, 12, 19, 38)  # trials by which a worker compiles before any time counts
 
-Case = tuple[int, str]
-"""A trial's number, and what it is put to; "" is whose turn it is."""
+Case = tuple[int, str]  # a trial's number, and what it is put to; "" is the kind whose turn it is
 
 
 def trials(
@@ -51,11 +47,11 @@ def trials(
     if not limit > 0.0:
         raise ParameterError(f"limit: must be above 0 s, got {limit}")
     left = ((case, "") if isinstance(case, int) else case for case in numbers)
-    crew = [_Worker(limit, warm) for _ in range(workers)]
+    processes = [_TrialProcess(limit, warm) for _ in range(workers)]
     try:
-        for worker in crew:
+        for worker in processes:
             worker.give(next(left, None))
-        while busy := [worker for worker in crew if worker.case]:
+        while busy := [worker for worker in processes if worker.case]:
             wait([worker.pipe for worker in busy], timeout=0.2)
             for worker in busy:
                 outcome = worker.ended()
@@ -63,20 +59,19 @@ def trials(
                     yield outcome
                     worker.give(next(left, None))
     finally:
-        for worker in crew:
-            worker.dismiss()
+        for worker in processes:
+            worker.end()
 
 
-class _Worker:
+class _TrialProcess:
     """A process that makes one trial after the other, and is replaced when it is killed or dies."""
 
     def __init__(self, limit: float, warm: bool) -> None:
         self._limit, self._warm = limit, warm
         self.case: Case | None = None
-        self._hire()
+        self._start()
 
-    def _hire(self) -> None:
-        # Mesa's batch runner changes the process-wide way to start; this one does not care.
+    def _start(self) -> None:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         serving = (theirs, self._limit, self._warm)
@@ -86,6 +81,7 @@ class _Worker:
         self._since = inf  # it warms up
 
     def give(self, case: Case | None) -> None:
+        """Send the next trial, if there is one."""
         self.case = case
         if self._since < inf:
             self._since = monotonic()
@@ -96,15 +92,15 @@ class _Worker:
         """Return the trial's outcome if it has ended, or must end."""
         while self.pipe.poll():
             try:
-                told: Outcome | None = self.pipe.recv()
+                outcome: Outcome | None = self.pipe.recv()
             except (EOFError, ConnectionResetError):
                 self._process.join()
-                if self._process.exitcode == -OUT_OF_TIME:
-                    return self._lost(FAILED, f"took more than {self._limit:g} s of processor time")
-                return self._lost(FAILED, "the process died")
+                late = self._process.exitcode == -OUT_OF_TIME
+                why = f"took more than {self._limit:g} s of processor time"
+                return self._lost(FAILED, why if late else "the process died")
             self._since = monotonic()
-            if told is not None:
-                return told
+            if outcome is not None:
+                return outcome
         spent = monotonic() - self._since
         if spent > PATIENCE * self._limit:
             return self._lost(UNFINISHED, f"waited for {spent:.0f} s, by the clock")
@@ -113,11 +109,12 @@ class _Worker:
     def _lost(self, verdict: str, what: str) -> Outcome:
         assert self.case is not None
         number, engine = self.case
-        self.dismiss()
-        self._hire()
+        self.end()
+        self._start()
         return Outcome(number, family_of(number), engine or put_to(number), verdict, what)
 
-    def dismiss(self) -> None:
+    def end(self) -> None:
+        """End the process."""
         self._process.kill()
         self._process.join()
         self.pipe.close()

@@ -33,23 +33,15 @@ PIECE = 1 << 16
 class AgentTable:
     """Material agents as columns, ordered by spawn step and key."""
 
-    key: Ints
-    """Number of the cell, as the lattice counts."""
+    key: Ints  # number of the cell, as the lattice counts
     material: Ints
     spawn_step: Ints
-    woken_by: Ints
-    """As in `Stage`."""
-    form: Ints
-    """Row of the rule's tables: material, then form of the cell."""
-    taken: Floats
-    """Loads taken (N), by state as `Transfer` numbers them. Shape (agents, states)."""
-    passed: Floats
-    """Loads handed over by arm (N). Shape (agents, directions)."""
-    dropped: Floats
-    """Emissions that were too small (N)."""
-    beyond: NDArray[np.int16]
-    """What lies over each arm: a material's number, or a kind of boundary. Shape (agents,
-    directions)."""
+    woken_by: Ints  # as in `Stage`
+    form: Ints  # row of the rule's tables: material, then form of the cell
+    taken: Floats  # loads taken (N), by state as `Transfer` numbers them
+    passed: Floats  # loads handed over by arm (N)
+    dropped: Floats  # emissions that were too small (N)
+    beyond: NDArray[np.int16]  # what lies over each arm: a material, or a type of boundary
 
     def __init__(self, scene: Scene, states: int) -> None:
         self.scene, self.lattice = scene, scene.lattice
@@ -124,27 +116,17 @@ class AgentTable:
 class WaitingLoads(NamedTuple):
     """Waiting loads, ordered by cell, state and magnitude."""
 
-    slot: Ints
-    """Agent and state: agent times the number of states, plus the state."""
-    number: NDArray[np.int32]
-    """Number of the magnitude in the engine's table."""
-    copies: Floats
-    """How many equal loads the row stands for."""
-
-    def part(self, chosen: Any) -> WaitingLoads:
-        """Return some of the rows."""
-        return WaitingLoads(self.slot[chosen], self.number[chosen], self.copies[chosen])
+    slot: Ints  # agent times the number of states, plus the state
+    number: NDArray[np.int32]  # number of the magnitude in the engine's table
+    copies: Floats  # how many equal loads the row stands for
 
 
 class Arrivals(NamedTuple):
     """Loads on their way into cells."""
 
-    code: Ints
-    """Cell, state and number of the magnitude, as one number."""
-    amount: Floats
-    """Copies; where loads that meet are added up, their sum (N)."""
-    bits: NDArray[np.uint8]
-    """Arms over which they come, one bit each; 0 from a boundary."""
+    code: Ints  # cell, state and number of the magnitude, as one number
+    amount: Floats  # copies; where loads that meet are added up, their sum (N)
+    bits: NDArray[np.uint8]  # arms over which they come, one bit each; 0 from a boundary
 
     def part(self, chosen: Any) -> Arrivals:
         """Return some of the arrivals."""
@@ -160,51 +142,34 @@ class Arrivals(NamedTuple):
 
 
 class BoundaryRows(NamedTuple):
-    """Loads that boundary agents gave back."""
+    """Loads that boundary agents gave back in one generation."""
 
-    generation: int
-    """When they were handed over."""
-    key: Ints
-    """The boundary agents' cells."""
-    load: Floats
-    """What they gave back (N)."""
-    state: NDArray[np.int8]
-    """In which state it came."""
+    generation: int  # when they were handed over
+    key: Ints  # the boundary agents' cells
+    load: Floats  # what they gave back (N)
+    state: NDArray[np.int8]  # in which state it came
 
 
-class Rule(NamedTuple):
-    """The tables of the rule, (emissions, columns): a column is a material, form and state.
-
-    `step` is what the way over the arm adds to the key; `turned` holds, for each kind of
-    boundary, arm and state, the state in which a load comes back.
-    """
+class EmissionTable(NamedTuple):
+    """The rule as (emissions, columns): a column is a material, form and state of a load."""
 
     arm: Ints
     state: Ints
-    step: Ints
+    step: Ints  # what the step over the arm adds to the key
     share: Floats
-    turned: Ints
 
 
 class Sent(NamedTuple):
     """What kinds of load send out; the first axis of arrays is the emission, the last the kind."""
 
-    size: Floats
-    """Magnitude (N)."""
-    loud: Flags
-    """Whether it goes on."""
-    code: Ints
-    """State and number of the magnitude, as codes of arrivals tell them."""
-    delta: Ints
-    """The same, and the step to the neighbour."""
-    number: Ints
-    """Number of the magnitude among those that travel next."""
-    ended: Floats
-    """Sum of what ends (N). Shape (kinds,)."""
-    heard: Flags
-    """Whether anything goes on. Shape (kinds,)."""
-    values: Floats
-    """Magnitudes that travel next (N)."""
+    size: Floats  # magnitude (N)
+    above: Flags  # whether it exceeds γ and goes on
+    code: Ints  # state and number of the magnitude, as in codes of arrivals
+    delta: Ints  # the same, and the step to the neighbour
+    number: Ints  # number of the magnitude among those that travel next
+    ended: Floats  # sum of what ends (N), per kind
+    any_above: Flags  # whether anything goes on, per kind
+    values: Floats  # magnitudes that travel next (N)
 
 
 class PackedHistory(TakenHistory):
@@ -247,16 +212,14 @@ class ArrayEngine:
         self.reach = int(np.abs(self.lattice.key_steps).max())
 
     @cached_property
-    def rule(self) -> Rule:
+    def rule(self) -> EmissionTable:
         """The tables of the rule, emissions first."""
-        arms, states, shares = self.transfer.tables
-        most, forms = shares.shape[-1], np.arange(self.lattice.forms)[None, :, None, None]
-        tables: Any = (arms, states, self.lattice.key_steps[forms, arms], shares)
-        turned = np.zeros((4, self.directions, self.states), dtype=np.int64)
-        for kind, table in self.transfer.turned.items():
-            turned[kind] = table  # kinds of boundaries are below 0
-        columns = [np.ascontiguousarray(column.reshape(-1, most).T) for column in tables]
-        return Rule(columns[0], columns[1], columns[2], columns[3], turned)
+        arm, state, share = self.transfer.tables
+        form = np.arange(len(arm))[:, None, None] % self.lattice.forms
+        tables: Any = (arm, state, self.lattice.key_steps[form, arm], share)
+        most = share.shape[-1]
+        columns = [np.ascontiguousarray(table.reshape(-1, most).T) for table in tables]
+        return EmissionTable(*columns)
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
@@ -372,16 +335,16 @@ class ArrayEngine:
         else:
             column, magnitude = np.divmod(kinds[0], count)
             size = rule.share[:, column] * self.values[magnitude]
-        loud = self._go_on(size, met=False)
+        above = self._go_on(size, met=False)
         code, number = rule.state[:, column], np.zeros(size.shape, dtype=np.int64)
         values, codes = self.values[:0], self.states
         if not self.accumulate:
-            values, number[loud] = np.unique(size[loud], return_inverse=True)
+            values, number[above] = np.unique(size[above], return_inverse=True)
             code = code * max(len(values), 1) + number
             codes = self.states * max(len(values), 1)
-        ended = np.where(loud, 0.0, size).cumsum(axis=0)[-1]  # one after another, unlike a sum
+        ended = np.where(above, 0.0, size).cumsum(axis=0)[-1]  # one after another, unlike a sum
         delta = rule.step[:, column] * codes + code
-        return Sent(size, loud, code, delta, number, ended, np.any(loud, axis=0), values)
+        return Sent(size, above, code, delta, number, ended, np.any(above, axis=0), values)
 
     def _name_cells(self, slot: Ints) -> None:
         """Name the cells in reach anew where the numbers of all would be too large."""
@@ -394,23 +357,24 @@ class ArrayEngine:
     def _pass_on(self, piece: slice, kinds: tuple[Ints, Ints] | None, sent: Sent) -> Arrivals:
         """Split waiting loads into shares, and bring them to the neighbours."""
         table, rule = self.agents, self.rule
-        rows, count = self.waiting.part(piece), sent.size.shape[1]
+        rows = WaitingLoads(*(column[piece] for column in self.waiting))
+        count = sent.size.shape[1]
         agent, copies = rows.slot // self.states, rows.copies
         column = self._column(rows.slot, agent)
         if kinds is None:
             kind = column * (count // rule.share.shape[1]) + rows.number
         else:
             kind = kinds[1][piece]
-        heard = sent.heard[kind]
-        if not (self.accumulate or heard.all()):
-            silent = np.flatnonzero(~heard)
+        goes_on = sent.any_above[kind]
+        if not (self.accumulate or goes_on.all()):
+            silent = np.flatnonzero(~goes_on)
             whole = self.transfer.emitted.ravel()[column[silent]]
             self._drop(agent[silent], whole * self.load[piece][silent])
-            agent, copies, kind, column = (c[heard] for c in (agent, copies, kind, column))
+            agent, copies, kind, column = (c[goes_on] for c in (agent, copies, kind, column))
         self._drop(agent, sent.ended[kind] * copies)
 
         emission, row = _divided(
-            np.flatnonzero(np.take(sent.loud, kind, axis=1)), max(len(kind), 1)
+            np.flatnonzero(np.take(sent.above, kind, axis=1)), max(len(kind), 1)
         )
         entry, place = emission * count + kind[row], emission * rule.arm.shape[1] + column[row]
         who, copies = agent[row], copies[row]
@@ -454,7 +418,7 @@ class ArrayEngine:
         beside = key + self.lattice.key_steps[table.form[agent] % self.lattice.forms, arm]
         self.boundary.append(BoundaryRows(self.generation, beside, load, state.astype(np.int8)))
         self.returned += float(load.sum())
-        turned = self.rule.turned[table.beyond[agent, arm], arm, state]
+        turned = self.transfer.turned[table.beyond[agent, arm], arm, state]
         place = key if self.names is None else np.searchsorted(self.names, key)
         return np.asarray(place * self.codes + turned * (self.codes // self.states))
 
@@ -586,7 +550,7 @@ class ArrayEngine:
         pulled = table.taken[:, self.directions :]
         if not pulled.shape[1]:
             pulled = np.zeros_like(table.taken)
-        emitted = self.transfer.emitted.reshape(-1, self.states)[table.form]
+        emitted = self.transfer.emitted[table.form]
         ledger = Ledger(
             applied=self.applied,
             taken=float(taken.sum()),

@@ -95,7 +95,7 @@ class Transfer:
     def tables(self) -> RuleTables:
         """The emissions of every material, form and state."""
         directions, forms = self.lattice.directions, range(self.lattice.forms)
-        senses: tuple[Sense, ...] = ("push", "pull")[: self.states // directions]
+        senses: tuple[Sense, ...] = ("push", "pull") if self.rule.sense else ("push",)
         every = [
             self.emissions(shares, direction, sense, form)
             for shares in self.shares
@@ -109,7 +109,8 @@ class Transfer:
             for column, emission in enumerate(sent):
                 arm[row, column], share[row, column] = emission.arm, emission.share
                 state[row, column] = emission.direction + directions * (emission.sense == "pull")
-        return RuleTables(*(t.reshape(-1, self.states, shape[1]) for t in (arm, state, share)))
+        whole = (-1, self.states, shape[1])
+        return RuleTables(arm.reshape(whole), state.reshape(whole), share.reshape(whole))
 
     @cached_property
     def emitted(self) -> Floats:
@@ -205,4 +206,3 @@ def split_force(lattice: Lattice, force: Floats) -> tuple[Ints, Ints, Floats]:
     magnitude = lattice.split(force)
     row, direction = np.nonzero(magnitude)
     return row, direction, magnitude[row, direction]
-

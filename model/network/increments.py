@@ -25,11 +25,11 @@ from .equilibrium import (
     find_balance,
     solve_tangent,
     tangent_error,
-    weakness_of,
+    unstable_mode,
 )
-from .linear import Method, SingularTangentError, tangent_solver
+from .linear import SingularTangentError, tangent_solver
 from .network_result import NetworkResult, Scheme
-from .springs import SpringNetwork
+from .springs import Method, SpringNetwork
 
 _FINEST = 2.0**-10
 """Smallest part of an increment that is tried before the network is said to give way."""
@@ -236,7 +236,7 @@ class IncrementalLoading:
     def _check_stability(self, record: NetworkRecord) -> None:
         geometry = self.assembler.geometry(record.displacement)
         _, stiffness = self.law(geometry.elongation)
-        weakness = weakness_of(self.assembler, self.solver, geometry, record.tension, stiffness)
+        weakness = unstable_mode(self.assembler, self.solver, geometry, record.tension, stiffness)
         if weakness is not None:
             raise self._gives_way(record, weakness)
 

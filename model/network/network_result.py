@@ -44,7 +44,7 @@ def triangles(springs: Springs) -> Ints:
     return corners
 
 
-def turned_over(network: SpringNetwork, displacement: Floats) -> Ints:
+def inverted_triangles(network: SpringNetwork, displacement: Floats) -> Ints:
     """Return the triangles of a plane network that lie the other way round, shape (k, 3).
 
     There a node has passed through the spring between two others, as no piece of matter
@@ -183,7 +183,7 @@ class NetworkResult(Result):
         Only a network in the plane has any. Where there is one, springs have passed through
         each other, and the network no longer stands for a body.
         """
-        turned = turned_over(self.network, self.displacement[record]).tolist()
+        turned = inverted_triangles(self.network, self.displacement[record]).tolist()
         return [tuple(self.network.names[node] for node in corners) for corners in turned]
 
     def displacement_at(self, points: Floats) -> Floats:

@@ -357,12 +357,12 @@ class ArrayEngine:
     def _pass_on(self, piece: slice, kinds: tuple[Ints, Ints] | None, sent: Sent) -> Arrivals:
         """Split waiting loads into shares, and bring them to the neighbours."""
         table, rule = self.agents, self.rule
-        slot, number, copies = (column[piece] for column in self.waiting)
-        count = sent.size.shape[1]
+        waiting, count = self.waiting, sent.size.shape[1]
+        slot, copies = waiting.slot[piece], waiting.copies[piece]
         agent = slot // self.states
         column = self._column(slot, agent)
         if kinds is None:
-            kind = column * (count // rule.share.shape[1]) + number
+            kind = column * (count // rule.share.shape[1]) + waiting.number[piece]
         else:
             kind = kinds[1][piece]
         goes_on = sent.any_above[kind]

@@ -154,7 +154,7 @@ class NetworkResult(Result):
             integrand = [
                 float(np.vdot(self.reactions(record), moved))
                 - float(np.vdot(forces[1] - forces[0], self.displacement[record]))
-                for record in records
+                for record in records.tolist()
             ]
             share = (path - path[0]) / (path[-1] - path[0])
             order = min(5, len(records) - 1)

@@ -104,11 +104,15 @@ def solve_petsc(
     levels[0].dm.globalToLocal(solved[0], local)
     window = together(comm, lambda: window_of(body, levels[0], local))
     energy = float(comm.allreduce(window.energy()))
+    # Relative error of the parents' answer, by its potential energy.
+    missed = 2.0 * (solved[3] - _potential(matrix, solved[0], right))
+    known = np.isfinite(missed) and energy > 0.0
+    error = sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
     solution = Solution(
         window.faces,
         energy,
         "PETSc multigrid",
-        _missed(hierarchy, right, solved, energy),
+        error,
         solved[1][-1],
         len(levels),
         solved[1],
@@ -133,14 +137,10 @@ class PetscWindow:
 
     body: PiecedBody
     problem: ElasticProblem
-    origin: Index
-    """Cell of the body at which the problem's rim begins."""
-    cells: Box
-    """The process's own cells, without the rim."""
-    faces: FaceFields
-    """Scaled displacements."""
-    owned: tuple[Flags, ...]
-    """Which faces belong to the process."""
+    origin: Index  # cell of the body at which the problem's rim begins
+    cells: Box  # the process's own cells, without the rim
+    faces: FaceFields  # scaled displacements
+    owned: tuple[Flags, ...]  # which faces belong to the process
 
     def energy(self) -> float:
         """Return what this process's faces contribute to the energy (scaled)."""
@@ -235,23 +235,19 @@ def together(comm: Any, step: Callable[[], Answer]) -> Answer:
     answer: Answer | None = None
     try:
         answer = step()
-    except Exception as error:  # told to the others, and raised below
+    except Exception as error:  # sent to the others, and raised below
         failure = error
-    failures = comm.allgather(_portable(failure))
+    # Errors that other processes cannot rebuild travel in words.
+    portable = (type(None), SupportError, SceneError, ParameterError, ResultFileError)
+    travels = type(failure) in portable
+    failures = comm.allgather(failure if travels else f"{type(failure).__name__}: {failure}")
     first = next((rank for rank, error in enumerate(failures) if error is not None), None)
     if first is None:
         return answer  # type: ignore[return-value]
-    told = failures[first]
-    if isinstance(told, KajuError):
-        raise told
-    raise WorkerError(f"process {first} of {len(failures)} failed: {told}") from failure
-
-
-def _portable(error: Exception | None) -> KajuError | str | None:
-    """Return an error as it can be told to other processes."""
-    if error is None or type(error) in (SupportError, SceneError, ParameterError, ResultFileError):
-        return error  # type: ignore[return-value]
-    return f"{type(error).__name__}: {error}"
+    reason = failures[first]
+    if isinstance(reason, KajuError):
+        raise reason
+    raise WorkerError(f"process {first} of {len(failures)} failed: {reason}") from failure
 
 
 def _checked(tolerance: float | None, resolution: int | None) -> float:
@@ -304,14 +300,6 @@ def _potential(matrix: Any, x: Any, right: Any) -> float:
     force = matrix.createVecLeft()
     matrix.mult(x, force)
     return 0.5 * float(x.dot(force)) - float(x.dot(right))
-
-
-def _missed(hierarchy: PetscHierarchy, right: Any, solved: Solved, energy: float) -> float:
-    """Return the relative error of the parents' answer, by its potential energy."""
-    x, _, _, coarser = solved
-    missed = 2.0 * (coarser - _potential(hierarchy.matrices[0], x, right))
-    known = np.isfinite(missed) and energy > 0.0
-    return sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
 
 
 def _result(
@@ -388,7 +376,7 @@ def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> An
     for axis in range(d):
         faces = fine.owned(axis)
         row = fine.numbers(axis, faces)
-        terms = [_along(faces[:, a]) if a == axis else _across(faces[:, a]) for a in range(d)]
+        terms = [_parents(faces[:, a], a == axis) for a in range(d)]
         column = np.empty((len(faces), 2**d), dtype=np.int64)
         weight = np.empty((len(faces), 2**d))
         for k, choice in enumerate(product((0, 1), repeat=d)):
@@ -408,17 +396,13 @@ def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> An
     return _matrix(parts, place, like, columns)
 
 
-def _along(face: Index) -> list[tuple[Index, Floats]]:
-    whole = face % 2 == 0
-    return [
-        (face // 2, np.where(whole, 1.0, 0.5)),
-        (np.where(whole, face // 2, face // 2 + 1), np.where(whole, 0.0, 0.5)),
-    ]
-
-
-def _across(face: Index) -> list[tuple[Index, Floats]]:
-    parent = face // 2
-    beside = np.where(face % 2 == 0, parent - 1, parent + 1)
+def _parents(face: Index, along: bool) -> list[tuple[Index, Floats]]:
+    """Return two coarse faces beside fine ones, and their weights, along the normal or across."""
+    parent, even = face // 2, face % 2 == 0
+    if along:
+        first = np.where(even, 1.0, 0.5)
+        return [(parent, first), (np.where(even, parent, parent + 1), 1.0 - first)]
+    beside = np.where(even, parent - 1, parent + 1)
     return [(parent, np.full(len(face), 0.75)), (beside, np.full(len(face), 0.25))]
 
 

@@ -192,8 +192,8 @@ class PackedHistory(TakenHistory):
             column = [slot % self.states >= self.directions for slot, _ in record]
         else:
             raise AttributeError(name)
-        kinds = {"load": np.float64, "pull": np.bool_}
-        whole = np.concatenate([np.empty(0, dtype=kinds.get(name, np.int64)), *column])
+        dtypes = {"load": np.float64, "pull": np.bool_}
+        whole = np.concatenate([np.empty(0, dtype=dtypes.get(name, np.int64)), *column])
         self.__dict__[name] = whole
         return whole
 
@@ -347,7 +347,7 @@ class ArrayEngine:
         return Sent(size, above, code, delta, number, ended, np.any(above, axis=0), values)
 
     def _name_cells(self, slot: Ints) -> None:
-        """Name the cells in reach anew where the numbers of all would be too large."""
+        """Give the cells in reach new numbers where the keys of all would be too large."""
         self.names = None
         if self.cells * self.codes >= 2**62:
             key = self.agents.key[np.unique(slot // self.states)]
@@ -512,23 +512,25 @@ class ArrayEngine:
 
     def _boundary_agents(self) -> tuple[Ints, Ints, Floats, Floats]:
         """Return the boundary agents, by spawn step and key: what each gave back, and took (N)."""
-        nothing = BoundaryRows(0, np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, np.int8))
-        columns: Any = zip(*(rows[1:] for rows in (nothing, *self.boundary)), strict=True)
-        every, load, state = (np.concatenate(column) for column in columns)
-        generation = [np.full(len(rows.key), rows.generation) for rows in self.boundary]
+        rows = self.boundary or [
+            BoundaryRows(0, np.empty(0, int), np.empty(0), np.empty(0, np.int8))
+        ]
+        every = np.concatenate([given.key for given in rows])
+        load = np.concatenate([given.load for given in rows])
+        state = np.concatenate([given.state for given in rows])
+        generation = np.repeat([given.generation for given in rows], [len(r.key) for r in rows])
         order, rising = _sorted(every)
         first = _firsts(rising)
+        key = rising[first]
         number = np.empty_like(order)
-        number[order] = np.repeat(np.arange(len(first)), _lengths(first, len(order)))
-        # A load handed over in generation g (counted from 1) is taken again in g + 1.
-        step: Ints = np.concatenate([nothing.key, *generation])[order[first]] + 1
-        # Of nothing, NumPy counts in whole numbers.
-        returned: Any = np.bincount(number, load, len(first)).astype(np.float64)
-        code = number * self.directions + state % self.directions
-        taken: Any = np.bincount(code, load, len(first) * self.directions).astype(np.float64)
-        taken = taken.reshape(-1, self.directions)
-        by_step = np.lexsort((rising[first], step))
-        return rising[first][by_step], step[by_step], returned[by_step], taken[by_step]
+        number[order] = np.repeat(np.arange(len(key)), _lengths(first, len(order)))
+        step = generation[order[first]] + 1  # a load handed over in g is taken again in g + 1
+        returned = np.zeros(len(key))
+        np.add.at(returned, number, load)
+        arrived = np.zeros((len(key), self.directions))
+        np.add.at(arrived, (number, state % self.directions), load)
+        by_step = np.lexsort((key, step))
+        return key[by_step], step[by_step], returned[by_step], arrived[by_step]
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
@@ -537,9 +539,15 @@ class ArrayEngine:
         modulus = np.array([material.youngs_modulus for material in self.transfer.materials])
         widening = np.array([shares.widening for shares in self.transfer.shares])
         shortened = kept / (self.transfer.cross_section * modulus[table.material, None])
-        widened = shortened * widening[table.material, None]
-        cells, material = table.cells, table.material
-        return Totals(cells, material, kept, shortened, widened, table.passed, table.dropped)
+        return Totals(
+            cells=table.cells,
+            material=table.material,
+            kept=kept,
+            shortened=shortened,
+            widened=shortened * widening[table.material, None],
+            passed=table.passed,
+            dropped=table.dropped,
+        )
 
     def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far; its ledger tells how it ended."""

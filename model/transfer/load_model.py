@@ -136,14 +136,15 @@ class LoadModel(LoadTransfer, SteppedModel):
             )
         classes = own_classes(material_agent, boundary_agents)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
+        usual = material_agent is MaterialAgent
         self._own: dict[str, Any] = {
-            "material_agent": material_agent,
+            "material_agent": None if usual else material_agent,
             "boundary_agents": boundary_agents,
             "order": order,
             "rule": rule,
         }
         own: dict[str, type] = dict(boundary_agents or {})
-        if material_agent is not MaterialAgent:
+        if not usual:
             own["material"] = material_agent
         names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
         self._describe(scene, allow_unstable, max_generations, rule, names)
@@ -180,8 +181,7 @@ class LoadModel(LoadTransfer, SteppedModel):
             "max_generations": self.max_generations,
             **self.parameters,
         }
-        usual = self._own["material_agent"] is MaterialAgent
-        return options, self._own | ({"material_agent": None} if usual else {})
+        return options, self._own
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step; loads (N) are those of the current stage."""

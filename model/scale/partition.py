@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError
@@ -54,6 +55,7 @@ class PetscLevel:
     shape: tuple[int, ...]  # number of cells along each axis, without the rim
     own: Box  # cells of this process, with its part of the rim
     ghosts: Box  # cells that it knows, with the places of the faces behind the last
+    size: int  # number of faces on all processes
     number: tuple[Index, ...]  # per axis PETSc's numbers of the faces below `ghosts`, or -1
 
     def owned(self, axis: int) -> Index:
@@ -153,6 +155,7 @@ def _level(
         shape,
         (lower, lower + np.array(count, dtype=np.int64)),
         (ghost_start - 1, ghost_start - 1 + ghost_count),
+        dm.createGlobalVec().getSize(),
         tuple(table[..., slot].T for slot in slots),
     )
 
@@ -311,9 +314,7 @@ class PetscRows:
     """The rows of the stiffness matrix that belong to some faces, and what acts on them."""
 
     row: Index  # PETSc's numbers of the faces
-    start: Index  # the rows, compressed, with PETSc's numbers as columns
-    column: Index
-    value: Floats
+    matrix: csr_array  # the rows, with PETSc's numbers as columns
     right: Floats  # load less what the lead from moved sides takes; 0 at faces that do not move
     active: Flags  # which faces move
 
@@ -350,17 +351,13 @@ def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
         row.append(level.numbers(axis, faces))
     mine, numbers = np.concatenate(picked), np.concatenate(row)
     moves = mine >= 0
-    chosen = stiffness[mine[moves]]
-    counts = np.ones(len(mine), dtype=np.int64)
-    counts[moves] = np.diff(chosen.indptr)
-    start = np.concatenate([[0], np.cumsum(counts)])
-    column = np.empty(start[-1], dtype=np.int64)
-    value = np.ones(start[-1])
-    from_matrix = np.repeat(moves, counts)
-    column[from_matrix] = names[chosen.indices]
-    value[from_matrix] = chosen.data
-    column[~from_matrix] = numbers[~moves]
+    # The rows of faces that move, and ones on the diagonal for the others.
+    chosen = stiffness[mine[moves]].tocoo()
+    entry_row = np.concatenate([np.flatnonzero(moves)[chosen.row], np.flatnonzero(~moves)])
+    column = np.concatenate([names[chosen.col], numbers[~moves]])
     assert (column >= 0).all()
+    value = np.concatenate([chosen.data, np.ones(np.count_nonzero(~moves))])
+    matrix = csr_array((value, (entry_row, column)), shape=(len(mine), level.size))
     right = np.zeros(len(mine))
     right[moves] = load[mine[moves]]
-    return PetscRows(numbers, start, column, value, right, moves)
+    return PetscRows(numbers, matrix, right, moves)

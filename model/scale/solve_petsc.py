@@ -20,6 +20,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import (
@@ -348,22 +349,21 @@ def assembled(level: PetscLevel, parts: list[PetscRows]) -> tuple[Any, Any, Any]
     first, _ = right.getOwnershipRange()
     right.getArray()[row - first] = np.concatenate([part.right for part in parts])
     moves.getArray()[row - first] = np.concatenate([part.active for part in parts])
-    return _matrix(parts, row - first, right), right, moves
+    rows = vstack([part.matrix for part in parts], format="csr")
+    return _matrix(rows, row - first, right, right), right, moves
 
 
-def _matrix(parts: list[PetscRows], place: Index, like: Any, columns: Any = None) -> Any:
-    """Return a PETSc matrix of rows in any order."""
+def _matrix(rows: csr_array, place: Index, like: Any, columns: Any) -> Any:
+    """Return a PETSc matrix of this process's rows, each at its place among them."""
     from petsc4py import PETSc
 
-    counts = np.concatenate([np.diff(part.start) for part in parts])
-    order = np.argsort(place, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(counts[order])])
-    begins = np.concatenate([[0], np.cumsum(counts)])[:-1][order]
-    take = np.repeat(begins - starts[:-1], counts[order]) + np.arange(starts[-1])
-    column = np.concatenate([part.column for part in parts])[take]
-    value = np.concatenate([part.value for part in parts])[take]
-    sizes = like.getSizes(), (like if columns is None else columns).getSizes()
-    csr = (starts.astype(PETSc.IntType), column.astype(PETSc.IntType), value)
+    ordered = rows[np.argsort(place)]
+    csr = (
+        ordered.indptr.astype(PETSc.IntType),
+        ordered.indices.astype(PETSc.IntType),
+        ordered.data,
+    )
+    sizes = like.getSizes(), columns.getSizes()
     return PETSc.Mat().createAIJ(sizes, csr=csr, comm=like.getComm())
 
 
@@ -372,7 +372,7 @@ def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> An
     like, columns = fine.dm.createGlobalVec(), coarse.dm.createGlobalVec()
     first, _ = like.getOwnershipRange()
     d = len(fine.shape)
-    parts = []
+    rows, matrices = [], []
     for axis in range(d):
         faces = fine.owned(axis)
         row = fine.numbers(axis, faces)
@@ -385,15 +385,12 @@ def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> An
             weight[:, k] = np.prod([terms[a][c][1] for a, c in enumerate(choice)], axis=0)
         if moves is not None:
             weight *= moves.getArray(readonly=True)[row - first][:, None]
-        whole = faces[:, axis] % 2 == 0  # both parents along the normal are then the same one
-        keep = np.ones(column.shape, dtype=bool)
-        second = np.array([choice[axis] for choice in product((0, 1), repeat=d)], dtype=bool)
-        keep[np.ix_(whole, second)] = False
-        start = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
-        nothing = np.zeros(len(row))
-        parts.append(PetscRows(row, start, column[keep], weight[keep], nothing, nothing > 0))
-    place = np.concatenate([part.row for part in parts]) - first
-    return _matrix(parts, place, like, columns)
+        # Where both parents along the normal are the same one, their weights are added.
+        entries = (np.repeat(np.arange(len(row)), 2**d), column.ravel())
+        rows.append(row - first)
+        matrices.append(csr_array((weight.ravel(), entries), shape=(len(row), coarse.size)))
+    place = np.concatenate(rows)
+    return _matrix(vstack(matrices, format="csr"), place, like, columns)
 
 
 def _parents(face: Index, along: bool) -> list[tuple[Index, Floats]]:

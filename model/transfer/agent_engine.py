@@ -221,7 +221,7 @@ class AgentEngine:
     # Neighbours.
 
     def look(self, agent: MaterialAgent, arm: int) -> Any:
-        """Return who is over an arm, and wake it: a load is on its way."""
+        """Return the neighbour over an arm, and wake it: a load is on its way."""
         if agent.beyond is None:
             self._look_round([agent])
         if arm not in self.lattice.arms[agent.form]:
@@ -525,7 +525,7 @@ class AgentEngine:
 
 
 class Sum:
-    """Loads that are added up, and who sent them."""
+    """Loads that are added up, and their senders."""
 
     __slots__ = ("senders", "total")
 

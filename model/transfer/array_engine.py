@@ -377,22 +377,22 @@ class ArrayEngine:
             np.flatnonzero(np.take(sent.above, kind, axis=1)), max(len(kind), 1)
         )
         entry, place = emission * count + kind[row], emission * rule.arm.shape[1] + column[row]
-        who, copies = agent[row], copies[row]
+        sender, copies = agent[row], copies[row]
         arm = rule.arm.ravel()[place]
         load = sent.size.ravel()[entry] * copies
-        over = who * self.directions + arm
+        over = sender * self.directions + arm
         np.add.at(table.passed.reshape(-1), over, load)
         if self.names is None:
-            code = table.key[who] * self.codes + sent.delta.ravel()[entry]
+            code = table.key[sender] * self.codes + sent.delta.ravel()[entry]
         else:
-            reached = np.searchsorted(self.names, table.key[who] + rule.step.ravel()[place])
+            reached = np.searchsorted(self.names, table.key[sender] + rule.step.ravel()[place])
             code = reached * self.codes + sent.code.ravel()[entry]
         beyond = table.beyond.reshape(-1)[over]
         arrivals = Arrivals(code, load if self.accumulate else copies, self.bits[arm])
         outside = np.flatnonzero(beyond < 0)
         if not len(outside):
             return arrivals
-        leaving = (who[outside], arm[outside], rule.state.ravel()[place[outside]])
+        leaving = (sender[outside], arm[outside], rule.state.ravel()[place[outside]])
         number = sent.number.ravel()[entry[outside]]
         if not self.accumulate:
             code[outside] = self._give_back(*leaving, load[outside]) + number

@@ -114,14 +114,12 @@ class LoadTransfer:
     @property
     def generation(self) -> int:
         """Steps taken in the current stage."""
-        generation: int = self.engine.generation
-        return generation
+        return int(self.engine.generation)
 
     @property
     def pending(self) -> float:
         """Sum of the loads that wait to be taken (N)."""
-        pending: float = self.engine.pending
-        return pending
+        return float(self.engine.pending)
 
     @property
     def at_rest(self) -> bool:

@@ -373,6 +373,7 @@ class ArrayEngine:
             agent, copies, kind, column = (c[goes_on] for c in (agent, copies, kind, column))
         self._drop(agent, sent.ended[kind] * copies)
 
+        # A row for every emission that goes on: which of the rule's it is, and of which load.
         emission, row = _divided(
             np.flatnonzero(np.take(sent.above, kind, axis=1)), max(len(kind), 1)
         )
@@ -382,6 +383,7 @@ class ArrayEngine:
         load = sent.size.ravel()[entry] * copies
         over = sender * self.directions + arm
         np.add.at(table.passed.reshape(-1), over, load)
+        # What arrives is numbered by cell, state and magnitude in one.
         if self.names is None:
             code = table.key[sender] * self.codes + sent.delta.ravel()[entry]
         else:

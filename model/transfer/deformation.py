@@ -191,8 +191,8 @@ def _last_of(first: Ints, count: int) -> Ints:
 def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints, Flags]:
     """Return the distance along an axis to the first cell beyond the body, and if that holds.
 
-    The stride of the walk doubles, so long lines cost few calls; through a full box of squares
-    or cubes it is one stride.
+    The stride of the walk doubles, so long lines cost few calls; a full box of squares or cubes
+    is crossed in one.
     """
     lattice = scene.lattice
     if scene.uniform and lattice.boxes:

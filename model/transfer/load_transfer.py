@@ -62,7 +62,7 @@ class LoadTransfer:
         rule: ShareRule | None,
         own: list[str],
     ) -> None:
-        """Certify what is asked; of agents of one's own, by name, nothing is known."""
+        """Certify the run; `own` names classes of one's own, about which nothing is certain."""
         self.scene, self.allow_unstable = scene, allow_unstable
         self.max_generations = max_generations
         self.transfer = Transfer(scene, rule)

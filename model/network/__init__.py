@@ -4,7 +4,7 @@ from .assembler import Assembler, Geometry
 from .equilibrium import NetworkBalance, SpringLaw, elastic_law, find_balance
 from .hexagon_body import hexagon_body
 from .increments import IncrementalLoading, load_in_increments, solve
-from .linear import Method, tangent_solver
+from .linear import tangent_solver
 from .network_result import NetworkResult
 from .spring_lattices import (
     cut,
@@ -15,7 +15,7 @@ from .spring_lattices import (
     square_braced,
     triangular,
 )
-from .springs import SpringNetwork, spring_lengths_and_directions
+from .springs import Method, SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
     "Assembler", "Geometry", "IncrementalLoading", "Method", "NetworkBalance", "NetworkResult",

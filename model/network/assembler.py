@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 
 from .springs import SpringNetwork
 
@@ -31,12 +31,9 @@ from .springs import SpringNetwork
 class Geometry(NamedTuple):
     """Where the springs are in one state of the network."""
 
-    length: Floats
-    """Lengths (m), shape (m,)."""
-    direction: Floats
-    """Unit vectors from the second node to the first, shape (m, dimension)."""
-    elongation: Floats
-    """Length minus the length before any load (m), shape (m,), exact for tiny displacements."""
+    length: Floats  # (m)
+    direction: Floats  # unit vectors from the second node to the first, shape (m, dimension)
+    elongation: Floats  # length minus that before any load (m), exact for tiny displacements
 
 
 def along_springs(network: SpringNetwork, field: Floats) -> Floats:
@@ -78,67 +75,42 @@ _SMALL = 24
 
 def elimination_order(positions: Floats, springs: Ints) -> Ints:
     """Return the node numbers in the order in which to eliminate them, shape (n,)."""
-    nodes = len(positions)
-    part = np.ones(nodes, dtype=np.int64)  # node of a binary tree: children 2p and 2p + 1
-    open_ = np.ones(nodes, dtype=bool)  # not yet on a cut, in a part that is still large
-    for _ in range(60):
-        members = np.flatnonzero(open_)
-        _, group, size = np.unique(part[members], return_inverse=True, return_counts=True)
-        open_[members[size[group] <= _SMALL]] = False
-        large = size[group] > _SMALL
-        if not large.any():
-            break
-        members, (_, group) = members[large], np.unique(group[large], return_inverse=True)
-        upper = _upper_half(positions[members], group)
-        parent = part.copy()
-        part[members] = 2 * part[members] + upper
-        cut = _lower_ends_of_cut_springs(springs, parent, part, open_)
-        part[cut] = parent[cut]
-        open_[cut] = False
-    return _children_first(part)
+    order: list[Ints] = []
+    upper, separator = np.zeros((2, len(positions)), dtype=np.bool_)
 
+    def dissect(nodes: Ints, springs: Ints) -> None:
+        if len(nodes) <= _SMALL or not len(springs):
+            order.append(nodes)
+            return
+        place = positions[nodes]
+        along = place[:, np.argmax(np.ptp(place, axis=0))]
+        upper[nodes] = False
+        upper[nodes[np.argsort(along, kind="stable")[len(nodes) // 2 :]]] = True
+        # The lower ends of the springs that cross the cut separate the two halves.
+        first, second = springs.T
+        crossing = upper[first] != upper[second]
+        cut = np.unique(np.where(upper[first], second, first)[crossing])
+        separator[cut] = True
+        inside = springs[~(crossing | separator[first] | separator[second])]
+        halves = [
+            (nodes[(upper[nodes] == half) & ~separator[nodes]], inside[upper[inside[:, 0]] == half])
+            for half in (False, True)
+        ]
+        for half in halves:
+            dissect(*half)
+        order.append(cut)
 
-def _upper_half(positions: Floats, group: Ints) -> Flags:
-    """Tell for every node whether it lies in the upper half of its group's longest side."""
-    order = np.argsort(group, kind="stable")
-    start = np.flatnonzero(np.diff(group[order], prepend=-1))
-    size = np.diff(start, append=len(group))
-    extent = np.maximum.reduceat(positions[order], start) - np.minimum.reduceat(
-        positions[order], start
-    )
-    coordinate = positions[np.arange(len(group)), np.argmax(extent, axis=1)[group]]
-    ranked = np.lexsort((coordinate, group))
-    upper = np.empty(len(group), dtype=bool)
-    upper[ranked] = np.arange(len(group)) - np.repeat(start, size) >= np.repeat(size // 2, size)
-    return upper
-
-
-def _lower_ends_of_cut_springs(springs: Ints, parent: Ints, part: Ints, open_: Flags) -> Ints:
-    first, second = springs[:, 0], springs[:, 1]
-    crossing = open_[first] & open_[second]
-    crossing &= (parent[first] == parent[second]) & (part[first] != part[second])
-    first, second = first[crossing], second[crossing]
-    return np.unique(np.where(part[first] < part[second], first, second))
-
-
-def _children_first(part: Ints) -> Ints:
-    """Sort nodes so that every part comes after the two parts it was cut into."""
-    depth = np.floor(np.log2(part)).astype(np.int64)
-    right_end = (part + 1 - (1 << depth)) / 2.0**depth  # of the part's share of the unit line
-    return np.lexsort((np.arange(len(part)), -depth, right_end))
+    dissect(np.arange(len(positions)), springs)
+    return np.concatenate(order)
 
 
 class Pattern(NamedTuple):
     """The tangent of a network but for its numbers."""
 
-    indices: NDArray[np.int32]
-    """Rows of the entries, column by column."""
-    pointer: NDArray[np.int32]
-    """Where each column starts."""
-    number: NDArray[np.intp]
-    """Which numbers of the springs' own matrices, all in a row, count."""
-    entry: NDArray[np.intp]
-    """To which entry each of them is added."""
+    indices: NDArray[np.int32]  # rows of the entries, column by column
+    pointer: NDArray[np.int32]  # where each column starts
+    number: NDArray[np.intp]  # which numbers of the springs' own matrices, all in a row, count
+    entry: NDArray[np.intp]  # to which entry each of them is added
 
     def fill(self, blocks: Floats) -> csc_array:
         """Return the tangent whose springs have the blocks (m, dimension, dimension)."""
@@ -151,12 +123,14 @@ class Pattern(NamedTuple):
 
 def tangent_pattern(network: SpringNetwork, free: Ints) -> Pattern:
     """Work out the pattern for free coordinates in an order."""
+    # Row of the tangent, -1 where held, of every coordinate at the two ends of every spring.
     row = np.full(network.positions.size, -1)
     row[free] = np.arange(len(free))
     ends = row.reshape(network.positions.shape)[network.springs].reshape(len(network.springs), -1)
     column = np.broadcast_to(ends[:, None, :], (*ends.shape, ends.shape[1]))
     across = np.broadcast_to(ends[:, :, None], column.shape)
     number = np.flatnonzero((column >= 0) & (across >= 0))
+    # Entries of the tangent by column, then row; several springs may add to one.
     place = (column.ravel()[number] * len(free)) + across.ravel()[number]
     filled, entry = np.unique(place, return_inverse=True)
     pointer = np.searchsorted(filled, len(free) * np.arange(len(free) + 1))

@@ -36,7 +36,9 @@ def tangent_error(
     place = np.round(network.positions[most[0]], 6).tolist()
     shown = ", ".join(repr(name) for name in names)
     where = f"the nodes {shown} (the first lies at {place} before any load)"
-    if _stretches_springs(assembler, geometry, stiffness, mode):
+    ends = along_springs(network, mode)
+    stretched = stiffness @ np.einsum("ij,ij->i", ends, geometry.direction) ** 2
+    if stretched > 1e-10 * (stiffness @ np.einsum("ij,ij->i", ends, ends)):  # to first order
         return BucklingError(
             f"at stage {stage:.6g} the network buckles: under its pressed springs {where} give "
             "way without resistance; press less, hold these nodes, or brace them by springs",
@@ -49,16 +51,6 @@ def tangent_error(
     )
 
 
-def _stretches_springs(
-    assembler: Assembler, geometry: Geometry, stiffness: Floats, mode: Floats
-) -> bool:
-    """Tell whether a direction changes any spring's length to first order."""
-    ends = along_springs(assembler.network, mode)
-    along = np.einsum("ij,ij->i", ends, geometry.direction)
-    stretched = float(stiffness @ along**2)
-    return stretched > 1e-10 * float(stiffness @ np.einsum("ij,ij->i", ends, ends))
-
-
 SpringLaw = Callable[[Floats], tuple[Floats, Floats]]
 """From elongations (m), shape (m,), to tensions (N) and their growth with length (N/m)."""
 
@@ -66,14 +58,10 @@ SpringLaw = Callable[[Floats], tuple[Floats, Floats]]
 class NetworkBalance(NamedTuple):
     """A state in which every free node is in balance."""
 
-    displacement: Floats
-    """Shape (n, dimension), m."""
-    tension: Floats
-    """Shape (m,), N."""
-    residual: float
-    """Largest unbalanced force as a share of the largest force met."""
-    corrections: int
-    """Number of linear systems solved."""
+    displacement: Floats  # (m), shape (n, dimension)
+    tension: Floats  # (N), shape (m,)
+    residual: float  # largest unbalanced force as a share of the largest force met
+    corrections: int  # number of linear systems solved
 
 
 def elastic_law(network: SpringNetwork) -> SpringLaw:
@@ -152,7 +140,7 @@ def solve_tangent(
     return assembler.expand(solver.solve(load))
 
 
-def weakness_of(
+def unstable_mode(
     assembler: Assembler,
     solver: TangentSolver,
     geometry: Geometry,
@@ -176,19 +164,15 @@ def _line_search(
     The work that the unbalanced force still does along the step is the slope of the energy;
     a full step is right when this slope has fallen, else halves of it are tried.
     """
-    share, first = 1.0, _slope(assembler, law, displacement, step, force)
+
+    def slope(share: float) -> float:
+        geometry = assembler.geometry(displacement + share * step)
+        unbalanced = force + assembler.internal_force(geometry, law(geometry.elongation)[0])
+        return abs(float(np.vdot(assembler.restrict(unbalanced), assembler.restrict(step))))
+
+    first, share = slope(0.0), 1.0
     for _ in range(12):
-        slope = _slope(assembler, law, displacement + share * step, step, force)
-        if np.isfinite(slope) and abs(slope) <= 0.9 * abs(first):
+        if slope(share) <= 0.9 * first:  # False where the slope is not a number
             return share
         share /= 2.0
     return 1.0  # at the end of the digits no share lowers the slope
-
-
-def _slope(
-    assembler: Assembler, law: SpringLaw, displacement: Floats, step: Floats, force: Floats
-) -> float:
-    geometry = assembler.geometry(displacement)
-    tension, _ = law(geometry.elongation)
-    unbalanced = force + assembler.internal_force(geometry, tension)
-    return float(np.vdot(assembler.restrict(unbalanced), assembler.restrict(step)))

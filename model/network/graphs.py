@@ -175,7 +175,7 @@ def _held(
                 ) from error
         return holds
     for name in held:
-        holds[_known(number, name, "held")] = True
+        holds[_numbered(number, name, "held")] = True
     return holds
 
 
@@ -201,7 +201,7 @@ def _vectors(
                 f"node {name!r}, {key}: must be {shape[1]} numbers, or that for every stage, "
                 f"got {value!r}"
             )
-        rows[_known(number, name, key)] = row
+        rows[_numbered(number, name, key)] = row
     stages = max(len(row) for row in rows.values())
     wrong = [node for node, row in rows.items() if len(row) not in (1, stages)]
     if wrong:
@@ -222,9 +222,9 @@ def _vector(value: Any, place: str) -> Floats:
         raise SceneError(f"{place}: must be made of numbers, got {value!r}") from error
 
 
-def _known(number: Mapping[Hashable, int], name: Hashable, key: str) -> int:
+def _numbered(number: Mapping[Hashable, int], name: Hashable, key: str) -> int:
     if name not in number:
-        near = get_close_matches(str(name), [str(known) for known in number], n=1)
+        near = get_close_matches(str(name), list(map(str, number)), n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise SceneError(f"{key}: the graph has no node {name!r}{hint}")
     return number[name]
@@ -233,6 +233,6 @@ def _known(number: Mapping[Hashable, int], name: Hashable, key: str) -> int:
 def _nearby(key: str, attributes: Mapping[str, Any]) -> str:
     if not attributes:
         return " (nor any other)"
-    near = get_close_matches(key, [str(name) for name in attributes], n=1)
-    known = ", ".join(repr(name) for name in attributes)
-    return f" (it has {known}{f'; did you mean {near[0]!r}?' if near else ''})"
+    near = get_close_matches(key, list(map(str, attributes)), n=1)
+    names = ", ".join(map(repr, attributes))
+    return f" (it has {names}{f'; did you mean {near[0]!r}?' if near else ''})"

@@ -41,7 +41,7 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
             f'{scene.lattice.kind!r}; set lattice = "hexagon"'
         )
     cells, kind = _body_cells(scene)
-    stiffness = np.array([_stiffness(m, scene) for m in scene.cell_materials])[kind]
+    stiffness = np.array([_spring_stiffness(m, scene) for m in scene.cell_materials])[kind]
     inner, inner_stiffness = _springs_between(scene, cells, stiffness)
     contacts = _contacts(scene, cells)
     nodes = len(cells) + len(contacts.cell)
@@ -55,6 +55,9 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
     held[: len(cells)] = contacts.across
     held[len(cells) :] = True
     forces, displacements = _loads(scene, cells, contacts, nodes)
+    names = [tuple(cell) for cell in cells.tolist()]
+    faces_held = zip(contacts.cell.tolist(), contacts.arm.tolist(), strict=True)
+    names += [(*names[cell], arm) for cell, arm in faces_held]
     return SpringNetwork.build(
         np.concatenate([middles, faces]),
         np.concatenate([inner, outer]),
@@ -62,7 +65,7 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
         held=held,
         forces=forces,
         displacements=displacements,
-        names=_names(cells, contacts),
+        names=names,
         notes=_notes(scene),
     )
 
@@ -70,14 +73,10 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
 class _Contacts(NamedTuple):
     """Where cells of the body meet what holds them."""
 
-    cell: Ints
-    """Row of the body's cell, one for every face that is held."""
-    arm: Ints
-    """Direction of the face."""
-    given: Floats
-    """Displacement of what lies beyond (m), shape (faces, 2)."""
-    across: Flags
-    """Which coordinates of the body's cells rollers hold, shape (cells, 2)."""
+    cell: Ints  # row of the body's cell, one for every face that is held
+    arm: Ints  # direction of the face
+    given: Floats  # displacement of what lies beyond (m), shape (faces, 2)
+    across: Flags  # which coordinates of the body's cells rollers hold, shape (cells, 2)
 
 
 def _body_cells(scene: Scene) -> tuple[Cells, Ints]:
@@ -88,7 +87,7 @@ def _body_cells(scene: Scene) -> tuple[Cells, Ints]:
             f"body.cells: {count} cells are too many for a spring network, which holds them all "
             f"at once; take up to {_MOST_CELLS}"
         )
-    columns, rows = np.meshgrid(*(np.arange(a, b) for a, b in zip(lower, upper, strict=True)))
+    columns, rows = np.meshgrid(*map(np.arange, lower, upper))
     cells = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int64)
     kind = scene.kinds(cells)
     if not (kind >= 0).any():
@@ -96,7 +95,7 @@ def _body_cells(scene: Scene) -> tuple[Cells, Ints]:
     return cells[kind >= 0], kind[kind >= 0]
 
 
-def _stiffness(material: Material, scene: Scene) -> float:
+def _spring_stiffness(material: Material, scene: Scene) -> float:
     """K of a spring between two cells of a material (N/m)."""
     modulus = material.youngs_modulus
     if scene.plane == "strain":
@@ -124,6 +123,9 @@ def _contacts(scene: Scene, cells: Cells) -> _Contacts:
     lattice = scene.lattice
     found, arms, given = [], [], []
     across = np.zeros(cells.shape, dtype=bool)
+    conditions = [scene.side_condition(name) for name in lattice.sides]
+    # Displacements of the sides (m), and of what is inside the array.
+    shifts = np.array([c.displacement or (0.0, 0.0) for c in conditions] + [(0.0, 0.0)])
     for arm in range(lattice.directions):
         beyond = lattice.neighbours(cells, arm)
         kind, side = scene.kinds(beyond), lattice.side_beyond(beyond)
@@ -136,14 +138,10 @@ def _contacts(scene: Scene, cells: Cells) -> _Contacts:
         rollers = np.flatnonzero(kind == cell_types.ROLLER)
         across[rollers, side[rollers] // 2] = True
         faces = np.flatnonzero((kind == cell_types.RIGID) | (kind == cell_types.DISPLACED))
-        moved = np.zeros((len(faces), 2))
-        for number, name in enumerate(lattice.sides):
-            by_side = (kind[faces] == cell_types.DISPLACED) & (side[faces] == number)
-            if by_side.any():
-                moved[by_side] = scene.side_condition(name).displacement
         found.append(faces)
         arms.append(np.full(len(faces), arm, dtype=np.int64))
-        given.append(moved)
+        by_side = (kind[faces] == cell_types.DISPLACED)[:, None]
+        given.append(np.where(by_side, shifts[side[faces]], 0.0))
     return _Contacts(np.concatenate(found), np.concatenate(arms), np.concatenate(given), across)
 
 
@@ -159,12 +157,6 @@ def _loads(scene: Scene, cells: Cells, contacts: _Contacts, nodes: int) -> tuple
         np.add.at(forces[stage - 1], rows, applied.force)
         displacements[stage - 1, len(cells) :] = contacts.given * (stage / scene.stages)
     return forces, displacements
-
-
-def _names(cells: Cells, contacts: _Contacts) -> list[tuple[int, ...]]:
-    inner = [tuple(cell) for cell in cells.tolist()]
-    faces = zip(contacts.cell.tolist(), contacts.arm.tolist(), strict=True)
-    return inner + [(*inner[cell], arm) for cell, arm in faces]
 
 
 def _notes(scene: Scene) -> tuple[str, ...]:

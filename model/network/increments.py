@@ -18,18 +18,18 @@ from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, TangentError
 from kaju.stopping import interrupt_requested
 
-from .assembler import Assembler
+from .assembler import Assembler, Geometry
 from .equilibrium import (
     NetworkBalance,
     elastic_law,
     find_balance,
     solve_tangent,
     tangent_error,
-    weakness_of,
+    unstable_mode,
 )
-from .linear import Method, SingularTangentError, tangent_solver
+from .linear import SingularTangentError, tangent_solver
 from .network_result import NetworkResult, Scheme
-from .springs import SpringNetwork
+from .springs import Method, SpringNetwork
 
 _FINEST = 2.0**-10
 """Smallest part of an increment that is tried before the network is said to give way."""
@@ -101,10 +101,17 @@ class IncrementalLoading:
         """Take one increment of the load, unless the network gives way or it is too large."""
         last = self.records[-1]
         goal = (self.steps + 1) / self.increments
-        take = self._newton_step if self.scheme == "newton" else self._euler_step
-        record = take(last, goal)
-        if self.scheme == "newton" and self.steps + 1 == self.increments * self.network.stages:
-            self._check_stability(record)
+        if self.scheme == "euler":
+            self.records.append(self._euler_step(last, goal))
+            return
+        record = self._newton_step(last, goal)
+        if self.steps + 1 == self.increments * self.network.stages:
+            geometry, stiffness = self._geometry_and_stiffness(record)
+            weakness = unstable_mode(
+                self.assembler, self.solver, geometry, record.tension, stiffness
+            )
+            if weakness is not None:
+                raise self._gives_way(record, weakness)
         self.records.append(record)
 
     def run(self) -> NetworkResult:
@@ -154,26 +161,20 @@ class IncrementalLoading:
             step = solve_tangent(self.assembler, self.solver, geometry, tension, stiffness, answer)
         except SingularTangentError as weakness:
             raise self._gives_way(last, weakness) from None
-        record = self._record(goal, last.displacement + jump + step)
-        complaint = self._leap(last.displacement, record.displacement)
+        displacement = last.displacement + jump + step
+        complaint = self._leap(last.displacement, displacement)
         if complaint:
             raise ConvergenceError(
                 f"between stage {last.stage:.6g} and {goal:.6g} {complaint}: take more than "
                 f"{self.increments} increments, or correct them (solve)"
             )
-        return record
-
-    def _record(self, stage: float, displacement: Floats) -> NetworkRecord:
         geometry = self.assembler.geometry(displacement)
         tension, _ = self.law(geometry.elongation)
-        force = self.network.force_at(stage)
-        unbalanced = self.assembler.restrict(
-            force + self.assembler.internal_force(geometry, tension)
-        )
+        springs = self.assembler.internal_force(geometry, tension)
+        unbalanced = self.assembler.restrict(self.network.force_at(goal) + springs)
         scale = max(self._force_scale, float(np.abs(tension).max())) or 1.0
-        return NetworkRecord(
-            stage, displacement, tension, np.abs(unbalanced).max(initial=0.0) / scale, 1
-        )
+        residual = np.abs(unbalanced).max(initial=0.0) / scale
+        return NetworkRecord(goal, displacement, tension, residual, 1)
 
     def _newton_step(self, last: NetworkRecord, goal: float) -> NetworkRecord:
         start, size, corrections = last.stage, goal - last.stage, 0
@@ -217,7 +218,7 @@ class IncrementalLoading:
         return balance
 
     def _leap(self, start: Floats, end: Floats) -> str:
-        """Say what shows that a step was a leap to another branch, nothing if it was none.
+        """Return what shows that a step was a leap to another branch; empty if it was none.
 
         On the way from one stable state to a near one the network resists all along.
         """
@@ -226,24 +227,20 @@ class IncrementalLoading:
         ratio = after.length / before.length
         if not ((turn > _LARGEST_TURN) & (ratio > 0.5) & (ratio < 2.0)).all():
             return "a spring turns by more than 45° or changes its length by half"
-        way = np.where(self.network.held, 0.0, end - start)
+        moved = np.where(self.network.held, 0.0, end - start)
         for share in (0.25, 0.5, 0.75):
             geometry = self.assembler.geometry(start + share * (end - start))
-            if self.assembler.resistance(geometry, *self.law(geometry.elongation), way) < 0.0:
+            if self.assembler.resistance(geometry, *self.law(geometry.elongation), moved) < 0.0:
                 return "the network snaps through states that do not resist"
         return ""
 
-    def _check_stability(self, record: NetworkRecord) -> None:
+    def _geometry_and_stiffness(self, record: NetworkRecord) -> tuple[Geometry, Floats]:
         geometry = self.assembler.geometry(record.displacement)
-        _, stiffness = self.law(geometry.elongation)
-        weakness = weakness_of(self.assembler, self.solver, geometry, record.tension, stiffness)
-        if weakness is not None:
-            raise self._gives_way(record, weakness)
+        return geometry, self.law(geometry.elongation)[1]
 
     def _weakest(self, record: NetworkRecord) -> SingularTangentError:
         """Return the direction that a state resists least, by inverse iteration."""
-        geometry = self.assembler.geometry(record.displacement)
-        _, stiffness = self.law(geometry.elongation)
+        geometry, stiffness = self._geometry_and_stiffness(record)
         self.solver.factorise(self.assembler.tangent(geometry, record.tension, stiffness))
         direction = np.random.default_rng(0).standard_normal(len(self.assembler.free))
         for _ in range(6):
@@ -252,8 +249,7 @@ class IncrementalLoading:
 
     def _gives_way(self, last: NetworkRecord, weakness: SingularTangentError) -> TangentError:
         """Name the nodes that move, and attach what was computed up to here."""
-        geometry = self.assembler.geometry(last.displacement)
-        _, stiffness = self.law(geometry.elongation)
+        geometry, stiffness = self._geometry_and_stiffness(last)
         error = tangent_error(self.assembler, geometry, stiffness, weakness.direction, last.stage)
         if last.stage > self.records[-1].stage:
             self.records.append(last)

@@ -14,7 +14,7 @@ fourth order elliptic problems", Computing 56 (1996) 179-196.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array
@@ -25,6 +25,7 @@ from kaju.errors import ConvergenceError, ParameterError, needing
 from kaju.factors import factors_of, rigid_motions
 
 from .assembler import Assembler
+from .springs import Method
 
 
 class SingularTangentError(ArithmeticError):
@@ -48,7 +49,9 @@ class MultigridSolver:
         ):
             self._pyamg = import_module("pyamg")
         self._modes = rigid_body_modes(assembler)
-        self._block = _block_size(assembler)
+        held = assembler.network.held
+        whole_nodes = (held == held[:, :1]).all()  # then the tangent has a block for each
+        self._block = assembler.network.dimension if whole_nodes else 1
         self._tolerance = tolerance
         self._patience = patience
         self._cycle: Any = None
@@ -134,14 +137,6 @@ def rigid_body_modes(assembler: Assembler) -> Floats:
     return rigid_motions(positions[node], axis)
 
 
-def _block_size(assembler: Assembler) -> int:
-    """Rows per node if every node is free or held as a whole, else 1."""
-    held = assembler.network.held
-    return assembler.network.dimension if (held == held[:, :1]).all() else 1
-
-
-Method = Literal["auto", "direct", "multigrid"]
-
 _DIRECT_UP_TO = {2: 400_000, 3: 40_000}
 """Free coordinates up to which the factors fit into about 2 GB, by dimension."""
 
@@ -191,19 +186,14 @@ class DirectSolver:
             self._factors = factors_of(tangent, order=self._order)
         except RuntimeError as singular:  # a column of zeros was left
             raise SingularTangentError(_weak_direction(tangent)) from singular
+        diagonal = np.abs(tangent.diagonal())[self._factors.perm_c.argsort()]
         pivoted = not np.array_equal(self._factors.perm_r, self._factors.perm_c)
-        if pivoted or _bad_pivots(self._factors, tangent).any():
+        if pivoted or (self._factors.U.diagonal() <= _ROUNDING * diagonal).any():
             raise SingularTangentError(_weak_direction(tangent))
 
     def solve(self, load: Floats) -> Floats:
         """Return the displacement of the free coordinates under a load on them."""
         return np.asarray(self._factors.solve(load))
-
-
-def _bad_pivots(factors: Any, tangent: csc_array) -> Any:
-    """Tell which pivots are negative, or zero but for rounding, in the order of elimination."""
-    diagonal = np.abs(tangent.diagonal())[factors.perm_c.argsort()]
-    return factors.U.diagonal() <= _ROUNDING * diagonal
 
 
 def _weak_direction(tangent: csc_array) -> Floats:
@@ -224,13 +214,8 @@ def _weak_direction(tangent: csc_array) -> Floats:
     upper = csr_array(factors.L[: row + 1, : row + 1].T)
     direction[: row + 1] = spsolve_triangular(upper, unit, lower=False)
     direction = direction[factors.perm_c]
-    return _towards_weakest(factors, tangent, direction / np.linalg.norm(direction))
-
-
-def _towards_weakest(factors: Any, tangent: csc_array, direction: Floats) -> Floats:
-    """Turn a weak direction towards the weakest one by a few inverse iterations."""
-    weakest = direction
-    for _ in range(4):
+    weakest = direction = direction / np.linalg.norm(direction)
+    for _ in range(4):  # inverse iterations turn it towards the weakest one
         answer = factors.solve(direction)
         size = np.linalg.norm(answer)
         if not 0.0 < size < np.inf:

@@ -12,16 +12,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kaju._mesa import FixedAgent, Model, Network
+from kaju._mesa import FixedAgent, Network
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, TangentError
 from kaju.mesa_model import SteppedModel
 from kaju.stepping import Until
 
 from .increments import IncrementalLoading
-from .linear import Method
 from .network_result import NetworkResult, Scheme
-from .springs import SpringNetwork
+from .springs import Method, SpringNetwork
 
 _AGENTS_UP_TO = 10_000
 """Nodes up to which they become agents by themselves; above, arrays alone are quick."""
@@ -133,7 +132,7 @@ class NetworkModel(SteppedModel):
         self.space: Network | None = None
         self.node_agents: list[NodeAgent] = []
         if few if agents == "auto" else agents:
-            self._settle_agents()
+            self._make_agents()
         self.reset()
 
     def step(self) -> None:
@@ -225,9 +224,13 @@ class NetworkModel(SteppedModel):
         """What has been computed so far."""
         return self.loading.result()
 
-    def _settle_agents(self) -> None:
+    def _make_agents(self) -> None:
         """Put an agent into every cell of a space that is joined as the springs are."""
-        self.space = _network_space(self.network, self)
+        places: dict[str, Any] = {}
+        if "layout" in signature(Network.__init__).parameters:  # Mesa 3.5 would draw one at random
+            places["layout"] = dict(zip(self.network.names, self.network.positions, strict=True))
+        graph = self.network.to_graph()
+        self.space = Network(graph, capacity=1, random=self.random, **places)
         springs: list[list[tuple[int, int]]] = [[] for _ in self.network.names]
         for spring, (first, second) in enumerate(self.network.springs.tolist()):
             springs[first].append((spring, second))
@@ -240,10 +243,3 @@ class NetworkModel(SteppedModel):
     def _observe(self) -> None:
         if self.node_agents:
             self.agents.do("move")
-
-
-def _network_space(network: SpringNetwork, model: Model) -> Network:
-    places: dict[str, Any] = {}
-    if "layout" in signature(Network.__init__).parameters:  # Mesa 3.5 would draw one at random
-        places["layout"] = dict(zip(network.names, network.positions, strict=True))
-    return Network(network.to_graph(), capacity=1, random=model.random, **places)

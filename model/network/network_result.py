@@ -17,7 +17,7 @@ from kaju.model.results.archive import Archive
 from kaju.model.results.formats import NETWORK, RECORDS
 from kaju.model.results.result import BALANCE, Check, Result
 
-from .assembler import spring_forces, spring_geometry
+from .assembler import Geometry, spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
 from .springs import SpringNetwork, Springs
 
@@ -44,7 +44,7 @@ def triangles(springs: Springs) -> Ints:
     return corners
 
 
-def turned_over(network: SpringNetwork, displacement: Floats) -> Ints:
+def inverted_triangles(network: SpringNetwork, displacement: Floats) -> Ints:
     """Return the triangles of a plane network that lie the other way round, shape (k, 3).
 
     There a node has passed through the spring between two others, as no piece of matter
@@ -53,15 +53,16 @@ def turned_over(network: SpringNetwork, displacement: Floats) -> Ints:
     if network.dimension != 2:
         return np.empty((0, 3), dtype=np.int64)
     corners = triangles(network.springs)
-    before = _areas(network.positions, corners)
-    after = _areas(network.positions + displacement, corners)
-    return corners[before * after < 0.0]
 
+    def areas(positions: Floats) -> Floats:
+        """Twice the signed area of each triangle (m²)."""
+        (ax, ay), (bx, by) = (
+            (positions[corners[:, k]] - positions[corners[:, 0]]).T for k in (1, 2)
+        )
+        return np.asarray(ax * by - ay * bx)
 
-def _areas(positions: Floats, corners: Ints) -> Floats:
-    """Twice the area of each triangle (m²), positive if it runs counter-clockwise."""
-    (ax, ay), (bx, by) = ((positions[corners[:, k]] - positions[corners[:, 0]]).T for k in (1, 2))
-    return np.asarray(ax * by - ay * bx)
+    sense = areas(network.positions) * areas(network.positions + displacement)
+    return corners[sense < 0.0]
 
 
 Scheme = Literal["newton", "euler"]
@@ -114,15 +115,19 @@ class NetworkResult(Result):
 
     def strain(self, record: int = -1) -> Floats:
         """Return the elongation of every spring as a share of its initial length, (m,)."""
-        geometry = spring_geometry(self.network, self.displacement[record])
-        return geometry.elongation / self.network.initial_length
+        return self._geometry(record).elongation / self.network.initial_length
+
+    def _geometry(self, record: int) -> Geometry:
+        return spring_geometry(self.network, self.displacement[record])
+
+    def _springs_pull(self, record: int) -> Floats:
+        """Return the force of the springs on the nodes (N), shape (n, dimension)."""
+        return spring_forces(self.network, self._geometry(record), self.tension[record])
 
     def reactions(self, record: int = -1) -> Floats:
         """Return the force of the supports on the held coordinates (N), (n, dimension)."""
-        geometry = spring_geometry(self.network, self.displacement[record])
-        springs = spring_forces(self.network, geometry, self.tension[record])
         force = self.network.force_at(float(self.stage[record]))
-        return np.where(self.network.held, -springs - force, 0.0)
+        return np.where(self.network.held, -self._springs_pull(record) - force, 0.0)
 
     def strain_energy(self, record: int = -1) -> float:
         """Return the energy stored in elastic springs (J): Σ T²/2K."""
@@ -134,29 +139,28 @@ class NetworkResult(Result):
         Within a stage all loads grow evenly, so the work is F·u at its end less ∫ u·dF, and
         likewise for the supports; the integrals run over a spline through the records.
         """
-        done = 0.0
-        for number in range(1, (self.network.stages if stage is None else stage) + 1):
+        network, done = self.network, 0.0
+        for number in range(1, (network.stages if stage is None else stage) + 1):
             records = np.flatnonzero((self.stage >= number - 1) & (self.stage <= number))
             if len(records) < 2:
                 break
-            done += self._work_between(records)
+            path = self.stage[records]
+            forces = [network.force_at(at) for at in path[[0, -1]]]
+            ends = [
+                float(np.vdot(force, self.displacement[record]))
+                for force, record in zip(forces, records[[0, -1]], strict=True)
+            ]
+            moved = network.displacement_at(path[-1]) - network.displacement_at(path[0])
+            integrand = [
+                float(np.vdot(self.reactions(record), moved))
+                - float(np.vdot(forces[1] - forces[0], self.displacement[record]))
+                for record in records.tolist()
+            ]
+            share = (path - path[0]) / (path[-1] - path[0])
+            order = min(5, len(records) - 1)
+            curve = make_interp_spline(share, integrand, k=order if order % 2 else order - 1)
+            done += ends[1] - ends[0] + float(curve.integrate(0.0, 1.0))
         return done
-
-    def _work_between(self, records: Ints) -> float:
-        network, path = self.network, self.stage[records]
-        force = network.force_at(path[-1]) - network.force_at(path[0])
-        moved = network.displacement_at(path[-1]) - network.displacement_at(path[0])
-        yielded = [float(np.vdot(force, self.displacement[record])) for record in records]
-        ends = [
-            float(np.vdot(network.force_at(self.stage[record]), self.displacement[record]))
-            for record in records[[0, -1]]
-        ]
-        pushed = [float(np.vdot(self.reactions(record), moved)) for record in records]
-        share = (path - path[0]) / (path[-1] - path[0])
-        order = min(5, len(records) - 1)
-        integrand = np.array(pushed) - np.array(yielded)
-        curve = make_interp_spline(share, integrand, k=order if order % 2 else order - 1)
-        return ends[1] - ends[0] + float(curve.integrate(0.0, 1.0))
 
     def largest_displacement(self, record: int = -1) -> tuple[Hashable, float]:
         """Return the name of the node that moved farthest, and how far (m).
@@ -183,7 +187,7 @@ class NetworkResult(Result):
         Only a network in the plane has any. Where there is one, springs have passed through
         each other, and the network no longer stands for a body.
         """
-        turned = turned_over(self.network, self.displacement[record]).tolist()
+        turned = inverted_triangles(self.network, self.displacement[record]).tolist()
         return [tuple(self.network.names[node] for node in corners) for corners in turned]
 
     def displacement_at(self, points: Floats) -> Floats:
@@ -250,7 +254,6 @@ class NetworkResult(Result):
         """Return one row per spring: ends, stiffness, lengths, strain and tension."""
         import pandas as pd
 
-        geometry = spring_geometry(self.network, self.displacement[record])
         names = self.network.names
         return pd.DataFrame(
             {
@@ -258,7 +261,7 @@ class NetworkResult(Result):
                 "second": [names[node] for node in self.network.springs[:, 1]],
                 "stiffness_N_per_m": self.network.stiffness,
                 "rest_length_m": self.network.rest_length,
-                "length_m": geometry.length,
+                "length_m": self._geometry(record).length,
                 "strain": self.strain(record),
                 "tension_N": self.tension[record],
             }
@@ -280,7 +283,7 @@ class NetworkResult(Result):
             spring_fields={
                 "tension": self.tension[record],
                 "strain": self.strain(record),
-                "length": spring_geometry(self.network, self.displacement[record]).length,
+                "length": self._geometry(record).length,
             },
         )
 
@@ -288,8 +291,7 @@ class NetworkResult(Result):
         """Return whether the forces at free nodes balance, as well as the records say."""
         off = []
         for record in range(len(self.stage)):
-            geometry = spring_geometry(self.network, self.displacement[record])
-            springs = spring_forces(self.network, geometry, self.tension[record])
+            springs = self._springs_pull(record)
             force = springs + self.network.force_at(float(self.stage[record]))
             met = max(np.abs(springs).max(initial=0.0), np.abs(force).max(initial=0.0))
             free = np.abs(np.where(self.network.held, 0.0, force)).max(initial=0.0)

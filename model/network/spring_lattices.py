@@ -39,9 +39,8 @@ def triangular(
     named by its row, counted from the bottom, and its place in it.
     """
     rows = width if rows is None else rows
-    at_least(width, 2, "width")
-    at_least(rows, 2, "rows")
-    positive(spacing, "spacing")
+    _at_least(2, width=width, rows=rows)
+    _positive(spacing=spacing)
     row, place = _places(width, rows)
     positions = spacing * np.stack([place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)], axis=1)
     length = width - row % 2
@@ -82,9 +81,8 @@ def jittered(
     spacing, from 0 to below 0.5.
     """
     rows = width if rows is None else rows
-    at_least(width, 2, "width")
-    at_least(rows, 2, "rows")
-    positive(spacing, "spacing")
+    _at_least(2, width=width, rows=rows)
+    _positive(spacing=spacing)
     if not 0.0 <= jitter < 0.5:
         raise ParameterError(f"jitter: a share from 0 to below 0.5, got {jitter}")
     row, place = _places(width, rows)
@@ -167,24 +165,20 @@ def square_braced(
     `brace_stiffness`: K of the diagonals (N/m), unless given half of `stiffness`, for which the
     network is as stiff in all directions.
     """
-    at_least(columns, 2, "columns")
-    at_least(rows, 2, "rows")
-    positive(spacing, "spacing")
+    _at_least(2, columns=columns, rows=rows)
+    _positive(spacing=spacing)
     brace = 0.5 * stiffness if brace_stiffness is None else brace_stiffness
     row, column = (index.ravel() for index in np.indices((rows, columns)))
     number = np.arange(rows * columns).reshape(rows, columns)
     sides = [_pairs(number[:, :-1], number[:, 1:]), _pairs(number[:-1], number[1:])]
     braces = [_pairs(number[:-1, :-1], number[1:, 1:]), _pairs(number[:-1, 1:], number[1:, :-1])]
-    springs = np.concatenate(sides + braces)
-    count = sum(len(pairs) for pairs in sides)
-    share = np.where((column == 0) | (column == columns - 1), 0.5, 1.0)
-    positions = spacing * np.stack([column, row], axis=1).astype(np.float64)
+    counts = [sum(map(len, sides)), sum(map(len, braces))]
     return _pressed(
-        positions,
-        springs,
-        np.where(np.arange(len(springs)) < count, stiffness, brace),
+        spacing * np.stack([column, row], axis=1).astype(np.float64),
+        np.concatenate(sides + braces),
+        np.repeat([stiffness, brace], counts),
         force,
-        share,
+        np.where((column == 0) | (column == columns - 1), 0.5, 1.0),
         list(zip(column.tolist(), row.tolist(), strict=True)),
     )
 
@@ -204,9 +198,8 @@ def face_centred(
     neighbours (12 of them inside the block). `columns`, `depth`, `rows`: cubes along x, y and z, at
     least 1; a node is named by its coordinates in half edges.
     """
-    for value, name in ((columns, "columns"), (depth, "depth"), (rows, "rows")):
-        at_least(value, 1, name)
-    positive(edge, "edge")
+    _at_least(1, columns=columns, depth=depth, rows=rows)
+    _positive(edge=edge)
     shape = (2 * columns + 1, 2 * depth + 1, 2 * rows + 1)
     grid = np.indices(shape).reshape(3, -1).T
     grid = grid[grid.sum(axis=1) % 2 == 0]
@@ -277,16 +270,16 @@ def _pairs(first: Ints, second: Ints) -> Springs:
     return np.stack([first.ravel(), second.ravel()], axis=1)
 
 
-def at_least(value: int, least: int, name: str) -> None:
-    """Refuse a number of things that is too small."""
-    if value < least:
-        raise ParameterError(f"{name}: must be at least {least}, got {value}")
+def _at_least(least: int, **numbers: int) -> None:
+    for name, value in numbers.items():
+        if value < least:
+            raise ParameterError(f"{name}: must be at least {least}, got {value}")
 
 
-def positive(value: float, name: str) -> None:
-    """Refuse a length that is none."""
-    if not (isfinite(value) and value > 0.0):
-        raise ParameterError(f"{name}: must be a length above 0 m, got {value}")
+def _positive(**lengths: float) -> None:
+    for name, value in lengths.items():
+        if not (isfinite(value) and value > 0.0):
+            raise ParameterError(f"{name}: must be a length above 0 m, got {value}")
 
 
 def random_geometric(
@@ -305,13 +298,13 @@ def random_geometric(
     would leave loose points. The lowest tenth of the points is held, and the force is shared by the
     highest tenth.
     """
-    at_least(nodes, 20, "nodes")
+    _at_least(20, nodes=nodes)
     if dimension not in (2, 3):
         raise ParameterError(f"dimension: must be 2 or 3, got {dimension}")
     if radius is None:
         ball = np.pi if dimension == 2 else 4.0 * np.pi / 3.0
         radius = float((10.0 / (nodes * ball)) ** (1.0 / dimension))
-    positive(radius, "radius")
+    _positive(radius=radius)
     positions = np.random.default_rng(seed).random((nodes, dimension))
     close = KDTree(positions).query_pairs(radius, output_type="ndarray")
     springs = _delaunay(positions, close)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,8 +23,10 @@ from kaju.model.scene import Scene
 if TYPE_CHECKING:
     import networkx as nx
 
-    from .linear import Method
-    from .network_result import NetworkResult
+    from kaju import NetworkResult
+
+Springs = NDArray[np.int64]
+Method = Literal["auto", "direct", "multigrid"]
 
 
 def as_stages(
@@ -53,15 +55,6 @@ def as_stages(
             "for every stage (repeat the last one where it stays)"
         )
     return force, shift
-
-
-def check_network(network: SpringNetwork) -> None:
-    """Raise the error that says what is wrong with a network, if something is."""
-    _check_shapes(network)
-    _check_numbers(network)
-    _check_springs(network)
-    _check_loads(network)
-    _check_supports(network)
 
 
 def _check_shapes(network: SpringNetwork) -> None:
@@ -178,9 +171,6 @@ def _spring(network: SpringNetwork, spring: int) -> str:
     return f"spring {spring} between the nodes {first!r} and {second!r}"
 
 
-Springs = NDArray[np.int64]
-
-
 def spring_lengths_and_directions(positions: Floats, springs: Springs) -> tuple[Floats, Floats]:
     """Return length (m) and unit direction, from its second node to its first, of every spring."""
     ends = positions[springs[:, 0]] - positions[springs[:, 1]]
@@ -253,7 +243,11 @@ class SpringNetwork:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_network(self)
+        _check_shapes(self)
+        _check_numbers(self)
+        _check_springs(self)
+        _check_loads(self)
+        _check_supports(self)
 
     @classmethod
     def build(
@@ -290,7 +284,7 @@ class SpringNetwork:
         links = np.array(springs, dtype=np.int64).reshape(-1, 2)
         if rest_length is None:
             ends = points[links[:, 0]] - points[links[:, 1]]
-            rest_length = np.sqrt((ends**2).sum(axis=1))
+            rest_length = np.linalg.norm(ends, axis=1)
         held_nodes = np.array(held, dtype=bool)
         if held_nodes.ndim == 1:
             held_nodes = held_nodes[:, None]
@@ -298,10 +292,8 @@ class SpringNetwork:
         return cls(
             positions=points,
             springs=links,
-            stiffness=np.broadcast_to(np.asarray(stiffness, dtype=np.float64), len(links)).copy(),
-            rest_length=np.broadcast_to(
-                np.asarray(rest_length, dtype=np.float64), len(links)
-            ).copy(),
+            stiffness=np.broadcast_to(np.array(stiffness, dtype=float), len(links)).copy(),
+            rest_length=np.broadcast_to(np.array(rest_length, dtype=float), len(links)).copy(),
             held=np.broadcast_to(held_nodes, points.shape).copy(),
             forces=force,
             displacements=shift,

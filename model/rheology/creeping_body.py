@@ -31,7 +31,7 @@ from kaju.model.rheology.schemes import (
     stage_energy,
     stored_energy,
 )
-from kaju.model.transfer.deformation import AxialStrain, DisplacementField, squeeze
+from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axial_strain
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .creep_result import BodyCourse, times_of
@@ -147,7 +147,7 @@ class TransferCreepResult(BodyCourse):
 
     def squeezed(self, record: int = -1) -> AxialStrain:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""
-        static = squeeze(self.static.scene, self.static.last)
+        static = axial_strain(self.static.scene, self.static.last)
         grown = self.growth[record, self.static.last.material][:, None]
         return replace(static, strain=static.strain * grown, widening=static.widening * grown)
 
@@ -192,7 +192,7 @@ class CreepingAgents(Elements):
         scene = static.scene
         modulus = np.array([material.youngs_modulus for material in scene.cell_materials])
         volume = scene.lattice.cell_volume(scene.thickness)
-        squeezed = np.square(squeeze(scene, static.last).strain).sum(axis=1)
+        squeezed = np.square(axial_strain(scene, static.last).strain).sum(axis=1)
         size = volume * np.bincount(
             static.last.material, squeezed, minlength=len(scene.cell_materials)
         )

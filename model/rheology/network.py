@@ -14,14 +14,14 @@ from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import SpringLaw, find_balance, tangent_error
-from kaju.model.network.linear import Method, SingularTangentError, tangent_solver
+from kaju.model.network.linear import SingularTangentError, tangent_solver
 from kaju.model.network.network_result import (
     NetworkResult,
     network_archive,
     network_from,
     sizes_of_network,
 )
-from kaju.model.network.springs import SpringNetwork
+from kaju.model.network.springs import Method, SpringNetwork
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import NETWORK_IN_TIME
 from kaju.model.results.result import Curves

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError
@@ -51,14 +52,11 @@ class PetscLevel:
     """The faces of one level."""
 
     dm: Any
-    shape: tuple[int, ...]
-    """Number of cells along each axis, without the rim."""
-    own: Box
-    """Cells of this process, with its part of the rim."""
-    ghosts: Box
-    """Cells that it knows, with the places of the faces behind the last."""
-    number: tuple[Index, ...]
-    """Per axis PETSc's numbers of the faces below the cells of `ghosts`, -1 where there is none."""
+    shape: tuple[int, ...]  # number of cells along each axis, without the rim
+    own: Box  # cells of this process, with its part of the rim
+    ghosts: Box  # cells that it knows, with the places of the faces behind the last
+    size: int  # number of faces on all processes
+    number: tuple[Index, ...]  # per axis PETSc's numbers of the faces below `ghosts`, or -1
 
     def owned(self, axis: int) -> Index:
         """Return the faces normal to an axis that belong to this process, by their cell above."""
@@ -157,6 +155,7 @@ def _level(
         shape,
         (lower, lower + np.array(count, dtype=np.int64)),
         (ghost_start - 1, ghost_start - 1 + ghost_count),
+        dm.createGlobalVec().getSize(),
         tuple(table[..., slot].T for slot in slots),
     )
 
@@ -165,16 +164,12 @@ def _level(
 class PiecedBody:
     """A scene, cut to the box around its body, and its units."""
 
-    scene: Scene
-    """On the cells that are solved."""
+    scene: Scene  # on the cells that are solved
     stage: int | None
-    lower: Index
-    """The scene's cell that is the box's first."""
-    shape: tuple[int, ...]
-    """Cells of the box along each axis."""
+    lower: Index  # the scene's cell that is the box's first
+    shape: tuple[int, ...]  # cells of the box along each axis
     scales: Scales
-    loads: CellLoads
-    """The forces on the body's surface, counted from `lower`."""
+    loads: CellLoads  # the forces on the body's surface, counted from `lower`
 
     def kinds(self, box: Box) -> NDArray[np.int32]:
         """Return the kinds of the cells of a box, the rim's as kaju's arrays have them."""
@@ -282,22 +277,17 @@ def scaled(body: PiecedBody, present: Flags) -> PiecedBody:
     """Return a body in units in which its largest modulus and largest force are one."""
     if not present.any():
         raise SceneError("body: no cell is of a material, so there is nothing to solve")
-    used = [m for m, there in zip(body.scene.cell_materials, present, strict=True) if there]
-    scales = _scales(body.scene, used, body.loads, body.scene.body.gravity)
-    return replace(body, scales=scales)
-
-
-def _scales(scene: Scene, used: list[Any], loads: CellLoads, gravity: Any) -> Scales:
-    lattice = scene.lattice
+    scene, lattice = body.scene, body.scene.lattice
+    used = [m for m, there in zip(scene.cell_materials, present, strict=True) if there]
     modulus = max(material.youngs_modulus for material in used)
     stiffness = modulus * (scene.thickness if lattice.dimension == 2 else lattice.cell_size)
-    forces = [float(np.abs(loads.force).max())] if len(loads.force) else []
-    if gravity is not None:
+    forces = [float(np.abs(body.loads.force).max(initial=0.0))]
+    if scene.body.gravity is not None:
         mass = max(m.density or 0.0 for m in used) * lattice.cell_volume(scene.thickness)
-        forces.append(mass * float(np.abs(gravity).max()))
+        forces.append(mass * float(np.abs(scene.body.gravity).max()))
     conditions = [scene.side_condition(name).displacement for name in lattice.sides]
     forces += [stiffness * float(np.abs(u).max()) for u in conditions if u is not None]
-    return Scales.of(modulus, max(forces, default=0.0), lattice.cell_size, stiffness)
+    return replace(body, scales=Scales.of(modulus, max(forces), lattice.cell_size, stiffness))
 
 
 MOST_CELLS = 40_000
@@ -323,16 +313,10 @@ def slabs_of(box: Box) -> list[Box]:
 class PetscRows:
     """The rows of the stiffness matrix that belong to some faces, and what acts on them."""
 
-    row: Index
-    """PETSc's numbers of the faces."""
-    start: Index
-    column: Index
-    value: Floats
-    """The rows, compressed, with PETSc's numbers as columns."""
-    right: Floats
-    """Load less what the lead from moved sides takes; 0 at faces that do not move."""
-    active: Flags
-    """Which faces move."""
+    row: Index  # PETSc's numbers of the faces
+    matrix: csr_array  # the rows, with PETSc's numbers as columns
+    right: Floats  # load less what the lead from moved sides takes; 0 at faces that do not move
+    active: Flags  # which faces move
 
 
 def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
@@ -367,17 +351,13 @@ def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
         row.append(level.numbers(axis, faces))
     mine, numbers = np.concatenate(picked), np.concatenate(row)
     moves = mine >= 0
-    chosen = stiffness[mine[moves]]
-    counts = np.ones(len(mine), dtype=np.int64)
-    counts[moves] = np.diff(chosen.indptr)
-    start = np.concatenate([[0], np.cumsum(counts)])
-    column = np.empty(start[-1], dtype=np.int64)
-    value = np.ones(start[-1])
-    from_matrix = np.repeat(moves, counts)
-    column[from_matrix] = names[chosen.indices]
-    value[from_matrix] = chosen.data
-    column[~from_matrix] = numbers[~moves]
+    # The rows of faces that move, and ones on the diagonal for the others.
+    chosen = stiffness[mine[moves]].tocoo()
+    entry_row = np.concatenate([np.flatnonzero(moves)[chosen.row], np.flatnonzero(~moves)])
+    column = np.concatenate([names[chosen.col], numbers[~moves]])
     assert (column >= 0).all()
+    value = np.concatenate([chosen.data, np.ones(np.count_nonzero(~moves))])
+    matrix = csr_array((value, (entry_row, column)), shape=(len(mine), level.size))
     right = np.zeros(len(mine))
     right[moves] = load[mine[moves]]
-    return PetscRows(numbers, start, column, value, right, moves)
+    return PetscRows(numbers, matrix, right, moves)

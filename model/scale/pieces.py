@@ -56,11 +56,9 @@ _HEADER = b'<AppendedData encoding="raw">\n_'
 class Piece:
     """The answer on a box of cells."""
 
-    lower: tuple[int, ...]
-    upper: tuple[int, ...]
-    """The box, in cells of the grid; `upper` is not included."""
-    nodes: Fields
-    """"displacement" (m) at the cells' corners, shape (n + 1, ..., dimension)."""
+    lower: tuple[int, ...]  # first cell of the box
+    upper: tuple[int, ...]  # behind its last
+    nodes: Fields  # "displacement" (m) at the cells' corners, shape (n + 1, ..., dimension)
     cells: Fields
     """"kind" (index of the material, negative where there is none), "displacement" (m) of the
     middles, shape (n, ..., dimension), "stress" (Pa), shape (n, ..., dimension, dimension)."""
@@ -74,7 +72,7 @@ class StoredPiece(Piece):
     """A piece whose arrays are read when they are asked for, and not kept."""
 
     def __init__(self, path: Path, grid: Scene) -> None:
-        header = _header_of(path)
+        header, _ = _opened_file(path)
         extent = _extent(header.find("ImageData/Piece"), path)
         shape = grid.lattice.shape
         ends = [(extent[2 * a], extent[2 * a + 1]) for a in range(len(shape))]
@@ -275,7 +273,7 @@ class PiecedResult(BodyResult):
         hidden = None
         holder = hidden_folder(target, ResultFileError) if first else None
         try:
-            hidden = together(comm, lambda: _opened(holder, target))
+            hidden = together(comm, lambda: holder and _entered(holder, target))
             place = Path(comm.bcast(str(hidden)))
             together(comm, lambda: self._write_piece(place))
             together(comm, lambda: self._finish(place, target) if first else None)
@@ -314,23 +312,21 @@ class PiecedResult(BodyResult):
             ):
                 raise ResultError("its files are not those that were saved")
             scene = Scene.from_archive(archive.value("scene", str), archive.arrays)
-            told = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-            figures = Archive(folder / SUMMARY, {}, told)
+            summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+            figures = Archive(folder / SUMMARY, {}, summary)
             for name, form in FIGURES.items():
                 figures.value(name, form)
             index = ElementTree.parse(folder / INDEX)  # noqa: S314 (our own, refused if odd)
-            division = told["subdivision"]
+            division = summary["subdivision"]
             if not 1 <= division <= 1 << 20:
                 raise ResultError("subdivision must be 1 or more")
             grid = scene if division == 1 else scene.refine(division)
             names = [part.attrib["Source"] for part in index.iter("Piece")]
             pieces = [StoredPiece(folder / Path(name).name, grid) for name in names]
-            return cls(scene, grid, archive.value("stage", int | None), pieces, told)
+            return cls(scene, grid, archive.value("stage", int | None), pieces, summary)
 
 
-def _opened(holder: Any, target: Path) -> Path | None:
-    if holder is None:
-        return None
+def _entered(holder: Any, target: Path) -> Path:
     if target.exists():
         raise ResultFileError(f"{target}: exists already; take another folder")
     return Path(holder.__enter__())
@@ -354,9 +350,13 @@ def _write(path: Path, piece: Piece, grid: Scene) -> None:
     for kind, group in (("PointData", points), ("CellData", fields)):
         lines = []
         for name, values in group.items():
+            number = "Int32" if values.dtype.kind == "i" else "Float64"
+            parts = 3 if values.ndim == 2 else 1
             checksum = crc32(np.ascontiguousarray(values).data)
-            place = f'format="appended" offset="{offset}" crc32="{checksum}"'
-            lines.append(_described(name, values, place))
+            lines.append(
+                f'<DataArray type="{number}" Name="{name}" NumberOfComponents="{parts}" '
+                f'format="appended" offset="{offset}" crc32="{checksum}"/>'
+            )
             blocks.append(values)
             offset += 8 + values.nbytes
         described[kind] = f"<{kind}>{''.join(lines)}</{kind}>"
@@ -380,7 +380,7 @@ def _write(path: Path, piece: Piece, grid: Scene) -> None:
 
 
 def _index(pieces: list[Path], grid: Scene) -> bytes:
-    headers = [_header_of(path) for path in pieces]
+    headers = [_opened_file(path)[0] for path in pieces]
     extents = [_extent(h.find("ImageData/Piece"), p) for h, p in zip(headers, pieces, strict=True)]
     whole = [(min if k % 2 == 0 else max)(extent[k] for extent in extents) for k in range(6)]
     arrays = headers[0].find("ImageData/Piece")
@@ -417,12 +417,6 @@ def _three(values: Floats) -> Floats:
     return np.stack(columns, axis=-1).astype("<f8")
 
 
-def _described(name: str, values: NDArray[Any], more: str) -> str:
-    kind = "Int32" if values.dtype.kind == "i" else "Float64"
-    parts = 3 if values.ndim == 2 else 1
-    return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{parts}" {more}/>'
-
-
 def _text_of(lower: tuple[int, ...], upper: tuple[int, ...]) -> str:
     ends = [*zip(lower, upper, strict=True), (0, 0)][:3]
     return " ".join(f"{a} {b}" for a, b in ends)
@@ -431,10 +425,6 @@ def _text_of(lower: tuple[int, ...], upper: tuple[int, ...]) -> str:
 def _spacing(grid: Scene) -> str:
     h = repr(grid.lattice.cell_size)
     return f'Origin="0 0 0" Spacing="{h} {h} {h}"'
-
-
-def _header_of(path: Path) -> ElementTree.Element:
-    return _opened_file(path)[0]
 
 
 def _checksums(folder: Path) -> dict[str, int]:

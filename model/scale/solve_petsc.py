@@ -20,6 +20,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import (
@@ -104,11 +105,15 @@ def solve_petsc(
     levels[0].dm.globalToLocal(solved[0], local)
     window = together(comm, lambda: window_of(body, levels[0], local))
     energy = float(comm.allreduce(window.energy()))
+    # Relative error of the parents' answer, by its potential energy.
+    missed = 2.0 * (solved[3] - _potential(matrix, solved[0], right))
+    known = np.isfinite(missed) and energy > 0.0
+    error = sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
     solution = Solution(
         window.faces,
         energy,
         "PETSc multigrid",
-        _missed(hierarchy, right, solved, energy),
+        error,
         solved[1][-1],
         len(levels),
         solved[1],
@@ -133,14 +138,10 @@ class PetscWindow:
 
     body: PiecedBody
     problem: ElasticProblem
-    origin: Index
-    """Cell of the body at which the problem's rim begins."""
-    cells: Box
-    """The process's own cells, without the rim."""
-    faces: FaceFields
-    """Scaled displacements."""
-    owned: tuple[Flags, ...]
-    """Which faces belong to the process."""
+    origin: Index  # cell of the body at which the problem's rim begins
+    cells: Box  # the process's own cells, without the rim
+    faces: FaceFields  # scaled displacements
+    owned: tuple[Flags, ...]  # which faces belong to the process
 
     def energy(self) -> float:
         """Return what this process's faces contribute to the energy (scaled)."""
@@ -235,23 +236,19 @@ def together(comm: Any, step: Callable[[], Answer]) -> Answer:
     answer: Answer | None = None
     try:
         answer = step()
-    except Exception as error:  # told to the others, and raised below
+    except Exception as error:  # sent to the others, and raised below
         failure = error
-    failures = comm.allgather(_portable(failure))
+    # Errors that other processes cannot rebuild travel in words.
+    portable = (type(None), SupportError, SceneError, ParameterError, ResultFileError)
+    travels = type(failure) in portable
+    failures = comm.allgather(failure if travels else f"{type(failure).__name__}: {failure}")
     first = next((rank for rank, error in enumerate(failures) if error is not None), None)
     if first is None:
         return answer  # type: ignore[return-value]
-    told = failures[first]
-    if isinstance(told, KajuError):
-        raise told
-    raise WorkerError(f"process {first} of {len(failures)} failed: {told}") from failure
-
-
-def _portable(error: Exception | None) -> KajuError | str | None:
-    """Return an error as it can be told to other processes."""
-    if error is None or type(error) in (SupportError, SceneError, ParameterError, ResultFileError):
-        return error  # type: ignore[return-value]
-    return f"{type(error).__name__}: {error}"
+    reason = failures[first]
+    if isinstance(reason, KajuError):
+        raise reason
+    raise WorkerError(f"process {first} of {len(failures)} failed: {reason}") from failure
 
 
 def _checked(tolerance: float | None, resolution: int | None) -> float:
@@ -306,14 +303,6 @@ def _potential(matrix: Any, x: Any, right: Any) -> float:
     return 0.5 * float(x.dot(force)) - float(x.dot(right))
 
 
-def _missed(hierarchy: PetscHierarchy, right: Any, solved: Solved, energy: float) -> float:
-    """Return the relative error of the parents' answer, by its potential energy."""
-    x, _, _, coarser = solved
-    missed = 2.0 * (coarser - _potential(hierarchy.matrices[0], x, right))
-    known = np.isfinite(missed) and energy > 0.0
-    return sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
-
-
 def _result(
     scene: Scene,
     stage: int | None,
@@ -360,22 +349,21 @@ def assembled(level: PetscLevel, parts: list[PetscRows]) -> tuple[Any, Any, Any]
     first, _ = right.getOwnershipRange()
     right.getArray()[row - first] = np.concatenate([part.right for part in parts])
     moves.getArray()[row - first] = np.concatenate([part.active for part in parts])
-    return _matrix(parts, row - first, right), right, moves
+    rows = vstack([part.matrix for part in parts], format="csr")
+    return _matrix(rows, row - first, right, right), right, moves
 
 
-def _matrix(parts: list[PetscRows], place: Index, like: Any, columns: Any = None) -> Any:
-    """Return a PETSc matrix of rows in any order."""
+def _matrix(rows: csr_array, place: Index, like: Any, columns: Any) -> Any:
+    """Return a PETSc matrix of this process's rows, each at its place among them."""
     from petsc4py import PETSc
 
-    counts = np.concatenate([np.diff(part.start) for part in parts])
-    order = np.argsort(place, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(counts[order])])
-    begins = np.concatenate([[0], np.cumsum(counts)])[:-1][order]
-    take = np.repeat(begins - starts[:-1], counts[order]) + np.arange(starts[-1])
-    column = np.concatenate([part.column for part in parts])[take]
-    value = np.concatenate([part.value for part in parts])[take]
-    sizes = like.getSizes(), (like if columns is None else columns).getSizes()
-    csr = (starts.astype(PETSc.IntType), column.astype(PETSc.IntType), value)
+    ordered = rows[np.argsort(place)]
+    csr = (
+        ordered.indptr.astype(PETSc.IntType),
+        ordered.indices.astype(PETSc.IntType),
+        ordered.data,
+    )
+    sizes = like.getSizes(), columns.getSizes()
     return PETSc.Mat().createAIJ(sizes, csr=csr, comm=like.getComm())
 
 
@@ -384,11 +372,11 @@ def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> An
     like, columns = fine.dm.createGlobalVec(), coarse.dm.createGlobalVec()
     first, _ = like.getOwnershipRange()
     d = len(fine.shape)
-    parts = []
+    rows, matrices = [], []
     for axis in range(d):
         faces = fine.owned(axis)
         row = fine.numbers(axis, faces)
-        terms = [_along(faces[:, a]) if a == axis else _across(faces[:, a]) for a in range(d)]
+        terms = [_parents(faces[:, a], a == axis) for a in range(d)]
         column = np.empty((len(faces), 2**d), dtype=np.int64)
         weight = np.empty((len(faces), 2**d))
         for k, choice in enumerate(product((0, 1), repeat=d)):
@@ -397,28 +385,21 @@ def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> An
             weight[:, k] = np.prod([terms[a][c][1] for a, c in enumerate(choice)], axis=0)
         if moves is not None:
             weight *= moves.getArray(readonly=True)[row - first][:, None]
-        whole = faces[:, axis] % 2 == 0  # both parents along the normal are then the same one
-        keep = np.ones(column.shape, dtype=bool)
-        second = np.array([choice[axis] for choice in product((0, 1), repeat=d)], dtype=bool)
-        keep[np.ix_(whole, second)] = False
-        start = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
-        nothing = np.zeros(len(row))
-        parts.append(PetscRows(row, start, column[keep], weight[keep], nothing, nothing > 0))
-    place = np.concatenate([part.row for part in parts]) - first
-    return _matrix(parts, place, like, columns)
+        # Where both parents along the normal are the same one, their weights are added.
+        entries = (np.repeat(np.arange(len(row)), 2**d), column.ravel())
+        rows.append(row - first)
+        matrices.append(csr_array((weight.ravel(), entries), shape=(len(row), coarse.size)))
+    place = np.concatenate(rows)
+    return _matrix(vstack(matrices, format="csr"), place, like, columns)
 
 
-def _along(face: Index) -> list[tuple[Index, Floats]]:
-    whole = face % 2 == 0
-    return [
-        (face // 2, np.where(whole, 1.0, 0.5)),
-        (np.where(whole, face // 2, face // 2 + 1), np.where(whole, 0.0, 0.5)),
-    ]
-
-
-def _across(face: Index) -> list[tuple[Index, Floats]]:
-    parent = face // 2
-    beside = np.where(face % 2 == 0, parent - 1, parent + 1)
+def _parents(face: Index, along: bool) -> list[tuple[Index, Floats]]:
+    """Return two coarse faces beside fine ones, and their weights, along the normal or across."""
+    parent, even = face // 2, face % 2 == 0
+    if along:
+        first = np.where(even, 1.0, 0.5)
+        return [(parent, first), (np.where(even, parent, parent + 1), 1.0 - first)]
+    beside = np.where(even, parent - 1, parent + 1)
     return [(parent, np.full(len(face), 0.75)), (beside, np.full(len(face), 0.25))]
 
 

@@ -14,22 +14,22 @@ from math import inf, isfinite
 from numbers import Real
 from operator import index
 from sys import float_info
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from kaju._mesa import FixedAgent
+from kaju._mesa import FixedAgent, Model
 from kaju.agents.boundary_agent import (
     BoundaryAgent,
     FreeBoundaryAgent,
     RigidBoundaryAgent,
     RollerBoundaryAgent,
 )
-from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.materials import Material, suggestion
+from kaju.agents.material_agent import MaterialAgent, PlacedAgent
+from kaju.agents.materials import Material
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
-from kaju.errors import AgentError, ParameterError
+from kaju.errors import AgentError
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.stepping import Order, chosen
@@ -37,9 +37,6 @@ from kaju.stepping import Order, chosen
 from .cell_space import Index, space_of
 from .stage import Ledger, News, Stage, TakenRows, Totals, history_of
 from .transfer import Transfer, check_shares
-
-if TYPE_CHECKING:
-    from .load_model import LoadModel
 
 A = TypeVar("A", MaterialAgent, BoundaryAgent)
 
@@ -59,51 +56,38 @@ ACTS_AT_ONCE = 20_000
 """So many acts of agents are noted as they are before they are added up in arrays."""
 
 
-def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[BoundaryAgent]]:
-    """Return the class for each kind of boundary, those of one's own put in."""
-    classes = dict(BOUNDARY_AGENTS)
-    kinds = {usual.name: kind for kind, usual in BOUNDARY_AGENTS.items()}
-    for name, agent in own.items():
-        if name not in kinds:
-            raise ParameterError(
-                f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), kinds)}; "
-                f"there is {', '.join(kinds)}"
-            )
-        if not (isinstance(agent, type) and issubclass(agent, BoundaryAgent)):
-            raise ParameterError(
-                f"boundary_agents: {name!r} needs a subclass of "
-                f"{classes[kinds[name]].__name__}, got {agent!r}"
-            )
-        classes[kinds[name]] = agent
-    return classes
-
-
 class AgentEngine:
     """One stage of load transfer at a time, with one object per agent."""
 
     def __init__(
         self,
-        model: LoadModel,
+        model: Model,
         scene: Scene,
         transfer: Transfer,
         material_agent: type[MaterialAgent],
-        boundary_agents: dict[int, type[BoundaryAgent]],
+        own_boundaries: Mapping[str, type[BoundaryAgent]],
     ) -> None:
         self.model, self.scene, self.transfer = model, scene, transfer
         self.lattice = transfer.lattice
-        self.material_agent, self.boundary_agents = material_agent, boundary_agents
+        self.material_agent = material_agent
+        self.boundary_agents = {
+            kind: own_boundaries.get(usual.name, usual) for kind, usual in BOUNDARY_AGENTS.items()
+        }
+        self.own_boundaries = bool(own_boundaries)
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
-        self.own_boundaries = any(
-            agent is not BOUNDARY_AGENTS[kind] for kind, agent in boundary_agents.items()
-        )
         self.opposite: list[int] = self.lattice.opposite.tolist()
         self.axis_of: list[int] = self.lattice.axis_of.tolist()
         self.senses: tuple[Sense, ...] = ("push", "pull") if transfer.rule.sense else ("push",)
+        # What arm, direction and sense a load can have, by its sender's form; None: a boundary.
         every = range(self.lattice.directions)
-        self.known = [
-            {(arm, d, sense) for arm in arms for d in every for sense in self.senses}
-            for arms in self.lattice.arms
-        ]
+        arms_of: dict[int | None, Sequence[int]] = {
+            **dict(enumerate(self.lattice.arms)),
+            None: every,
+        }
+        self.possible = {
+            form: {(arm, d, sense) for arm in arms for d in every for sense in self.senses}
+            for form, arms in arms_of.items()
+        }
         self._sent: dict[tuple[Shares, int], dict[Sense, tuple[Emissions, ...]]] = {}
         self.space = space_of(self.lattice, model.random)
         self.agents: dict[Index, MaterialAgent] = {}
@@ -175,24 +159,17 @@ class AgentEngine:
         self.pending = sum((agent.open() for agent in called), start=0.0)
         self.most_at_one = max((len(a.inbox) + len(a.pulls) for a in called), default=0)
 
-    def judge(self, load: Load) -> bool:
-        """Tell whether a load that came back, or was added up, goes on; if not, it ends here."""
-        above = self.goes_on(load.magnitude)
-        if not above:
-            self.dropped += load.total
-        return above
-
     def goes_on(self, magnitude: float, met: bool = True) -> bool:
-        """Tell whether a load (N) is above γ, by which loads to be added up are judged when met."""
+        """Tell whether a load (N) exceeds γ; loads to be added up are judged once they have met."""
         return magnitude > (self.threshold if met or not self.accumulate else 0.0)
 
     def split(self, agent: MaterialAgent, emissions: Iterable[Emission], magnitude: float) -> Split:
-        """Tell what becomes of the emissions of a load of a magnitude (N)."""
+        """Part the emissions of a load of a magnitude (N): those that go on, those that end."""
         goes_on = self.goes_on
         sent: list[tuple[int, tuple[int, float], Sense]] = []
         ended: list[float] = []
-        known = type(emissions) is Emissions
-        rows = emissions if known else self.checked_emissions(agent, emissions)
+        checked = type(emissions) is Emissions
+        rows = emissions if checked else self.checked_emissions(agent, emissions)
         for arm, direction, share, sense in rows:
             size = share * magnitude
             if not 0.0 <= size < inf:
@@ -215,8 +192,10 @@ class AgentEngine:
         """Bring a load to a cell, from outside or back from a boundary."""
         if self.accumulate:
             MeetingPlace(self.sums, cell, kind).put(load[:2], load.copies, load.sense, None)
-        elif self.judge(load):
+        elif self.goes_on(load.magnitude):
             self._material_agent(cell, kind).receive(load)
+        else:
+            self.dropped += load.total
 
     def _judge_sums(self, at_boundary: bool) -> None:
         """Let loads go on that were added up to more than the threshold."""
@@ -225,7 +204,8 @@ class AgentEngine:
             cell, kind, direction, sense, sender, arm = key
             added = self.sums.pop(key)
             load = Load(direction, added.total, 1.0, sense)
-            if not self.judge(load):
+            if not self.goes_on(load.magnitude):
+                self.dropped += load.total
                 continue
             if at_boundary:
                 boundary = self._boundary_agent(cell, kind)
@@ -241,7 +221,7 @@ class AgentEngine:
     # Neighbours.
 
     def look(self, agent: MaterialAgent, arm: int) -> Any:
-        """Return who is over an arm, and wake it: a load is on its way."""
+        """Return the neighbour over an arm, and wake it: a load is on its way."""
         if agent.beyond is None:
             self._look_round([agent])
         if arm not in self.lattice.arms[agent.form]:
@@ -292,16 +272,16 @@ class AgentEngine:
             self.boundaries[cell] = agent
         return agent
 
-    # What agents of one's own answer is looked at.
+    # Answers of agents of one's own are checked.
 
-    def wrong(self, agent: MaterialAgent | BoundaryAgent, hook: str, what: str) -> AgentError:
+    def wrong(self, agent: PlacedAgent, hook: str, what: str) -> AgentError:
         """Return the error of an answer that is none."""
         return AgentError(
             f"{hook}: {type(agent).__name__} at cell {agent.index} in generation "
             f"{self.generation} {what}"
         )
 
-    def _check_begun(self, agent: MaterialAgent | BoundaryAgent, cell: Index, last: str) -> None:
+    def _check_begun(self, agent: PlacedAgent, cell: Index, last: str) -> None:
         if not hasattr(agent, last):
             raise AgentError(
                 f"__init__: {type(agent).__name__} at cell {cell} in generation {self.generation} "
@@ -331,7 +311,7 @@ class AgentEngine:
 
     def checked_emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions of an agent of one's own; refuse what is none."""
-        known, checked = self.known[agent.form], []
+        checked = []
         try:
             rows = iter(sent)
         except TypeError:
@@ -339,11 +319,11 @@ class AgentEngine:
         for row in islice(rows, MOST_EMISSIONS + 1):
             try:
                 arm, direction, share, sense = row
-                fits = (index(arm), index(direction), sense) in known and _is_amount(share)
+                fits = self._fits(agent, arm, direction, sense, share)
             except (TypeError, ValueError):
                 raise self.wrong(agent, "emissions", f"returned {row!r:.60}{_EMISSION}") from None
             if not fits:
-                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{self._told(agent)}")
+                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{self._limits(agent)}")
             if type(arm) is not int or type(direction) is not int:  # True would mask an array
                 row = int(arm), int(direction), share, sense
             checked.append(row)
@@ -351,36 +331,33 @@ class AgentEngine:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
         return checked
 
-    def _told(self, agent: MaterialAgent | None) -> str:
+    def _fits(
+        self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, *amounts: Any
+    ) -> bool:
+        """Tell whether this body has the arm, direction and sense, and amounts are amounts."""
+        possible = self.possible[getattr(agent, "form", None)]
+        return (index(arm), index(direction), sense) in possible and all(map(_is_amount, amounts))
+
+    def _limits(self, agent: PlacedAgent) -> str:
         """Return what emissions and loads of this body can be."""
-        arms = "" if agent is None else f"an arm of {self.lattice.arms[agent.form]}, "
+        own = isinstance(agent, MaterialAgent)
+        arms = f"an arm of {self.lattice.arms[agent.form]}, " if own else ""
         senses = " or ".join(map(repr, self.senses))
         return (
             f"; it has {arms}a direction from 0 to {self.lattice.directions - 1}, an amount that "
             f"is finite and not negative, and the sense {senses}"
         )
 
-    def checked_load(
-        self, agent: MaterialAgent | BoundaryAgent, hook: str, load: Any, arm: int
-    ) -> Load:
+    def checked_load(self, agent: PlacedAgent, hook: str, load: Any, arm: int) -> Load:
         """Return a load of an agent of one's own; refuse what is none."""
-        form = agent.form if isinstance(agent, MaterialAgent) else None
         try:
             direction, magnitude, copies, sense = load
-            arms = range(self.lattice.directions) if form is None else self.lattice.arms[form]
-            fits = (
-                index(arm) in arms
-                and index(direction) in range(self.lattice.directions)
-                and sense in self.senses
-                and _is_amount(magnitude)
-                and _is_amount(copies)
-            )
+            fits = self._fits(agent, arm, direction, sense, magnitude, copies)
         except (TypeError, ValueError):
             fits = False
         if not fits:
-            over = f" over arm {arm!r}" if form is not None else ""
-            told = self._told(agent if isinstance(agent, MaterialAgent) else None)
-            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{told}")
+            over = f" over arm {arm!r}" if isinstance(agent, MaterialAgent) else ""
+            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{self._limits(agent)}")
         return Load(int(direction), float(magnitude), float(copies), sense)
 
     def hand_over(self, sender: Any, arm: int, load: Any) -> None:
@@ -462,9 +439,7 @@ class AgentEngine:
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
-        return self._totals(self._ordered(self.agents.values()))
-
-    def _totals(self, agents: list[MaterialAgent]) -> Totals:
+        agents = self._ordered(self.agents.values())
         for agent in agents:
             for name, kind in _MUST_STAY.items():
                 if not isinstance(getattr(agent, name), kind):
@@ -500,7 +475,7 @@ class AgentEngine:
         agents = self._ordered(self.agents.values())
         boundaries = self._ordered(self.boundaries.values())
         boundary_cells, directions = self._places(boundaries), self.lattice.directions
-        totals = self._totals(agents)
+        totals = self.totals()
         taken = _table([agent.taken for agent in agents], directions)
         ledger = Ledger(
             applied=self.applied,
@@ -535,7 +510,7 @@ class AgentEngine:
         """Sort agents by spawn step and place."""
         return sorted(agents, key=lambda agent: (agent.spawn_step, agent.cell.coordinate))
 
-    def _places(self, agents: Sequence[MaterialAgent] | Sequence[BoundaryAgent]) -> Ints:
+    def _places(self, agents: Sequence[PlacedAgent]) -> Ints:
         cells = np.array([agent.cell.coordinate for agent in agents], dtype=np.int64)
         return cells.reshape(-1, self.lattice.dimension)
 
@@ -550,7 +525,7 @@ class AgentEngine:
 
 
 class Sum:
-    """Loads that are added up, and who sent them."""
+    """Loads that are added up, and their senders."""
 
     __slots__ = ("senders", "total")
 

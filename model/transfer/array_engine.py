@@ -33,23 +33,15 @@ PIECE = 1 << 16
 class AgentTable:
     """Material agents as columns, ordered by spawn step and key."""
 
-    key: Ints
-    """Number of the cell, as the lattice counts."""
+    key: Ints  # number of the cell, as the lattice counts
     material: Ints
     spawn_step: Ints
-    woken_by: Ints
-    """As in `Stage`."""
-    form: Ints
-    """Row of the rule's tables: material, then form of the cell."""
-    taken: Floats
-    """Loads taken (N), by state as `Transfer` numbers them. Shape (agents, states)."""
-    passed: Floats
-    """Loads handed over by arm (N). Shape (agents, directions)."""
-    dropped: Floats
-    """Emissions that were too small (N)."""
-    beyond: NDArray[np.int16]
-    """What lies over each arm: a material's number, or a kind of boundary. Shape (agents,
-    directions)."""
+    woken_by: Ints  # as in `Stage`
+    form: Ints  # row of the rule's tables: material, then form of the cell
+    taken: Floats  # loads taken (N), by state as `Transfer` numbers them
+    passed: Floats  # loads handed over by arm (N)
+    dropped: Floats  # emissions that were too small (N)
+    beyond: NDArray[np.int16]  # what lies over each arm: a material, or a type of boundary
 
     def __init__(self, scene: Scene, states: int) -> None:
         self.scene, self.lattice = scene, scene.lattice
@@ -124,27 +116,17 @@ class AgentTable:
 class WaitingLoads(NamedTuple):
     """Waiting loads, ordered by cell, state and magnitude."""
 
-    slot: Ints
-    """Agent and state: agent times the number of states, plus the state."""
-    number: NDArray[np.int32]
-    """Number of the magnitude in the engine's table."""
-    copies: Floats
-    """How many equal loads the row stands for."""
-
-    def part(self, chosen: Any) -> WaitingLoads:
-        """Return some of the rows."""
-        return WaitingLoads(self.slot[chosen], self.number[chosen], self.copies[chosen])
+    slot: Ints  # agent times the number of states, plus the state
+    number: NDArray[np.int32]  # number of the magnitude in the engine's table
+    copies: Floats  # how many equal loads the row stands for
 
 
 class Arrivals(NamedTuple):
     """Loads on their way into cells."""
 
-    code: Ints
-    """Cell, state and number of the magnitude, as one number."""
-    amount: Floats
-    """Copies; where loads that meet are added up, their sum (N)."""
-    bits: NDArray[np.uint8]
-    """Arms over which they come, one bit each; 0 from a boundary."""
+    code: Ints  # cell, state and number of the magnitude, as one number
+    amount: Floats  # copies; where loads that meet are added up, their sum (N)
+    bits: NDArray[np.uint8]  # arms over which they come, one bit each; 0 from a boundary
 
     def part(self, chosen: Any) -> Arrivals:
         """Return some of the arrivals."""
@@ -160,51 +142,34 @@ class Arrivals(NamedTuple):
 
 
 class BoundaryRows(NamedTuple):
-    """Loads that boundary agents gave back."""
+    """Loads that boundary agents gave back in one generation."""
 
-    generation: int
-    """When they were handed over."""
-    key: Ints
-    """The boundary agents' cells."""
-    load: Floats
-    """What they gave back (N)."""
-    state: NDArray[np.int8]
-    """In which state it came."""
+    generation: int  # when they were handed over
+    key: Ints  # the boundary agents' cells
+    load: Floats  # what they gave back (N)
+    state: NDArray[np.int8]  # in which state it came
 
 
-class Rule(NamedTuple):
-    """The tables of the rule, (emissions, columns): a column is a material, form and state.
-
-    `step` is what the way over the arm adds to the key; `turned` holds, for each kind of
-    boundary, arm and state, the state in which a load comes back.
-    """
+class EmissionTable(NamedTuple):
+    """The rule as (emissions, columns): a column is a material, form and state of a load."""
 
     arm: Ints
     state: Ints
-    step: Ints
+    step: Ints  # what the step over the arm adds to the key
     share: Floats
-    turned: Ints
 
 
 class Sent(NamedTuple):
     """What kinds of load send out; the first axis of arrays is the emission, the last the kind."""
 
-    size: Floats
-    """Magnitude (N)."""
-    loud: Flags
-    """Whether it goes on."""
-    code: Ints
-    """State and number of the magnitude, as codes of arrivals tell them."""
-    delta: Ints
-    """The same, and the step to the neighbour."""
-    number: Ints
-    """Number of the magnitude among those that travel next."""
-    ended: Floats
-    """Sum of what ends (N). Shape (kinds,)."""
-    heard: Flags
-    """Whether anything goes on. Shape (kinds,)."""
-    values: Floats
-    """Magnitudes that travel next (N)."""
+    size: Floats  # magnitude (N)
+    above: Flags  # whether it exceeds γ and goes on
+    code: Ints  # state and number of the magnitude, as in codes of arrivals
+    delta: Ints  # the same, and the step to the neighbour
+    number: Ints  # number of the magnitude among those that travel next
+    ended: Floats  # sum of what ends (N), per kind
+    any_above: Flags  # whether anything goes on, per kind
+    values: Floats  # magnitudes that travel next (N)
 
 
 class PackedHistory(TakenHistory):
@@ -227,8 +192,8 @@ class PackedHistory(TakenHistory):
             column = [slot % self.states >= self.directions for slot, _ in record]
         else:
             raise AttributeError(name)
-        kinds = {"load": np.float64, "pull": np.bool_}
-        whole = np.concatenate([np.empty(0, dtype=kinds.get(name, np.int64)), *column])
+        dtypes = {"load": np.float64, "pull": np.bool_}
+        whole = np.concatenate([np.empty(0, dtype=dtypes.get(name, np.int64)), *column])
         self.__dict__[name] = whole
         return whole
 
@@ -247,16 +212,14 @@ class ArrayEngine:
         self.reach = int(np.abs(self.lattice.key_steps).max())
 
     @cached_property
-    def rule(self) -> Rule:
+    def rule(self) -> EmissionTable:
         """The tables of the rule, emissions first."""
-        arms, states, shares = self.transfer.tables
-        most, forms = shares.shape[-1], np.arange(self.lattice.forms)[None, :, None, None]
-        tables: Any = (arms, states, self.lattice.key_steps[forms, arms], shares)
-        turned = np.zeros((4, self.directions, self.states), dtype=np.int64)
-        for kind, table in self.transfer.turned.items():
-            turned[kind] = table  # kinds of boundaries are below 0
-        columns = [np.ascontiguousarray(column.reshape(-1, most).T) for column in tables]
-        return Rule(columns[0], columns[1], columns[2], columns[3], turned)
+        arm, state, share = self.transfer.tables
+        form = np.arange(len(arm))[:, None, None] % self.lattice.forms
+        tables: Any = (arm, state, self.lattice.key_steps[form, arm], share)
+        most = share.shape[-1]
+        columns = [np.ascontiguousarray(table.reshape(-1, most).T) for table in tables]
+        return EmissionTable(*columns)
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
@@ -372,19 +335,19 @@ class ArrayEngine:
         else:
             column, magnitude = np.divmod(kinds[0], count)
             size = rule.share[:, column] * self.values[magnitude]
-        loud = self._go_on(size, met=False)
+        above = self._go_on(size, met=False)
         code, number = rule.state[:, column], np.zeros(size.shape, dtype=np.int64)
         values, codes = self.values[:0], self.states
         if not self.accumulate:
-            values, number[loud] = np.unique(size[loud], return_inverse=True)
+            values, number[above] = np.unique(size[above], return_inverse=True)
             code = code * max(len(values), 1) + number
             codes = self.states * max(len(values), 1)
-        ended = np.where(loud, 0.0, size).cumsum(axis=0)[-1]  # one after another, unlike a sum
+        ended = np.where(above, 0.0, size).cumsum(axis=0)[-1]  # one after another, unlike a sum
         delta = rule.step[:, column] * codes + code
-        return Sent(size, loud, code, delta, number, ended, np.any(loud, axis=0), values)
+        return Sent(size, above, code, delta, number, ended, np.any(above, axis=0), values)
 
     def _name_cells(self, slot: Ints) -> None:
-        """Name the cells in reach anew where the numbers of all would be too large."""
+        """Give the cells in reach new numbers where the keys of all would be too large."""
         self.names = None
         if self.cells * self.codes >= 2**62:
             key = self.agents.key[np.unique(slot // self.states)]
@@ -394,41 +357,44 @@ class ArrayEngine:
     def _pass_on(self, piece: slice, kinds: tuple[Ints, Ints] | None, sent: Sent) -> Arrivals:
         """Split waiting loads into shares, and bring them to the neighbours."""
         table, rule = self.agents, self.rule
-        rows, count = self.waiting.part(piece), sent.size.shape[1]
-        agent, copies = rows.slot // self.states, rows.copies
-        column = self._column(rows.slot, agent)
+        waiting, count = self.waiting, sent.size.shape[1]
+        slot, copies = waiting.slot[piece], waiting.copies[piece]
+        agent = slot // self.states
+        column = self._column(slot, agent)
         if kinds is None:
-            kind = column * (count // rule.share.shape[1]) + rows.number
+            kind = column * (count // rule.share.shape[1]) + waiting.number[piece]
         else:
             kind = kinds[1][piece]
-        heard = sent.heard[kind]
-        if not (self.accumulate or heard.all()):
-            silent = np.flatnonzero(~heard)
+        goes_on = sent.any_above[kind]
+        if not (self.accumulate or goes_on.all()):
+            silent = np.flatnonzero(~goes_on)
             whole = self.transfer.emitted.ravel()[column[silent]]
             self._drop(agent[silent], whole * self.load[piece][silent])
-            agent, copies, kind, column = (c[heard] for c in (agent, copies, kind, column))
+            agent, copies, kind, column = (c[goes_on] for c in (agent, copies, kind, column))
         self._drop(agent, sent.ended[kind] * copies)
 
+        # A row for every emission that goes on: which of the rule's it is, and of which load.
         emission, row = _divided(
-            np.flatnonzero(np.take(sent.loud, kind, axis=1)), max(len(kind), 1)
+            np.flatnonzero(np.take(sent.above, kind, axis=1)), max(len(kind), 1)
         )
         entry, place = emission * count + kind[row], emission * rule.arm.shape[1] + column[row]
-        who, copies = agent[row], copies[row]
+        sender, copies = agent[row], copies[row]
         arm = rule.arm.ravel()[place]
         load = sent.size.ravel()[entry] * copies
-        over = who * self.directions + arm
+        over = sender * self.directions + arm
         np.add.at(table.passed.reshape(-1), over, load)
+        # What arrives is numbered by cell, state and magnitude in one.
         if self.names is None:
-            code = table.key[who] * self.codes + sent.delta.ravel()[entry]
+            code = table.key[sender] * self.codes + sent.delta.ravel()[entry]
         else:
-            reached = np.searchsorted(self.names, table.key[who] + rule.step.ravel()[place])
+            reached = np.searchsorted(self.names, table.key[sender] + rule.step.ravel()[place])
             code = reached * self.codes + sent.code.ravel()[entry]
         beyond = table.beyond.reshape(-1)[over]
         arrivals = Arrivals(code, load if self.accumulate else copies, self.bits[arm])
         outside = np.flatnonzero(beyond < 0)
         if not len(outside):
             return arrivals
-        leaving = (who[outside], arm[outside], rule.state.ravel()[place[outside]])
+        leaving = (sender[outside], arm[outside], rule.state.ravel()[place[outside]])
         number = sent.number.ravel()[entry[outside]]
         if not self.accumulate:
             code[outside] = self._give_back(*leaving, load[outside]) + number
@@ -454,7 +420,7 @@ class ArrayEngine:
         beside = key + self.lattice.key_steps[table.form[agent] % self.lattice.forms, arm]
         self.boundary.append(BoundaryRows(self.generation, beside, load, state.astype(np.int8)))
         self.returned += float(load.sum())
-        turned = self.rule.turned[table.beyond[agent, arm], arm, state]
+        turned = self.transfer.turned[table.beyond[agent, arm], arm, state]
         place = key if self.names is None else np.searchsorted(self.names, key)
         return np.asarray(place * self.codes + turned * (self.codes // self.states))
 
@@ -548,23 +514,25 @@ class ArrayEngine:
 
     def _boundary_agents(self) -> tuple[Ints, Ints, Floats, Floats]:
         """Return the boundary agents, by spawn step and key: what each gave back, and took (N)."""
-        nothing = BoundaryRows(0, np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, np.int8))
-        columns: Any = zip(*(rows[1:] for rows in (nothing, *self.boundary)), strict=True)
-        every, load, state = (np.concatenate(column) for column in columns)
-        generation = [np.full(len(rows.key), rows.generation) for rows in self.boundary]
+        rows = self.boundary or [
+            BoundaryRows(0, np.empty(0, int), np.empty(0), np.empty(0, np.int8))
+        ]
+        every = np.concatenate([given.key for given in rows])
+        load = np.concatenate([given.load for given in rows])
+        state = np.concatenate([given.state for given in rows])
+        generation = np.repeat([given.generation for given in rows], [len(r.key) for r in rows])
         order, rising = _sorted(every)
         first = _firsts(rising)
+        key = rising[first]
         number = np.empty_like(order)
-        number[order] = np.repeat(np.arange(len(first)), _lengths(first, len(order)))
-        # A load handed over in generation g (counted from 1) is taken again in g + 1.
-        step: Ints = np.concatenate([nothing.key, *generation])[order[first]] + 1
-        # Of nothing, NumPy counts in whole numbers.
-        returned: Any = np.bincount(number, load, len(first)).astype(np.float64)
-        code = number * self.directions + state % self.directions
-        taken: Any = np.bincount(code, load, len(first) * self.directions).astype(np.float64)
-        taken = taken.reshape(-1, self.directions)
-        by_step = np.lexsort((rising[first], step))
-        return rising[first][by_step], step[by_step], returned[by_step], taken[by_step]
+        number[order] = np.repeat(np.arange(len(key)), _lengths(first, len(order)))
+        step = generation[order[first]] + 1  # a load handed over in g is taken again in g + 1
+        returned = np.zeros(len(key))
+        np.add.at(returned, number, load)
+        arrived = np.zeros((len(key), self.directions))
+        np.add.at(arrived, (number, state % self.directions), load)
+        by_step = np.lexsort((key, step))
+        return key[by_step], step[by_step], returned[by_step], arrived[by_step]
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
@@ -573,9 +541,15 @@ class ArrayEngine:
         modulus = np.array([material.youngs_modulus for material in self.transfer.materials])
         widening = np.array([shares.widening for shares in self.transfer.shares])
         shortened = kept / (self.transfer.cross_section * modulus[table.material, None])
-        widened = shortened * widening[table.material, None]
-        cells, material = table.cells, table.material
-        return Totals(cells, material, kept, shortened, widened, table.passed, table.dropped)
+        return Totals(
+            cells=table.cells,
+            material=table.material,
+            kept=kept,
+            shortened=shortened,
+            widened=shortened * widening[table.material, None],
+            passed=table.passed,
+            dropped=table.dropped,
+        )
 
     def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far; its ledger tells how it ended."""
@@ -586,7 +560,7 @@ class ArrayEngine:
         pulled = table.taken[:, self.directions :]
         if not pulled.shape[1]:
             pulled = np.zeros_like(table.taken)
-        emitted = self.transfer.emitted.reshape(-1, self.states)[table.form]
+        emitted = self.transfer.emitted[table.form]
         ledger = Ledger(
             applied=self.applied,
             taken=float(taken.sum()),

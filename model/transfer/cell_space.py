@@ -9,6 +9,7 @@ Cells beside the body, in which boundary agents live, are kept apart from the ar
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from itertools import product
 from random import Random
 from typing import Any
@@ -43,11 +44,8 @@ class BodyCell(Cell):
     def __reduce__(self) -> Any:
         """Leave out the neighbours, each of which would drag along its own."""
         kept = {k: v for k, v in self.__dict__.items() if k not in ("found", "neighborhood")}
-        return _blank_cell, (self.coordinate, self.random), (kept, {"_agents": self._agents})
-
-
-def _blank_cell(at: Index, random: Random) -> BodyCell:
-    return BodyCell(at, random=random)
+        start = partial(BodyCell, random=self.random)
+        return start, (self.coordinate,), (kept, {"_agents": self._agents})
 
 
 class CellsOnDemand(dict[Index, Cell]):

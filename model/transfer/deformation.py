@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
@@ -34,14 +34,9 @@ class AxialStrain:
     """How much the agents of a stage are squeezed along the axes of the lattice."""
 
     lattice: Lattice
-    """Gives the axes."""
-    pressure: Floats
-    """Pₖ / A (Pa); below 0 where pulls prevail. Shape (agents, axes)."""
-    strain: Floats
-    """Eₖ: of agents that have no law of their own, the pressure over Young's modulus. Shape
-    (agents, axes)."""
-    widening: Floats
-    """βν eₖ, by which the other axes lengthen. Shape (agents, axes)."""
+    pressure: Floats  # Pₖ / A (Pa); below 0 where pulls prevail, shape (agents, axes)
+    strain: Floats  # eₖ, of agents without a law of their own the pressure over Young's modulus
+    widening: Floats  # βν eₖ, by which the other axes lengthen
 
     def strains(self) -> Floats:
         """Return the strain (1) of every agent, shape (agents, dim, dim)."""
@@ -69,37 +64,63 @@ class AxialStrain:
         return along, np.eye(self.lattice.dimension) - along
 
 
-def squeeze(scene: Scene, stage: Stage | Totals) -> AxialStrain:
+def axial_strain(scene: Scene, stage: Stage | Totals) -> AxialStrain:
     """Return how much the agents of a stage are squeezed by what they kept."""
     lattice = scene.lattice
     area = lattice.cell_volume(scene.thickness) / lattice.cell_size
     return AxialStrain(lattice, stage.kept / area, stage.shortened, stage.widened)
 
 
-@dataclass(frozen=True, eq=False)
 class LineDisplacement:
     """Displacement along one axis, on all lines of cells that agents lie on.
 
     Agents are sorted by line and position. A *run* is an unbroken row of body cells.
     """
 
-    lines: Ints
-    """Numbers of the lines, ascending. Shape (lines,)."""
-    stride: int
-    code: Ints
-    """Index of the line times `stride`, plus position: ascending. Shape (agents,)."""
-    elongation: Floats
-    before: Floats
-    """Elongation of each agent's cell (m), and the sum of those before it on its line. Shape
-    (agents,)."""
-    run: Ints
-    """Run that each agent belongs to. Shape (agents,)."""
-    start: Ints
-    stop: Ints
-    """First position of a run, and the one after its last. Shape (runs,)."""
-    offset: Floats
-    slope: Floats
-    """What is added at the run's start (m), and what is taken away per cell (m). Shape (runs,)."""
+    def __init__(self, scene: Scene, cells: Ints, elongation: Floats, axis: int) -> None:
+        line, position = scene.lattice.line(cells, axis)
+        order = np.lexsort((position, line))
+        line, position, self.elongation = line[order], position[order], elongation[order]
+        self.lines, index = np.unique(line, return_inverse=True)
+        # One number for line and position, ascending from agent to agent.
+        self.stride = int(sum(scene.lattice.extent) / scene.lattice.cell_size) + 8
+        self.code = index * self.stride + position + 1
+        held = self._find_runs(scene, cells[order], line, position, axis)
+
+        summed = np.cumsum(self.elongation) - self.elongation
+        self.before = summed - summed[np.searchsorted(line, line)]  # on its line
+        first = np.flatnonzero(np.diff(self.run, prepend=-1))
+        last = _last_of(first, len(self.run))
+        total = self.before[last] + self.elongation[last] - self.before[first]
+        self.offset = -self.before[first]  # added at the start of a run (m)
+        self.offset -= np.where(~held[:, 0] & held[:, 1], total, 0.0)
+        # Without a rigid end a run stays where its middle is.
+        self.slope = np.zeros(len(first))  # taken away per cell (m)
+        floating = ~held.any(axis=1)
+        middle = 0.5 * (self.start + self.stop)[floating]
+        cell = np.floor(middle).astype(np.int64)
+        self.offset[floating] -= self.at(line[first[floating]], cell, middle - cell)
+        count = np.maximum(self.stop - self.start, 1)
+        self.slope = np.where(held.all(axis=1), total / count, 0.0)
+
+    def _find_runs(self, scene: Scene, cells: Ints, line: Ints, position: Ints, axis: int) -> Flags:
+        """Find each agent's run, and the ends of all runs; return which ends are held."""
+        adjacent = np.zeros(len(line), dtype=np.bool_)
+        adjacent[1:] = (line[1:] == line[:-1]) & (position[1:] == position[:-1] + 1)
+        first = np.flatnonzero(~adjacent)
+        last = _last_of(first, len(line))
+        steps, held_above = _end_of_body(scene, cells[last], axis, +1)
+        stop = position[last] + steps
+        # Two blocks of agents are one run if the lower one's body reaches the upper one.
+        joined = np.zeros(len(first), dtype=np.bool_)
+        joined[1:] = (line[first[1:]] == line[first[:-1]]) & (stop[:-1] > position[first[1:]])
+        lowest = np.flatnonzero(~joined)
+        highest = _last_of(lowest, len(first))
+        steps, held_below = _end_of_body(scene, cells[first[lowest]], axis, -1)
+        self.start, self.stop = position[first[lowest]] - steps + 1, stop[highest]
+        block = np.cumsum(~adjacent) - 1
+        self.run = (np.cumsum(~joined) - 1)[block]
+        return np.stack([held_below, held_above[highest]], axis=1)
 
     def at(self, line: Ints, position: Ints, fraction: Floats) -> Floats:
         """Return the displacement (m) at a fraction (0 to 1) of the way through cells."""
@@ -107,14 +128,14 @@ class LineDisplacement:
         if not len(self.code):
             return value
         index = np.minimum(np.searchsorted(self.lines, line), len(self.lines) - 1)
-        known = self.lines[index] == line
+        unanswered = self.lines[index] == line
         code = index * self.stride + position + 1
         place = np.searchsorted(self.code, code, side="right")
         # The run is that of the agent before, or else of the agent after, on the same line.
         for neighbour in (place - 1, place):
             near = np.clip(neighbour, 0, len(self.code) - 1)
             run = self.run[near]
-            inside = known & (self.code[near] // self.stride == index)
+            inside = unanswered & (self.code[near] // self.stride == index)
             inside &= (position >= self.start[run]) & (position < self.stop[run])
             exact = self.code[near] == code
             passed = np.where(
@@ -124,7 +145,7 @@ class LineDisplacement:
             cells = position + fraction - self.start[run]
             candidate = passed + self.offset[run] - self.slope[run] * cells
             value = np.where(inside, candidate, value)
-            known = known & ~inside
+            unanswered = unanswered & ~inside
         return value
 
 
@@ -138,7 +159,7 @@ class DisplacementField:
         self.along = normals @ np.linalg.inv(normals.T @ normals)
         self.awake: Ints = scene.lattice.key(stage.cells)
         self.axes = [
-            _displacement_along(scene, stage.cells, squeezed.elongation(axis), axis)
+            LineDisplacement(scene, stage.cells, squeezed.elongation(axis), axis)
             for axis in range(len(self.lattice.axes))
         ]
 
@@ -162,71 +183,16 @@ class DisplacementField:
         return total
 
 
-def _displacement_along(
-    scene: Scene, cells: Ints, elongation: Floats, axis: int
-) -> LineDisplacement:
-    line, position = scene.lattice.line(cells, axis)
-    order = np.lexsort((position, line))
-    line, position, elongation = line[order], position[order], elongation[order]
-    lines, index = np.unique(line, return_inverse=True)
-    stride = int(sum(scene.lattice.extent) / scene.lattice.cell_size) + 8
-    code = index * stride + position + 1
-    run, start, stop, held = _runs(scene, cells[order], line, position, axis)
-
-    summed = np.cumsum(elongation) - elongation
-    first_of_line = np.searchsorted(line, line)
-    before = summed - summed[first_of_line]
-    first, last = _first_and_last(run)
-    total = before[last] + elongation[last] - before[first]
-    count = stop - start
-    offset = -before[first]
-    offset -= np.where(~held[:, 0] & held[:, 1], total, 0.0)
-    slope = np.where(held.all(axis=1), total / np.maximum(count, 1), 0.0)
-    raw = LineDisplacement(
-        lines, stride, code, elongation, before, run, start, stop, offset, np.zeros(len(start))
-    )
-    floating = ~held.any(axis=1)
-    middle = 0.5 * (start + stop)[floating]
-    cell = np.floor(middle).astype(np.int64)
-    at_middle = raw.at(line[first[floating]], cell, middle - cell)
-    offset[floating] -= at_middle
-    return LineDisplacement(
-        lines, stride, code, elongation, before, run, start, stop, offset, slope
-    )
+def _last_of(first: Ints, count: int) -> Ints:
+    """Return the last of each group of so many rows, from the first ones."""
+    return np.append(first[1:], count)[: len(first)] - 1
 
 
-def _first_and_last(run: Ints) -> tuple[Ints, Ints]:
-    first = np.flatnonzero(np.diff(run, prepend=-1))
-    return first, np.append(first[1:], len(run))[: len(first)] - 1
+def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints, Flags]:
+    """Return the distance along an axis to the first cell beyond the body, and if that holds.
 
-
-def _runs(
-    scene: Scene, cells: Ints, line: Ints, position: Ints, axis: int
-) -> tuple[Ints, Ints, Ints, np.ndarray]:
-    """Return each agent's unbroken row of body cells; of rows their ends, and which are held."""
-    adjacent = np.zeros(len(line), dtype=np.bool_)
-    adjacent[1:] = (line[1:] == line[:-1]) & (position[1:] == position[:-1] + 1)
-    first = np.flatnonzero(~adjacent)
-    last = np.append(first[1:], len(line))[: len(first)] - 1
-    steps, held_above = _end_of_body(scene, cells[last], axis, +1)
-    stop = position[last] + steps
-    # Two blocks of agents are one run if the lower one's body reaches the upper one.
-    joined = np.zeros(len(first), dtype=np.bool_)
-    joined[1:] = (line[first[1:]] == line[first[:-1]]) & (stop[:-1] > position[first[1:]])
-    lowest = np.flatnonzero(~joined)
-    highest = np.append(lowest[1:], len(first))[: len(lowest)] - 1
-    steps, held_below = _end_of_body(scene, cells[first[lowest]], axis, -1)
-    below = position[first[lowest]] - steps
-    block = np.cumsum(~adjacent) - 1
-    run = (np.cumsum(~joined) - 1)[block] if len(block) else block
-    return run, below + 1, stop[highest], np.stack([held_below, held_above[highest]], axis=1)
-
-
-def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints, np.ndarray]:
-    """Return how many cells it is along an axis to the first that is no body; if that is rigid.
-
-    The stride of the walk doubles, so long lines cost few calls; through a full box of squares
-    or cubes it is one stride.
+    The stride of the walk doubles, so long lines cost few calls; a full box of squares or cubes
+    is crossed in one.
     """
     lattice = scene.lattice
     if scene.uniform and lattice.boxes:

@@ -1,4 +1,4 @@
-"""What `LoadModel` is given besides a scene: numbers of the rule, parameters, own classes."""
+"""Arguments of `LoadModel` besides the scene: numbers of the rule, parameters, own classes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from kaju.agents.materials import suggestion
 from kaju.agents.parameter import declared
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
-from kaju.model.scene.description import TABLES, Rule
+from kaju.model.scene.description import TABLES
+
+from .agent_engine import BOUNDARY_AGENTS
 
 AGENTS_START = ("model", "cell", "material", "shares")
 BOUNDARIES_START = ("model", "cell")
@@ -31,7 +33,13 @@ def own_classes(
             'boundary_agents: must be a mapping such as {"rigid": MyWall}, got '
             f"{boundary_agents!r:.80}"
         )
+    names = [each.name for each in BOUNDARY_AGENTS.values()]
     for name, agent in (boundary_agents or {}).items():
+        if name not in names:
+            raise ParameterError(
+                f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), names)}; "
+                f"there is {', '.join(names)}"
+            )
         _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent, BOUNDARIES_START)
     return tuple(dict.fromkeys([material_agent, *(boundary_agents or {}).values()]))  # type: ignore[list-item]
 
@@ -68,18 +76,12 @@ def keywords_into(
             "give one of them"
         )
     if changed:
-        scene = scene.replace(rule=_changed(scene.rule, changed))
+        # Checked as the numbers of a scene's file are; materials have no place there.
+        numbers = {name: value for name, value in changed.items() if name != "materials"}
+        table = TABLES[scene.rule.kind](**numbers)
+        changed |= {name: getattr(table, name) for name in numbers}
+        scene = scene.replace(rule=replace(scene.rule, **changed))
     return scene, values
-
-
-def _changed(rule: Rule, numbers: dict[str, Any]) -> Rule:
-    """Return a rule with numbers replaced that are checked as those of a scene's file."""
-    given = {name: value for name, value in numbers.items() if name != "materials"}
-    told = TABLES[rule.kind](**given)
-    checked = {name: getattr(told, name) for name in given}
-    if "materials" in numbers:
-        checked["materials"] = numbers["materials"]
-    return replace(rule, **checked)
 
 
 def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:

@@ -18,7 +18,7 @@ from kaju.mesa_model import SteppedModel
 from kaju.model.scene import Scene, scene_needed
 from kaju.stepping import Order, takes_objects
 
-from .agent_engine import AgentEngine, boundary_classes
+from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
 from .keywords import keywords_into, own_classes
 from .load_transfer import LoadTransfer
@@ -127,8 +127,8 @@ class LoadModel(LoadTransfer, SteppedModel):
         **kwargs: Any,
     ) -> None:
         # From 3.5 on Mesa's page hands a scenario over when it begins anew.
-        known_to_mesa = {"scenario"} & kwargs.keys() if hasattr(Model, "scenario") else set()
-        SteppedModel.__init__(self, rng, seed, **{name: kwargs.pop(name) for name in known_to_mesa})
+        of_mesa = {"scenario"} & kwargs.keys() if hasattr(Model, "scenario") else set()
+        SteppedModel.__init__(self, rng, seed, **{name: kwargs.pop(name) for name in of_mesa})
         scene_needed(scene)
         if not (order is None or callable(order)):
             raise ParameterError(
@@ -136,24 +136,26 @@ class LoadModel(LoadTransfer, SteppedModel):
             )
         classes = own_classes(material_agent, boundary_agents)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
+        usual = material_agent is MaterialAgent
         self._own: dict[str, Any] = {
-            "material_agent": material_agent,
+            "material_agent": None if usual else material_agent,
             "boundary_agents": boundary_agents,
             "order": order,
             "rule": rule,
         }
         own: dict[str, type] = dict(boundary_agents or {})
-        if material_agent is not MaterialAgent:
+        if not usual:
             own["material"] = material_agent
         names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
         self._describe(scene, allow_unstable, max_generations, rule, names)
         self.order = order
-        boundaries = boundary_classes(boundary_agents or {})
-        acts_its_own_way: Any = next(iter(own.values()), order) or MaterialAgent
+        own_or_usual: Any = next(iter(own.values()), order) or MaterialAgent
         small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
         self.engine: AgentEngine | ArrayEngine
-        if takes_objects(engine, acts_its_own_way, MaterialAgent, small):
-            self.engine = AgentEngine(self, scene, self.transfer, material_agent, boundaries)
+        if takes_objects(engine, own_or_usual, MaterialAgent, small):
+            self.engine = AgentEngine(
+                self, scene, self.transfer, material_agent, boundary_agents or {}
+            )
         else:
             self.engine = ArrayEngine(scene, self.transfer)
         self.reset()
@@ -179,8 +181,7 @@ class LoadModel(LoadTransfer, SteppedModel):
             "max_generations": self.max_generations,
             **self.parameters,
         }
-        usual = self._own["material_agent"] is MaterialAgent
-        return options, self._own | ({"material_agent": None} if usual else {})
+        return options, self._own
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step; loads (N) are those of the current stage."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any
@@ -62,7 +62,7 @@ class LoadTransfer:
         rule: ShareRule | None,
         own: list[str],
     ) -> None:
-        """Certify what is asked; of agents of one's own, by name, nothing is known."""
+        """Certify the run; `own` names classes of one's own, about which nothing is certain."""
         self.scene, self.allow_unstable = scene, allow_unstable
         self.max_generations = max_generations
         self.transfer = Transfer(scene, rule)
@@ -87,7 +87,7 @@ class LoadTransfer:
         """Begin a generation; a new stage begins when one is at rest."""
         self._began = perf_counter()
         if self._stage_is_over:
-            self.finished.append(self.engine.stage(self._factor, self._told))
+            self.finished.append(self._stage(self._outcome))
             self._begin_stage(self.stage + 1)
         if not self.at_rest:
             self.engine.begin()
@@ -101,7 +101,7 @@ class LoadTransfer:
     def end_step(self) -> None:
         """End a generation: boundaries have given back, and loads wait to be taken."""
         self.engine.end()
-        self._stage_is_over = self._is_over
+        self._stage_is_over = bool(self._end)
         more = self.at_rest and self.stage < self.scene.stages
         self.running = more or not self._stage_is_over
         self.seconds += perf_counter() - self._began
@@ -114,14 +114,12 @@ class LoadTransfer:
     @property
     def generation(self) -> int:
         """Steps taken in the current stage."""
-        generation: int = self.engine.generation
-        return generation
+        return int(self.engine.generation)
 
     @property
     def pending(self) -> float:
         """Sum of the loads that wait to be taken (N)."""
-        pending: float = self.engine.pending
-        return pending
+        return float(self.engine.pending)
 
     @property
     def at_rest(self) -> bool:
@@ -129,60 +127,51 @@ class LoadTransfer:
         return self.pending == 0.0
 
     @property
-    def _factor(self) -> float:
-        return self.stage / self.scene.stages
-
-    @property
-    def _most(self) -> float:
-        """The largest sum of waiting loads (N) with which the run goes on."""
-        watched = not (self.certificate.known or self.allow_unstable)
-        applied: float = self.engine.applied
-        return (MOST_GROWTH_UNKNOWN if watched else MOST_GROWTH) * applied
-
-    @property
-    def _is_over(self) -> bool:
-        return (
-            self.at_rest
-            or not self.pending <= self._most
-            or self.engine.most_at_one > MOST_AT_ONE
-            or self.generation >= self.max_generations
-        )
-
-    def _told(self, ledger: Ledger) -> str:
-        """Return how the current stage ended, in words; empty while loads travel."""
+    def _end(self) -> str:
+        """Why the current stage is over, in words; empty while loads travel."""
         generation, pending, applied = self.generation, self.pending, self.engine.applied
+        watched = not (self.certificate.known or self.allow_unstable)
+        stopped = f"stopped after {generation} generations: "
+        if pending == 0.0 and generation == 0:
+            gamma = self.transfer.rule.threshold
+            return f"no load exceeds the threshold of {gamma:g} N: nothing happens"
         if pending == 0.0:
-            if not ledger.imbalance <= MOST_IMBALANCE:
-                return (
-                    f"ended after {generation} generations with a ledger that does not balance: "
-                    f"{ledger.imbalance:.1e} of all loads are not accounted for"
-                )
-            if generation == 0:
-                gamma = self.transfer.rule.threshold
-                return f"no load exceeds the threshold of {gamma:g} N: nothing happens"
             return f"at rest after {generation} generations"
-        if not pending <= self._most:
-            further = "; to watch them grow further, set allow_unstable=True"
-            further += " (`kaju run --allow-unstable`)"
-            if self.certificate.known or self.allow_unstable:
-                further = ""
-            return (
-                f"stopped after {generation} generations: the loads have grown to "
-                f"{pending / applied:.0e} times the applied ones{further}"
+        # Turned round, so that loads that are not a number stop the run, too.
+        if not pending <= (MOST_GROWTH_UNKNOWN if watched else MOST_GROWTH) * applied:
+            growth = f"the loads have grown to {pending / applied:.0e} times the applied ones"
+            remedy = (
+                "; to watch them grow further, set allow_unstable=True "
+                "(`kaju run --allow-unstable`)"
             )
+            return stopped + growth + (remedy if watched else "")
         if self.engine.most_at_one > MOST_AT_ONE:
             return (
-                f"stopped after {generation} generations: at one agent {self.engine.most_at_one:,} "
-                "loads wait, each of another size; accumulate = true adds up loads that meet"
+                f"{stopped}at one agent {self.engine.most_at_one:,} loads wait, each of another "
+                "size; accumulate = true adds up loads that meet"
             )
         if generation >= self.max_generations:
             return f"stopped after max_generations = {generation} with loads on their way"
         return ""
 
+    def _outcome(self, ledger: Ledger) -> str:
+        """Return how the current stage ended, in words; empty while loads travel."""
+        if self.at_rest and not ledger.imbalance <= MOST_IMBALANCE:
+            return (
+                f"ended after {self.generation} generations with a ledger that does not balance: "
+                f"{ledger.imbalance:.1e} of all loads are not accounted for"
+            )
+        return self._end
+
     @property
     def outcome(self) -> str:
         """How the current stage ended, in words; empty while loads travel."""
-        return self.engine.stage(self._factor, self._told).outcome if self._is_over else ""
+        return self._stage(self._outcome).outcome if self._end else ""
+
+    def _stage(self, outcome: Callable[[Ledger], str]) -> Stage:
+        """Return what the current stage has left behind so far."""
+        stage: Stage = self.engine.stage(self.stage / self.scene.stages, outcome)
+        return stage
 
     def since(self, generation: int, agents: int = 0) -> News:
         """Return what has happened in the stage after a generation, and agents beyond so many."""
@@ -217,12 +206,12 @@ class LoadTransfer:
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
 
-        def told(ledger: Ledger) -> str:
-            return self._told(ledger) or f"interrupted after {self.generation} generations"
+        def outcome(ledger: Ledger) -> str:
+            return self._outcome(ledger) or f"interrupted after {self.generation} generations"
 
         return TransferResult(
             scene=self.scene,
-            stages=(*self.finished, self.engine.stage(self._factor, told)),
+            stages=(*self.finished, self._stage(outcome)),
             certificate=self.certificate,
             seconds=self.seconds,
             parameters=dict(self.parameters),

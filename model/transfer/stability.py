@@ -32,22 +32,14 @@ MOST_CELLS_FOR_OPERATOR = 200_000
 class Certificate:
     """What is known of a run before it starts."""
 
-    lower: float
+    lower: float  # bounds of the spectral radius of the transfer operator, boundaries included
     upper: float
-    """Bounds of the spectral radius of the transfer operator, boundaries included."""
-    spectral_radius: float | None
-    """Growth of the loads' sum per generation when all are added; None if only the bounds are
-    known."""
-    largest_share: float
-    """Largest share of a load that is passed on in one piece."""
-    generations: int | None
-    """After how many generations every load has ended, at the latest; None if unknown."""
-    stable: bool
-    """Whether the run is sure to end."""
-    verdict: str
-    """The same in words, with a remedy if the run is unstable."""
-    known: bool = True
-    """Whether anything is known: of agents of one's own nothing is."""
+    spectral_radius: float | None  # growth per generation of loads that are all added up, if known
+    largest_share: float  # of a load that is passed on in one piece
+    generations: int | None  # after which every load has ended, at the latest, if known
+    stable: bool  # whether the run is sure to end
+    verdict: str  # the same in words, with a remedy if the run is unstable
+    known: bool = True  # of agents of one's own nothing is
 
 
 def not_known(agents: list[str]) -> Certificate:
@@ -97,15 +89,21 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
         lower, upper = bound_spectral_radius(transfer_operator(scene, transfer))
     known = upper - lower <= 1e-6 * upper
     radius = 0.5 * (lower + upper) if known else None
-    largest_share = float(transfer.tables[2].max(initial=0.0))
+    largest_share = float(transfer.tables.share.max(initial=0.0))
     applied = split_force(scene.lattice, scene.applied().force)[2]
     if transfer.rule.accumulate:
         generations = _generations(float(applied.sum()), upper, transfer.rule.threshold)
     else:
         largest = float(applied.max(initial=0.0))
         generations = _generations(largest, largest_share, transfer.rule.threshold)
+    if generations is None:
+        verdict = _grows(transfer, lower, upper)
+    elif generations == 0:
+        verdict = "no load exceeds the threshold: nothing happens"
+    else:
+        unit = "generation" if generations == 1 else "generations"
+        verdict = f"every load ends within {generations} {unit}"
     stable = generations is not None
-    verdict = _ends(generations) if generations is not None else _grows(transfer, lower, upper)
     return Certificate(lower, upper, radius, largest_share, generations, stable, verdict)
 
 
@@ -120,16 +118,9 @@ def _generations(load: float, decay: float, threshold: float) -> int | None:
     return floor(log(threshold / load) / log(decay) * (1.0 + 1e-12)) + 1
 
 
-def _ends(generations: int) -> str:
-    if generations == 0:
-        return "no load exceeds the threshold: nothing happens"
-    unit = "generation" if generations == 1 else "generations"
-    return f"every load ends within {generations} {unit}"
-
-
 def _grows(transfer: Transfer, lower: float, upper: float) -> str:
     """Say why the run is refused, and which share to lower below what."""
-    worst = first_largest(transfer.emitted.max(axis=(1, 2)))
+    worst = first_largest(transfer.emitted.max(axis=1)) // transfer.lattice.forms
     shares, name = transfer.shares[worst], transfer.materials[worst].name
     if not transfer.rule.accumulate:
         return (
@@ -159,29 +150,26 @@ def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
     """Assemble T over all cells and states: of a load taken (column), what it sends (row)."""
     from scipy.sparse import coo_array
 
-    lattice = scene.lattice
+    lattice, states = scene.lattice, transfer.states
     everywhere = np.indices(lattice.shape).reshape(lattice.dimension, -1).T
     kinds = scene.kinds(everywhere)
     cells, material = everywhere[kinds >= 0], kinds[kinds >= 0]
-    number = np.full(int(np.prod(np.asarray(lattice.shape) + 2)), -1, dtype=np.int64)
-    number[lattice.key(cells)] = np.arange(len(cells))
-    arms, states, shares = (table.reshape(-1, *table.shape[2:]) for table in transfer.tables)
-    form = material * lattice.forms + lattice.form(cells)
-    rows, columns, values = [], [], []
-    for arm in range(lattice.directions):
-        target = lattice.neighbours(cells, arm)
-        beyond = scene.kinds(target)
-        reached = np.where(beyond >= 0, number[lattice.key(target)], np.arange(len(cells)))
-        for state, emission in np.ndindex(arms.shape[1:]):
-            sends = (arms[form, state, emission] == arm) & (shares[form, state, emission] > 0.0)
-            out = states[form, state, emission]
-            for kind, turned in transfer.turned.items():
-                out = np.where(beyond == kind, turned[arm, out], out)
-            rows.append((reached * transfer.states + out)[sends])
-            columns.append((np.arange(len(cells)) * transfer.states + state)[sends])
-            values.append(shares[form, state, emission][sends])
-    size = len(cells) * transfer.states
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    form = lattice.form(cells)
+    # What lies over each arm: its type, and its row among the body's cells.
+    neighbours = cells[:, None] + lattice.steps[form]
+    beyond = scene.kinds(neighbours.reshape(-1, lattice.dimension)).reshape(len(cells), -1)
+    row_of = np.full(int(np.prod(np.asarray(lattice.shape) + 2)), -1, dtype=np.int64)
+    row_of[lattice.key(cells)] = np.arange(len(cells))
+    row = row_of[lattice.key(neighbours.reshape(-1, lattice.dimension))].reshape(beyond.shape)
+    # Every emission of every cell and state; boundaries give theirs back in another state.
+    arm, state, share = (table[material * lattice.forms + form] for table in transfer.tables)
+    cell = np.arange(len(cells))[:, None, None]
+    over = beyond[cell, arm]
+    state = np.where(over < 0, transfer.turned[np.minimum(over, -1), arm, state], state)
+    target = np.where(over < 0, cell, row[cell, arm]) * states + state
+    source = np.broadcast_to(cell * states + np.arange(states)[:, None], target.shape)
+    sent, size = share > 0.0, len(cells) * states
+    entries = (share[sent], (target[sent], source[sent]))
     return coo_array(entries, shape=(size, size)).tocsr()
 
 

@@ -19,23 +19,15 @@ class Ledger:
     taken by an agent, dropped because it is too small, or still pending when the run stops.
     """
 
-    applied: float
-    """Sum of the loads put on the body, split along the lattice's directions."""
-    taken: float
-    """Sum of the loads that material agents took."""
-    kept: float
-    """Part of the taken loads that deforms the agents."""
-    emitted: float
-    """Sum of what the taken loads sent out, whatever became of it."""
-    passed: float
-    returned: float
-    """Emissions that reached another material agent, and those that a boundary gave back."""
-    dropped: float
-    """Loads up to the threshold, which ended."""
-    pending: float
-    """Loads handed over but not yet taken; 0 when the stage has come to rest."""
-    absorbed: float = 0.0
-    """Emissions that a boundary of one's own did not give back."""
+    applied: float  # loads put on the body, split along the lattice's directions
+    taken: float  # loads that material agents took
+    kept: float  # part of the taken loads that deforms the agents
+    emitted: float  # what the taken loads sent out, whatever became of it
+    passed: float  # emissions that reached another material agent
+    returned: float  # emissions that a boundary gave back
+    dropped: float  # loads up to the threshold, which ended
+    pending: float  # loads handed over but not yet taken; 0 when the stage has come to rest
+    absorbed: float = 0.0  # emissions that a boundary of one's own did not give back
 
     @property
     def imbalance(self) -> float:
@@ -48,32 +40,25 @@ class Ledger:
 
 @dataclass(frozen=True, eq=False)
 class TakenHistory:
-    """Loads taken, generation by generation: one row per agent, direction and generation."""
+    """Loads taken: one row per agent, direction and generation."""
 
     generation: Ints
-    agent: Ints
+    agent: Ints  # row of `Stage.cells`
     direction: Ints
-    """When, by which agent (a row of `Stage.cells`) and along which direction. Shape (rows,)."""
-    load: Floats
-    """Sum of the loads taken then (N). Shape (rows,)."""
-    pull: Flags
-    """Whether these are pulls. Shape (rows,)."""
+    load: Floats  # sum of the loads taken then (N)
+    pull: Flags  # whether these are pulls
 
 
 class News(NamedTuple):
-    """What has happened since a generation: loads taken, and agents that spawned."""
+    """What has happened since a generation: loads taken (first four), and new agents."""
 
     generation: Ints
-    key: Ints
-    channel: Ints
-    """When, in which cell (`Lattice.key`), and along which direction; pulls are counted after all
-    directions. Shape (rows,)."""
-    load: Floats
-    """Sum of the loads taken then (N). Shape (rows,)."""
-    born: Ints
+    key: Ints  # cell of the agent, as `Lattice.key` counts
+    channel: Ints  # state of the load: its direction, pulls counted after all directions
+    load: Floats  # sum of the loads taken then (N)
+    born: Ints  # cells of the new agents
     spawn_step: Ints
     woken_by: Ints
-    """Cells of the new agents, and what `Stage` says of them. Shape (agents,)."""
 
 
 class Totals(NamedTuple):
@@ -90,59 +75,40 @@ class Totals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The agents of one stage of loading, in the order in which they spawned."""
+    """The agents of one stage of loading, in the order in which they spawned.
 
-    factor: float
-    """Share of the full loads that was applied."""
-    outcome: str
-    """How the stage ended, in words."""
-    generations: int
-    """Number of steps in which loads were taken."""
-    cells: Ints
-    """Where the material agents are. Shape (agents, dimension)."""
-    material: Ints
-    """What they are made of: index into the scene's `cell_materials`. Shape (agents,)."""
-    spawn_step: Ints
-    """Generation in which each took its first load, counted from 1. Shape (agents,)."""
-    woken_by: Ints
-    """Bit a is set if a load that woke the agent came over its arm a; 0 for applied loads. Shape
-    (agents,)."""
-    taken: Floats
-    """Loads taken (N), by the direction their force points along, pushes and pulls. Shape (agents,
-    directions)."""
-    pulled: Floats
-    """The pulls among them (N); 0 unless the rule has a sense. Shape (agents, directions)."""
-    kept: Floats
-    """Own shares along each axis (N), pushes less pulls. Shape (agents, axes)."""
-    shortened: Floats
-    """By which part of its length each cell is shortened along each axis. Shape (agents, axes)."""
-    widened: Floats
-    """By which part it is widened, for that, along the others. Shape (agents, axes)."""
-    passed: Floats
-    """Loads handed over by arm (N), to neighbours and to boundaries. Shape (agents, directions)."""
-    dropped: Floats
-    """Emissions that were too small (N). Shape (agents,)."""
+    Columns have a row for each material agent, those from `boundary_cells` to `arrived` for each
+    boundary agent.
+    """
+
+    factor: float  # share of the full loads that was applied
+    outcome: str  # how the stage ended, in words
+    generations: int  # steps in which loads were taken
+    cells: Ints  # shape (agents, dimension)
+    material: Ints  # index into the scene's `cell_materials`
+    spawn_step: Ints  # generation in which the first load was taken, counted from 1
+    woken_by: Ints  # bit a is set if a load that woke the agent came over its arm a
+    taken: Floats  # loads taken (N), pushes and pulls, by the direction of their force
+    pulled: Floats  # the pulls among them (N); 0 unless the rule has a sense
+    kept: Floats  # own shares (N), pushes less pulls, shape (agents, axes)
+    shortened: Floats  # by which part of its length a cell is shortened along each axis
+    widened: Floats  # by which part it is widened, for that, along the others
+    passed: Floats  # loads handed over (N) to neighbours and boundaries, by arm
+    dropped: Floats  # emissions that were too small (N)
     boundary_cells: Ints
-    boundary_kind: Ints
-    boundary_spawn_step: Ints
-    """Where the boundary agents are, what they are (`AIR`, `RIGID`, `ROLLER`), and the generation
-    in which each first gave a load back."""
-    returned: Floats
-    """Loads given back (N). Shape (boundary agents,)."""
-    arrived: Floats
-    """Loads that reached them (N), by the direction their force points along. Shape (boundary
-    agents, directions)."""
+    boundary_kind: Ints  # `AIR`, `RIGID` or `ROLLER`
+    boundary_spawn_step: Ints  # generation in which a load was first given back
+    returned: Floats  # loads given back (N)
+    arrived: Floats  # loads that reached it (N), by the direction of their force
     history: TakenHistory
-    """The loads taken, generation by generation."""
     ledger: Ledger
-    """The account of every newton."""
 
 
 class TakenRows(NamedTuple):
-    """Loads taken: generation, cell (`Lattice.key`), state, and their sum (N)."""
+    """Loads taken, by generation, cell and state, and their sums (N)."""
 
     generation: Ints
-    key: Ints
+    key: Ints  # cell, as `Lattice.key` counts
     state: Ints
     load: Floats
 

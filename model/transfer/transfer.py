@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from math import inf, isfinite
 from numbers import Real
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,16 @@ from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, AppliedLoads
 BOUNDARY_NAMES = {AIR: "free", RIGID: "rigid", ROLLER: "roller"}
 
 
+class RuleTables(NamedTuple):
+    """What loads send out, each (materials x forms, states, most emissions of any load)."""
+
+    arm: Ints  # over which it leaves
+    state: Ints  # in which it travels on
+    share: Floats  # of the load; 0 where a load has fewer emissions than others
+
+
 class Transfer:
-    """Who passes how much to whom: the prescribed rule, or another, on a scene's lattice.
+    """The prescribed rule, or a rule of one's own, on a scene's lattice.
 
     Loads are numbered by *state*: the direction of the force for pushes, and the same plus the
     number of directions for pulls, which only a rule with a sense has.
@@ -39,15 +48,31 @@ class Transfer:
                 "rule.kind: LoadModel passes loads on by a prescribed rule, "
                 f'got {scene.rule.kind!r}; set kind = "prescribed", or take ElasticModel'
             )
+        for side in scene.lattice.sides:
+            kind = scene.side_condition(side).kind
+            if kind not in BOUNDARY_NAMES.values():
+                raise SceneError(
+                    f"sides.{side}: a {kind} side needs the elastic rule; the prescribed rule "
+                    "knows free, rigid and roller"
+                )
         self.lattice: Lattice = scene.lattice
         self.rule: ShareRule = rule
         self.materials = scene.cell_materials
-        _refuse_elastic_sides(scene)
-        self.shares: tuple[Shares, ...] = tuple(
-            _answer(self.rule, material, self.lattice.dimension) for material in self.materials
-        )
+        self.shares: tuple[Shares, ...] = tuple(map(self._shares_of, self.materials))
         self.cross_section = self.lattice.cell_volume(scene.thickness) / self.lattice.cell_size
         self._opposite: list[int] = self.lattice.opposite.tolist()
+
+    def _shares_of(self, material: Material) -> Shares:
+        """Ask the rule for the shares of a material."""
+        shares = self.rule.shares(material, self.lattice.dimension)
+        if not isinstance(shares, Shares):
+            raise ParameterError(
+                f"rule: shares of {material.name!r} must be kaju.Shares, got {shares!r}"
+            )
+        problem = check_shares(shares, self.rule.sense)
+        if problem:
+            raise ParameterError(f"rule: {material.name!r} {problem}")
+        return shares
 
     @property
     def states(self) -> int:
@@ -67,34 +92,30 @@ class Transfer:
         return sent if self.rule.sense else tuple(e._replace(sense="push") for e in sent)
 
     @cached_property
-    def tables(self) -> tuple[Ints, Ints, Floats]:
-        """Arm, state and share of every emission, each (materials, forms, states, most); else 0."""
-        forms = self.lattice.forms
-        cells = [(shares, form) for shares in self.shares for form in range(forms)]
-        rows = [
-            [self._sent(*cell, *divmod(state, self.lattice.directions)) for cell in cells]
-            for state in range(self.states)
+    def tables(self) -> RuleTables:
+        """The emissions of every material, form and state."""
+        directions, forms = self.lattice.directions, range(self.lattice.forms)
+        senses: tuple[Sense, ...] = ("push", "pull") if self.rule.sense else ("push",)
+        every = [
+            self.emissions(shares, direction, sense, form)
+            for shares in self.shares
+            for form in forms
+            for sense in senses
+            for direction in range(directions)
         ]
-        most = max(1, *(len(row) for state in rows for row in state))
-        full = np.array(
-            [[[*row, *[(0, 0, 0.0)] * (most - len(row))] for row in state] for state in rows]
-        )
-        full = full.reshape(self.states, len(self.shares), forms, most, 3).transpose(1, 2, 0, 3, 4)
-        arms, states = full[..., 0].astype(np.int64), full[..., 1].astype(np.int64)
-        return arms, states, np.ascontiguousarray(full[..., 2])
-
-    def _sent(
-        self, shares: Shares, form: int, pull: int, direction: int
-    ) -> list[tuple[int, int, float]]:
-        """Return arm, state and share of what a load of a state sends out."""
-        sent = self.emissions(shares, direction, "pull" if pull else "push", form)
-        pulls = self.lattice.directions
-        return [(arm, d + pulls * (s == "pull"), share) for arm, d, share, s in sent]
+        shape = (len(every), max(1, *map(len, every)))
+        arm, state, share = np.zeros(shape, int), np.zeros(shape, int), np.zeros(shape)
+        for row, sent in enumerate(every):
+            for column, emission in enumerate(sent):
+                arm[row, column], share[row, column] = emission.arm, emission.share
+                state[row, column] = emission.direction + directions * (emission.sense == "pull")
+        whole = (-1, self.states, shape[1])
+        return RuleTables(arm.reshape(whole), state.reshape(whole), share.reshape(whole))
 
     @cached_property
     def emitted(self) -> Floats:
-        """Sum of what a load sends out, by which loads grow: (materials, forms, states)."""
-        return np.asarray(self.tables[2].sum(axis=3))
+        """Sum of what a load sends out, by which loads grow: (materials x forms, states)."""
+        return np.asarray(self.tables.share.sum(axis=2))
 
     @cached_property
     def own(self) -> Floats:
@@ -102,8 +123,11 @@ class Transfer:
         return np.array([shares.own for shares in self.shares])
 
     @cached_property
-    def turned(self) -> dict[int, Ints]:
-        """For each kind of boundary: the state in which one that came over an arm returns."""
+    def turned(self) -> Ints:
+        """The state in which a boundary gives a load back, by its type, arm and state.
+
+        Types of boundaries are below 0, so they count from the end of the first axis.
+        """
         lattice = self.lattice
         every = np.arange(lattice.directions)
         free = np.tile(np.arange(self.states), (len(every), 1))
@@ -114,7 +138,9 @@ class Transfer:
             free[every, every] += len(every)
             free[every, lattice.opposite + len(every)] -= len(every)
             rigid, roller = (np.hstack([back, back + len(every)]) for back in (rigid, roller))
-        return {AIR: free, RIGID: rigid, ROLLER: roller}
+        turned = np.zeros((-min(BOUNDARY_NAMES), *free.shape), dtype=np.int64)
+        turned[AIR], turned[RIGID], turned[ROLLER] = free, rigid, roller
+        return turned
 
     def kept(self, material: Ints, taken: Floats) -> Floats:
         """Return the own shares along each axis (N), pushes less pulls, from loads by state."""
@@ -136,21 +162,8 @@ def _check_rule(rule: ShareRule) -> None:
         raise ParameterError(f"rule.threshold: must be a load above 0 N, got {rule.threshold}")
 
 
-def _answer(rule: ShareRule, material: Material, dimension: int) -> Shares:
-    """Ask a rule for the shares of a material; refuse what is no answer."""
-    shares = rule.shares(material, dimension)
-    if not isinstance(shares, Shares):
-        raise ParameterError(
-            f"rule: shares of {material.name!r} must be kaju.Shares, got {shares!r}"
-        )
-    problem = check_shares(shares, rule.sense)
-    if problem:
-        raise ParameterError(f"rule: {material.name!r} {problem}")
-    return shares
-
-
 def check_shares(shares: Shares, sense: bool) -> str:
-    """Say what is wrong with shares; nothing if all is well."""
+    """Return what is wrong with shares; empty if nothing is."""
     for name in ("own", "forward", "backward", "friction", "poisson", "widening"):
         share = getattr(shares, name)
         least = -inf if name == "widening" or (name == "poisson" and sense) else 0.0
@@ -193,13 +206,3 @@ def split_force(lattice: Lattice, force: Floats) -> tuple[Ints, Ints, Floats]:
     magnitude = lattice.split(force)
     row, direction = np.nonzero(magnitude)
     return row, direction, magnitude[row, direction]
-
-
-def _refuse_elastic_sides(scene: Scene) -> None:
-    for side in scene.lattice.sides:
-        kind = scene.side_condition(side).kind
-        if kind not in ("free", "rigid", "roller"):
-            raise SceneError(
-                f"sides.{side}: a {kind} side needs the elastic rule; the prescribed rule knows "
-                "free, rigid and roller"
-            )

@@ -30,7 +30,7 @@ from kaju.model.results.result import (
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 
-from .deformation import AxialStrain, DisplacementField, squeeze
+from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate
 from .stage import Ledger, Stage, TakenHistory
 from .transfer import BOUNDARY_NAMES, pulls, split_force
@@ -42,37 +42,6 @@ if TYPE_CHECKING:
 
 MOST_CELLS = 5_000_000
 """Larger bodies are not written cell by cell."""
-
-
-def write_mesh(result: TransferResult, path: str | Path) -> Path:
-    """Write the body as quadrilaterals or hexahedra; see `TransferResult.to_vtk`."""
-    scene, stage = result.scene, result.last
-    lattice = scene.lattice
-    if not lattice.boxes or lattice.size > MOST_CELLS:
-        raise ResultError(
-            f"to_vtk: writes squares and cubes, up to {MOST_CELLS:.0e} of them, got "
-            f"{lattice.size} {lattice.kind}s; kaju.plot and to_dataframe take any body"
-        )
-    d, kinds = lattice.dimension, scene.rasterise()
-    cells = np.argwhere(kinds >= 0)
-    place = np.ravel_multi_index(tuple(stage.cells.T), lattice.shape)
-    row = np.searchsorted(np.ravel_multi_index(tuple(cells.T), lattice.shape), place)
-    columns = {
-        "spawn_step": stage.spawn_step,
-        "load_taken": stage.taken.sum(axis=1),
-        "load_kept": stage.kept.sum(axis=1),
-        "von_mises": result.von_mises,
-        "stress": result.stress.reshape(-1, d * d),
-        "strain": result.strain.reshape(-1, d * d),
-    }
-    values = {"material": kinds[kinds >= 0]}
-    for name, column in columns.items():
-        values[name] = np.zeros((len(cells), *column.shape[1:]), dtype=column.dtype)
-        values[name][row] = column
-    moved = result.displacement_at(lattice.centres(cells))
-    values["displacement"] = np.pad(moved, ((0, 0), (0, 3 - d)))
-    corners = (cells[:, None] + corner_order(d)) * lattice.cell_size
-    return write_vtk(path, corners, lattice.cell_size, values)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,26 +167,26 @@ class TransferResult(BodyResult):
             applied = self.scene.applied(len(self.stages))
             row, direction, _ = split_force(self.scene.lattice, applied.force)
             if pulls(self.scene, applied, row, direction).any():
-                told = (
+                full = (
                     "a load pulls, but without a sense every load squeezes: set rule.sense = true "
                     "to let pulls stretch"
                 )
-                found.append(("pulls squeeze, too", told))
+                found.append(("pulls squeeze, too", full))
         return found
 
     @cached_property
-    def _squeeze(self) -> AxialStrain:
-        return squeeze(self.scene, self.last)
+    def _axial(self) -> AxialStrain:
+        return axial_strain(self.scene, self.last)
 
     @cached_property
     def strain(self) -> Floats:
         """Strain of every agent, shape (agents, dim, dim)."""
-        return self._squeeze.strains()
+        return self._axial.strains()
 
     @cached_property
     def stress(self) -> Floats:
         """Stress of every agent (Pa), shape (agents, dim, dim)."""
-        return self._squeeze.stresses()
+        return self._axial.stresses()
 
     @cached_property
     def von_mises(self) -> Floats:
@@ -232,7 +201,7 @@ class TransferResult(BodyResult):
     @cached_property
     def displacement_field(self) -> DisplacementField:
         """Displacement as a function of the place."""
-        return DisplacementField(self.scene, self.last, self._squeeze)
+        return DisplacementField(self.scene, self.last, self._axial)
 
     @cached_property
     def displacement(self) -> Floats:
@@ -264,11 +233,10 @@ class TransferResult(BodyResult):
         _, cells = cells_of_points(self.scene, points)
         key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
         tensors = np.zeros((len(key), *self.stress.shape[1:]))
-        if len(agents):
-            order = np.argsort(agents)
-            place = order[np.minimum(np.searchsorted(agents[order], key), len(agents) - 1)]
-            awake = agents[place] == key
-            tensors[awake] = self.stress[place[awake]]
+        awake = np.flatnonzero(np.isin(key, agents))
+        order = np.argsort(agents)
+        row = order[np.searchsorted(agents, key[awake], sorter=order)]
+        tensors[awake] = self.stress[row]
         return tensors
 
     def _carrying(self, axis: int) -> Carrying:
@@ -290,7 +258,31 @@ class TransferResult(BodyResult):
         ResultError
             If the cells are neither squares nor cubes, or more than five million.
         """
-        return write_mesh(self, path)
+        stage, lattice = self.last, self.scene.lattice
+        if not lattice.boxes or lattice.size > MOST_CELLS:
+            raise ResultError(
+                f"to_vtk: writes squares and cubes, up to {MOST_CELLS:.0e} of them, got "
+                f"{lattice.size} {lattice.kind}s; kaju.plot and to_dataframe take any body"
+            )
+        d, kinds = lattice.dimension, self.scene.rasterise()
+        cells = np.argwhere(kinds >= 0)
+        row = np.searchsorted(lattice.key(cells), lattice.key(stage.cells))
+        columns = {
+            "spawn_step": stage.spawn_step,
+            "load_taken": stage.taken.sum(axis=1),
+            "load_kept": stage.kept.sum(axis=1),
+            "von_mises": self.von_mises,
+            "stress": self.stress.reshape(-1, d * d),
+            "strain": self.strain.reshape(-1, d * d),
+        }
+        values = {"material": kinds[kinds >= 0]}
+        for name, column in columns.items():
+            values[name] = np.zeros((len(cells), *column.shape[1:]), dtype=column.dtype)
+            values[name][row] = column
+        moved = self.displacement_at(lattice.centres(cells))
+        values["displacement"] = np.pad(moved, ((0, 0), (0, 3 - d)))
+        corners = (cells[:, None] + corner_order(d)) * lattice.cell_size
+        return write_vtk(path, corners, lattice.cell_size, values)
 
     def load_path(self) -> networkx.DiGraph:
         """Return who loaded whom, with the loads as edge weights (N)."""
@@ -336,15 +328,13 @@ class TransferResult(BodyResult):
 
         stage, lattice = self.last, self.scene.lattice
         names = "xyz"[: lattice.dimension]
-        columns: dict[str, Any] = {f"cell_{a}": stage.cells[:, i] for i, a in enumerate(names)}
         materials = np.array([material.name for material in self.scene.cell_materials])
-        columns["material"] = materials[stage.material]
-        columns["spawn_step"] = stage.spawn_step
+        columns: dict[str, Any] = {f"cell_{a}": stage.cells[:, i] for i, a in enumerate(names)}
+        columns |= {"material": materials[stage.material], "spawn_step": stage.spawn_step}
         for direction, name in enumerate(lattice.direction_names):
             columns[f"taken_{name}"] = stage.taken[:, direction]
         columns["dropped"] = stage.dropped
-        for i, a in enumerate(names):
-            columns[f"displacement_{a}"] = self.displacement[:, i]
+        columns |= {f"displacement_{a}": self.displacement[:, i] for i, a in enumerate(names)}
         for i, a in enumerate(names):
             for j, b in enumerate(names[i:], start=i):
                 columns[f"strain_{a}{b}"] = self.strain[:, i, j]
@@ -355,18 +345,11 @@ class TransferResult(BodyResult):
         arrays: dict[str, NDArray[Any]] = {}
         described = []
         for number, stage in enumerate(self.stages):
-            for name, column in _columns(stage).items():
-                arrays[f"{number}.{name}"] = column
-            for name, column in _columns(stage.history).items():
-                arrays[f"{number}.history.{name}"] = column
-            described.append(
-                {
-                    "factor": stage.factor,
-                    "outcome": stage.outcome,
-                    "generations": stage.generations,
-                    "ledger": asdict(stage.ledger),
-                }
-            )
+            arrays |= {f"{number}.{name}": column for name, column in _columns(stage).items()}
+            taken = _columns(stage.history)
+            arrays |= {f"{number}.history.{name}": column for name, column in taken.items()}
+            plain = {name: getattr(stage, name) for name in ("factor", "outcome", "generations")}
+            described.append(plain | {"ledger": asdict(stage.ledger)})
         about: dict[str, Any] = {"stages": described, "certificate": asdict(self.certificate)}
         about["parameters"] = dict(self.parameters)
         try:  # what could not be read again is not written
@@ -379,7 +362,7 @@ class TransferResult(BodyResult):
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> TransferResult:
         sizes, stages = sizes_of(scene), []
-        for number, told in enumerate(archive.value("stages", list[StageRecord])):
+        for number, plain in enumerate(archive.value("stages", list[StageRecord])):
             columns: dict[str, Any] = archive.columns(STAGE, sizes, f"{number}.")
             if not np.array_equal(scene.kinds(columns["cells"]), columns["material"]):
                 raise ResultError("its agents are of other materials than the scene's cells")
@@ -388,7 +371,7 @@ class TransferResult(BodyResult):
                 columns["arrived"] = np.full(unknown, np.nan)
             agents = {"agents": len(columns["cells"])}
             history = TakenHistory(**archive.columns(HISTORY, sizes | agents, f"{number}.history."))
-            stages.append(Stage(**told, **columns, history=history))
+            stages.append(Stage(**plain, **columns, history=history))
         if not 1 <= len(stages) <= scene.stages:
             raise ResultError(f"it has {len(stages)} stages, the scene {scene.stages}")
         archive.about.setdefault("parameters", {})  # written before there were any
@@ -425,34 +408,28 @@ def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:
     """
     import networkx
 
-    lattice = scene.lattice
-    graph = networkx.DiGraph()
-    names = [material.name for material in scene.cell_materials]
-    cells = [tuple(cell) for cell in stage.cells.tolist()]
-    centres = lattice.centres(stage.cells).tolist()
-    for cell, number, step, centre in zip(
-        cells, stage.material.tolist(), stage.spawn_step.tolist(), centres, strict=True
-    ):
-        graph.add_node(
-            cell, kind="material", material=names[number], spawn_step=step, pos=tuple(centre)
-        )
-    boundaries = [tuple(cell) for cell in stage.boundary_cells.tolist()]
-    centres = lattice.centres(stage.boundary_cells).tolist()
-    for cell, kind, step, centre in zip(
-        boundaries,
-        stage.boundary_kind.tolist(),
-        stage.boundary_spawn_step.tolist(),
-        centres,
-        strict=True,
-    ):
-        graph.add_node(cell, kind=BOUNDARY_NAMES[kind], spawn_step=step, pos=tuple(centre))
-    outside = set(boundaries)
+    lattice, graph = scene.lattice, networkx.DiGraph()
+
+    def add(cells: Ints, steps: Ints, **attributes: list[str]) -> list[tuple[int, ...]]:
+        nodes = [tuple(cell) for cell in cells.tolist()]
+        columns = {"spawn_step": steps.tolist(), **attributes}
+        columns["pos"] = list(map(tuple, lattice.centres(cells).tolist()))
+        rows = zip(*columns.values(), strict=True)
+        for node, row in zip(nodes, rows, strict=True):
+            graph.add_node(node, **dict(zip(columns, row, strict=True)))
+        return nodes
+
+    names = [scene.cell_materials[number].name for number in stage.material]
+    kinds = [BOUNDARY_NAMES[kind] for kind in stage.boundary_kind.tolist()]
+    cells = add(stage.cells, stage.spawn_step, kind=["material"] * len(names), material=names)
+    outside = set(add(stage.boundary_cells, stage.boundary_spawn_step, kind=kinds))
     for arm in range(lattice.directions):
         passing = np.flatnonzero(stage.passed[:, arm] > 0.0)
         targets = lattice.neighbours(stage.cells[passing], arm).tolist()
         for row, target in zip(passing.tolist(), map(tuple, targets), strict=True):
+            weight = float(stage.passed[row, arm])
             if target in graph:
-                graph.add_edge(cells[row], target, weight=float(stage.passed[row, arm]))
+                graph.add_edge(cells[row], target, weight=weight)
             if target in outside:
-                graph.add_edge(target, cells[row], weight=float(stage.passed[row, arm]))
+                graph.add_edge(target, cells[row], weight=weight)
     return graph

@@ -5,7 +5,7 @@ import pytest
 
 from kaju.errors import BucklingError, ConvergenceError, MechanismError
 from kaju.model.network import SpringNetwork, random_geometric, triangular
-from kaju.model.network.network_result import triangles, turned_over
+from kaju.model.network.network_result import inverted_triangles, triangles
 
 
 def chain(force, braced=False):
@@ -146,4 +146,4 @@ def test_a_triangle_pulled_through_its_base_is_reported():
     assert result.triangles_turned_over(9) == []
     assert [set(corners) for corners in result.triangles_turned_over()] == [{"a", "b", "c"}]
     assert result.summary()["triangles_turned_over"] == 1
-    assert len(turned_over(network, np.zeros((3, 2)))) == 0
+    assert len(inverted_triangles(network, np.zeros((3, 2)))) == 0

@@ -14,7 +14,7 @@ from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.scene.sides import SideCondition
-from kaju.model.transfer.deformation import squeeze
+from kaju.model.transfer.deformation import axial_strain
 from kaju.model.transfer.stage import Stage, Totals
 from kaju.model.transfer.transfer import Transfer
 
@@ -184,7 +184,7 @@ class Account:
             found["returned"] = sent
         if self.own:
             axes = range(len(self.scene.lattice.axes))
-            squeezed = squeeze(self.scene, totals)
+            squeezed = axial_strain(self.scene, totals)
             found["kept"] = totals.kept
             found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
         return found

@@ -14,7 +14,13 @@ from scipy.sparse.linalg import SuperLU
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import SceneError
 from kaju.factors import factors_of
-from kaju.model.elastic.multigrid.hierarchy import GUARD, Hierarchy, is_box, of_parents, outside_of
+from kaju.model.elastic.multigrid.hierarchy import (
+    GUARD,
+    Hierarchy,
+    coarse_box,
+    ghost_weights_of,
+    is_box,
+)
 from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.multigrid.mixed_form import MixedForm, without_pressure
 from kaju.stopping import stopped
@@ -268,9 +274,9 @@ class Factors:
     def _coarse(self) -> tuple[sp.csr_array, SuperLU]:
         """The interpolation from cells twice as large, and the factors of their stiffness."""
         if is_box(self.body):
-            coarse = of_parents(self.body)
+            coarse = coarse_box(self.body)
             numbering = Numbering(coarse.face_states)
-            prolong = prolongation(self.numbering, outside_of(self.body))
+            prolong = prolongation(self.numbering, ghost_weights_of(self.body))
             prolong = prolong[:, np.concatenate([s.ravel() == ACTIVE for s in numbering.states])]
             return prolong, factors_of(stiffness_matrix(coarse, numbering))
         whole = prolongation(self.numbering)
@@ -333,7 +339,7 @@ def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
 def prolongation(numbering: Numbering, outside: Floats | None = None) -> sp.csr_array:
     """Return how free faces follow all faces of cells twice as large."""
     # Linear along the normal, and across it from the two nearest, ¾ to ¼. With weights for every
-    # side, those beyond it follow from the two inside: see `hierarchy.outside_of`.
+    # side, those beyond it follow from the two inside: see `hierarchy.ghost_weights_of`.
     blocks = []
     for axis, state in enumerate(numbering.states):
         lines = []

@@ -13,6 +13,7 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -68,19 +69,30 @@ def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     kinds = problem.kinds
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
     around = around_edges(np.pad(kinds, width, constant_values=AIR), pair)
-    return modulus_between(np.stack(around), problem.moduli.shear)
+    return modulus_between(around, problem.moduli.shear)
 
 
-def modulus_between(kinds: NDArray[np.integer], shear: Floats) -> Floats:
+def modulus_between(kinds: Sequence[NDArray[Any]], shear: Floats) -> Floats:
     """Return the shear modulus of edges by the kinds of the four cells round them: (4, ...)."""
-    body, rigid = kinds >= 0, (kinds == RIGID) | (kinds == DISPLACED)
-    compliance = np.where(body, (1.0 / shear)[np.maximum(kinds, 0)], 0.0)
-    total = compliance.sum(axis=0)
-    safe = np.where(total > 0, total, 1.0)
-    whole = ((body | rigid).sum(axis=0) == 4) & (total > 0)
-    corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)
-    modulus = np.where(whole, 4.0 / safe, 0.0)
-    return np.where(corner, REENTRANT_WEIGHT * 3.0 / safe, modulus)
+    # Kinds that are no material are negative: they count from the end of these tables. Cells are
+    # counted in digits of base 16: those of body or rigid, those of body, and those of air.
+    counts = np.pad(np.full(len(shear), 0x011, dtype=np.int16), (0, -DISPLACED))
+    counts[[RIGID, DISPLACED]], counts[AIR] = 0x001, 0x100
+    compliances = np.pad(1.0 / shear, (0, -DISPLACED))
+    first, *others = (counts.take(kind, mode="wrap") for kind in kinds)
+    total, *more = (compliances.take(kind, mode="wrap") for kind in kinds)
+    for count, compliance in zip(others, more, strict=True):
+        first += count
+        total += compliance
+    factor = _EDGE_FACTORS.take(first)
+    return np.divide(factor, total, out=factor, where=total > 0.0)
+
+
+_counted = np.arange(0x401)
+_EDGE_FACTORS = np.where(_counted & 0xF == 4, 4.0, 0.0)
+_EDGE_FACTORS[_counted >> 4 == 0x13] = 3.0 * REENTRANT_WEIGHT
+_EDGE_FACTORS[(_counted >> 4) & 0xF == 0] = 0.0
+"""Harmonic mean where all four cells are body or rigid, a share of it at re-entrant corners."""
 
 
 def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:

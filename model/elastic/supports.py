@@ -9,7 +9,6 @@ body has to be solved on smaller cells.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.errors import SupportError
-from kaju.model.elastic.multigrid.hierarchy import described, is_box
+from kaju.model.elastic.multigrid.hierarchy import coarse_box, is_box
 from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
 from .problem import ACTIVE, FIXED, ElasticProblem
@@ -30,11 +29,8 @@ def check_supports(
     problem: ElasticProblem, origin: tuple[int, ...] | None = None, division: int = 1
 ) -> None:
     """Refuse a body of which a part could move without straining."""
-    if is_box(problem):
-        # A small box that is held as the large one is.
-        spring = tuple(described(values, problem.shape) for values in problem.spring)
-        kinds = described(problem.kinds, problem.shape)
-        problem = replace(problem, kinds=kinds, spring=spring)
+    while is_box(problem):
+        problem = coarse_box(problem)  # which is held as the large one is
     parts, count = parts_of(problem.kinds >= 0)
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):

@@ -1,7 +1,7 @@
 """Two answers side by side: how far apart, where, and along which lines.
 
-The second answer is the one that is believed: errors are shares of its largest value. They are
-compared at points of both bodies, which must be the same body.
+Errors are shares of the largest value of the second answer, the reference. Answers are compared
+at points of both bodies, which must be the same body.
 """
 
 from __future__ import annotations
@@ -21,8 +21,30 @@ from kaju.model.results.archive import open_archive
 from kaju.model.results.result import BodyResult, line_of, load_result
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.body_cells import body_cells
-from kaju.model.scene.filling import CellBox
 from kaju.model.study.reference import Reference
+
+MOST_POINTS = 2_000_000  # larger bodies are compared at points that the caller names
+FINE = 64  # cells along the longer side, at whose middles answers with true outlines are compared
+_SAME = 1e-9
+
+AnyAnswer = BodyResult | OutlineResult
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A run of agents with the answer that they have settled to."""
+
+    @property
+    def result(self) -> BodyResult:
+        """That answer."""
+
+
+@runtime_checkable
+class Stressed(Protocol):
+    """An answer that knows stresses."""
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +53,8 @@ class Pair:
 
     name: str
     unit: str
-    """What it is."""
-    values: Floats
-    reference: Floats
-    """The answer that is judged, and the one that is believed. Shape (n,), (n, dimension) or (n,
-    dimension, dimension)."""
+    values: Floats  # shape (n,), (n, dimension) or (n, dimension, dimension)
+    reference: Floats  # likewise
 
     @property
     def scale(self) -> float:
@@ -78,10 +97,8 @@ class Pair:
                 f"component: {self.name} has no {name!r}; "
                 f"components are {known}{' and so on' if order == 2 else ''}"
             )
-        own, other = self.values, self.reference
-        for axis in name:
-            own, other = own[:, axes.index(axis)], other[:, axes.index(axis)]
-        return Pair(f"{self.name} {name}", self.unit, own, other)
+        place = (slice(None), *map(axes.index, name))
+        return Pair(f"{self.name} {name}", self.unit, self.values[place], self.reference[place])
 
     def summary(self) -> dict[str, float]:
         """Return the error's norms and the largest value of the reference."""
@@ -95,279 +112,65 @@ class Pair:
 
 def _size(values: Floats) -> Floats:
     """Return the length of vectors, the Frobenius norm of tensors."""
-    flat = values.reshape(len(values), -1)
-    return np.asarray(np.sqrt((flat**2).sum(axis=1)))
+    return np.asarray(np.linalg.norm(values.reshape(len(values), -1), axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
     """Two answers along a line."""
 
-    points: Floats
-    """Where (m). Shape (n, dimension)."""
-    distance: Floats
-    """Way along the line (m). Shape (n,)."""
+    points: Floats  # (m), shape (n, dimension)
+    distance: Floats  # from the start of the line (m), shape (n,)
     displacement: Pair
     stress: Pair | None
-
-
-MOST_POINTS = 2_000_000
-"""Bodies of more cells than this are compared at points that the caller names."""
-
-FINE = 64
-"""Cells along the longer side, in whose middles answers with true outlines are compared."""
-
-_SAME = 1e-9
-
-AnyAnswer = BodyResult | OutlineResult
-
-
-@runtime_checkable
-class Stressed(Protocol):
-    """Whatever knows stresses."""
-
-    def stress_at(self, points: Floats) -> Floats:
-        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
-
-
-def common_points(result: AnyAnswer, other: AnyAnswer | Reference) -> Floats:
-    """Return where to compare: the middles of the larger cells, as far as both know them."""
-    coarse, fine = cells_of(result, other)
-    if isinstance(other, Reference):
-        centres = cell_centres(coarse, result)
-        known = other.rows(centres) >= 0
-        return centres if known.all() else other.points
-    exact = isinstance(result, OutlineResult) and isinstance(other, OutlineResult)
-    _same_body(coarse, fine, exact)
-    return cell_centres(coarse, result, other)
-
-
-def cell_centres(scene: Scene, *answers: AnyAnswer) -> Floats:
-    """Return the middles (m) of a scene's cells of material that answers know too."""
-    cells = _cells_in(scene.bounds())
-    cells = cells[scene.kinds(cells) >= 0]
-    points = scene.lattice.centres(cells)
-    for answer in answers:
-        points = points[holds(answer, points)]
-    return points
-
-
-def holds(answer: AnyAnswer, points: Floats) -> Flags:
-    """Tell which points (m) lie in the body of an answer."""
-    if isinstance(answer, OutlineResult):
-        return answer.holds(points)
-    return body_cells(answer.grid, points)[1]
-
-
-def cells_of(result: AnyAnswer, other: AnyAnswer | Reference) -> tuple[Scene, Scene]:
-    """Return the larger and the smaller cells in whose middles answers can be compared."""
-    both = [result, *(() if isinstance(other, Reference) else (other,))]
-    outlined = any(isinstance(answer, OutlineResult) for answer in both)
-
-    def cells(one: AnyAnswer) -> Scene:
-        if isinstance(one, OutlineResult):
-            return _in_cells(one.scene)
-        return one.grid if outlined else one.scene
-
-    found = sorted(map(cells, both), key=lambda scene: -scene.lattice.cell_size)
-    return found[0], found[-1]
-
-
-def _in_cells(scene: Scene) -> Scene:
-    """Return cells of what lies in their middles in a body with true outlines."""
-    many = -(-FINE // max(scene.lattice.shape))
-    lattice = type(scene.lattice)(
-        tuple(many * count for count in scene.lattice.shape), scene.lattice.cell_size / many
-    )
-    centres = lattice.centres(np.indices(lattice.shape).reshape(2, -1).T)
-    codes, legend = np.zeros(len(centres), dtype=np.int16), {"0": str(scene.body.material)}
-    for number, region in enumerate(scene.body.regions, 1):
-        shape = region.shape_in(scene.lattice, f"body.regions.{number - 1}")
-        codes[shape.contains(centres)] = number
-        legend[str(number)] = region.material
-    legend = {code: name for code, name in legend.items() if (codes == int(code)).any()}
-    body = Body(
-        array=codes.reshape(lattice.shape),
-        cell_size=lattice.cell_size,
-        thickness=scene.body.thickness,
-        plane=scene.body.plane,
-        allow_floating=True,
-    )
-    return Scene(body=body, legend=legend, materials=scene.materials)
-
-
-def _cells_in(box: CellBox) -> Ints:
-    lower, upper = box
-    count = float(np.prod((upper - lower).astype(np.float64)))
-    if count > MOST_POINTS:
-        raise ResultError(
-            f"points: the body has about {count:.2g} cells, more than {MOST_POINTS:.0e}; "
-            "name the points to compare at with points=, such as the `middle` of spawned agents"
-        )
-    every = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T
-    return every + lower
-
-
-def check_comparable(result: AnyAnswer, other: AnyAnswer | Reference) -> None:
-    """Refuse what cannot be compared: other dimensions, materials, thickness or loads."""
-    for answer in (result, other):
-        if getattr(answer, "stiffness", None) is not None:
-            raise ResultError(
-                "compare: an answer with a field of stiffness is of another body than its scene's; "
-                "compare its `energy` and `displacement` with those of another by yourself"
-            )
-    ours = result.scene.lattice.dimension
-    theirs = other.dimension if isinstance(other, Reference) else other.scene.lattice.dimension
-    if ours != theirs:
-        raise ResultError(f"compare: a body in {ours} dimensions and one in {theirs} differ")
-    if isinstance(other, Reference):
-        return
-    first, second = result.scene, other.scene
-    if first.thickness != second.thickness:
-        told = f"{first.thickness:g} and {second.thickness:g} m"
-        raise ResultError(f"compare: the bodies differ in thickness: {told}")
-    if first.plane != second.plane:
-        raise ResultError(
-            f"compare: one body is in plane {first.plane}, the other in plane {second.plane}"
-        )
-    _same_loads(result, other)
-
-
-def _same_loads(result: AnyAnswer, other: AnyAnswer) -> None:
-    if isinstance(result, OutlineResult) or isinstance(other, OutlineResult):
-        cells = [answer for answer in (result, other) if isinstance(answer, BodyResult)]
-        whole = all(answer.stage in (None, answer.scene.stages) for answer in cells)
-        ours, theirs = (_described_loads(one.scene, bool(cells)) for one in (result, other))
-        if not whole or ours != theirs:
-            raise ResultError(
-                "compare: beside true outlines both answers must be to the whole of the same "
-                "loads, described alike: the same sides, and in place of an outline a region "
-                "round it; or compare the answers' energies"
-            )
-        return
-    totals = [_total_force(answer) for answer in (result, other)]
-    largest = max(float(np.abs(total).max(initial=0.0)) for total in totals)
-    if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * largest:
-        told = [", ".join(f"{value:g}" for value in total) for total in totals]
-        raise ResultError(
-            f"compare: the loads differ: ({told[0]}) N and ({told[1]}) N in all; "
-            "compare results of one load, at the same stage of loading"
-        )
-
-
-def _described_loads(scene: Scene, beside_cells: bool) -> list[str]:
-    """Return loads in words, in one order; outlines by their shape, or beside cells as a region.
-
-    A region by which cells along an outline are chosen is wider than this.
-    """
-    shapes = {region.name: repr(region) for region in scene.body.regions}
-    found = [f"gravity {scene.body.gravity if any(scene.body.gravity or ()) else None}"]
-    for load in scene.loads:
-        told = load.model_dump(exclude_none=True, exclude={"steps", "outline", "region"})
-        if load.outline is not None or load.region is not None:
-            told["region"] = beside_cells or shapes[load.outline]
-        found.append(repr(sorted(told.items())))
-    return sorted(found)
-
-
-def _total_force(result: BodyResult) -> Floats:
-    return np.asarray(result.scene.applied(result.stage).force.sum(axis=0))
-
-
-def _same_body(coarse: Scene, fine: Scene, exact: bool = False) -> None:
-    """Refuse bodies that differ by more than the steps that cells cut into a slanted surface.
-
-    Such steps lie at a surface, or where materials meet, in both bodies; `exact` ones have none.
-    """
-    if coarse is fine:
-        return
-    cell = coarse.lattice.cell_size
-    for ours, theirs in zip(_corners(coarse), _corners(fine), strict=True):
-        if np.abs(ours - theirs).max() > (1.0 + _SAME) * cell:
-            told = [", ".join(f"{value:.4g}" for value in corner) for corner in (ours, theirs)]
-            raise ResultError(
-                f"compare: the bodies differ: one reaches to ({told[0]}) m, the other to "
-                f"({told[1]}) m"
-            )
-    points = coarse.lattice.centres(_cells_in(coarse.bounds()))
-    points = points[_differ(_constants(coarse, points), _constants(fine, points))]
-    for scene in (coarse, fine):
-        own = _constants(scene, points)
-        step = np.zeros(len(points), dtype=np.bool_)
-        for normal in coarse.lattice.normals:
-            step |= _differ(own, _constants(scene, points + cell * normal))
-        step &= not exact
-        if not step.all():
-            where = ", ".join(f"{value:.4g}" for value in points[np.argmin(step)])
-            raise ResultError(f"compare: the bodies differ: by what is at ({where}) m")
-
-
-def _corners(scene: Scene) -> tuple[Floats, Floats]:
-    lower, upper = scene.bounds()
-    ends = np.stack([lower, upper - 1])
-    lowest, highest = scene.lattice.centres(ends)
-    half = 0.5 * scene.lattice.cell_size
-    return lowest - half, highest + half
-
-
-def _constants(scene: Scene, points: Floats) -> Floats:
-    """Return Young's modulus and Poisson's ratio at points, 0 where there is no body."""
-    table = np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
-    kinds = scene.kinds(scene.lattice.locate(points))
-    return np.where((kinds >= 0)[:, None], table[np.maximum(kinds, 0)], 0.0)
-
-
-def _differ(one: Floats, other: Floats) -> Flags:
-    return np.asarray(np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """How far one answer is from another."""
 
-    result: AnyAnswer
-    """The answer that is judged."""
-    reference: AnyAnswer | Reference
-    """The answer that is believed."""
-    points: Floats
-    """Where they are compared (m). Shape (n, dimension)."""
+    result: AnyAnswer  # the answer that is judged
+    reference: AnyAnswer | Reference  # the answer that is believed
+    points: Floats  # where they are compared (m), shape (n, dimension)
     displacement: Pair
-    stress: Pair | None
-    """None if one of the answers knows no stress."""
+    stress: Pair | None  # None if one of the answers knows no stress
+    # √(∫Δσ:ε(Δσ) / ∫σ:ε(σ)) over the points, each of which stands for the same volume; Δσ is the
+    # difference of the stresses, σ the reference's.
     energy_error: float | None
-    """√(∫Δσ:ε(Δσ) / ∫σ:ε(σ)) over the points, each of them standing for the same volume; Δσ is the
-    difference of the stresses, σ the reference's."""
 
     @property
     def names(self) -> tuple[str, str]:
         """What the two answers are, in words."""
-        return _name(self.result), _name(self.reference)
+        believed = self.reference
+        if isinstance(believed, Reference):
+            return self.result.name, believed.source.partition(":")[0] or "reference"
+        return self.result.name, believed.name
 
     @property
     def cells(self) -> Scene:
-        """The larger cells of both answers, in whose middles they are compared unless told."""
-        return cells_of(self.result, self.reference)[0]
+        """The larger cells of both answers, in whose middles they are compared by default."""
+        return _coarse_and_fine(self.result, self.reference)[0]
 
     def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
         """Return both answers along a line from `start` to `end` (m).
 
-        At `count` places, those outside of the body left out. A `Reference` speaks for itself at
+        At `count` places, those outside of the body left out. A `Reference` has values only at
         those of its own points that lie on the line; where there is none, a `ResultError` is
         raised.
         """
-        first, way, length = line_of(start, end, self.points.shape[1], "along")
+        first, direction, length = line_of(start, end, self.points.shape[1], "along")
         if isinstance(self.reference, Reference):
-            points = near_line(self.reference.points, first, way, length)
+            points = near_line(self.reference.points, first, direction, length)
         else:
-            points = first + np.linspace(0.0, length, count)[:, None] * way
-            points = points[holds(self.reference, points)]
-        points = points[holds(self.result, points)]
+            points = first + np.linspace(0.0, length, count)[:, None] * direction
+            points = points[_inside(self.reference, points)]
+        points = points[_inside(self.result, points)]
         if not len(points):
             raise ResultError(
                 "along: no point of the line lies in both bodies, or is known to the reference"
             )
-        displacement, stress = _pairs(self.result, self.reference, points)
-        return Profile(points, (points - first) @ way, displacement, stress)
+        pairs = _pairs(self.result, self.reference, points)
+        return Profile(points, (points - first) @ direction, *pairs)
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
@@ -380,15 +183,6 @@ class Comparison:
             "stress": self.stress.summary() if self.stress else None,
             "energy_error": self.energy_error,
         }
-
-
-@runtime_checkable
-class Settling(Protocol):
-    """A run of agents that can tell what they have settled to."""
-
-    @property
-    def result(self) -> BodyResult:
-        """What they have settled to."""
 
 
 def compare(
@@ -437,12 +231,9 @@ def compare(
             "compare: the first answer is judged by the second, so it cannot be a reference; "
             "give the two the other way round"
         )
-    check_comparable(judged, believed)
-    if points is None:
-        chosen = common_points(judged, believed)
-    else:
-        chosen = np.asarray(points, dtype=np.float64)
-    displacement, stress = _pairs(judged, believed, chosen)
+    _refuse_different(judged, believed)
+    where = _common_points(judged, believed) if points is None else np.asarray(points, np.float64)
+    displacement, stress = _pairs(judged, believed, where)
     if not displacement.scale > 0.0:
         raise ResultError(
             "compare: the reference moves nowhere, so no error can be a share of it; "
@@ -450,8 +241,8 @@ def compare(
         )
     if stress is not None and not stress.scale > 0.0:
         stress = None
-    energy = None if stress is None else _energy_error(judged, chosen, stress)
-    return Comparison(judged, believed, chosen, displacement, stress, energy)
+    energy = None if stress is None else _energy_error(judged, where, stress)
+    return Comparison(judged, believed, where, displacement, stress, energy)
 
 
 def load_answer(path: str | Path) -> AnyAnswer | Reference:
@@ -492,6 +283,7 @@ def _refuse_solid(given: object) -> None:
 def _pairs(
     result: AnyAnswer, reference: AnyAnswer | Reference, points: Floats
 ) -> tuple[Pair, Pair | None]:
+    """Return displacements and, if both know them, stresses at points (m)."""
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
     if isinstance(reference, Reference) and reference.stress is None:
@@ -502,10 +294,10 @@ def _pairs(
     return displacement, Pair("stress", "Pa", *stresses)
 
 
-def near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floats:
+def near_line(points: Floats, first: Floats, direction: Floats, length: float) -> Floats:
     """Return the points on a line, in order."""
-    along = (points - first) @ way
-    across = points - first - along[:, None] * way
+    along = (points - first) @ direction
+    across = points - first - along[:, None] * direction
     near = np.linalg.norm(across, axis=1) < 1e-6 * length
     near &= (along > -1e-6 * length) & (along < (1.0 + 1e-6) * length)
     return np.asarray(points[near][np.argsort(along[near], kind="stable")])
@@ -521,20 +313,195 @@ def _energy_error(judged: AnyAnswer, points: Floats, stress: Pair) -> float:
         kinds = judged.material_at(points)
     else:
         kinds = np.maximum(scene.kinds(scene.lattice.locate(points)), 0)
-    modulus, ratio = np.array(
-        [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
-    ).T
+    modulus, ratio = _moduli(scene)[kinds].T
     share = ratio if scene.plane == "strain" else ratio / (1.0 + ratio)
 
     def energy(tensors: Floats) -> float:
         trace = np.trace(tensors, axis1=1, axis2=2)
-        square = (tensors**2).sum(axis=(1, 2)) - share[kinds] * trace**2
-        return float(((1.0 + ratio) / modulus)[kinds] @ square)
+        square = (tensors**2).sum(axis=(1, 2)) - share * trace**2
+        return float(((1.0 + ratio) / modulus) @ square)
 
     return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
 
 
-def _name(answer: AnyAnswer | Reference) -> str:
-    if isinstance(answer, Reference):
-        return answer.source.partition(":")[0] or "reference"
-    return answer.name
+def _moduli(scene: Scene) -> Floats:
+    """Return Young's modulus (Pa) and Poisson's ratio of every material, shape (n, 2)."""
+    return np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
+
+
+# Where answers are compared.
+
+
+def _common_points(result: AnyAnswer, other: AnyAnswer | Reference) -> Floats:
+    """Return where to compare: the middles of the larger cells, as far as both reach."""
+    coarse, fine = _coarse_and_fine(result, other)
+    if not isinstance(other, Reference):
+        exact = isinstance(result, OutlineResult) and isinstance(other, OutlineResult)
+        _refuse_other_body(coarse, fine, exact)
+    cells = _cells_in(coarse)
+    points = coarse.lattice.centres(cells[coarse.kinds(cells) >= 0])
+    points = points[_inside(result, points)]
+    if isinstance(other, Reference):
+        return points if (other.rows(points) >= 0).all() else other.points
+    return points[_inside(other, points)]
+
+
+def _inside(answer: AnyAnswer, points: Floats) -> Flags:
+    """Tell which points (m) lie in the body of an answer."""
+    if isinstance(answer, OutlineResult):
+        return answer.holds(points)
+    return body_cells(answer.grid, points)[1]
+
+
+def _coarse_and_fine(result: AnyAnswer, other: AnyAnswer | Reference) -> tuple[Scene, Scene]:
+    """Return the scenes of the larger and of the smaller cells of two answers."""
+    both = [result, *(() if isinstance(other, Reference) else (other,))]
+    outlined = any(isinstance(answer, OutlineResult) for answer in both)
+    scenes = [
+        _rastered(one.scene)
+        if isinstance(one, OutlineResult)
+        else (one.grid if outlined else one.scene)
+        for one in both
+    ]
+    scenes.sort(key=lambda scene: -scene.lattice.cell_size)
+    return scenes[0], scenes[-1]
+
+
+def _rastered(scene: Scene) -> Scene:
+    """Return cells of what lies in their middles in a body with true outlines."""
+    many = -(-FINE // max(scene.lattice.shape))
+    lattice = type(scene.lattice)(
+        tuple(many * count for count in scene.lattice.shape), scene.lattice.cell_size / many
+    )
+    centres = lattice.centres(np.indices(lattice.shape).reshape(2, -1).T)
+    codes, legend = np.zeros(len(centres), dtype=np.int16), {0: str(scene.body.material)}
+    for number, region in enumerate(scene.body.regions, 1):
+        shape = region.shape_in(scene.lattice, f"body.regions.{number - 1}")
+        codes[shape.contains(centres)] = number
+        legend[number] = region.material
+    body = Body(
+        array=codes.reshape(lattice.shape),
+        cell_size=lattice.cell_size,
+        thickness=scene.body.thickness,
+        plane=scene.body.plane,
+        allow_floating=True,
+    )
+    names = {str(code): legend[int(code)] for code in np.unique(codes)}
+    return Scene(body=body, legend=names, materials=scene.materials)
+
+
+def _cells_in(scene: Scene) -> Ints:
+    """Return all cells of the box round a body, shape (n, dimension)."""
+    lower, upper = scene.bounds()
+    count = float(np.prod((upper - lower).astype(np.float64)))
+    if count > MOST_POINTS:
+        raise ResultError(
+            f"points: the body has about {count:.2g} cells, more than {MOST_POINTS:.0e}; "
+            "name the points to compare at with points=, such as the `middle` of spawned agents"
+        )
+    return np.indices(tuple(upper - lower)).reshape(len(lower), -1).T + lower
+
+
+# What cannot be compared.
+
+
+def _refuse_different(result: AnyAnswer, other: AnyAnswer | Reference) -> None:
+    """Refuse what cannot be compared: other dimensions, materials, thickness or loads."""
+    for answer in (result, other):
+        if getattr(answer, "stiffness", None) is not None:
+            raise ResultError(
+                "compare: an answer with a field of stiffness is of another body than its scene's; "
+                "compare its `energy` and `displacement` with those of another by yourself"
+            )
+    ours = result.scene.lattice.dimension
+    theirs = other.dimension if isinstance(other, Reference) else other.scene.lattice.dimension
+    if ours != theirs:
+        raise ResultError(f"compare: a body in {ours} dimensions and one in {theirs} differ")
+    if isinstance(other, Reference):
+        return
+    first, second = result.scene, other.scene
+    if first.thickness != second.thickness:
+        raise ResultError(
+            f"compare: the bodies differ in thickness: {first.thickness:g} and "
+            f"{second.thickness:g} m"
+        )
+    if first.plane != second.plane:
+        raise ResultError(
+            f"compare: one body is in plane {first.plane}, the other in plane {second.plane}"
+        )
+    cells = [answer for answer in (result, other) if isinstance(answer, BodyResult)]
+    if len(cells) < 2:
+        whole = all(answer.stage in (None, answer.scene.stages) for answer in cells)
+        if not whole or len({repr(_described_loads(s, bool(cells))) for s in (first, second)}) > 1:
+            raise ResultError(
+                "compare: beside true outlines both answers must be to the whole of the same "
+                "loads, described alike: the same sides, and in place of an outline a region "
+                "round it; or compare the answers' energies"
+            )
+        return
+    totals = [answer.scene.applied(answer.stage).force.sum(axis=0) for answer in cells]
+    if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * np.abs(totals).max(initial=0.0):
+        text = [", ".join(f"{value:g}" for value in total) for total in totals]
+        raise ResultError(
+            f"compare: the loads differ: ({text[0]}) N and ({text[1]}) N in all; "
+            "compare results of one load, at the same stage of loading"
+        )
+
+
+def _described_loads(scene: Scene, beside_cells: bool) -> list[str]:
+    """Return loads in words, in one order; outlines by their shape, or beside cells as a region.
+
+    A region by which cells along an outline are chosen is wider than the outline.
+    """
+    shapes = {region.name: repr(region) for region in scene.body.regions}
+    found = [f"gravity {scene.body.gravity if any(scene.body.gravity or ()) else None}"]
+    for load in scene.loads:
+        words = load.model_dump(exclude_none=True, exclude={"steps", "outline", "region"})
+        if load.outline is not None or load.region is not None:
+            words["region"] = beside_cells or shapes[load.outline]
+        found.append(repr(sorted(words.items())))
+    return sorted(found)
+
+
+def _refuse_other_body(coarse: Scene, fine: Scene, exact: bool) -> None:
+    """Refuse bodies that differ by more than the steps that cells cut into a slanted surface.
+
+    Such steps lie at a surface, or where materials meet, in both bodies; `exact` ones have none.
+    """
+    if coarse is fine:
+        return
+    cell = coarse.lattice.cell_size
+    for ours, theirs in zip(_corners(coarse), _corners(fine), strict=True):
+        if np.abs(ours - theirs).max() > (1.0 + _SAME) * cell:
+            text = [", ".join(f"{value:.4g}" for value in corner) for corner in (ours, theirs)]
+            raise ResultError(
+                f"compare: the bodies differ: one reaches to ({text[0]}) m, the other to "
+                f"({text[1]}) m"
+            )
+    points = coarse.lattice.centres(_cells_in(coarse))
+    points = points[_differ(_moduli_at(coarse, points), _moduli_at(fine, points))]
+    for scene in (coarse, fine):
+        own, step = _moduli_at(scene, points), np.zeros(len(points), dtype=np.bool_)
+        for normal in () if exact else coarse.lattice.normals:
+            step |= _differ(own, _moduli_at(scene, points + cell * normal))
+        if not step.all():
+            where = ", ".join(f"{value:.4g}" for value in points[np.argmin(step)])
+            raise ResultError(f"compare: the bodies differ: by what is at ({where}) m")
+
+
+def _corners(scene: Scene) -> tuple[Floats, Floats]:
+    """Return the lowest and the highest corner (m) of a body."""
+    lower, upper = scene.bounds()
+    lowest, highest = scene.lattice.centres(np.stack([lower, upper - 1]))
+    half = 0.5 * scene.lattice.cell_size
+    return lowest - half, highest + half
+
+
+def _moduli_at(scene: Scene, points: Floats) -> Floats:
+    """Return Young's modulus and Poisson's ratio at points, 0 where there is no body."""
+    kinds = scene.kinds(scene.lattice.locate(points))
+    return np.where((kinds >= 0)[:, None], _moduli(scene)[np.maximum(kinds, 0)], 0.0)
+
+
+def _differ(one: Floats, other: Floats) -> Flags:
+    return np.asarray(np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1))

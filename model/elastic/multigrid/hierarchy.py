@@ -50,9 +50,6 @@ FEWEST = 16
 DIRECT = 2_000
 """Its last box is solved by factors if it has at most so many faces: without stencils, which take
 long to be compiled."""
-ALIKE = 4
-"""Of a full box only so many cells along every axis but the last are described: two at each end,
-since a face feels one cell beyond its own. All others are like the inner of them."""
 ALMOST = 0.1  # A guess is taken that leaves less than this share of what the parents' answer does
 GUARD = 1e-11
 """Share of its own stiffness by which every face of the smallest level is held: ghosts may follow
@@ -69,7 +66,7 @@ class Level(NamedTuple):
     u: Floats
     load: Floats
     """Displacement and load of all places."""
-    outside: Floats
+    ghost_weights: Floats
     """On parents of a full box: weights of the first two faces beside a side, from which the ghosts
     beyond it follow. Empty: ghosts are parents like any others. Shape (sides, 2)."""
 
@@ -87,12 +84,13 @@ class Hierarchy:
         self.plain = is_box(problem)
         if self.plain or moduli is not None:
             by_law = PLAIN_SWEEPS[self.dimension]
-        moduli = moduli or problem.moduli
-        if self.plain:
-            self.levels = _plain_levels(problem, moduli)
-        else:
-            given = (problem.shape, problem.kinds, moduli, problem.spring)
-            self.levels = [_by_law(*given, edges=problem.edges)]
+        own = replace(problem, moduli=moduli or problem.moduli)
+        self.levels = [_by_law(own)]
+        while is_box(own):
+            # What moves beyond a free side of a box goes on straight, beyond a rigid one it is
+            # mirrored; so its parents obey the law on cells twice as large.
+            own = coarse_box(own)
+            self.levels.append(_by_law(own, ghost_weights_of(problem)))
         stencils, coarsest = 0, SMALLEST[self.dimension]
         few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
         while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
@@ -101,8 +99,7 @@ class Hierarchy:
         laws = len(self.levels) - stencils
         self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * stencils
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
-        own = replace(problem, moduli=moduli)
-        self._direct = _Direct(self.levels[-1], of_parents(own, laws - 1) if few else None)
+        self._direct = _Direct(self.levels[-1], own if few else None)
 
     @property
     def depth(self) -> int:
@@ -222,12 +219,12 @@ class Hierarchy:
     ) -> None:
         """Take `sweeps.cross`, which says what the vectors are."""
         level, below = self.levels[at].arrays, self.levels[at + 1]
-        coarse, plain = below.arrays[3], len(below.outside) > 0
+        coarse, plain = below.arrays[3], len(below.ghost_weights) > 0
         if plain and way == sweeps.WAY_DOWN:
-            _go_on(out, coarse, below.outside, back=False)
+            _go_on(out, coarse, below.ghost_weights, back=False)
         sweeps.cross(u, load, out, level, coarse, self._parity, count, way, share)
         if plain and way == sweeps.WAY_UP:
-            _go_on(out, coarse, below.outside, back=True)
+            _go_on(out, coarse, below.ghost_weights, back=True)
 
 
 class _Direct:
@@ -290,7 +287,7 @@ def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None
 
 
 _NO_COUPLINGS = np.zeros((0, 3), dtype=np.int64)
-_NO_OUTSIDE = np.zeros((0, 2))
+_NO_GHOSTS = np.zeros((0, 2))
 
 
 def is_box(problem: ElasticProblem) -> bool:
@@ -304,77 +301,90 @@ def is_box(problem: ElasticProblem) -> bool:
     return all(bool(np.all(layer == layer.flat[0])) for layer in layers)
 
 
-def _by_law(
-    cells: tuple[int, ...],
-    rim: NDArray[np.int32],
-    moduli: Moduli,
-    spring: FaceFields,
-    outside: Floats | None = None,
-    *,
-    spread: bool = False,
-    edges: dict[tuple[int, int], Floats] | None = None,
-) -> Level:
+def _by_law(problem: ElasticProblem, ghost_weights: Floats | None = None) -> Level:
     """Return a level of which only moduli are stored."""
-    # `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
-    # describe rows that are like the one before but once, unless they are `spread` over all.
-    d, box = rim.ndim, _box(cells, FIRST, 1)
-    shape, whole = _shape(_box(tuple(n - 2 for n in rim.shape), FIRST, 1)), _shape(box)
+    # Of equal planes in a row, those further than two behind the first and one before the last
+    # have the same law and the same neighbours' as the plane before: they share its rows.
+    planes, kinds = problem.kinds.shape[0], problem.kinds
+    shares = np.zeros(planes, dtype=np.bool_)
+    if problem.edges is None:
+        like = (kinds[1:] == kinds[:-1]).reshape(planes - 1, -1).all(axis=1)
+        shares[2:-1] = like[:-2] & like[1:-1] & like[2:]
+    kept = np.flatnonzero(~shares)
+    spring = tuple(
+        values[np.append(kept, planes) if axis == 0 else kept]
+        for axis, values in enumerate(problem.spring)
+    )
+    law, inverse = _law_and_inverses(replace(problem, kinds=kinds[kept], spring=spring))
+    # Rows of places, ghosts included, by the rows of those that are kept.
+    box, described = _box(problem.shape, FIRST, 1), law.shape[1]
+    place = np.arange(box[0])
+    place[FIRST - 1 : FIRST - 1 + planes] = FIRST - 2 + np.cumsum(~shares)
+    place[FIRST - 1 + planes :] -= planes - len(kept)
+    place = np.minimum(place, described - 1)
+    parts = [x.reshape(len(x), -1, int(box[2])) for x in (law, inverse)]
+    number = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
+    if number[-1] < len(number) - 1:
+        parts = [x.take(np.flatnonzero(np.diff(number, prepend=-1)), 1) for x in parts]
+    rows = number.reshape(described, -1)[place].ravel()
+    arrays = (*(x.ravel() for x in parts), _NO_COUPLINGS, box, rows)
+    n = problem.dimension * int(box[sweeps.SIZE])
+    ghost_weights = _NO_GHOSTS if ghost_weights is None else ghost_weights
+    return Level(problem.shape, arrays, None, np.empty(n), np.empty(n), ghost_weights)
+
+
+def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
+    """Return all places' moduli, and inverses of faces' own stiffness; 0 where held."""
+    d, rim, moduli = problem.dimension, problem.kinds, problem.moduli
+    shape = _shape(_box(problem.shape, FIRST, 1))
     n, steps = prod(shape), np.array([prod(shape[a + 1 :]) for a in range(d)])
     kinds = np.full(shape, AIR, dtype=np.int32)
     body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
     kinds[body] = rim
-    law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
+    law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros((d, n))
     beyond = -min(AIR, RIGID, ROLLER, FOUNDATION)  # kinds that are no material count from the end
     for modulus, row in zip((moduli.stretch, moduli.lateral), law, strict=False):
         np.pad(modulus, (0, beyond)).take(kinds.ravel(), out=row, mode="wrap")
     first = int(steps.sum())
     for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
         back = (0, steps[a], steps[b], steps[a] + steps[b])
-        around = np.stack([kinds.ravel()[first - k : n - k] for k in back])
+        around = [kinds.ravel()[first - k : n - k] for k in back]
         law[1 + a + b, first:] = modulus_between(around, moduli.shear)
-    for (a, b), values in (edges or {}).items():  # one further than the cells along a and b
+    for (a, b), values in (problem.edges or {}).items():  # one further than the cells
         further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
         places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
         law[1 + a + b].reshape(shape)[places] = values
     stretch = law[0].reshape(shape)[body]
     for side in range(2 * d):
-        # A bed is a ghost cell that can only be squeezed, and whose far face is held.
+        # A foundation is a ghost cell that can only be squeezed, and whose far face is held.
         layer = rim_layer(d, side)
         face = list(layer)
         face[side // 2] = -2 if side % 2 else 1
-        bed = rim[layer] == FOUNDATION
-        if bed.any():
-            stretch[layer][bed] = spring[side // 2][tuple(face)][bed]
-    holds = (kinds == RIGID) | (kinds == ROLLER)
-    code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
-    _lay_faces(code.ravel(), law, steps, inverse)
-    rows = _rows(whole[:-1], shape[:-1], [n + 2 - m for n, m in zip(cells, rim.shape, strict=True)])
-    parts = [x.reshape(-1, prod(shape[:-1]), shape[-1]) for x in (law, inverse)]
-    if spread:
-        law, inverse = (x.take(rows, 1) for x in parts)
-        rows = np.arange(len(rows))
-    elif whole == shape:
-        rows = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
-        if rows[-1] < len(rows) - 1:
-            law, inverse = (x.take(_firsts(rows), 1) for x in parts)
-    arrays = (law.ravel(), inverse.ravel(), _NO_COUPLINGS, box, rows)
-    space = d * prod(whole)
-    outside = _NO_OUTSIDE if outside is None else outside
-    return Level(cells, arrays, None, np.empty(space), np.empty(space), outside)
+        founded = rim[layer] == FOUNDATION
+        if founded.any():
+            stretch[layer][founded] = problem.spring[side // 2][tuple(face)][founded]
+    solid = (kinds >= 0).ravel()
+    holds = ((kinds == RIGID) | (kinds == ROLLER)).ravel()
+    here = slice(first, n - first)
+    for a, step in enumerate(steps):
+        behind = slice(first - step, n - first - step)
+        own = law[0, here] + law[0, behind]
+        for b, across in enumerate(steps):
+            if b != a:
+                modulus = law[1 + a + b]
+                own += modulus[here] + modulus[first + across : n - first + across]
+        moves = (solid[here] | solid[behind]) & ~(holds[here] | holds[behind]) & (own > 0.0)
+        np.divide(1.0, own, out=inverse[a, here], where=moves)
+    return law.reshape(-1, *shape), inverse
 
 
 def _numbered(like: Sequence[Flags]) -> Ints:
-    """Return a number for every row, the same if it is like the one before in all that is told."""
+    """Return a number for every row, the same if it is like the one before in every respect."""
     return np.append(0, np.cumsum(~np.logical_and.reduce(like)))
 
 
-def _firsts(rows: Ints) -> Ints:
-    """Return the first row of every number."""
-    return np.flatnonzero(np.diff(rows, prepend=-1))
-
-
 def _spread(values: NDArray[Any], arrays: tuple[Any, ...]) -> NDArray[Any]:
-    """Return for all faces what a level's arrays say of those that others are like."""
+    """Return for all faces the values that a level stores for its distinct rows."""
     box, rows = arrays[3:]
     if values.size == box[sweeps.COUNT] * box[sweeps.SIZE]:
         return values
@@ -387,50 +397,22 @@ def _shape(box: Ints) -> tuple[int, ...]:
     return tuple(int(n) for n in box[:3] if n > 1)
 
 
-def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence[int]) -> Ints:
-    """Return for every row of places that which describes it."""
-    rows, inner = np.zeros((), dtype=np.int64), FIRST + ALIKE // 2 - 1
-    for every, some, fewer in zip(whole, described, left_out, strict=False):
-        place = np.arange(every)
-        like = np.minimum(place, np.maximum(inner, place - fewer))
-        rows = rows[..., None] * some + np.minimum(like, some - 1)
-    return rows.ravel()
-
-
-def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
-    """Return a full box and those of its parents that are boxes themselves."""
-    # They obey the law on cells twice as large. What moves beyond a free side goes on straight,
-    # what is beyond a rigid one is its mirror image.
-    d, cells = problem.dimension, problem.shape
-    outside = outside_of(problem)
-    rim = described(problem.kinds, cells[:-1])
-    spring = tuple(described(values, cells[:-1]) for values in problem.spring)
-    levels: list[Level] = []
-    while True:
-        last = any(n % 2 or n < FEWEST for n in cells)
-        beyond = outside if levels else None
-        levels.append(_by_law(cells, rim, moduli, spring, beyond, spread=last))
-        if last:
-            return levels
-        cells = tuple(n // 2 for n in cells)
-        rim = np.ascontiguousarray(rim[..., _every(2, rim.shape[-1])])
-        moduli = Moduli(*(2.0 ** (d - 2) * values for values in moduli))
-        spring = tuple(2.0 ** (d - 1) * v[..., _every(2, v.shape[-1])] for v in spring)
-
-
-def outside_of(problem: ElasticProblem) -> Floats:
+def ghost_weights_of(problem: ElasticProblem) -> Floats:
     """Return for every side the weights of the first two faces, from which those beyond follow."""
     sides = range(2 * problem.dimension)
     ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
     return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
 
 
-def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
+def coarse_box(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
     """Return a full box on cells twice as large, or so many times."""
     d, wide = problem.dimension, 2.0**times
 
     def halved(values: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(values[np.ix_(*[_every(2**times, n) for n in values.shape])])
+        # The ghost cells beyond both ends stay. Along the normal the last face is kept as well;
+        # across it the last two have one parent.
+        every = [np.array([0, *range(1, n - 1, 2**times), n - 1]) for n in values.shape]
+        return np.ascontiguousarray(values[np.ix_(*every)])
 
     return replace(
         problem,
@@ -438,37 +420,6 @@ def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
         moduli=Moduli(*(wide ** (d - 2) * values for values in problem.moduli)),
         spring=tuple(wide ** (d - 1) * halved(values) for values in problem.spring),
     )
-
-
-def described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
-    """Return the values of those cells, or faces, of a full box that the others are like."""
-    for axis, size in enumerate(cells):
-        ends = [*range(1 + ALIKE // 2), *range(1 + ALIKE // 2 + size - ALIKE, values.shape[axis])]
-        values = values.take(ends, axis)
-    return values
-
-
-def _every(step: int, count: int) -> Ints:
-    """Return the places of every second face, or so, along an axis, the rim's included."""
-    # Along the normal the last face is one of them, across it the last two have one parent.
-    return np.array([0, *range(1, count - 1, step), count - 1])
-
-
-def _lay_faces(code: NDArray[np.int8], law: Floats, steps: Ints, inverse: Floats) -> None:
-    """Write the inverse of every face's own stiffness; 0 where it cannot move."""
-    # `code` of a place is 1 if there is body, 2 if what is there holds.
-    first, n = int(steps.sum()), len(code)
-    here = slice(first, n - first)
-    for a, step in enumerate(steps):
-        behind = slice(first - step, n - first - step)
-        own = law[0, here] + law[0, behind]
-        for b, across in enumerate(steps):
-            if b != a:
-                modulus = law[1 + a + b]
-                own += modulus[here] + modulus[first + across : n - first + across]
-        moves = ((code[here] | code[behind]) == 1) & (own > 0.0)
-        out = inverse[a * n + first : (a + 1) * n - first]
-        np.divide(1.0, own, out=out, where=moves)
 
 
 def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
@@ -514,7 +465,7 @@ def _parents(fine: Level, depth: int) -> Level:
     sweeps.galerkin(fine.arrays, made, joined, box, rows, stencil.own, room, coefficients, inverse)
     arrays = (coefficients, inverse, _flat(stencil, box), box, rows)
     space = d * int(box[sweeps.SIZE])
-    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_OUTSIDE)
+    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_GHOSTS)
 
 
 def _rows_of_parents(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:

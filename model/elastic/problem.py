@@ -12,7 +12,7 @@ its own: it is a cell like any other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, log10
@@ -26,7 +26,7 @@ from kaju.errors import SceneError
 from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
 
-from .moduli import Moduli, moduli_at, moduli_of
+from .moduli import Moduli, moduli_at
 
 FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
@@ -175,91 +175,7 @@ def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
     return tuple(layer)
 
 
-def problem_of(
-    rim: NDArray[np.int32],
-    materials: Sequence[tuple[float, float]] | Floats,
-    cell_size: float,
-    *,
-    plane: Literal["stress", "strain"] | None,
-    thickness: float,
-    sides: Mapping[str, Side],
-    loads: CellLoads | None,
-    scales: Scales | None = None,
-) -> ElasticProblem:
-    """Build a problem from an array of cells.
-
-    `rim` has the index into `materials` (Young's modulus in Pa, Poisson's ratio) of each cell, or
-    AIR, RIGID; with one layer more that says what lies beyond the sides. Cell size and thickness
-    are in metres; the thickness counts in two dimensions only. `sides` name the number that what
-    lies beyond needs. With `scales` given the cells may be a part of a body, even without material.
-    """
-    from .cell_loads import face_forces
-
-    table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
-    if scales is None:
-        if not np.any(rim >= 0):
-            raise SceneError("body: no cell is of a material, so there is nothing to solve")
-        scales = _scales(rim, table, cell_size, thickness, sides, loads)
-    fixed, spring = _side_fields(rim, sides, scales)
-    problem = ElasticProblem(
-        kinds=rim,
-        moduli=moduli_of(table[:, 0] / scales.modulus, table[:, 1], plane),
-        force=face_zeros(rim),
-        fixed=fixed,
-        spring=spring,
-        surface_shear={},
-        scales=scales,
-        plane=plane,
-        thickness=thickness if rim.ndim == 2 else 1.0,
-    )
-    if loads is not None and len(loads.force):
-        face_forces(problem, loads)
-    return problem
-
-
 def face_zeros(rim: NDArray[np.int32]) -> FaceFields:
     """Return 0 on all faces of cells, the rim's included."""
     axes = range(rim.ndim)
     return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)
-
-
-def _scales(
-    rim: NDArray[np.int32],
-    table: Floats,
-    cell_size: float,
-    thickness: float,
-    sides: Mapping[str, Side],
-    loads: CellLoads | None,
-) -> Scales:
-    """Choose units in which the largest modulus and the largest force are one."""
-    used = slice(None) if len(table) == 1 else np.unique(rim[rim >= 0])
-    modulus = float(np.max(table[used, 0]))
-    stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
-    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
-    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
-    force = max([peak, *(stiffness * displacement for displacement in moved)])
-    return Scales.of(modulus, force, cell_size, stiffness)
-
-
-def _side_fields(
-    rim: NDArray[np.int32], sides: Mapping[str, Side], scales: Scales
-) -> tuple[FaceFields, FaceFields]:
-    """Return the given displacements and the foundation's stiffness of all faces, scaled."""
-    fixed, spring = face_zeros(rim), face_zeros(rim)
-    for name, side in sides.items():
-        index = SIDES[rim.ndim].index(name)
-        value = np.asarray(side[1], dtype=np.float64)
-        axis, (own, beyond) = index // 2, (-2, -1) if index % 2 else (1, 0)
-        if side[0] == "foundation":
-            layer = list(rim_layer(rim.ndim, index))
-            layer[axis] = own
-            spring[axis][tuple(layer)] = float(value) * scales.length / scales.modulus
-            continue
-        # Its faces, and the ghosts within it; rigid cells inside the array stay where they are.
-        for component, moved in enumerate(value / scales.displacement):
-            lines = np.moveaxis(fixed[component], axis, 0)
-            if component == axis:
-                lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = moved
-            else:
-                lines[beyond] = moved
-    return fixed, spring

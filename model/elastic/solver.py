@@ -300,7 +300,7 @@ _last: list[Factors] = []
 """Factors of the last body of few cells: other loads on it are solved at once."""
 
 
-def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
+def _same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
     """Tell whether two problems are of the same body, alike supported, whatever their loads."""
     if ours.plane != theirs.plane or not np.array_equal(ours.kinds, theirs.kinds):
         return False
@@ -309,13 +309,6 @@ def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
         for problem in (ours, theirs)
     )
     return len(one) == len(other) and all(map(np.array_equal, one, other))
-
-
-def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
-    """Tell whether two problems are of cells in the same places, alike supported."""
-    one, other = (np.minimum(problem.kinds, 0) for problem in (ours, theirs))
-    pairs = zip((one, *ours.spring), (other, *theirs.spring), strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
 
 
 def prolongation(numbering: Numbering, ghost_weights: Floats | None = None) -> sp.csr_array:
@@ -348,18 +341,17 @@ def _interpolation(count: int, normal: bool) -> sp.csr_array:
 
 def _ghosts_from_inside(count: int, weights: Floats) -> sp.csr_array:
     """Return how places along a line follow from all but the first and the last."""
-    line = sp.eye_array(count, format="lil")
-    line[0, [0, 1, 2]] = [0.0, *weights[0]]
-    line[-1, [-1, -2, -3]] = [0.0, *weights[1]]
-    line = sp.csr_array(line)
-    line.eliminate_zeros()
-    return line
+    inner, last = np.arange(1, count - 1), count - 1
+    row = np.append(inner, [0, 0, last, last])
+    column = np.append(inner, [1, 2, last - 1, last - 2])
+    value = np.concatenate([np.ones(len(inner)), *weights])
+    return sp.csr_array((value, (row, column)), shape=(count, count))
 
 
 def _by_factors(problem: ElasticProblem) -> Solution | None:
     """Solve few cells by factors; None if these are singular."""
     try:
-        if not (_last and same_body(_last[0].body, problem)):
+        if not (_last and _same_body(_last[0].body, problem)):
             _last[:] = [Factors(problem)]
     except RuntimeError:
         return None

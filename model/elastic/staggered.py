@@ -14,6 +14,7 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -76,19 +77,18 @@ def modulus_between(kinds: Iterable[NDArray[Any]], shear: Floats) -> Floats:
     """Return the shear modulus of edges by the kinds of the four cells round them: (4, ...)."""
     # Kinds that are no material are negative: they count from the end of these tables. Cells are
     # counted in digits of base 16: those of body or rigid, those of body, and those of air.
-    counts = np.pad(np.full(len(shear), 0x011, dtype=np.int16), (0, -DISPLACED))
-    counts[[RIGID, DISPLACED]], counts[AIR] = 0x001, 0x100
-    compliances = np.pad(1.0 / shear, (0, -DISPLACED))
-    counted, total = 0, 0.0
-    for kind in kinds:
-        counted = counted + counts.take(kind, mode="wrap")
-        total = total + compliances.take(kind, mode="wrap")
+    of_kind = np.pad(np.full(len(shear), 0x011, dtype=np.int16), (0, -DISPLACED))
+    of_kind[[RIGID, DISPLACED]], of_kind[AIR] = 0x001, 0x100
+    compliance = np.pad(1.0 / shear, (0, -DISPLACED))
+    around = list(kinds)
+    counts = reduce(np.add, [of_kind.take(kind, mode="wrap") for kind in around])
+    total: Floats = reduce(np.add, [compliance.take(kind, mode="wrap") for kind in around])
     # The harmonic mean of four cells that are body or rigid; a share of it at re-entrant corners.
     table = np.arange(0x401)
     bodies, corner = (table >> 4) & 0xF, table >> 4 == 0x13
     factors = np.where((table & 0xF == 4) & (bodies > 0), 4.0, 0.0)
-    modulus = np.where(corner, 3.0 * REENTRANT_WEIGHT, factors).take(counted)
-    return np.divide(modulus, total, out=modulus, where=np.asarray(total) > 0.0)
+    modulus: Floats = np.where(corner, 3.0 * REENTRANT_WEIGHT, factors).take(counts)
+    return np.divide(modulus, total, out=modulus, where=total > 0.0)
 
 
 def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:

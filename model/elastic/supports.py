@@ -9,13 +9,12 @@ body has to be solved on smaller cells.
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.errors import SupportError
+from kaju.factors import rigid_motions
 from kaju.model.elastic.multigrid.hierarchy import coarse_box, is_box
 from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
@@ -119,10 +118,7 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
 def _motions(face: Ints, axis: int, dimension: int) -> Floats:
     """Return how far every rigid motion about the array's corner moves faces (by index)."""
     place = face + np.where(np.arange(dimension) == axis, 0.0, 0.5)
-    columns = [np.full(len(face), float(a == axis)) for a in range(dimension)]
-    for a, b in combinations(range(dimension), 2):
-        columns.append(-place[:, b] * (a == axis) + place[:, a] * (b == axis))
-    return np.stack(columns, axis=1)
+    return rigid_motions(place, np.full(len(face), axis))
 
 
 def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:

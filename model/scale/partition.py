@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError
+from kaju.model.elastic.grid import problem_of
 from kaju.model.elastic.problem import (
     ACTIVE,
     CellLoads,
@@ -29,7 +30,6 @@ from kaju.model.elastic.problem import (
     FaceFields,
     Scales,
     Side,
-    problem_of,
 )
 from kaju.model.elastic.solver import lift
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix

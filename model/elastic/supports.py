@@ -117,7 +117,7 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
 
 def _motions(face: Ints, axis: int, dimension: int) -> Floats:
     """Return how far every rigid motion about the array's corner moves faces (by index)."""
-    place = face + np.where(np.arange(dimension) == axis, 0.0, 0.5)
+    place = face.astype(np.float64) + np.where(np.arange(dimension) == axis, 0.0, 0.5)
     return rigid_motions(place, np.full(len(face), axis))
 
 

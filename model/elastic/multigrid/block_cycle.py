@@ -54,7 +54,7 @@ class Root:
         self._hierarchy = Hierarchy(self.problem)
         self._scale = float(balance.scale[0])
         # Where every unknown place is in the hierarchy's vectors.
-        at = np.argwhere(balance.pages.mask[balance.page[0, :last]] > 0)
+        at = np.argwhere(balance.types.mask[balance.type_of[0, :last]] > 0)
         number: Ints = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
         place: Ints = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
         cell: Ints = block[at[:, 0]] * ACROSS + place
@@ -110,7 +110,7 @@ class BlockCycle:
             balance.scale,
         )
         self._rows = BlockRows(*self._rounded(*balance.rows))
-        self._pages = BlockTypes(*self._rounded(*balance.pages))
+        self._types = BlockTypes(*self._rounded(*balance.types))
         self._transfer = self._rounded(*balance.layout.transfer)
         self._u: NDArray[Any] = np.zeros(balance.shape, real)
         self._load: NDArray[Any] = np.zeros_like(self._u)
@@ -135,16 +135,16 @@ class BlockCycle:
         at = self._own[block[fine]] * places + rows.column[fine] % places
         extra = np.bincount(at, square, len(concerned) * places)
         extra = extra.reshape(-1, *balance.shape[1:])
-        page = balance.page[0, concerned]
-        diagonal = balance.pages.diagonal[page] * balance.scale[concerned, None, None] + extra
-        mask = (balance.pages.mask[page] > 0) & (diagonal > 0)
+        type_of = balance.type_of[0, concerned]
+        diagonal = balance.types.diagonal[type_of] * balance.scale[concerned, None, None] + extra
+        mask = (balance.types.mask[type_of] > 0) & (diagonal > 0)
         inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=mask)
         self._inverse, self._extra = self._rounded(inverse, STIFF * extra)
 
     def precondition(self, residual: Floats) -> NDArray[Any]:
         """Return one V-cycle's answer to a residual; it is overwritten by the next one."""
         balance, forest, rows = self.balance, self.balance.forest, self._rows
-        layout, page, u, load = balance.layout, balance.page[0], self._u, self._load
+        layout, type_of, u, load = balance.layout, balance.type_of[0], self._u, self._load
         start, child_index = forest.start, forest.child_index
         around = (layout.halo, layout.ghosts)
         strains = (rows.start, rows.column, rows.value)
@@ -161,7 +161,7 @@ class BlockCycle:
             kernels.strain_rows(u.ravel(), *some, *strains, rows.modulus, stress)
             kernels.add_row_forces(force, *some, *strains, stress, self.real(-1.0))
             kernels.restrict(
-                u, load, *blocks, forest.parent, child_index, forest.beside, page, self._pages,
+                u, load, *blocks, forest.parent, child_index, forest.beside, type_of, self._types,
                 self._scale, layout.halo, self._transfer,
             )  # fmt: skip
             parents = self._parents[level - 1]
@@ -188,7 +188,7 @@ class BlockCycle:
         balance, forest = self.balance, self.balance.forest
         kernels.smooth(
             self._u, self._load, forest.start[level], forest.start[level + 1], forward,
-            forest.beside, balance.page[0], self._pages, self._own, self._extra, self._inverse,
+            forest.beside, balance.type_of[0], self._types, self._own, self._extra, self._inverse,
             self._scale, balance.layout.halo, self._keep, self._length,
         )  # fmt: skip
 

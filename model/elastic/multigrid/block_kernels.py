@@ -128,9 +128,9 @@ def scratch(u):
 
 
 @njit(cache=True, fastmath=True)
-def apply(p, q, leaves, beside, page, pages, scale, table):
+def apply(p, q, leaves, beside, type_of, types, scale, table):
     """Write the forces that hold leaf blocks at displacements p; return p·q."""
-    cross, along, shear, _, mask, _ = pages
+    cross, along, shear, _, mask, _ = types
     d, n = p.shape[1:]
     u, w = p.reshape(len(p), d * n), q.reshape(len(q), d * n)
     masks, shears = mask.reshape(len(mask), d * n), shear.reshape(len(shear), -1)
@@ -138,7 +138,7 @@ def apply(p, q, leaves, beside, page, pages, scale, table):
     total = 0.0
     for k in leaves:
         exchange_halo(p.reshape(-1), d, n, k, beside, np.int64(0), len(p), table)
-        g, x, y = page[k], u[k], w[k]
+        g, x, y = type_of[k], u[k], w[k]
         stresses(x, scale[k], cross[g], along[g], shears[g], normal, tangent)
         face_forces(normal, tangent, force)
         m = masks[g]
@@ -153,14 +153,14 @@ def apply(p, q, leaves, beside, page, pages, scale, table):
 
 @njit(cache=True, fastmath=True)
 def smooth(
-    u, load, first, last, forward, beside, page, pages, own, extra, inverse, scale, table, keep,
+    u, load, first, last, forward, beside, type_of, types, own, extra, inverse, scale, table, keep,
     length,
 ):  # fmt: skip
     """Smooth block after block, each by Chebyshev steps with its neighbours' latest values."""
     # `forward` in the blocks' order, from zero; else in the opposite order: one is the other's
     # adjoint. The forces of irregular rows are frozen; their diagonals, `extra`, stand in for how
     # they change.
-    cross, along, shear, plain, _, _ = pages
+    cross, along, shear, plain, _, _ = types
     d, n = u.shape[1:]
     size = d * n
     v, loads = u.reshape(len(u), size), load.reshape(len(u), size)
@@ -171,7 +171,7 @@ def smooth(
     for j in range(last - first):
         k = first + j if forward else last - 1 - j
         exchange_halo(u.reshape(-1), d, n, k, beside, first, k if forward else last, table)
-        g, e, x, f = page[k], own[k], v[k], loads[k]
+        g, e, x, f = type_of[k], own[k], v[k], loads[k]
         if e >= 0:
             for i in range(size):
                 right[i] = f[i]
@@ -197,10 +197,10 @@ def smooth(
 
 @njit(cache=True, fastmath=True)
 def restrict(
-    u, load, first, last, parent, child_index, beside, page, pages, scale, table, transfer
+    u, load, first, last, parent, child_index, beside, type_of, types, scale, table, transfer
 ):
     """Add the residuals of blocks, restricted, to the loads of their parents."""
-    cross, along, shear, _, mask, _ = pages
+    cross, along, shear, _, mask, _ = types
     d, n = u.shape[1:]
     size = d * n
     v, loads = u.reshape(len(u), size), load.reshape(len(u), size)
@@ -209,7 +209,7 @@ def restrict(
     start, fine, source, weight, between = transfer
     for k in range(first, last):
         exchange_halo(u.reshape(-1), d, n, k, beside, first, last, table)
-        g, f, up = page[k], loads[k], loads[parent[k]]
+        g, f, up = type_of[k], loads[k], loads[parent[k]]
         stresses(v[k], scale[k], cross[g], along[g], shears[g], normal, tangent)
         face_forces(normal, tangent, force)
         m = masks[g]
@@ -366,11 +366,11 @@ def second_differences(u, blocks, next_to, lateral, shear, scale, stride, square
 
 
 @njit(cache=True)
-def clean(u, leaf, page, mask):
+def clean(u, leaf, type_of, mask):
     """Set all but unknowns to zero."""
     for k in range(len(u)):
         if leaf[k]:
-            x, m = u[k].ravel(), mask[page[k]].ravel()
+            x, m = u[k].ravel(), mask[type_of[k]].ravel()
             for i in range(len(x)):
                 x[i] *= m[i]
         else:

@@ -24,27 +24,27 @@ PLACES = ACROSS + 2
 class BlockTypes(NamedTuple):
     """The law and the unknowns over the places of blocks, a row for every type."""
 
-    cross: Floats  # C₁₂ of the cells. Shape (pages, places)
-    along: Floats  # C₁₁ - C₁₂. Shape (pages, places)
-    shear: Floats  # Modulus of the edges at the cells' lower corners. Shape (pages, pairs, places)
+    cross: Floats  # C₁₂ of the cells. Shape (types, places)
+    along: Floats  # C₁₁ - C₁₂. Shape (types, places)
+    shear: Floats  # Modulus of the edges at the cells' lower corners. Shape (types, pairs, places)
     inverse: Floats
-    """One over the diagonal of the stiffness, zero where no face is unknown. Shape (pages,
+    """One over the diagonal of the stiffness, zero where no face is unknown. Shape (types,
     dimension, places)."""
-    mask: Floats  # 1 where a face is unknown. Shape (pages, dimension, places)
-    diagonal: Floats  # Of the stiffness. Shape (pages, dimension, places)
+    mask: Floats  # 1 where a face is unknown. Shape (types, dimension, places)
+    diagonal: Floats  # Of the stiffness. Shape (types, dimension, places)
 
 
 def block_types(kinds: Ints, states: Ints, moduli: Moduli) -> tuple[Ints, BlockTypes]:
     """Return every block's type, and these, by its neighbours' kinds and states (`forest`)."""
     seen = np.concatenate([kinds, states], axis=1)
     lots: Ints = np.random.default_rng(0).integers(1, 1 << 62, size=seen.shape[1:])
-    _, first, page = np.unique((seen + 16) @ lots, return_index=True, return_inverse=True)
-    if not np.array_equal(seen[first][page], seen):
-        _, first, page = np.unique(seen, axis=0, return_index=True, return_inverse=True)
-    return page.ravel(), _pages(kinds[first], states[first], moduli)
+    _, first, type_of = np.unique((seen + 16) @ lots, return_index=True, return_inverse=True)
+    if not np.array_equal(seen[first][type_of], seen):
+        _, first, type_of = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+    return type_of.ravel(), _types_of(kinds[first], states[first], moduli)
 
 
-def _pages(kinds: Ints, states: Ints, moduli: Moduli) -> BlockTypes:
+def _types_of(kinds: Ints, states: Ints, moduli: Moduli) -> BlockTypes:
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))
     kind, state = _padded(kinds, d), _padded(states, d)
     counts = state == REGULAR

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from functools import cache, cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -111,8 +111,8 @@ def _transfer(d: int, stride: Ints) -> tuple[Ints, Ints, Ints, Floats, Ints]:
     fine, source = table[:, :, :2].astype(np.int64).transpose(2, 0, 1) @ stride
     start, weight = np.append(0, np.cumsum(count))[::d], table[:, :, 2].prod(axis=1)
     for a in range(d):
-        lines = [range(2, ACROSS + 1, 2) if b == a else range(1, ACROSS + 1) for b in range(d)]
-        at = np.array(list(product(*lines))) @ stride + a * PLACES**d
+        odd = [range(2, ACROSS + 1, 2) if b == a else range(1, ACROSS + 1) for b in range(d)]
+        at = np.array(list(product(*odd))) @ stride + a * PLACES**d
         between.append(np.stack([at, np.full_like(at, stride[a])], axis=1))
     return start, fine + own, source + own, weight, np.concatenate(between)
 
@@ -177,7 +177,7 @@ class Window:
 class BlockOperator:
     """Energy and forces of a forest, level by level and of all its leaves together; scaled.
 
-    `page` are the pages of the blocks on their own levels, and as parts of the whole, shape (2,
+    `type_of` are the types of the blocks on their own levels, and as parts of the whole, shape (2,
     blocks); `scale` the unit of the blocks' energy, h^(d-2).
     """
 
@@ -191,8 +191,8 @@ class BlockOperator:
         alone = forest.states(composite=False)
         kinds = np.concatenate([forest.kinds, forest.kinds])
         states = np.concatenate([alone, self.states])
-        page, self.pages = block_types(kinds, states, forest.ground.moduli)
-        self.page: Ints = page.reshape(2, -1)
+        type_of, self.types = block_types(kinds, states, forest.ground.moduli)
+        self.type_of: Ints = type_of.reshape(2, -1)
         self.rows = self._rows()
 
     def zeros(self) -> Floats:
@@ -202,15 +202,15 @@ class BlockOperator:
     @cached_property
     def unknowns(self) -> Ints:
         """Places that are unknown."""
-        mask = self.pages.mask[self.page[1]] > 0
+        mask = self.types.mask[self.type_of[1]] > 0
         mask[~self.forest.leaf] = False
         return np.flatnonzero(mask)
 
     def apply(self, u: Floats, force: Floats) -> float:
         """Write the force that holds a displacement; return twice its energy."""
         forest, rows = self.forest, self.rows
-        tree = (forest.leaves, forest.beside, self.page[1])
-        total = kernels.apply(u, force, *tree, self.pages, self.scale, self.layout.halo)
+        tree = (forest.leaves, forest.beside, self.type_of[1])
+        total = kernels.apply(u, force, *tree, self.types, self.scale, self.layout.halo)
         stress, every = np.empty(len(rows.modulus)), (0, len(rows.modulus))
         strains = (*every, rows.start, rows.column, rows.value)
         total += kernels.strain_rows(u.ravel(), *strains, rows.modulus, stress)
@@ -271,18 +271,19 @@ class BlockOperator:
         d, half = self.forest.dimension, ACROSS // 2
         places = u.reshape(*self.shape[:2], *(PLACES,) * d)
         for child, a in product(range(1 << d), range(d)):
-            faces, into = places[self.forest.child[parents, child], a], [slice(None)] * d
+            faces, into = places[self.forest.child[parents, child], a], list[slice]()
             for b in range(d):
                 # Along the normal every other face is one of the parent's, the last one that of the
                 # upper child; across it two lie in one.
                 upper = child >> b & 1
                 count = half + (upper if b == a else 0)
-                into[b] = slice(upper * half + 1, upper * half + 1 + count)
+                into.append(slice(upper * half + 1, upper * half + 1 + count))
                 first, second = (
                     faces.take(range(k, k + 2 * count, 2), b + 1, mode="clip") for k in (1, 2)
                 )
                 faces = first if b == a else 0.5 * (first + second)
-            places[(parents, a, *into)] = faces
+            index: tuple[Any, ...] = (parents, a, *into)
+            places[index] = faces
 
     def errors(self, u: Floats, squares: Floats | None = None) -> tuple[Floats, Floats]:
         """Return the squares of the leaf blocks' errors, and each agent's residual load."""
@@ -330,7 +331,7 @@ class BlockOperator:
             around = (self.layout.halo, self.layout.ghosts)
             kernels.extrapolate_to_ghosts(u, parents, forest.beside, ghost_rules, *around, False)
             kernels.prolong(u, fresh, forest.parent, forest.child_index, self.layout.transfer)
-        kernels.clean(u, forest.leaf, self.page[1], self.pages.mask)
+        kernels.clean(u, forest.leaf, self.type_of[1], self.types.mask)
         return u
 
     def _rows(self) -> BlockRows:

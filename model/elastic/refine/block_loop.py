@@ -304,7 +304,7 @@ def mirrors(blocks: BlockOperator) -> tuple[int, ...]:
         way = (turned + 1) @ 3 ** np.arange(forest.dimension)
         alike = np.array_equal(forest.kinds[forest.leaves][:, way], forest.kinds[partner])
         off = np.abs(_image(blocks, blocks.load, axis, partner) - blocks.load[forest.leaves])
-        off *= blocks.pages.mask[blocks.page[1, forest.leaves]]
+        off *= blocks.types.mask[blocks.type_of[1, forest.leaves]]
         if alike and float(off.max(initial=0.0)) <= ROUNDING * largest:
             found.append(axis)
     return tuple(found)
@@ -330,7 +330,7 @@ def symmetrise(blocks: BlockOperator, u: Floats, axes: tuple[int, ...]) -> None:
         if (partner < 0).any():
             continue
         mean = 0.5 * (u[leaves] + _image(blocks, u, axis, partner))
-        u[leaves] = mean * blocks.pages.mask[blocks.page[1, leaves]]
+        u[leaves] = mean * blocks.types.mask[blocks.type_of[1, leaves]]
 
 
 def _image(blocks: BlockOperator, u: Floats, axis: int, partner: Ints) -> Floats:

@@ -5,9 +5,8 @@ by the largest Young's modulus, forces by the largest force, lengths by the cell
 two dimensions a force per displacement has the unit E·t (t: thickness), in three E·h, so
 the scaled displacement is u·E·t/F and u·E·h/F. `Scales` turns the answers back into SI.
 
-The arrays carry one layer of cells around the body, the *rim*, which says what lies beyond
-each side: air, rigid ground, a roller or an elastic foundation. So a side needs no rule of
-its own: it is a cell like any other.
+The arrays carry one layer of ghost cells around the body, which say what lies beyond each side:
+air, rigid ground, a roller or an elastic foundation. So a side needs no rule of its own.
 """
 
 from __future__ import annotations
@@ -95,18 +94,19 @@ def _order(size: float) -> float:
 class ElasticProblem:
     """A body on the staggered grid with its supports and loads, in scaled units."""
 
-    # Per cell the index of its material, or AIR, RIGID, ROLLER, FOUNDATION; rim included
-    kinds: NDArray[np.int32]
+    kinds: NDArray[
+        np.int32
+    ]  # Material's index, or AIR, RIGID, ROLLER, FOUNDATION; with ghost cells
     moduli: Moduli  # Scaled moduli, one entry per material
-    # External force on every face, scaled; shape of `kinds` plus one along the normal
-    force: FaceFields
+    force: (
+        FaceFields  # External force on every face, scaled; one more than `kinds` along the normal
+    )
     fixed: FaceFields  # Displacement of the fixed faces, scaled (zero elsewhere)
     spring: FaceFields  # Stiffness of the foundation beneath each face, scaled
     # Shear stress that loads along the surface put on the edges, scaled
     surface_shear: dict[tuple[int, int], Floats]
     scales: Scales  # What one scaled unit is in SI
-    # Two-dimensional assumption; None in three dimensions
-    plane: Literal["stress", "strain"] | None
+    plane: Literal["stress", "strain"] | None  # None in three dimensions
     thickness: float = 1.0  # Thickness (m); 1 in three dimensions
     # Shear moduli of the edges by pairs of axes, scaled, where they are not by the cells round them
     edges: dict[tuple[int, int], Floats] | None = None
@@ -118,16 +118,16 @@ class ElasticProblem:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of cells along each axis, without the rim."""
+        """Number of cells along each axis, without ghosts."""
         return tuple(n - 2 for n in self.kinds.shape)
 
     @property
     def inner(self) -> tuple[slice, ...]:
-        """Index of the cells without the rim."""
+        """Index of the cells without ghosts."""
         return (slice(1, -1),) * self.dimension
 
     def face_shape(self, axis: int) -> tuple[int, ...]:
-        """Return the shape of the faces normal to `axis`, rim included."""
+        """Return the shape of the faces normal to `axis`, ghosts included."""
         return tuple(n + (a == axis) for a, n in enumerate(self.kinds.shape))
 
     @cached_property
@@ -169,13 +169,13 @@ class CellLoads(NamedTuple):
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
-    """Return the index of the rim's cells beyond one side, without the rim's own corners."""
+    """Return the index of the ghost cells beyond one side, without the corners."""
     layer: list[slice | int] = [slice(1, -1)] * dimension
     layer[index // 2] = -1 if index % 2 else 0
     return tuple(layer)
 
 
 def face_zeros(rim: NDArray[np.int32]) -> FaceFields:
-    """Return 0 on all faces of cells, the rim's included."""
+    """Return 0 on all faces of cells, ghosts included."""
     axes = range(rim.ndim)
     return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)

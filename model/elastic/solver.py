@@ -231,7 +231,7 @@ def _moved_sides(problem: ElasticProblem) -> Floats:
             lines = np.moveaxis(fixed, axis, 0)
             # The wall's own faces along the axis, ghosts beyond it across.
             first, last = (1, -2) if axis == component else (0, -1)
-            # The rim's corners, and the walls at both ends of a side, belong to other sides.
+            # Corner ghost cells, and the walls at both ends of a side, belong to other sides.
             beside = tuple(
                 slice(2, -2) if a == component else slice(1, -1) for a in range(d) if a != axis
             )

@@ -64,7 +64,7 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
 
 def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     """Return the shear modulus of the edges between the axes of a pair."""
-    # Shape: one more than the cells (rim included) along both axes of the pair.
+    # Shape: one more than the cells (ghosts included) along both axes of the pair.
     if problem.edges is not None:
         return problem.edges[pair]
     kinds = problem.kinds
@@ -92,7 +92,7 @@ def modulus_between(kinds: Iterable[NDArray[Any]], shear: Floats) -> Floats:
 
 
 def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return the energy stored in every cell, rim left out."""
+    """Return the energy stored in every cell, without ghosts."""
     # An edge's energy belongs to the cells round it by their compliances. So a cell's energy is its
     # stiffness times the derivative of all energy by that, at given displacements.
     strain = strains(u)
@@ -115,7 +115,7 @@ def around_edges(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.gen
 
 
 def strains(u: FaceFields) -> Strains:
-    """Return the strains of face displacements (rim included, lengths in cell edges)."""
+    """Return the strains of face displacements (with ghosts, lengths in cell edges)."""
     d = len(u)
     cells = tuple(np.diff(values, axis=axis) for axis, values in enumerate(u))
     edges = {}
@@ -174,7 +174,7 @@ def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
 class Numbering:
     """Numbers for the faces that are free to move, axis after axis.
 
-    By axis are `states` those of all faces, rim included, and `number` the active ones' numbers, -1
+    By axis are `states` those of all faces, ghosts included, and `number` the active ones' numbers, -1
     elsewhere; `size` is how many are active.
     """
 

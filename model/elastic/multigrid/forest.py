@@ -63,12 +63,9 @@ class Forest:
     child: Ints  # shape (blocks, 2^d): -1 for leaves
     beside: Ints  # shape (blocks, 3^d): Blocks of the same level, by `ways`; -1 for none
     kinds: Ints  # shape (blocks, 3^d): Material or kind of what is there, whatever its size
-    # shape (blocks,): The same block in the forest that this one has grown from, -1 for new ones
-    origin: Ints
+    origin: Ints  # shape (blocks,): The same block in the forest before, -1 for new ones
     step: Ints  # shape (blocks,): Spawning step in which its agents came to be
-    # shape (blocks,): 1 for children of blocks that were chosen, NaN for those that keep neighbours
-    # alike
-    cause: Floats = field(repr=False)
+    cause: Floats = field(repr=False)  # shape (blocks,): 1 for children of chosen blocks, else NaN
     edge: int = 0
 
     @property

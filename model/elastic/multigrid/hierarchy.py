@@ -127,7 +127,7 @@ class Hierarchy:
             values += view
 
     def views(self, vector: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-        """Return a vector as one array per axis, the rim included."""
+        """Return a vector as one array per axis, ghost cells included."""
         level = self.levels[0]
         box = level.arrays[3]
         shape = (box[0], box[2]) if self.dimension == 2 else tuple(box[:3])
@@ -296,8 +296,8 @@ def is_box(problem: ElasticProblem) -> bool:
 
 def _by_law(problem: ElasticProblem, ghost_weights: Floats | None = None) -> Level:
     """Return a level of which only moduli are stored."""
-    # Of equal planes in a row, those further than two behind the first and one before the last
-    # have the same law and the same neighbours' as the plane before: they share its rows.
+    # A plane of cells that is equal to the next and to the two before has the same law and the same
+    # stiffness as the plane before it: it shares the rows of that one.
     planes, kinds = problem.kinds.shape[0], problem.kinds
     shares = np.zeros(planes, dtype=np.bool_)
     if problem.edges is None:

@@ -174,7 +174,7 @@ def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
 class Numbering:
     """Numbers for the faces that are free to move, axis after axis.
 
-    By axis are `states` those of all faces, ghosts included, and `number` the active ones' numbers, -1
+    `states` are those of all faces by axis, ghosts included, `number` the active ones' numbers, -1
     elsewhere; `size` is how many are active.
     """
 

@@ -152,12 +152,7 @@ def _tilt(problem: ElasticProblem, component: int, across: int, edge: Ints, mome
 
 
 def _make_up(
-    problem: ElasticProblem,
-    axis: int,
-    normal: int,
-    upper: int,
-    cells: Ints,
-    moment: Floats,
+    problem: ElasticProblem, axis: int, normal: int, upper: int, cells: Ints, moment: Floats
 ) -> Floats:
     """Enter moments as a turn of the four faces round the edges below the surface."""
     # Where there are no such faces u(surface) is extrapolated from the layer below, and without a

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SupportError
@@ -12,8 +14,18 @@ from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 
-from .problem import CellLoads, ElasticProblem, Side, problem_of, rim_layer
-from .solver import held_alike
+from .cell_loads import face_forces
+from .moduli import moduli_of
+from .problem import (
+    SIDES,
+    CellLoads,
+    ElasticProblem,
+    FaceFields,
+    Scales,
+    Side,
+    face_zeros,
+    rim_layer,
+)
 from .supports import check_supports, slender_cell
 
 Origin = tuple[int, ...]
@@ -76,6 +88,88 @@ def problem_of_scene(
     return problem, tuple(int(i) for i in lower)
 
 
+def problem_of(
+    rim: NDArray[np.int32],
+    materials: Sequence[tuple[float, float]] | Floats,
+    cell_size: float,
+    *,
+    plane: Literal["stress", "strain"] | None,
+    thickness: float,
+    sides: Mapping[str, Side],
+    loads: CellLoads | None,
+    scales: Scales | None = None,
+) -> ElasticProblem:
+    """Build a problem from an array of cells.
+
+    `rim` has the index into `materials` (Young's modulus in Pa, Poisson's ratio) of each cell, or
+    AIR, RIGID; with one layer more that says what lies beyond the sides. Cell size and thickness
+    are in metres; the thickness counts in two dimensions only. `sides` name the number that what
+    lies beyond needs. With `scales` given the cells may be a part of a body, even without material.
+    """
+    table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
+    if scales is None:
+        if not np.any(rim >= 0):
+            raise SceneError("body: no cell is of a material, so there is nothing to solve")
+        scales = _scales(rim, table, cell_size, thickness, sides, loads)
+    fixed, spring = _side_fields(rim, sides, scales)
+    problem = ElasticProblem(
+        kinds=rim,
+        moduli=moduli_of(table[:, 0] / scales.modulus, table[:, 1], plane),
+        force=face_zeros(rim),
+        fixed=fixed,
+        spring=spring,
+        surface_shear={},
+        scales=scales,
+        plane=plane,
+        thickness=thickness if rim.ndim == 2 else 1.0,
+    )
+    if loads is not None and len(loads.force):
+        face_forces(problem, loads)
+    return problem
+
+
+def _scales(
+    rim: NDArray[np.int32],
+    table: Floats,
+    cell_size: float,
+    thickness: float,
+    sides: Mapping[str, Side],
+    loads: CellLoads | None,
+) -> Scales:
+    """Return units in which the largest modulus and the largest force are one."""
+    used = slice(None) if len(table) == 1 else np.unique(rim[rim >= 0])
+    modulus = float(np.max(table[used, 0]))
+    stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
+    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
+    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
+    force = max([peak, *(stiffness * displacement for displacement in moved)])
+    return Scales.of(modulus, force, cell_size, stiffness)
+
+
+def _side_fields(
+    rim: NDArray[np.int32], sides: Mapping[str, Side], scales: Scales
+) -> tuple[FaceFields, FaceFields]:
+    """Return the given displacements and the foundation's stiffness of all faces, scaled."""
+    fixed, spring = face_zeros(rim), face_zeros(rim)
+    for name, side in sides.items():
+        index = SIDES[rim.ndim].index(name)
+        value = np.asarray(side[1], dtype=np.float64)
+        axis, (own, beyond) = index // 2, (-2, -1) if index % 2 else (1, 0)
+        if side[0] == "foundation":
+            layer = list(rim_layer(rim.ndim, index))
+            layer[axis] = own
+            spring[axis][tuple(layer)] = float(value) * scales.length / scales.modulus
+            continue
+        # Its faces, and the ghosts within it; rigid cells inside the array stay where they are.
+        for component, moved in enumerate(value / scales.displacement):
+            lines = np.moveaxis(fixed[component], axis, 0)
+            if component == axis:
+                lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = moved
+            else:
+                lines[beyond] = moved
+    return fixed, spring
+
+
 class Grid(NamedTuple):
     """A scene on the cells on which it is solved."""
 
@@ -84,6 +178,14 @@ class Grid(NamedTuple):
     origin: Origin  # Cell of the scene at which the arrays start
     division: int  # Cells per cell of the scene that was asked about, along every axis
     notes: tuple[str, ...] = ()  # What was changed by itself, in words
+
+    @property
+    def narrow(self) -> str:
+        """Where a member is one cell wide, "" if none is."""
+        cell = slender_cell(self.problem)
+        if cell is None:
+            return ""
+        return f"({', '.join(str(a + b) for a, b in zip(cell, self.origin, strict=True))})"
 
 
 def grid_of(
@@ -96,12 +198,17 @@ def grid_of(
     """Return the grid of a scene, with a relative stiffness of each of its cells if given.
 
     Its cells are halved where a member, or what holds the body against turning, is one cell wide:
-    neither resists on this grid. A body that is `known`, of whatever stiffness, needs no look.
+    neither resists on this grid. A body that is supported like the `known` one needs no check.
     """
-    grid = _refined(scene, stage, division, stiffness)
-    if known is not None and held_alike(grid.problem, known):
+
+    def refined(times: int) -> Grid:
+        fine = scene if times == 1 else scene.refine(times)
+        return Grid(fine, *problem_of_scene(fine, stage, repeated(stiffness, times)), times)
+
+    grid = refined(division)
+    if known is not None and _held_alike(grid.problem, known):
         return grid
-    narrow, loose = _narrow(grid), None
+    narrow, loose = grid.narrow, None
     if not narrow:
         try:
             check_supports(grid.problem, grid.origin, division)
@@ -110,25 +217,27 @@ def grid_of(
             if "could turn" not in str(error):
                 raise
             loose = error
-    finer = _refined(scene, stage, 2 * division, stiffness)
-    if narrow and _narrow(finer):
+    finer = refined(2 * division)
+    if narrow and finer.narrow:
         raise SceneError(
-            f"body: a member is one cell wide at cell {_narrow(finer)} of the grid refined by "
+            f"body: a member is one cell wide at cell {finer.narrow} of the grid refined by "
             f"{2 * division} and carries no shear; widen it, or give a larger resolution"
         )
     try:
         check_supports(finer.problem, finer.origin, 2 * division)
     except SupportError as error:
         raise loose or error from None
-    reason = "a single rigid cell holds no turn"
-    if narrow:
-        reason = f"a member is one cell wide at {narrow}"
+    reason = f"a member is one cell wide at {narrow}"
+    if loose is not None:
+        reason = "a single rigid cell holds no turn"
     return finer._replace(notes=(f"{reason}: the cells were halved",))
 
 
-def _refined(scene: Scene, stage: int | None, division: int, stiffness: Floats | None) -> Grid:
-    fine = scene if division == 1 else scene.refine(division)
-    return Grid(fine, *problem_of_scene(fine, stage, repeated(stiffness, division)), division)
+def _held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
+    """Tell whether two problems are of cells in the same places, alike supported."""
+    one, other = (np.minimum(problem.kinds, 0) for problem in (ours, theirs))
+    pairs = zip((one, *ours.spring), (other, *theirs.spring), strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)
 
 
 def repeated(stiffness: Floats | None, division: int) -> Floats | None:
@@ -137,11 +246,3 @@ def repeated(stiffness: Floats | None, division: int) -> Floats | None:
         for axis in range(stiffness.ndim):
             stiffness = np.repeat(stiffness, division, axis)
     return stiffness
-
-
-def _narrow(grid: Grid) -> str:
-    """Return where a member is one cell wide, "" if none is."""
-    cell = slender_cell(grid.problem)
-    if cell is None:
-        return ""
-    return f"({', '.join(str(a + b) for a, b in zip(cell, grid.origin, strict=True))})"

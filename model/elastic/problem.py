@@ -5,14 +5,13 @@ by the largest Young's modulus, forces by the largest force, lengths by the cell
 two dimensions a force per displacement has the unit E·t (t: thickness), in three E·h, so
 the scaled displacement is u·E·t/F and u·E·h/F. `Scales` turns the answers back into SI.
 
-The arrays carry one layer of cells around the body, the *rim*, which says what lies beyond
-each side: air, rigid ground, a roller or an elastic foundation. So a side needs no rule of
-its own: it is a cell like any other.
+The arrays carry one layer of ghost cells around the body, which say what lies beyond each side:
+air, rigid ground, a roller or an elastic foundation. So a side needs no rule of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, log10
@@ -26,7 +25,7 @@ from kaju.errors import SceneError
 from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
 
-from .moduli import Moduli, moduli_at, moduli_of
+from .moduli import Moduli, moduli_at
 
 FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
@@ -95,18 +94,19 @@ def _order(size: float) -> float:
 class ElasticProblem:
     """A body on the staggered grid with its supports and loads, in scaled units."""
 
-    # Per cell the index of its material, or AIR, RIGID, ROLLER, FOUNDATION; rim included
-    kinds: NDArray[np.int32]
+    kinds: NDArray[
+        np.int32
+    ]  # Material's index, or AIR, RIGID, ROLLER, FOUNDATION; with ghost cells
     moduli: Moduli  # Scaled moduli, one entry per material
-    # External force on every face, scaled; shape of `kinds` plus one along the normal
-    force: FaceFields
+    force: (
+        FaceFields  # External force on every face, scaled; one more than `kinds` along the normal
+    )
     fixed: FaceFields  # Displacement of the fixed faces, scaled (zero elsewhere)
     spring: FaceFields  # Stiffness of the foundation beneath each face, scaled
     # Shear stress that loads along the surface put on the edges, scaled
     surface_shear: dict[tuple[int, int], Floats]
     scales: Scales  # What one scaled unit is in SI
-    # Two-dimensional assumption; None in three dimensions
-    plane: Literal["stress", "strain"] | None
+    plane: Literal["stress", "strain"] | None  # None in three dimensions
     thickness: float = 1.0  # Thickness (m); 1 in three dimensions
     # Shear moduli of the edges by pairs of axes, scaled, where they are not by the cells round them
     edges: dict[tuple[int, int], Floats] | None = None
@@ -118,16 +118,16 @@ class ElasticProblem:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of cells along each axis, without the rim."""
+        """Number of cells along each axis, without ghosts."""
         return tuple(n - 2 for n in self.kinds.shape)
 
     @property
     def inner(self) -> tuple[slice, ...]:
-        """Index of the cells without the rim."""
+        """Index of the cells without ghosts."""
         return (slice(1, -1),) * self.dimension
 
     def face_shape(self, axis: int) -> tuple[int, ...]:
-        """Return the shape of the faces normal to `axis`, rim included."""
+        """Return the shape of the faces normal to `axis`, ghosts included."""
         return tuple(n + (a == axis) for a, n in enumerate(self.kinds.shape))
 
     @cached_property
@@ -169,97 +169,13 @@ class CellLoads(NamedTuple):
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
-    """Return the index of the rim's cells beyond one side, without the rim's own corners."""
+    """Return the index of the ghost cells beyond one side, without the corners."""
     layer: list[slice | int] = [slice(1, -1)] * dimension
     layer[index // 2] = -1 if index % 2 else 0
     return tuple(layer)
 
 
-def problem_of(
-    rim: NDArray[np.int32],
-    materials: Sequence[tuple[float, float]] | Floats,
-    cell_size: float,
-    *,
-    plane: Literal["stress", "strain"] | None,
-    thickness: float,
-    sides: Mapping[str, Side],
-    loads: CellLoads | None,
-    scales: Scales | None = None,
-) -> ElasticProblem:
-    """Build a problem from an array of cells.
-
-    `rim` has the index into `materials` (Young's modulus in Pa, Poisson's ratio) of each cell, or
-    AIR, RIGID; with one layer more that says what lies beyond the sides. Cell size and thickness
-    are in metres; the thickness counts in two dimensions only. `sides` name the number that what
-    lies beyond needs. With `scales` given the cells may be a part of a body, even without material.
-    """
-    from .cell_loads import face_forces
-
-    table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
-    if scales is None:
-        if not np.any(rim >= 0):
-            raise SceneError("body: no cell is of a material, so there is nothing to solve")
-        scales = _scales(rim, table, cell_size, thickness, sides, loads)
-    fixed, spring = _side_fields(rim, sides, scales)
-    problem = ElasticProblem(
-        kinds=rim,
-        moduli=moduli_of(table[:, 0] / scales.modulus, table[:, 1], plane),
-        force=face_zeros(rim),
-        fixed=fixed,
-        spring=spring,
-        surface_shear={},
-        scales=scales,
-        plane=plane,
-        thickness=thickness if rim.ndim == 2 else 1.0,
-    )
-    if loads is not None and len(loads.force):
-        face_forces(problem, loads)
-    return problem
-
-
 def face_zeros(rim: NDArray[np.int32]) -> FaceFields:
-    """Return 0 on all faces of cells, the rim's included."""
+    """Return 0 on all faces of cells, ghosts included."""
     axes = range(rim.ndim)
     return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)
-
-
-def _scales(
-    rim: NDArray[np.int32],
-    table: Floats,
-    cell_size: float,
-    thickness: float,
-    sides: Mapping[str, Side],
-    loads: CellLoads | None,
-) -> Scales:
-    """Choose units in which the largest modulus and the largest force are one."""
-    used = slice(None) if len(table) == 1 else np.unique(rim[rim >= 0])
-    modulus = float(np.max(table[used, 0]))
-    stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
-    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
-    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
-    force = max([peak, *(stiffness * displacement for displacement in moved)])
-    return Scales.of(modulus, force, cell_size, stiffness)
-
-
-def _side_fields(
-    rim: NDArray[np.int32], sides: Mapping[str, Side], scales: Scales
-) -> tuple[FaceFields, FaceFields]:
-    """Return the given displacements and the foundation's stiffness of all faces, scaled."""
-    fixed, spring = face_zeros(rim), face_zeros(rim)
-    for name, side in sides.items():
-        index = SIDES[rim.ndim].index(name)
-        value = np.asarray(side[1], dtype=np.float64)
-        axis, (own, beyond) = index // 2, (-2, -1) if index % 2 else (1, 0)
-        if side[0] == "foundation":
-            layer = list(rim_layer(rim.ndim, index))
-            layer[axis] = own
-            spring[axis][tuple(layer)] = float(value) * scales.length / scales.modulus
-            continue
-        # Its faces, and the ghosts within it; rigid cells inside the array stay where they are.
-        for component, moved in enumerate(value / scales.displacement):
-            lines = np.moveaxis(fixed[component], axis, 0)
-            if component == axis:
-                lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = moved
-            else:
-                lines[beyond] = moved
-    return fixed, spring

@@ -14,7 +14,13 @@ from scipy.sparse.linalg import SuperLU
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import SceneError
 from kaju.factors import factors_of
-from kaju.model.elastic.multigrid.hierarchy import GUARD, Hierarchy, is_box, of_parents, outside_of
+from kaju.model.elastic.multigrid.hierarchy import (
+    GUARD,
+    Hierarchy,
+    coarse_box,
+    ghost_weights_of,
+    is_box,
+)
 from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.multigrid.mixed_form import MixedForm, without_pressure
 from kaju.stopping import interrupt_requested
@@ -26,48 +32,40 @@ FEW = {2: 50_000, 3: 3_000}
 """So many cells are solved by factors, which need no compiled loop; a second or two at most."""
 DIRECT_LIMIT = {2: 1_200_000, 3: 40_000}
 """Up to this many faces factors fit in memory, where multigrid is slow."""
-REFINED = 1e-5
-"""Share of the loads that a refined answer may leave unbalanced: what rounding leaves of bodies
-that hardly resist."""
+REFINED = 1e-5  # Residual, of the loads, at most, after iterative refinement of a direct answer
 UNBALANCED, NOTEWORTHY = 0.1, 1e-5
 """Shares of the loads that rounding leaves unbalanced: refused above the first, noted above the
 second."""
 ALGEBRAIC_SHARE = 0.15
-"""Unless told otherwise, iterate until the algebraic error is this share of the grid's.
-
-That is the error before the last correction, which takes nine tenths of it away.
-"""
+"""By default the algebraic error before the last correction, which takes nine tenths of it away, is
+at most this share of the grid's."""
+LOOSEST = 3e-3  # But never stop above this
 SMALL, SMALL_TOLERANCE = 100_000, 1e-10
-"""Bodies of fewer faces are solved to this tolerance unless told otherwise: it costs little,
-and forces balance to more digits than anyone prints."""
+"""Bodies of fewer faces are by default solved to this tolerance: it costs little, and forces
+balance to more digits than anyone prints."""
 BALANCE, FIRST_RATE = 1e-2, 0.1
 """Supports and loads differ by at most this share of the error that is stated, after a last
-correction that leaves the second share of what there was if nothing is known of it."""
-LOOSEST = 3e-3  # But never stop above this
+correction that is taken to leave the second share where no rate is known yet."""
 MENDED = 300  # Iterations more, for forces of nearly incompressible bodies to balance
-PATIENCE = 16
-"""After this many iterations the rate decides whether to change the method: stiff grains in a soft
-body take several to be moved as a whole, in which nothing seems to be gained."""
-TOO_MANY, MOST = 60, 1000
-"""More iterations than the first in sight: take factors, or if these do not fit go on to the
-second."""
+PATIENCE, TOO_MANY, MOST = 16, 60, 1000
+"""After the first number of iterations (stiff grains in a soft body take several to be moved as a
+whole) the rate tells how many it takes: if more than the second, factors are taken, or if these do
+not fit, iterations up to the third."""
 
 
 @dataclass
 class Solution:
     """Displacements of all faces and how they were found; all scaled."""
 
-    displacement: FaceFields  # Faces' displacements, rim included
+    displacement: FaceFields  # Faces' displacements, ghost cells included
     energy: float  # Energy stored in body and foundation
     method: str  # "direct", "full multigrid", "Galerkin multigrid", "mixed form"
-    discretisation: float
-    algebraic: float
-    """Estimated relative errors in the energy norm: of the grid, and of the iteration."""
+    discretisation: float  # Estimated relative error in the energy norm: of the grid,
+    algebraic: float  # and of the iteration
     levels: int
     residuals: list[float]
     converged: bool
-    notes: list[str] = field(default_factory=list)
-    """What the solver decided by itself."""
+    notes: list[str] = field(default_factory=list)  # What the solver decided by itself
 
     @property
     def iterations(self) -> int:
@@ -140,61 +138,57 @@ def followed(problem: ElasticProblem, start: FaceFields | None, tolerance: float
 
 
 class System:
-    """A problem's loads on the faces that are free to move.
+    """A problem's loads on the faces that are free to move, for the displacement less a lift.
 
-    The unknown is what is missing to a displacement that leads smoothly from moved sides to those
-    opposite. Were it the displacement itself, it would jump at a moved side, and the parents'
-    answer with it, by more the finer the grid.
+    The lift falls linearly from moved sides to those opposite. Without it the unknown would jump at
+    a moved side, and the coarse levels' answer with it, by more the finer the grid.
     """
 
     def __init__(self, problem: ElasticProblem, space: Hierarchy | Numbering) -> None:
         self.problem, self._space = problem, space
-        self.load = space.gather(problem.force)  # External forces,
-        self.right = self.load  # and these without what the given displacements take.
-        self._given, self._lead = 0.0, problem.fixed
+        self.load = space.gather(problem.force)
+        self.right = self.load  # less the forces that hold the lift
+        self._lift_energy, self._lift = 0.0, problem.fixed
         if any(values.any() for values in problem.fixed):
             origin = np.zeros(problem.dimension, dtype=np.int64)
-            self._lead = lead(problem, _moved(problem), origin, np.array(problem.shape))
-            pull = internal_force(problem, self._lead)
-            self._given = sum(float(np.vdot(a, b)) for a, b in zip(pull, self._lead, strict=True))
-            self.right = self.load - space.gather(pull)
+            self._lift = lift(problem, _moved_sides(problem), origin, np.array(problem.shape))
+            force = internal_force(problem, self._lift)
+            pairs = zip(force, self._lift, strict=True)
+            self._lift_energy = sum(float(np.vdot(a, b)) for a, b in pairs)
+            self.right = self.load - space.gather(force)
 
     def unknown(self, displacement: FaceFields) -> Floats:
-        """Return the vector that `displacement` takes back."""
+        """Return the vector of which `displacement` is the inverse."""
         found = self._space.gather(displacement)
-        return found if self.right is self.load else found - self._space.gather(self._lead)
+        return found if self.right is self.load else found - self._space.gather(self._lift)
 
     def displacement(self, unknown: Floats) -> FaceFields:
         """Return displacements of all faces, the given ones included."""
         if self.right is not self.load:
-            unknown = unknown + self._space.gather(self._lead)
+            unknown = unknown + self._space.gather(self._lift)
         fields = tuple(values.copy() for values in self.problem.fixed)
         self._space.scatter(unknown, fields)
         return fields
 
-    def unheld(self, left: Floats) -> float:
-        """Return by how much supports and loads differ where forces are left, as a share of all."""
-        most = float(np.abs(left.reshape(self.problem.dimension, -1).sum(axis=1)).max())
-        return most / (self._loads or 1.0)
-
     @cached_property
-    def _loads(self) -> float:
-        return float(np.abs(self.right).sum())
+    def loads(self) -> float:
+        """The sum of all forces' sizes."""
+        return float(np.abs(self.right).sum()) or 1.0
 
     def energy(self, x: Floats) -> float:
         """Return twice the stored energy of a solution x (or of what is nearly one)."""
         if self.right is self.load:
             return float(dot(x, self.load))
-        return 2 * float(dot(x, self.load)) - float(dot(x, self.right)) + self._given
+        return 2 * float(dot(x, self.load)) - float(dot(x, self.right)) + self._lift_energy
 
     def unbalanced(self, displacement: FaceFields) -> float:
-        """Return what is left on the faces that can move, as a share of loads and reactions."""
+        """Return the residual of the faces that can move, as a share of loads and reactions."""
         inner = internal_force(self.problem, displacement)
         held = (f[s == FIXED] for f, s in zip(inner, self.problem.face_states, strict=True))
         borne = sum(float(np.vdot(force, force)) for force in held)
         whole = max(borne, float(dot(self.load, self.load)))
-        left = self.load - self._space.gather(inner)
-        return float(np.sqrt(dot(left, left) / whole)) if whole > 0.0 else 0.0
+        residual = self.load - self._space.gather(inner)
+        return float(np.sqrt(dot(residual, residual) / whole)) if whole > 0.0 else 0.0
 
     def solution(self, run: Iteration, method: str, missed: float, levels: int) -> Solution:
         """Return an iteration that has ended as a solution."""
@@ -210,7 +204,7 @@ class System:
         )
 
 
-def lead(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> FaceFields:
+def lift(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> FaceFields:
     """Return displacements that fall linearly from those of moved sides to the sides opposite."""
     # Of a body of so many cells, or of a window whose first cell is `origin`; `moved` is the
     # displacement of the body's sides, shape (axis, end, component).
@@ -228,7 +222,7 @@ def lead(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> F
     return tuple(fields)
 
 
-def _moved(problem: ElasticProblem) -> Floats:
+def _moved_sides(problem: ElasticProblem) -> Floats:
     """Return by what the sides of a body are moved."""
     d = problem.dimension
     moved = np.zeros((d, 2, d))
@@ -237,7 +231,7 @@ def _moved(problem: ElasticProblem) -> Floats:
             lines = np.moveaxis(fixed, axis, 0)
             # The wall's own faces along the axis, ghosts beyond it across.
             first, last = (1, -2) if axis == component else (0, -1)
-            # The rim's corners, and the walls at both ends of a side, belong to other sides.
+            # Corner ghost cells, and the walls at both ends of a side, belong to other sides.
             beside = tuple(
                 slice(2, -2) if a == component else slice(1, -1) for a in range(d) if a != axis
             )
@@ -268,9 +262,9 @@ class Factors:
     def _coarse(self) -> tuple[sp.csr_array, SuperLU]:
         """The interpolation from cells twice as large, and the factors of their stiffness."""
         if is_box(self.body):
-            coarse = of_parents(self.body)
+            coarse = coarse_box(self.body)
             numbering = Numbering(coarse.face_states)
-            prolong = prolongation(self.numbering, outside_of(self.body))
+            prolong = prolongation(self.numbering, ghost_weights_of(self.body))
             prolong = prolong[:, np.concatenate([s.ravel() == ACTIVE for s in numbering.states])]
             return prolong, factors_of(stiffness_matrix(coarse, numbering))
         whole = prolongation(self.numbering)
@@ -306,13 +300,7 @@ _last: list[Factors] = []
 """Factors of the last body of few cells: other loads on it are solved at once."""
 
 
-def _factors(problem: ElasticProblem) -> Factors:
-    if not (_last and same_body(_last[0].body, problem)):
-        _last[:] = [Factors(problem)]
-    return _last[0]
-
-
-def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
+def _same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
     """Tell whether two problems are of the same body, alike supported, whatever their loads."""
     if ours.plane != theirs.plane or not np.array_equal(ours.kinds, theirs.kinds):
         return False
@@ -323,32 +311,26 @@ def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
     return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
-def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
-    """Tell whether two problems are of cells in the same places, alike supported."""
-    one, other = (np.minimum(problem.kinds, 0) for problem in (ours, theirs))
-    pairs = zip((one, *ours.spring), (other, *theirs.spring), strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
-
-
-def prolongation(numbering: Numbering, outside: Floats | None = None) -> sp.csr_array:
+def prolongation(numbering: Numbering, ghost_weights: Floats | None = None) -> sp.csr_array:
     """Return how free faces follow all faces of cells twice as large."""
-    # Linear along the normal, and across it from the two nearest, ¾ to ¼. With weights for every
-    # side, those beyond it follow from the two inside: see `hierarchy.outside_of`.
+    # With weights for every side, faces beyond it follow from the two inside: see
+    # `hierarchy.ghost_weights_of`.
     blocks = []
     for axis, state in enumerate(numbering.states):
         lines = []
         for a, count in enumerate(state.shape):
-            line = _follow(count, a == axis)
-            if outside is not None and a != axis:
-                line = line @ _go_on(line.shape[1], *outside[2 * a : 2 * a + 2])
+            line = _interpolation(count, a == axis)
+            if ghost_weights is not None and a != axis:
+                line = line @ _ghosts_from_inside(line.shape[1], ghost_weights[2 * a : 2 * a + 2])
             lines.append(line)
         whole = reduce(lambda one, other: sp.csr_array(sp.kron(one, other)), lines)
         blocks.append(whole[np.flatnonzero(state == ACTIVE)])
     return sp.csr_array(sp.block_diag(blocks, format="csr"))
 
 
-def _follow(count: int, normal: bool) -> sp.csr_array:
-    """Return how places along a line, the first of them beyond the body, follow coarse ones."""
+def _interpolation(count: int, normal: bool) -> sp.csr_array:
+    """Return how places along a line, the first of them ghosts, follow coarse ones."""
+    # Linear along the normal, and across it from the two nearest, ¾ to ¼.
     place, coarse = np.arange(count), (np.arange(count) + 1) // 2
     odd = place % 2
     other = coarse + 1 - odd if normal else coarse + 1 - 2 * odd
@@ -357,23 +339,25 @@ def _follow(count: int, normal: bool) -> sp.csr_array:
     return sp.csr_array(entries, shape=(count, (count + 1) // 2 + 1))
 
 
-def _go_on(count: int, lower: Floats, upper: Floats) -> sp.csr_array:
+def _ghosts_from_inside(count: int, weights: Floats) -> sp.csr_array:
     """Return how places along a line follow from all but the first and the last."""
-    inner = np.arange(1, count - 1)
-    row = np.concatenate([inner, [0, 0, count - 1, count - 1]])
-    column = np.concatenate([inner, [1, 2, count - 2, count - 3]])
-    value = np.concatenate([np.ones(len(inner)), lower, upper])
+    inner, last = np.arange(1, count - 1), count - 1
+    row = np.append(inner, [0, 0, last, last])
+    column = np.append(inner, [1, 2, last - 1, last - 2])
+    value = np.concatenate([np.ones(len(inner)), *weights])
     return sp.csr_array((value, (row, column)), shape=(count, count))
 
 
 def _by_factors(problem: ElasticProblem) -> Solution | None:
     """Solve few cells by factors; None if these are singular."""
     try:
-        factors = _factors(problem)
+        if not (_last and _same_body(_last[0].body, problem)):
+            _last[:] = [Factors(problem)]
     except RuntimeError:
         return None
+    factors = _last[0]
     system = System(problem, factors.numbering)
-    run = solve_direct(factors.matrix, factors.factor, system.right)
+    run = _solve_direct(factors, system.right)
     if not run.converged:
         return None
     missed = factors.missed_by_coarse(system, run.solution)
@@ -383,17 +367,34 @@ def _by_factors(problem: ElasticProblem) -> Solution | None:
     return solution
 
 
-def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Floats) -> Iteration:
-    """Solve by the factors of a matrix, with two steps of iterative refinement."""
+def _factorised(problem: ElasticProblem, discretisation: float) -> Solution:
+    """Solve by factors where an iteration does not serve."""
+    try:
+        factors = Factors(problem)
+    except RuntimeError as error:
+        raise SceneError(
+            "body: some of its cells hang together by single faces, about which they turn freely; "
+            "give a larger resolution (2 halves the cells), or strategy='spawning'"
+        ) from error
+    system = System(problem, factors.numbering)
+    run = _solve_direct(factors, system.right)
+    solution = system.solution(run, "direct", discretisation, 1)
+    _judge_rounding(system, solution, factors.matrix.diagonal() * run.solution)
+    return solution
+
+
+def _solve_direct(factors: Factors, load: Floats) -> Iteration:
+    """Solve by factors, with two steps of iterative refinement."""
+    matrix, factor = factors.matrix, factors.factor
     x = np.asarray(factor.solve(load))
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x)
     for _ in range(3):
-        left = load - matrix @ x
-        step = np.asarray(factor.solve(left))
-        run.residuals.append(float(np.sqrt(dot(left, left))) / scale)
+        residual = load - matrix @ x
+        step = np.asarray(factor.solve(residual))
+        run.residuals.append(float(np.sqrt(dot(residual, residual))) / scale)
         energy = abs(float(dot(load, x))) or 1.0
-        run.errors.append(float(np.sqrt(max(float(dot(left, step)), 0.0) / energy)))
+        run.errors.append(float(np.sqrt(max(float(dot(residual, step)), 0.0) / energy)))
         if run.residuals[-1] < 1e-14:
             break
         x += step
@@ -457,9 +458,8 @@ def _by_multigrid(
     notes = []
     if watch.slow and not hierarchy.plain and not interrupt_requested():
         notes = [f"geometric multigrid was slow after {run.iterations} iterations"]
-        numbering = Numbering(problem.face_states)
-        if numbering.size <= DIRECT_LIMIT[problem.dimension]:
-            solution = _factorised(problem, numbering, watch.discretisation)
+        if np.count_nonzero(hierarchy.moving) <= DIRECT_LIMIT[problem.dimension]:
+            solution = _factorised(problem, watch.discretisation)
             solution.notes.append(f"{notes[0]}: factorised instead")
             return solution
         watch.patient = True
@@ -514,38 +514,23 @@ class _Watch:
             target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
         stated = max(target, self.discretisation)
         # Supports are to bear the loads, to a share of the error that is stated.
-        unheld = (run.rate or FIRST_RATE) * self._system.unheld(run.left)
-        held = unheld <= BALANCE * stated
-        if (run.errors[-1] <= target and held) or run.at_rounding(1e-9):
+        residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)
+        unborne = (run.rate or FIRST_RATE) * np.abs(residual).max() / self._system.loads
+        borne = unborne <= BALANCE * stated
+        if (run.errors[-1] <= target and borne) or run.at_rounding(1e-9):
             self.slow = False
             return True
         if run.iterations >= PATIENCE and not self.patient:
             start = max(len(run.errors) - PATIENCE, 0)
             rate = (run.errors[-1] / run.errors[start]) ** (1 / (len(run.errors) - 1 - start))
-            left = log(target / run.errors[-1]) / log(rate) if 0 < rate < 1 else inf
-            self.slow = run.iterations + left > TOO_MANY
+            more = log(target / run.errors[-1]) / log(rate) if 0 < rate < 1 else inf
+            self.slow = run.iterations + more > TOO_MANY
         return self.slow and not self.patient
 
 
 def missed(coarser: float, potential: float, whole: float) -> float:
     """Return the relative error of the parents' answer, by its potential energy."""
     return sqrt(max(2 * (coarser - potential) / whole, 0.0)) if whole > 0.0 else 0.0
-
-
-def _factorised(problem: ElasticProblem, numbering: Numbering, discretisation: float) -> Solution:
-    """Solve by factors where an iteration does not serve."""
-    system, matrix = System(problem, numbering), stiffness_matrix(problem, numbering)
-    try:
-        factor = factors_of(matrix)
-    except RuntimeError as error:
-        raise SceneError(
-            "body: some of its cells hang together by single faces, about which they turn freely; "
-            "give a larger resolution (2 halves the cells), or strategy='spawning'"
-        ) from error
-    run = solve_direct(matrix, factor, system.right)
-    solution = system.solution(run, "direct", discretisation, 1)
-    _judge_rounding(system, solution, matrix.diagonal() * run.solution)
-    return solution
 
 
 def _by_mixed_form(
@@ -569,7 +554,7 @@ def _by_mixed_form(
     whole = system.energy(run.solution)
     discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
     if not run.converged and numbering.size <= DIRECT_LIMIT[problem.dimension]:
-        solution = _factorised(problem, numbering, discretisation)
+        solution = _factorised(problem, discretisation)
         solution.notes.append("the mixed form did not converge: factorised instead")
         return solution
     solution = system.solution(run, "mixed form", discretisation, mixed.block.depth)

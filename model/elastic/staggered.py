@@ -13,6 +13,8 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -62,29 +64,35 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
 
 def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     """Return the shear modulus of the edges between the axes of a pair."""
-    # Shape: one more than the cells (rim included) along both axes of the pair.
+    # Shape: one more than the cells (ghosts included) along both axes of the pair.
     if problem.edges is not None:
         return problem.edges[pair]
     kinds = problem.kinds
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
     around = around_edges(np.pad(kinds, width, constant_values=AIR), pair)
-    return modulus_between(np.stack(around), problem.moduli.shear)
+    return modulus_between(around, problem.moduli.shear)
 
 
-def modulus_between(kinds: NDArray[np.integer], shear: Floats) -> Floats:
+def modulus_between(kinds: Iterable[NDArray[Any]], shear: Floats) -> Floats:
     """Return the shear modulus of edges by the kinds of the four cells round them: (4, ...)."""
-    body, rigid = kinds >= 0, (kinds == RIGID) | (kinds == DISPLACED)
-    compliance = np.where(body, (1.0 / shear)[np.maximum(kinds, 0)], 0.0)
-    total = compliance.sum(axis=0)
-    safe = np.where(total > 0, total, 1.0)
-    whole = ((body | rigid).sum(axis=0) == 4) & (total > 0)
-    corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)
-    modulus = np.where(whole, 4.0 / safe, 0.0)
-    return np.where(corner, REENTRANT_WEIGHT * 3.0 / safe, modulus)
+    # Kinds that are no material are negative: they count from the end of these tables. Cells are
+    # counted in digits of base 16: those of body or rigid, those of body, and those of air.
+    of_kind = np.pad(np.full(len(shear), 0x011, dtype=np.int16), (0, -DISPLACED))
+    of_kind[[RIGID, DISPLACED]], of_kind[AIR] = 0x001, 0x100
+    compliance = np.pad(1.0 / shear, (0, -DISPLACED))
+    around = list(kinds)
+    counts = reduce(np.add, [of_kind.take(kind, mode="wrap") for kind in around])
+    total: Floats = reduce(np.add, [compliance.take(kind, mode="wrap") for kind in around])
+    # The harmonic mean of four cells that are body or rigid; a share of it at re-entrant corners.
+    table = np.arange(0x401)
+    bodies, corner = (table >> 4) & 0xF, table >> 4 == 0x13
+    factors = np.where((table & 0xF == 4) & (bodies > 0), 4.0, 0.0)
+    modulus: Floats = np.where(corner, 3.0 * REENTRANT_WEIGHT, factors).take(counts)
+    return np.divide(modulus, total, out=modulus, where=total > 0.0)
 
 
 def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return the energy stored in every cell, rim left out."""
+    """Return the energy stored in every cell, without ghosts."""
     # An edge's energy belongs to the cells round it by their compliances. So a cell's energy is its
     # stiffness times the derivative of all energy by that, at given displacements.
     strain = strains(u)
@@ -107,7 +115,7 @@ def around_edges(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.gen
 
 
 def strains(u: FaceFields) -> Strains:
-    """Return the strains of face displacements (rim included, lengths in cell edges)."""
+    """Return the strains of face displacements (with ghosts, lengths in cell edges)."""
     d = len(u)
     cells = tuple(np.diff(values, axis=axis) for axis, values in enumerate(u))
     edges = {}
@@ -166,7 +174,7 @@ def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
 class Numbering:
     """Numbers for the faces that are free to move, axis after axis.
 
-    By axis are `states` those of all faces, rim included, and `number` the active ones' numbers, -1
+    `states` are those of all faces by axis, ghosts included, `number` the active ones' numbers, -1
     elsewhere; `size` is how many are active.
     """
 

@@ -9,15 +9,13 @@ body has to be solved on smaller cells.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import combinations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.errors import SupportError
-from kaju.model.elastic.multigrid.hierarchy import described, is_box
+from kaju.factors import rigid_motions
+from kaju.model.elastic.multigrid.hierarchy import coarse_box, is_box
 from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
 from .problem import ACTIVE, FIXED, ElasticProblem
@@ -30,11 +28,8 @@ def check_supports(
     problem: ElasticProblem, origin: tuple[int, ...] | None = None, division: int = 1
 ) -> None:
     """Refuse a body of which a part could move without straining."""
-    if is_box(problem):
-        # A small box that is held as the large one is.
-        spring = tuple(described(values, problem.shape) for values in problem.spring)
-        kinds = described(problem.kinds, problem.shape)
-        problem = replace(problem, kinds=kinds, spring=spring)
+    while is_box(problem):
+        problem = coarse_box(problem)  # which is held as the large one is
     parts, count = parts_of(problem.kinds >= 0)
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
@@ -122,11 +117,8 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
 
 def _motions(face: Ints, axis: int, dimension: int) -> Floats:
     """Return how far every rigid motion about the array's corner moves faces (by index)."""
-    place = face + np.where(np.arange(dimension) == axis, 0.0, 0.5)
-    columns = [np.full(len(face), float(a == axis)) for a in range(dimension)]
-    for a, b in combinations(range(dimension), 2):
-        columns.append(-place[:, b] * (a == axis) + place[:, a] * (b == axis))
-    return np.stack(columns, axis=1)
+    place = face.astype(np.float64) + np.where(np.arange(dimension) == axis, 0.0, 0.5)
+    return rigid_motions(place, np.full(len(face), axis))
 
 
 def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:

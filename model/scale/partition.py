@@ -23,6 +23,7 @@ from scipy.sparse import csr_array
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError
+from kaju.model.elastic.grid import problem_of
 from kaju.model.elastic.problem import (
     ACTIVE,
     CellLoads,
@@ -30,9 +31,8 @@ from kaju.model.elastic.problem import (
     FaceFields,
     Scales,
     Side,
-    problem_of,
 )
-from kaju.model.elastic.solver import lead
+from kaju.model.elastic.solver import lift
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
@@ -210,7 +210,7 @@ class PiecedBody:
         )
         return problem, lower - 1
 
-    def lead(self, problem: ElasticProblem, origin: Index) -> FaceFields:
+    def lift(self, problem: ElasticProblem, origin: Index) -> FaceFields:
         """Return what leads from moved sides to those opposite, in a window's units."""
         lattice, d = self.scene.lattice, len(self.shape)
         moved = np.zeros((d, 2, d))
@@ -220,7 +220,7 @@ class PiecedBody:
             displacement = self.scene.side_condition(name).displacement
             if displacement is not None and end == (lattice.shape[axis] if high else 0):
                 moved[axis, high] = np.array(displacement) / self.scales.displacement
-        return lead(problem, moved, origin + 1, np.array(self.shape))
+        return lift(problem, moved, origin + 1, np.array(self.shape))
 
     def _loads_in(self, lower: Index, upper: Index) -> CellLoads:
         cells, direction, force, uneven = self.loads
@@ -325,7 +325,7 @@ def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
     numbering = Numbering(problem.face_states)
     stiffness = stiffness_matrix(problem, numbering).tocsr()
     force = problem.force
-    begin = body.lead(problem, origin)
+    begin = body.lift(problem, origin)
     if any(values.any() for values in begin):
         pull = internal_force(problem, begin)
         force = tuple(f - p for f, p in zip(force, pull, strict=True))

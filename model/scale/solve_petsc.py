@@ -196,7 +196,7 @@ def window_of(body: PiecedBody, level: PetscLevel, local: Any) -> PetscWindow:
     d = problem.dimension
     slots = [level.dm.getLocationSlot(name, 0) for name in ("left", "down", "back")[:d]]
     faces, owned = [], []
-    begin = body.lead(problem, origin)
+    begin = body.lift(problem, origin)
     for axis, state in enumerate(problem.face_states):
         field = begin[axis]
         place = np.argwhere(state == ACTIVE)

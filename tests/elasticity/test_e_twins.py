@@ -88,8 +88,8 @@ def residual(hierarchy, at, x, load=None, share=0.0):
     out, load = np.empty_like(x), x if load is None else load
     level = hierarchy.levels[at]
     coarse = hierarchy.levels[min(at + 1, len(hierarchy.levels) - 1)].arrays[3]
-    rest = (level.arrays, coarse, hierarchy._parity, 0, sweeps.ACROSS, share)
-    sweeps.cross(x, load, out, *rest)
+    rest = (level.arrays, coarse, hierarchy._parity, 0, sweeps.RESIDUAL, share)
+    sweeps.pass_level(x, load, out, *rest)
     return out
 
 
@@ -114,9 +114,9 @@ def test_parents_feel_what_their_children_feel_when_they_follow(name):
     rng = np.random.default_rng(1)
     for at, coarse in enumerate(hierarchy.levels[1:]):
         parents = rng.standard_normal(len(coarse.u)) * moves(coarse)
-        handed = hierarchy.hand_over(at, residual(hierarchy, at, hierarchy.follow(at, parents)))
+        restricted = hierarchy.restrict(at, residual(hierarchy, at, hierarchy.prolong(at, parents)))
         felt = residual(hierarchy, at + 1, parents)
-        np.testing.assert_allclose(felt, handed, atol=1e-13 * np.abs(handed).max())
+        np.testing.assert_allclose(felt, restricted, atol=1e-13 * np.abs(restricted).max())
 
 
 def moves(level):
@@ -130,8 +130,8 @@ def test_handing_up_is_the_transpose_of_following(both):
     x = random(problem, hierarchy, 3)[0]
     coarse = hierarchy.levels[1]
     parents = np.random.default_rng(4).standard_normal(len(coarse.u)) * moves(coarse)
-    handed = hierarchy.hand_over(0, x)
-    assert parents @ handed == pytest.approx(hierarchy.follow(0, parents) @ x, rel=1e-12)
+    restricted = hierarchy.restrict(0, x)
+    assert parents @ restricted == pytest.approx(hierarchy.prolong(0, parents) @ x, rel=1e-12)
 
 
 def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(both):
@@ -140,16 +140,16 @@ def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(both):
         load = np.random.default_rng(2).standard_normal(level.u.size) * moves(level)
         rest = (level.arrays, below.arrays[3], hierarchy._parity)
         whole, parts = np.empty_like(load), np.zeros_like(load)
-        handed, below_load = np.empty_like(below.load), np.empty_like(below.load)
-        sweeps.cross(whole, load, handed, *rest, 3, sweeps.WAY_UP, 1.0)
+        restricted, below_load = np.empty_like(below.load), np.empty_like(below.load)
+        sweeps.pass_level(whole, load, restricted, *rest, 3, sweeps.TO_COARSE, 1.0)
         for _ in range(3):  # One sweep from where the last ended: on what that left unbalanced.
             left, more = residual(hierarchy, at, parts, load, 1.0), np.empty_like(load)
-            sweeps.cross(more, left, below_load, *rest, 1, sweeps.WAY_UP, 1.0)
+            sweeps.pass_level(more, left, below_load, *rest, 1, sweeps.TO_COARSE, 1.0)
             parts += more
         np.testing.assert_allclose(whole, parts, atol=1e-12 * np.abs(parts).max())
         left = residual(hierarchy, at, parts, load, 1.0)
-        sweeps.cross(left, left, below_load, *rest, 0, sweeps.WAY_UP, 1.0)
-        np.testing.assert_allclose(handed, below_load, atol=1e-12 * np.abs(handed).max())
+        sweeps.pass_level(left, left, below_load, *rest, 0, sweeps.TO_COARSE, 1.0)
+        np.testing.assert_allclose(restricted, below_load, atol=1e-12 * np.abs(restricted).max())
 
 
 @pytest.mark.parametrize("shape", [(7, 5), (4, 5, 3)])
@@ -184,7 +184,7 @@ def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
     for place in there:
         parents = np.zeros_like(coarse.u)
         parents[place] = 1.0
-        columns.append(hierarchy.follow(0, parents)[hierarchy.moving])
+        columns.append(hierarchy.prolong(0, parents)[hierarchy.moving])
     matrix = np.stack(columns, axis=1)
     best = np.linalg.lstsq(matrix, modes, rcond=None)[0]
     assert np.abs(matrix @ best - modes).max() < 1e-10

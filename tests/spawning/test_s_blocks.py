@@ -136,7 +136,7 @@ def test_bounds_are_told_what_all_agents_say(name):
     blocks, window = random_blocks(BODIES[name]())
     u = blocks.zeros()
     u.ravel()[blocks.unknowns] = np.random.default_rng(4).normal(size=len(blocks.unknowns))
-    blocks.everywhere(u)
+    blocks.fill_coarse(u)
     ours = boxes_of_blocks(blocks, u)
     theirs = boxes_of_agents(window.balance, window.displacement(u))
     for one, other in zip(said_of(ours), said_of(theirs), strict=True):
@@ -214,7 +214,7 @@ def test_agents_leave_unbalanced_what_single_agents_leave(name):
     forest = forest.refined(np.ones(len(forest), dtype=bool), 1)
     blocks, window = BlockOperator(forest), Window(forest, forest.leaves)
     u, free = blocks.zeros(), window.place >= 0
-    x = window.grid.place[free] / window.grid.place.max()  # bends alike everywhere
+    x = window.grid.place[free] / window.grid.place.max()  # bends alike fill_coarse
     bent = np.random.default_rng(2).normal(size=(x.shape[1], x.shape[1], x.shape[1]))
     moved = np.einsum("ni,nj,aij->na", x, x, bent)
     u.ravel()[window.place[free]] = moved[np.arange(len(x)), window.grid.axis[free]]

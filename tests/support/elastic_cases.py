@@ -5,7 +5,8 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from kaju.errors import SupportError
-from kaju.model.elastic.problem import SIDES, CellLoads, problem_of, rim_layer
+from kaju.model.elastic.grid import problem_of
+from kaju.model.elastic.problem import SIDES, CellLoads, rim_layer
 from kaju.model.elastic.solver import solve_problem
 from kaju.model.elastic.supports import check_supports, slender_cell
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER

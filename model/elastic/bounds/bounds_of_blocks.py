@@ -19,12 +19,12 @@ from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.moduli import Moduli, moduli_at, normal_stress
 from kaju.model.elastic.multigrid.blocks import BlockOperator, Window
-from kaju.model.elastic.multigrid.forest import ACROSS, REGULAR, corners, ways
+from kaju.model.elastic.multigrid.forest import ACROSS, REGULAR, corners, offsets
 from kaju.model.elastic.staggered import Pair, axis_pairs
 
 
 def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
-    """Return agents with the stresses of displacements, known everywhere, that balance."""
+    """Return agents with the stresses of displacements, known fill_coarse, that balance."""
     forest, d = blocks.forest, blocks.forest.dimension
     leaves, many, n = forest.leaves, len(forest.corners), forest.count
     row_of = np.full(len(forest) + 1, -1)
@@ -45,7 +45,7 @@ def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
     odd = (~alike).astype(np.float32) @ _touching(d) > 0
     odd.ravel()[leaf[forces.direction >= 0]] = True
     chosen, row = odd.copy(), np.flatnonzero(odd.any(axis=1))
-    for step in ways(d):
+    for step in offsets(d):
         about = ahead(row, step)[odd[row]]
         chosen.ravel()[about[about >= 0]] = True
     row = np.flatnonzero(chosen.any(axis=1))
@@ -141,7 +141,7 @@ def _plain(
 @cache
 def _touching(d: int) -> Floats:
     """Tell which agents of a block touch what lies in each of the `ways`, shape (3^d, agents)."""
-    step = ways(d)[:, None]
+    step = offsets(d)[:, None]
     last = np.where(step > 0, ACROSS - 1, 0)
     return np.asarray(np.all((step == 0) | (corners(d) == last), axis=2).astype(np.float32))
 

@@ -127,7 +127,7 @@ class DualSolution:
         def done(run: Iteration) -> bool:
             return run.errors[-1] <= share
 
-        start = hierarchy.followed(self._displacement)
+        start = hierarchy.prolonged(self._displacement)
         self._displacement = hierarchy.solve(derivative, start, done).solution
         self._balance = balance
         return self._displacement

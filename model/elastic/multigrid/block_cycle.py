@@ -1,8 +1,8 @@
 """Multigrid on blocks of agents: conjugate gradients, preconditioned by one symmetric V-cycle.
 
-Every level of blocks is smoothed with the larger agents at rest (Brandt 1977); a block takes its
-neighbours' latest displacements and goes two Chebyshev steps within itself, which keeps its
-places in the fastest memory. The first level is one of equal cells, with the hierarchy of these.
+Every level of blocks is smoothed while larger agents stay fixed (Brandt 1977): block after block
+takes its neighbours' latest displacements and some Chebyshev steps, in the fastest memory. The
+first level is one of equal cells, with their hierarchy.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.cells.leaf_supports import check_held
 from kaju.model.elastic.multigrid import block_kernels as kernels
-from kaju.model.elastic.multigrid.block_types import PLACES, BlockTypes, rims
+from kaju.model.elastic.multigrid.block_types import PLACES, BlockTypes, ghost_rules
 from kaju.model.elastic.multigrid.blocks import BlockOperator, BlockRows, Window
-from kaju.model.elastic.multigrid.forest import ACROSS, ways
+from kaju.model.elastic.multigrid.forest import ACROSS, offsets
 from kaju.model.elastic.multigrid.hierarchy import Hierarchy
 from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.problem import ElasticProblem, face_zeros
@@ -27,8 +27,9 @@ from kaju.model.scene.cell_types import AIR
 
 STEPS = 4  # Chebyshev steps within a block
 STIFF = 1.5
-"""Forces of rows are frozen while a block is smoothed; so many times their diagonal stands in."""
-SAFETY = 1.03
+"""Forces of irregular rows are frozen while a block is smoothed: their diagonal, times this, stands
+in for them."""
+SAFETY = 1.03  # Of the bound on the largest eigenvalue
 
 
 class Root:
@@ -39,7 +40,7 @@ class Root:
         d, last = forest.dimension, int(forest.start[1])
         block: Ints = (forest.lower[:last] - forest.lower[:last].min(axis=0)) // forest.edge
         kinds: Ints = np.full(block.max(axis=0) + 3, AIR)
-        for way, step in enumerate(ways(d)):
+        for way, step in enumerate(offsets(d)):
             kinds[tuple((block + 1 + step).T)] = forest.kinds[:last, way]
         for axis in range(d):
             kinds = kinds.repeat(ACROSS, axis=axis)
@@ -53,7 +54,7 @@ class Root:
         self._hierarchy = Hierarchy(self.problem)
         self._scale = float(balance.scale[0])
         # Where every unknown place is in the hierarchy's vectors.
-        at = np.argwhere(balance.pages.mask[balance.page[0, :last]] > 0)
+        at = np.argwhere(balance.types.mask[balance.type_of[0, :last]] > 0)
         number: Ints = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
         place: Ints = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
         cell: Ints = block[at[:, 0]] * ACROSS + place
@@ -66,7 +67,7 @@ class Root:
         self._load = np.zeros_like(vector)
 
     def solve(self, load: Floats, u: Floats) -> None:
-        """Write the answer to a load, both over places."""
+        """Write one V-cycle's answer to a load, both over places."""
         self._load[self._index] = load[self._place]
         u[self._place] = self._hierarchy.precondition(self._load)[self._index] / self._scale
 
@@ -93,7 +94,7 @@ class BlockCycle:
     ) -> None:
         self.balance, self.real, forest = balance, real, balance.forest
         self.root = root or Root(balance)
-        self.rim = rims(forest.kinds, forest.states(composite=False))
+        self.ghost_rules = ghost_rules(forest.kinds, forest.states(composite=False))
         self._parents = [
             np.flatnonzero(~forest.leaf[a:b]) + a
             for a, b in zip(forest.start[:-1], forest.start[1:], strict=True)
@@ -109,8 +110,8 @@ class BlockCycle:
             balance.scale,
         )
         self._rows = BlockRows(*self._rounded(*balance.rows))
-        self._pages = BlockTypes(*self._rounded(*balance.pages))
-        self._ties = self._rounded(*balance.layout.ties)
+        self._types = BlockTypes(*self._rounded(*balance.types))
+        self._transfer = self._rounded(*balance.layout.transfer)
         self._u: NDArray[Any] = np.zeros(balance.shape, real)
         self._load: NDArray[Any] = np.zeros_like(self._u)
         self._stress: NDArray[Any] = np.zeros(len(balance.rows.modulus), real)
@@ -120,7 +121,7 @@ class BlockCycle:
         return tuple(a.astype(self.real) if a.dtype == np.float64 else a for a in arrays)
 
     def _diagonals(self) -> None:
-        """Work out the diagonals of blocks with rows, which share no page."""
+        """Work out the diagonals of blocks with irregular rows, which share no block type."""
         balance, rows = self.balance, self.balance.rows
         places = balance.shape[1] * balance.shape[2]
         row = np.repeat(np.arange(len(rows.modulus)), np.diff(rows.start))
@@ -134,21 +135,23 @@ class BlockCycle:
         at = self._own[block[fine]] * places + rows.column[fine] % places
         extra = np.bincount(at, square, len(concerned) * places)
         extra = extra.reshape(-1, *balance.shape[1:])
-        page = balance.page[0, concerned]
-        diagonal = balance.pages.diagonal[page] * balance.scale[concerned, None, None] + extra
-        mask = (balance.pages.mask[page] > 0) & (diagonal > 0)
+        type_of = balance.type_of[0, concerned]
+        diagonal = balance.types.diagonal[type_of] * balance.scale[concerned, None, None] + extra
+        mask = (balance.types.mask[type_of] > 0) & (diagonal > 0)
         inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=mask)
         self._inverse, self._extra = self._rounded(inverse, STIFF * extra)
 
     def precondition(self, residual: Floats) -> NDArray[Any]:
         """Return one V-cycle's answer to a residual; it is overwritten by the next one."""
         balance, forest, rows = self.balance, self.balance.forest, self._rows
-        layout, page, u, load = balance.layout, balance.page[0], self._u, self._load
-        start, octant = forest.start, forest.octant
-        around = (layout.layer, layout.ghosts)
+        layout, type_of, u, load = balance.layout, balance.type_of[0], self._u, self._load
+        start, child_index = forest.start, forest.child_index
+        around = (layout.halo, layout.ghosts)
         strains = (rows.start, rows.column, rows.value)
         stress, force = self._stress, load.ravel()
-        kernels.begin(u, load, residual, forest.leaf)
+        u.fill(0.0)
+        load[...] = residual
+        load[~forest.leaf] = 0.0
         for level in range(forest.depth - 1, 0, -1):
             blocks, some = (
                 (start[level], start[level + 1]),
@@ -156,24 +159,28 @@ class BlockCycle:
             )
             self._smooth(level, True)
             kernels.strain_rows(u.ravel(), *some, *strains, rows.modulus, stress)
-            kernels.pull_rows(force, *some, *strains, stress, self.real(-1.0))
-            kernels.hand_up(
-                u, load, *blocks, forest.parent, octant, forest.beside, page, self._pages,
-                self._scale, layout.layer, self._ties,
+            kernels.add_row_forces(force, *some, *strains, stress, self.real(-1.0))
+            kernels.restrict(
+                u, load, *blocks, forest.parent, child_index, forest.beside, type_of, self._types,
+                self._scale, layout.halo, self._transfer,
             )  # fmt: skip
             parents = self._parents[level - 1]
-            kernels.go_on(load, parents, forest.beside, self.rim, *around, True)
+            kernels.extrapolate_to_ghosts(
+                load, parents, forest.beside, self.ghost_rules, *around, True
+            )
         self.root.solve(force, u.ravel())
         for level in range(1, forest.depth):
             some = (rows.level[level], rows.level[level + 1])
             parents = self._parents[level - 1]
-            kernels.go_on(u, parents, forest.beside, self.rim, *around, False)
+            kernels.extrapolate_to_ghosts(
+                u, parents, forest.beside, self.ghost_rules, *around, False
+            )
             blocks_of = np.arange(start[level], start[level + 1])
-            kernels.hand_down(u, blocks_of, forest.parent, octant, self._ties)
+            kernels.prolong(u, blocks_of, forest.parent, child_index, self._transfer)
             before = stress[some[0] : some[1]].copy()
             kernels.strain_rows(u.ravel(), *some, *strains, rows.modulus, stress)
             stress[some[0] : some[1]] -= before
-            kernels.pull_rows(force, *some, *strains, stress, self.real(-1.0))
+            kernels.add_row_forces(force, *some, *strains, stress, self.real(-1.0))
             self._smooth(level, False)
         return u
 
@@ -181,8 +188,8 @@ class BlockCycle:
         balance, forest = self.balance, self.balance.forest
         kernels.smooth(
             self._u, self._load, forest.start[level], forest.start[level + 1], forward,
-            forest.beside, balance.page[0], self._pages, self._own, self._extra, self._inverse,
-            self._scale, balance.layout.layer, self._keep, self._length,
+            forest.beside, balance.type_of[0], self._types, self._own, self._extra, self._inverse,
+            self._scale, balance.layout.halo, self._keep, self._length,
         )  # fmt: skip
 
     def solve(

@@ -2,7 +2,7 @@
 
 Arrays over the places of blocks have the shape (blocks, dimension, places): the displacement
 of, or the force on, the face below each cell along every axis. The loops run over whole blocks,
-their neighbours' layer included; what they yield there is masked. `stride` holds the distance
+halos included; results there are masked. `stride` holds the distance
 of places along every axis, `scale` the moduli's unit of every block.
 """
 
@@ -20,8 +20,8 @@ SQUARE, CUBE = SIDE**2, SIDE**3
 
 
 @part
-def borrow(u, d, n, k, beside, first, last, table):
-    """Copy the layer round block k from its neighbours in `first` … `last`."""
+def exchange_halo(u, d, n, k, beside, first, last, table):
+    """Copy the halo of block k from its neighbours in `first` … `last`."""
     ways, start, into, source, heads, ends = table
     mine = k * d * n
     for way in range(len(ways)):
@@ -38,15 +38,15 @@ def borrow(u, d, n, k, beside, first, last, table):
 
 
 @njit(cache=True)
-def borrow_all(u, beside, table):
-    """Copy the layers round all blocks."""
+def exchange_halos(u, beside, table):
+    """Copy the halos of all blocks."""
     for k in range(len(u)):
-        borrow(u.reshape(-1), u.shape[1], u.shape[2], k, beside, np.int64(0), len(u), table)
+        exchange_halo(u.reshape(-1), u.shape[1], u.shape[2], k, beside, np.int64(0), len(u), table)
 
 
 @part
-def give_back(u, d, n, k, beside, table):
-    """Add the layer round block k to its neighbours': the transpose of `borrow`."""
+def add_halo(u, d, n, k, beside, table):
+    """Add the halo of block k to its neighbours: the adjoint of `exchange_halo`."""
     ways, start, into, source, heads, ends = table
     mine = k * d * n
     for way, nothing, begin, end in heads[::-1]:
@@ -97,8 +97,8 @@ def stresses(u, scale, cross, along, shear, normal, tangent):
 
 
 @part
-def pulls(normal, tangent, force):
-    """Write what stresses do to the faces: minus the force that holds them."""
+def face_forces(normal, tangent, force):
+    """Write the forces of stresses on the faces: minus those that hold them."""
     if len(force) == 2 * SQUARE:
         for j in range(SQUARE - SIDE):
             i = j + SIDE
@@ -128,19 +128,19 @@ def scratch(u):
 
 
 @njit(cache=True, fastmath=True)
-def apply(p, q, leaves, beside, page, pages, scale, table):
+def apply(p, q, leaves, beside, type_of, types, scale, table):
     """Write the forces that hold leaf blocks at displacements p; return p·q."""
-    cross, along, shear, _, mask, _ = pages
+    cross, along, shear, _, mask, _ = types
     d, n = p.shape[1:]
     u, w = p.reshape(len(p), d * n), q.reshape(len(q), d * n)
     masks, shears = mask.reshape(len(mask), d * n), shear.reshape(len(shear), -1)
     normal, tangent, force = scratch(p)
     total = 0.0
     for k in leaves:
-        borrow(p.reshape(-1), d, n, k, beside, np.int64(0), len(p), table)
-        g, x, y = page[k], u[k], w[k]
+        exchange_halo(p.reshape(-1), d, n, k, beside, np.int64(0), len(p), table)
+        g, x, y = type_of[k], u[k], w[k]
         stresses(x, scale[k], cross[g], along[g], shears[g], normal, tangent)
-        pulls(normal, tangent, force)
+        face_forces(normal, tangent, force)
         m = masks[g]
         part = 0.0
         for i in range(d * n):
@@ -151,27 +151,16 @@ def apply(p, q, leaves, beside, page, pages, scale, table):
     return total
 
 
-@njit(cache=True)
-def begin(u, load, residual, leaf):
-    """Begin a cycle: at rest, with the residual as the load of the leaves."""
-    u[:] = 0.0
-    for k in range(len(leaf)):
-        if leaf[k]:
-            load[k] = residual[k]
-        else:
-            load[k] = 0.0
-
-
 @njit(cache=True, fastmath=True)
 def smooth(
-    u, load, first, last, forward, beside, page, pages, own, extra, inverse, scale, table, keep,
+    u, load, first, last, forward, beside, type_of, types, own, extra, inverse, scale, table, keep,
     length,
 ):  # fmt: skip
-    """Block after block, take the latest neighbours and go a few Chebyshev steps within."""
+    """Smooth block after block, each by Chebyshev steps with its neighbours' latest values."""
     # `forward` in the blocks' order, from zero; else in the opposite order: one is the other's
-    # adjoint. The forces of `rows` are frozen meanwhile; their diagonals, `extra`, stand in for how
+    # adjoint. The forces of irregular rows are frozen; their diagonals, `extra`, stand in for how
     # they change.
-    cross, along, shear, plain, _, _ = pages
+    cross, along, shear, plain, _, _ = types
     d, n = u.shape[1:]
     size = d * n
     v, loads = u.reshape(len(u), size), load.reshape(len(u), size)
@@ -181,14 +170,14 @@ def smooth(
     step, right = np.zeros_like(normal), np.empty_like(normal)
     for j in range(last - first):
         k = first + j if forward else last - 1 - j
-        borrow(u.reshape(-1), d, n, k, beside, first, k if forward else last, table)
-        g, e, x, f = page[k], own[k], v[k], loads[k]
+        exchange_halo(u.reshape(-1), d, n, k, beside, first, k if forward else last, table)
+        g, e, x, f = type_of[k], own[k], v[k], loads[k]
         if e >= 0:
             for i in range(size):
                 right[i] = f[i]
         for m in range(len(length)):
             stresses(x, scale[k], cross[g], along[g], shears[g], normal, tangent)
-            pulls(normal, tangent, force)
+            face_forces(normal, tangent, force)
             kept, far = keep[m], length[m]
             if e < 0:
                 far /= scale[k]
@@ -207,20 +196,22 @@ def smooth(
 
 
 @njit(cache=True, fastmath=True)
-def hand_up(u, load, first, last, parent, octant, beside, page, pages, scale, table, ties):
-    """Add what blocks leave unbalanced to the loads of their parents."""
-    cross, along, shear, _, mask, _ = pages
+def restrict(
+    u, load, first, last, parent, child_index, beside, type_of, types, scale, table, transfer
+):
+    """Add the residuals of blocks, restricted, to the loads of their parents."""
+    cross, along, shear, _, mask, _ = types
     d, n = u.shape[1:]
     size = d * n
     v, loads = u.reshape(len(u), size), load.reshape(len(u), size)
     masks, shears = mask.reshape(len(mask), size), shear.reshape(len(shear), -1)
     normal, tangent, force = scratch(u)
-    start, fine, source, weight, between = ties
+    start, fine, source, weight, between = transfer
     for k in range(first, last):
-        borrow(u.reshape(-1), d, n, k, beside, first, last, table)
-        g, f, up = page[k], loads[k], loads[parent[k]]
+        exchange_halo(u.reshape(-1), d, n, k, beside, first, last, table)
+        g, f, up = type_of[k], loads[k], loads[parent[k]]
         stresses(v[k], scale[k], cross[g], along[g], shears[g], normal, tangent)
-        pulls(normal, tangent, force)
+        face_forces(normal, tangent, force)
         m = masks[g]
         for i in range(size):
             force[i] = m[i] * (f[i] + force[i])
@@ -229,20 +220,20 @@ def hand_up(u, load, first, last, parent, octant, beside, page, pages, scale, ta
             half = 0.5 * force[i]
             force[i - step] += half
             force[i + step] += half
-        for t in range(start[octant[k]], start[octant[k] + 1]):
+        for t in range(start[child_index[k]], start[child_index[k] + 1]):
             up[source[t]] += weight[t] * force[fine[t]]
 
 
 @njit(cache=True, fastmath=True)
-def hand_down(u, blocks, parent, octant, ties):
-    """Interpolate displacements of parents to blocks: the transpose of handing loads up."""
-    start, fine, source, weight, between = ties
+def prolong(u, blocks, parent, child_index, transfer):
+    """Add displacements interpolated from parents to blocks: the adjoint of `restrict`."""
+    start, fine, source, weight, between = transfer
     size = u.shape[1] * u.shape[2]
     v, w = u.reshape(len(u), size), np.zeros(size, u.dtype)
     for k in blocks:
         x, up = v[k], v[parent[k]]
         w[:] = 0.0
-        for t in range(start[octant[k]], start[octant[k] + 1]):
+        for t in range(start[child_index[k]], start[child_index[k] + 1]):
             w[fine[t]] += weight[t] * up[source[t]]
         for t in range(len(between)):
             i, step = between[t]
@@ -252,21 +243,21 @@ def hand_down(u, blocks, parent, octant, ties):
 
 
 @njit(cache=True)
-def go_on(u, blocks, beside, rim, table, ghosts, back):
-    """Let displacements go on beyond blocks: as in their neighbours, or as `rim` says."""
-    # `back` is the transpose: what lies beyond blocks is added to what it follows from.
+def extrapolate_to_ghosts(u, blocks, beside, rules, table, ghosts, back):
+    """Fill the halos of blocks, and extrapolate beyond the body as `ghost_rules` says."""
+    # `back` is the adjoint: values in halos and ghosts are added to those that they follow.
     d, n = u.shape[1:]
     start, at, inward = ghosts
     if not back:
         for k in blocks:
-            borrow(u.reshape(-1), d, n, k, beside, np.int64(0), len(u), table)
+            exchange_halo(u.reshape(-1), d, n, k, beside, np.int64(0), len(u), table)
     for k in blocks:
         x = u[k].reshape(-1)
         for turn in range(2 * d):
             side = 2 * d - 1 - turn if back else turn
-            if rim[k, side] == 0:
+            if rules[k, side] == 0:
                 continue
-            near, far = (2.0, -1.0) if rim[k, side] == 1 else (-1.0, 0.0)
+            near, far = (2.0, -1.0) if rules[k, side] == 1 else (-1.0, 0.0)
             for t in range(start[side], start[side + 1]):
                 i, one, two = at[t], at[t] + inward[side], at[t] + 2 * inward[side]
                 if back:
@@ -277,7 +268,7 @@ def go_on(u, blocks, beside, rim, table, ghosts, back):
                     x[i] = near * x[one] + far * x[two]
     if back:
         for k in blocks[::-1]:
-            give_back(u.reshape(-1), d, n, k, beside, table)
+            add_halo(u.reshape(-1), d, n, k, beside, table)
 
 
 @njit(cache=True, fastmath=True)
@@ -294,35 +285,20 @@ def strain_rows(u, first, last, start, column, value, modulus, stress):
 
 
 @njit(cache=True, fastmath=True)
-def pull_rows(f, first, last, start, column, value, stress, sign):
-    """Add what the stresses of rows do to faces."""
+def add_row_forces(f, first, last, start, column, value, stress, sign):
+    """Add the forces of the stresses of rows to faces."""
     for row in range(first, last):
         s = sign * stress[row]
         for t in range(start[row], start[row + 1]):
             f[column[t]] += value[t] * s
 
 
-@njit(cache=True)
-def upward(u, parents, child, halves):
-    """Give blocks with children the means of the children's faces."""
-    start, fine, source = halves
-    many = 0.5 ** (u.shape[1] - 1)
-    for k in parents[::-1]:
-        for octant in range(child.shape[1]):
-            for a in range(u.shape[1]):
-                x, y = u[k, a], u[child[k, octant], a]
-                for t in range(start[octant, a], start[octant, a + 1]):
-                    x[source[t]] = 0.0
-                for t in range(start[octant, a], start[octant, a + 1]):
-                    x[source[t]] += many * y[fine[t]]
-
-
 @njit(cache=True, fastmath=True)
-def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads):
-    """Return squares of blocks' errors; write those of their agents, and the loads they leave."""
-    # See `indicator`: second differences are taken within a block, and with its neighbours of the
-    # same size and material, `next_to` its lower and upper end along every axis. What has no room
-    # is not written.
+def second_differences(u, blocks, next_to, lateral, shear, scale, stride, squares, loads):
+    """Return squares of blocks' errors; write those of their agents, and their residual loads."""
+    # See `estimator`: second differences are taken within a block, and with its neighbours of the
+    # same size and material, `next_to` its lower and upper end along every axis. Into empty arrays
+    # nothing is written.
     d, n = u.shape[1:]
     b = SIDE - 2
     at_place = np.empty((n, d), np.int64)
@@ -390,11 +366,11 @@ def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads)
 
 
 @njit(cache=True)
-def clean(u, leaf, page, mask):
-    """Keep what is unknown."""
+def clean(u, leaf, type_of, mask):
+    """Set all but unknowns to zero."""
     for k in range(len(u)):
         if leaf[k]:
-            x, m = u[k].ravel(), mask[page[k]].ravel()
+            x, m = u[k].ravel(), mask[type_of[k]].ravel()
             for i in range(len(x)):
                 x[i] *= m[i]
         else:

@@ -1,7 +1,7 @@
-"""Moduli, masks and diagonals of blocks, told once for all blocks that see the same around them.
+"""Moduli, masks and diagonals of blocks, stored once per type: for blocks with like neighbours.
 
-A page holds what every place of a block is worth in the energy. Where agents of two sizes meet
-its places are worth nothing: there the strains are `rows` of the composite grid.
+Where agents of two sizes meet, the moduli of a type are zero: there the strains are irregular rows,
+taken from the composite grid.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ PLACES = ACROSS + 2
 
 
 class BlockTypes(NamedTuple):
-    """What the places of blocks are worth; a row for every kind of surroundings."""
+    """The law and the unknowns over the places of blocks, a row for every type."""
 
-    cross: Floats  # C₁₂ of the cells. Shape (pages, places)
-    along: Floats  # C₁₁ - C₁₂. Shape (pages, places)
-    shear: Floats  # Modulus of the edges at the cells' lower corners. Shape (pages, pairs, places)
+    cross: Floats  # C₁₂ of the cells. Shape (types, places)
+    along: Floats  # C₁₁ - C₁₂. Shape (types, places)
+    shear: Floats  # Modulus of the edges at the cells' lower corners. Shape (types, pairs, places)
     inverse: Floats
-    """One over the diagonal of the stiffness, zero where no face is unknown. Shape (pages,
+    """One over the diagonal of the stiffness, zero where no face is unknown. Shape (types,
     dimension, places)."""
-    mask: Floats  # 1 where a face is unknown. Shape (pages, dimension, places)
-    diagonal: Floats  # Of the stiffness. Shape (pages, dimension, places)
+    mask: Floats  # 1 where a face is unknown. Shape (types, dimension, places)
+    diagonal: Floats  # Of the stiffness. Shape (types, dimension, places)
 
 
-def surroundings(kinds: Ints, states: Ints, moduli: Moduli) -> tuple[Ints, BlockTypes]:
-    """Return every block's page, and these, by its neighbours' kinds and states (`forest`)."""
+def block_types(kinds: Ints, states: Ints, moduli: Moduli) -> tuple[Ints, BlockTypes]:
+    """Return every block's type, and these, by its neighbours' kinds and states (`forest`)."""
     seen = np.concatenate([kinds, states], axis=1)
     lots: Ints = np.random.default_rng(0).integers(1, 1 << 62, size=seen.shape[1:])
-    _, first, page = np.unique((seen + 16) @ lots, return_index=True, return_inverse=True)
-    if not np.array_equal(seen[first][page], seen):
-        _, first, page = np.unique(seen, axis=0, return_index=True, return_inverse=True)
-    return page.ravel(), _pages(kinds[first], states[first], moduli)
+    _, first, type_of = np.unique((seen + 16) @ lots, return_index=True, return_inverse=True)
+    if not np.array_equal(seen[first][type_of], seen):
+        _, first, type_of = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+    return type_of.ravel(), _types_of(kinds[first], states[first], moduli)
 
 
-def _pages(kinds: Ints, states: Ints, moduli: Moduli) -> BlockTypes:
+def _types_of(kinds: Ints, states: Ints, moduli: Moduli) -> BlockTypes:
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))
     kind, state = _padded(kinds, d), _padded(states, d)
     counts = state == REGULAR
@@ -70,7 +70,7 @@ def _pages(kinds: Ints, states: Ints, moduli: Moduli) -> BlockTypes:
 
 
 def _padded(values: Ints, d: int) -> Ints:
-    """Lay what blocks have beside them over their places, shape (n, places, ..., places)."""
+    """Spread values of a block and its neighbours over its places: (n, places, ..., places)."""
     step = np.ones(PLACES, dtype=np.int64)
     step[0], step[-1] = 0, 2
     way = np.zeros((PLACES,) * d, dtype=np.int64)
@@ -108,7 +108,7 @@ def _shear(kind: Ints, state: Ints, pair: tuple[int, int], shear: Floats) -> Flo
     before = [_shifted(v, a, -1, e) for v, e in zip(around[1], (-1, NOTHING), strict=True)]
     # (a-, b-), (a-, b+), (a+, b-), (a+, b+)
     quads = [tuple(before), around[2], around[1], around[0]]
-    modulus = modulus_between(np.stack([k for k, _ in quads]), shear)
+    modulus = modulus_between([k for k, _ in quads], shear)
     irregular = np.any([(s == COARSE) | (s == REFINED) for _, s in quads], axis=0)
     return np.where(irregular | ~_within(kind.ndim - 1, pair), 0.0, modulus)
 
@@ -124,13 +124,13 @@ def _unknown(kind: Ints, state: Ints, axis: int) -> Flags:
     return np.asarray(own & ((kind >= 0) | (before >= 0)) & ~held)
 
 
-def rims(kinds: Ints, states: Ints) -> Ints:
-    """Tell how displacements go on beyond the sides of blocks, shape (blocks, 2·dimension)."""
+def ghost_rules(kinds: Ints, states: Ints) -> Ints:
+    """Tell how displacements are extrapolated beyond sides of blocks: (blocks, 2·dimension)."""
     # 0: in another block; 1: linearly, beyond a free surface; 2: mirrored, beyond a wall.
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))
-    rim = np.zeros((len(kinds), 2 * d), dtype=np.int64)
+    rules = np.zeros((len(kinds), 2 * d), dtype=np.int64)
     for side in range(2 * d):
         way = 3**d // 2 + (2 * (side % 2) - 1) * 3 ** (side // 2)
         wall = np.isin(kinds[:, way], (RIGID, DISPLACED))
-        rim[:, side] = np.where(states[:, way] == NOTHING, np.where(wall, 2, 1), 0)
-    return rim
+        rules[:, side] = np.where(states[:, way] == NOTHING, np.where(wall, 2, 1), 0)
+    return rules

@@ -1,16 +1,15 @@
-"""The balance of forces on blocks of agents: the same operator as `Equilibrium`, hardly stored.
+"""The balance of forces on blocks of agents: the operator SᵀDS of `Equilibrium`, hardly stored.
 
-Within blocks and between blocks of one size the energy follows from `pages`, in compiled loops.
-Where agents of two sizes meet, the strains are rows of the composite grid of the agents that
-touch there (`Window`), and are added to it: together they are Sᵀ D S.
+Within blocks and between blocks of one size the moduli are those of block types, in compiled loops.
+Where agents of two sizes meet, the strains are rows of the composite grid of the agents that touch
+there (`Window`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache, cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,8 +20,8 @@ from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.multigrid import block_kernels as kernels
-from kaju.model.elastic.multigrid.block_types import PLACES, surroundings
-from kaju.model.elastic.multigrid.forest import ACROSS, COARSE, REFINED, Forest, corners, ways
+from kaju.model.elastic.multigrid.block_types import PLACES, block_types
+from kaju.model.elastic.multigrid.forest import ACROSS, COARSE, REFINED, Forest, corners, offsets
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.refine.estimator import SINGULAR, Indicator
 from kaju.model.elastic.staggered import axis_pairs
@@ -34,14 +33,12 @@ class Layout(NamedTuple):
     stride: Ints  # shape (dimension,)
     # Ways, and for each the faces that a neighbour owns, and where they are there; then the same
     # for the last faces of neighbours at corners (`_ends`)
-    layer: tuple[Ints, ...]
+    halo: tuple[Ints, ...]
     # For every side where the faces beyond it begin, these, and the step to the next within
     ghosts: tuple[Ints, Ints, Ints]
     # For every child: fine faces, faces of the parent, and weights; then the faces that lie between
     # two such, and how far apart these are
-    ties: tuple[Ints, Ints, Ints, Floats, Ints]
-    # For every child and axis: fine faces, and the parent's faces of which they are parts
-    halves: tuple[Ints, Ints, Ints]
+    transfer: tuple[Ints, Ints, Ints, Floats, Ints]
 
 
 @cache
@@ -51,8 +48,8 @@ def layout(dimension: int) -> Layout:
     stride = np.array([PLACES ** (d - 1 - a) for a in range(d)])
     place = np.array(list(product(range(PLACES), repeat=d)))
     start, way, into, source = [0], [], [], []
-    steps = ways(d)
-    # Neighbours at corners come last: what they tell of faces that two of them share is right.
+    steps = offsets(d)
+    # Neighbours at corners come last: of faces that two neighbours share their values are right.
     for m in np.argsort(np.abs(steps).sum(axis=1), kind="stable")[1:]:
         way.append(int(m))
         for a in range(d):
@@ -62,9 +59,8 @@ def layout(dimension: int) -> Layout:
             into.append(here + a * PLACES**d)
             source.append((place[here] - ACROSS * steps[m]) @ stride + a * PLACES**d)
         start.append(sum(map(len, into)))
-    layer = (np.array(way), np.array(start), np.concatenate(into), np.concatenate(source))
+    halo = (np.array(way), np.array(start), np.concatenate(into), np.concatenate(source))
     ends = _ends(d, stride, place)
-    ties, halves = _ties(d, stride), _halves(d, stride)
     beyond = [
         np.flatnonzero(place[:, b] == upper * (PLACES - 1)) + a * PLACES**d
         for b, upper, a in product(range(d), (0, 1), range(d))
@@ -73,14 +69,14 @@ def layout(dimension: int) -> Layout:
     each = (d - 1) * PLACES ** (d - 1)
     inward = np.repeat(stride, 2) * np.tile([1, -1], d)
     ghosts = (each * np.arange(2 * d + 1), np.concatenate(beyond), inward)
-    return Layout(stride, layer + ends, ghosts, ties, halves)
+    return Layout(stride, halo + ends, ghosts, _transfer(d, stride))
 
 
 def _ends(d: int, stride: Ints, place: Ints) -> tuple[Ints, Ints]:
     """Return the last faces of neighbours at corners, which stand at the first of nothing."""
     # A row holds the way, the way to nothing, and where its places begin and end; a second array
     # the places, and where they are in the neighbour.
-    steps, heads, into, source = ways(d), [], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    steps, heads, into, source = offsets(d), [], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     count = 0
     for m, a in product(np.argsort(np.abs(steps).sum(axis=1), kind="stable"), range(d)):
         if steps[m, a] != -1 or np.abs(steps[m]).sum() < 2:
@@ -96,57 +92,29 @@ def _ends(d: int, stride: Ints, place: Ints) -> tuple[Ints, Ints]:
     return np.array(heads), np.stack([np.concatenate(into), np.concatenate(source)])
 
 
-Line = list[tuple[int, int, float]]
-"""Places along a line of a child, those of its parent that belong to them, and weights."""
-
-
-def _ties(d: int, stride: Ints) -> tuple[Ints, Ints, Ints, Floats, Ints]:
-    start, fine, source, weight, axis = _of_children(d, stride, _line)
-    between = []
-    for a in range(d):
-        lines = [range(2, ACROSS + 1, 2) if b == a else range(1, ACROSS + 1) for b in range(d)]
-        at = np.array(list(product(*lines))) @ stride + a * PLACES**d
-        between.append(np.stack([at, np.full_like(at, stride[a])], axis=1))
-    own = axis * PLACES**d
-    return start[::d], fine + own, source + own, weight, np.concatenate(between)
-
-
-def _line(upper: int, along: bool) -> Line:
-    # Along their normal every other face is one of the parent's; across it faces lie a quarter off.
-    found = []
-    for p in range(1, ACROSS + 1 + along, 1 + along):
-        at = upper * ACROSS + p - 1
-        if along:
-            found.append((p, at // 2 + 1, 1.0))
-        else:
-            found += [(p, at // 2 + 1, 0.75), (p, at // 2 + 1 + (1 if at % 2 else -1), 0.25)]
-    return found
-
-
-def _halves(d: int, stride: Ints) -> tuple[Ints, Ints, Ints]:
-    half = ACROSS // 2
-
-    def line(upper: int, along: bool) -> Line:
-        if along:  # The plane between two children is told by the upper one.
-            return [(2 * i + 1, upper * half + i + 1, 1.0) for i in range(half + upper)]
-        return [(p, upper * half + (p + 1) // 2, 1.0) for p in range(1, ACROSS + 1)]
-
-    start, fine, source, _, _ = _of_children(d, stride, line)
-    return start[d * np.arange(1 << d)[:, None] + np.arange(d + 1)], fine, source
-
-
-def _of_children(
-    d: int, stride: Ints, line: Callable[[int, bool], Line]
-) -> tuple[Ints, Ints, Ints, Floats, Ints]:
-    """Return products of lines: starts child by child and axis by axis, places, weights, axes."""
-    parts = []
-    for octant, a in product(range(1 << d), range(d)):
-        parts.append(list(product(*(line(octant >> b & 1, b == a) for b in range(d)))))
-    count = [len(part) for part in parts]
-    table = np.concatenate([np.array(part) for part in parts])
+def _transfer(d: int, stride: Ints) -> tuple[Ints, Ints, Ints, Floats, Ints]:
+    """Return which faces of children follow which of the parent's: see `Layout.transfer`."""
+    parts, between = [], []
+    for child, a in product(range(1 << d), range(d)):
+        lines = []
+        for b in range(d):
+            # Along the normal every other face is one of the parent's; across it they lie a quarter
+            # of a parent's cell off.
+            line, first = [], (child >> b & 1) * ACROSS - 1
+            for p in range(1, ACROSS + 1 + (b == a), 1 + (b == a)):
+                near, nearer = (first + p) // 2 + 1, 1 if (first + p) % 2 else -1
+                line += [(p, near, 1.0)] if b == a else [(p, near, 0.75), (p, near + nearer, 0.25)]
+            lines.append(line)
+        parts.append(np.array(list(product(*lines))))
+    count, table = [len(part) for part in parts], np.concatenate(parts)
+    own = np.repeat(np.tile(np.arange(d), 1 << d), count) * PLACES**d
     fine, source = table[:, :, :2].astype(np.int64).transpose(2, 0, 1) @ stride
-    axis = np.repeat(np.tile(np.arange(d), 1 << d), count)
-    return np.append(0, np.cumsum(count)), fine, source, table[:, :, 2].prod(axis=1), axis
+    start, weight = np.append(0, np.cumsum(count))[::d], table[:, :, 2].prod(axis=1)
+    for a in range(d):
+        odd = [range(2, ACROSS + 1, 2) if b == a else range(1, ACROSS + 1) for b in range(d)]
+        at = np.array(list(product(*odd))) @ stride + a * PLACES**d
+        between.append(np.stack([at, np.full_like(at, stride[a])], axis=1))
+    return start, fine + own, source + own, weight, np.concatenate(between)
 
 
 class BlockRows(NamedTuple):
@@ -209,7 +177,7 @@ class Window:
 class BlockOperator:
     """Energy and forces of a forest, level by level and of all its leaves together; scaled.
 
-    `page` are the pages of the blocks on their own levels, and as parts of the whole, shape (2,
+    `type_of` are the types of the blocks on their own levels, and as parts of the whole, shape (2,
     blocks); `scale` the unit of the blocks' energy, h^(d-2).
     """
 
@@ -223,8 +191,8 @@ class BlockOperator:
         alone = forest.states(composite=False)
         kinds = np.concatenate([forest.kinds, forest.kinds])
         states = np.concatenate([alone, self.states])
-        page, self.pages = surroundings(kinds, states, forest.ground.moduli)
-        self.page: Ints = page.reshape(2, -1)
+        type_of, self.types = block_types(kinds, states, forest.ground.moduli)
+        self.type_of: Ints = type_of.reshape(2, -1)
         self.rows = self._rows()
 
     def zeros(self) -> Floats:
@@ -234,19 +202,19 @@ class BlockOperator:
     @cached_property
     def unknowns(self) -> Ints:
         """Places that are unknown."""
-        mask = self.pages.mask[self.page[1]] > 0
+        mask = self.types.mask[self.type_of[1]] > 0
         mask[~self.forest.leaf] = False
         return np.flatnonzero(mask)
 
     def apply(self, u: Floats, force: Floats) -> float:
         """Write the force that holds a displacement; return twice its energy."""
         forest, rows = self.forest, self.rows
-        tree = (forest.leaves, forest.beside, self.page[1])
-        total = kernels.apply(u, force, *tree, self.pages, self.scale, self.layout.layer)
+        tree = (forest.leaves, forest.beside, self.type_of[1])
+        total = kernels.apply(u, force, *tree, self.types, self.scale, self.layout.halo)
         stress, every = np.empty(len(rows.modulus)), (0, len(rows.modulus))
         strains = (*every, rows.start, rows.column, rows.value)
         total += kernels.strain_rows(u.ravel(), *strains, rows.modulus, stress)
-        kernels.pull_rows(force.ravel(), *strains, stress, 1.0)
+        kernels.add_row_forces(force.ravel(), *strains, stress, 1.0)
         return float(total)
 
     @property
@@ -271,7 +239,7 @@ class BlockOperator:
         forces_along = forces.force.copy()
         forces_along[rows, np.maximum(forces.direction, 0) // 2] = 0.0
         if (forces.direction < 0).any() or forces_along.any() or forces.uneven:
-            # Of what is dragged along, or pulled by its middle, the neighbours tell more.
+            # Forces along sides and in middles act on faces of neighbours, too.
             window = Window(forest, forest.with_neighbours(block))
         else:
             chosen = np.zeros((len(block), len(forest.corners)), dtype=np.bool_)
@@ -282,25 +250,44 @@ class BlockOperator:
         total.ravel()[place] = force
         return total, np.unique(place[force != 0.0] // total[0].size)
 
-    def everywhere(self, u: Floats) -> None:
-        """Fill in what is not unknown, but has a displacement: of parents, and neighbours."""
+    def fill_coarse(self, u: Floats) -> None:
+        """Fill in displacements that are no unknowns: of blocks with children, and of halos."""
         # A side that smaller agents share moves by the mean of their faces.
         forest, d = self.forest, self.forest.dimension
         places = np.arange(PLACES**d).reshape((PLACES,) * d)
         for level in range(forest.depth - 1, -1, -1):
             block = np.arange(forest.start[level], forest.start[level + 1])
             leaf = forest.leaf[block]
-            kernels.upward(u, block[~leaf], forest.child, self.layout.halves)
+            self._average_children(u, block[~leaf])
             for a in range(d):
                 way = 3**d // 2 - 3**a
                 large = block[leaf & (self.states[block, way] == REFINED)]
                 first, last = (np.take(places, p, axis=a).ravel() for p in (1, PLACES - 1))
                 u[large[:, None], a, first] = u[forest.beside[large, way][:, None], a, last]
-        kernels.borrow_all(u, forest.beside, self.layout.layer)
+        kernels.exchange_halos(u, forest.beside, self.layout.halo)
+
+    def _average_children(self, u: Floats, parents: Ints) -> None:
+        """Write the means of the children's faces to the faces of their parents."""
+        d, half = self.forest.dimension, ACROSS // 2
+        places = u.reshape(*self.shape[:2], *(PLACES,) * d)
+        for child, a in product(range(1 << d), range(d)):
+            faces, into = places[self.forest.child[parents, child], a], list[slice]()
+            for b in range(d):
+                # Along the normal every other face is one of the parent's, the last one that of the
+                # upper child; across it two lie in one.
+                upper = child >> b & 1
+                count = half + (upper if b == a else 0)
+                into.append(slice(upper * half + 1, upper * half + 1 + count))
+                first, second = (
+                    faces.take(range(k, k + 2 * count, 2), b + 1, mode="clip") for k in (1, 2)
+                )
+                faces = first if b == a else 0.5 * (first + second)
+            index: tuple[Any, ...] = (parents, a, *into)
+            places[index] = faces
 
     def errors(self, u: Floats, squares: Floats | None = None) -> tuple[Floats, Floats]:
-        """Return the squares of the leaf blocks' errors, and what each agent leaves unbalanced."""
-        # `squares` may take those of the agents; see `block_kernels.curvature`.
+        """Return the squares of the leaf blocks' errors, and each agent's residual load."""
+        # `squares` may take those of the agents; see `block_kernels.second_differences`.
         forest, moduli = self.forest, self.forest.ground.moduli
         lateral = np.maximum(moduli.lateral[forest.kind], 0.0)
         law = (lateral, moduli.shear[forest.kind], self.scale)
@@ -312,26 +299,28 @@ class BlockOperator:
         around = (*law, self.layout.stride)
         loads = np.empty((len(block), len(forest.corners)))
         squares = np.empty((0, 0)) if squares is None else squares
-        found = np.asarray(kernels.curvature(u, forest.leaves, next_to, *around, squares, loads))
+        found = np.asarray(
+            kernels.second_differences(u, forest.leaves, next_to, *around, squares, loads)
+        )
         row, cell = forest.holding(forest.ground.sharp)
         own = np.empty((len(row), len(forest.corners)))
-        kernels.curvature(u, forest.leaves[row], next_to[row], *around, own, loads[:0])
+        kernels.second_differences(u, forest.leaves[row], next_to[row], *around, own, loads[:0])
         np.add.at(found, row, (SINGULAR - 1.0) * own[np.arange(len(row)), cell])
         if len(squares):
             squares[row, cell] *= SINGULAR
         return found, loads[:, forest.rows].ravel()
 
     def indicator(self, u: Floats) -> Indicator:
-        """Return what every agent of the leaf blocks leaves unbalanced."""
+        """Return the estimated error of every agent of the leaf blocks."""
         u = u.copy()
-        self.everywhere(u)
+        self.fill_coarse(u)
         squares = np.empty((len(self.forest.leaves), len(self.forest.corners)))
         load = self.errors(u, squares)[1]
         return Indicator(squares[:, self.forest.rows].ravel(), load)
 
-    def follow(self, old: Floats, rim: Ints) -> Floats:
-        """Return the displacement interpolated to this forest from what it has grown from."""
-        # `old` is known everywhere; `rim` belongs to this forest.
+    def prolonged(self, old: Floats, ghost_rules: Ints) -> Floats:
+        """Return the displacement interpolated from the forest that this one has grown from."""
+        # `old` has been filled by `fill_coarse`; the rules are those of this forest.
         forest, u = self.forest, self.zeros()
         known = forest.origin >= 0
         u[known] = old[forest.origin[known]]
@@ -339,10 +328,10 @@ class BlockOperator:
             block = np.arange(forest.start[level], forest.start[level + 1])
             fresh = block[~known[block]]
             parents = np.unique(forest.parent[fresh])
-            around = (self.layout.layer, self.layout.ghosts)
-            kernels.go_on(u, parents, forest.beside, rim, *around, False)
-            kernels.hand_down(u, fresh, forest.parent, forest.octant, self.layout.ties)
-        kernels.clean(u, forest.leaf, self.page[1], self.pages.mask)
+            around = (self.layout.halo, self.layout.ghosts)
+            kernels.extrapolate_to_ghosts(u, parents, forest.beside, ghost_rules, *around, False)
+            kernels.prolong(u, fresh, forest.parent, forest.child_index, self.layout.transfer)
+        kernels.clean(u, forest.leaf, self.type_of[1], self.types.mask)
         return u
 
     def _rows(self) -> BlockRows:
@@ -373,7 +362,7 @@ class BlockOperator:
 def _reach(dimension: int) -> NDArray[np.float32]:
     """Tell which edges of a block's agents touch which neighbour."""
     # Shape (ways, agents, pairs, 2, 2): 1 for those at the lower or upper end along either axis.
-    step, place = ways(dimension), corners(dimension)
+    step, place = offsets(dimension), corners(dimension)
     on = np.zeros((dimension, 2, len(step), len(place)))
     for a, end in product(range(dimension), (0, 1)):
         last = place[None, :, a] == end * (ACROSS - 1)

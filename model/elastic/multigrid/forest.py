@@ -1,10 +1,10 @@
-"""Agents that stand in blocks: B × B (× B) of one size and material, the blocks on a balanced tree.
+"""Blocks of B × B (× B) agents of one size and material, on a balanced tree.
 
-A block that spawns is followed by 2^d blocks of half its size, and stays as their coarse level
-in multigrid. No two leaf blocks that touch, be it at a corner, differ by more than a factor of
-two, so that every neighbour of a block with children is there at its own level.
+A block that spawns gets 2^d children of half its size, and stays as their coarse level in
+multigrid. No two leaf blocks that touch, be it at a corner, differ by more than a factor of two, so
+that every neighbour of a block with children is there at its own level.
 
-Every block holds B + 2 places along an axis, one layer of them belonging to its neighbours.
+Every block holds B + 2 places along an axis, one halo of them belonging to its neighbours.
 The cell at place p has its lower face along every axis at the same place; a block owns the
 faces at 1 … B, and those at B + 1 on a side where no block of its own size follows.
 """
@@ -30,8 +30,8 @@ REGULAR, COARSE, REFINED, NOTHING = 0, 1, 2, 3
 """What a block has beside it: one of its size, a larger one, smaller ones, or no body."""
 
 
-def ways(dimension: int) -> Ints:
-    """Return the steps to a block and its neighbours, x fastest; the block itself in the middle."""
+def offsets(dimension: int) -> Ints:
+    """Return the offsets of a block's neighbours, x fastest; its own in the middle."""
     steps = product((-1, 0, 1), repeat=dimension)
     return np.array([step[::-1] for step in steps], dtype=np.int64)
 
@@ -45,9 +45,9 @@ def corners(dimension: int) -> Ints:
 
 @cache
 def _parent_table(dimension: int) -> tuple[Ints, Ints]:
-    """Return for every child and way the parent's way and the child there: shape (2^d, 3^d)."""
-    octant = np.arange(1 << dimension)[:, None, None] >> np.arange(dimension) & 1
-    reach = octant + ways(dimension)
+    """Return for every child and offset the parent's offset and the child there: (2^d, 3^d)."""
+    child_index = np.arange(1 << dimension)[:, None, None] >> np.arange(dimension) & 1
+    reach = child_index + offsets(dimension)
     way = ((reach >> 1) + 1) @ 3 ** np.arange(dimension)
     return way, (reach & 1) @ 2 ** np.arange(dimension)
 
@@ -63,12 +63,9 @@ class Forest:
     child: Ints  # shape (blocks, 2^d): -1 for leaves
     beside: Ints  # shape (blocks, 3^d): Blocks of the same level, by `ways`; -1 for none
     kinds: Ints  # shape (blocks, 3^d): Material or kind of what is there, whatever its size
-    # shape (blocks,): The same block in the forest that this one has grown from, -1 for new ones
-    origin: Ints
+    origin: Ints  # shape (blocks,): The same block in the forest before, -1 for new ones
     step: Ints  # shape (blocks,): Spawning step in which its agents came to be
-    # shape (blocks,): 1 for children of blocks that were chosen, NaN for those that keep neighbours
-    # alike
-    cause: Floats = field(repr=False)
+    cause: Floats = field(repr=False)  # shape (blocks,): 1 for children of chosen blocks, else NaN
     edge: int = 0
 
     @property
@@ -132,7 +129,7 @@ class Forest:
 
     def states(self, composite: bool) -> Ints:
         """Tell what every block has beside it, shape (blocks, 3^d)."""
-        # On its own level a block does not look at children; as part of the `composite` it does.
+        # On its own level a block ignores its neighbours' children; in the `composite` it does not.
         there = self.beside >= 0
         state = np.where(there, REGULAR, np.where(self.kinds >= 0, COARSE, NOTHING))
         if composite:
@@ -140,17 +137,17 @@ class Forest:
         return state
 
     def refined(self, marked: Flags, step: int) -> Forest:
-        """Return the forest in which the marked leaf blocks, and who must with them, spawn."""
+        """Return the forest in which marked leaf blocks, and all that balance requires, spawn."""
         chosen = marked & self.leaf
         marked = chosen.copy()
         way, _ = _parent_table(self.dimension)
-        octant = self.octant
+        child_index = self.child_index
         for level in range(self.depth - 1, 0, -1):
             block = np.arange(self.start[level], self.start[level + 1])
             block = block[marked[block]]
             alone = (self.beside[block] < 0) & (self.kinds[block] >= 0)
             row, m = np.nonzero(alone)
-            marked[self.beside[self.parent[block[row]], way[octant[block[row]], m]]] = True
+            marked[self.beside[self.parent[block[row]], way[child_index[block[row]], m]]] = True
         forest = self._grown(marked | ~self.leaf, chosen, step)
         unlike = forest._beside_other_material()
         if not unlike.any():
@@ -163,7 +160,7 @@ class Forest:
         return replace(self, origin=origin)
 
     @cached_property
-    def octant(self) -> Ints:
+    def child_index(self) -> Ints:
         """Which child of its parent every block is; bit a for axis a."""
         half = self.edge >> self.level
         bits = (self.lower // half[:, None]) & 1
@@ -174,12 +171,12 @@ class Forest:
         marked = np.zeros(len(self), dtype=np.bool_)
         if len(np.unique(self.kind)) == 1:
             return marked
-        ahead = np.flatnonzero(np.abs(ways(self.dimension)).sum(axis=1) == 1)
+        ahead = np.flatnonzero(np.abs(offsets(self.dimension)).sum(axis=1) == 1)
         way, _ = _parent_table(self.dimension)
         kinds = self.kinds[:, ahead]
         unlike = (self.states(False)[:, ahead] == COARSE) & (kinds != self.kind[:, None])
         block, m = np.nonzero(unlike)
-        marked[self.beside[self.parent[block], way[self.octant[block], ahead[m]]]] = True
+        marked[self.beside[self.parent[block], way[self.child_index[block], ahead[m]]]] = True
         return marked
 
     def _grown(self, split: Flags, chosen: Flags, step: int) -> Forest:
@@ -275,7 +272,7 @@ class Forest:
         marked[block] = True
         way, _ = _parent_table(self.dimension)
         parent = self.parent[block, None]
-        above = self.beside[parent, way[self.octant[block]]]
+        above = self.beside[parent, way[self.child_index[block]]]
         beside = self.beside[block]
         large = (beside < 0) & (self.kinds[block] >= 0) & (parent >= 0)
         beside = np.where(large, above, beside)
@@ -311,7 +308,7 @@ def first_forest(ground: PosedBody) -> Forest | None:
     while True:
         boxes = covering(lower, upper, exponent)
         kind = ground.kinds_of(boxes, exponent)
-        beside = boxes[:, None] + (ways(d) << exponent)
+        beside = boxes[:, None] + (offsets(d) << exponent)
         body = np.flatnonzero(kind != -1)
         kinds = ground.kinds_of(beside[body].reshape(-1, d), exponent).reshape(len(body), -1)
         mine = kind[body] >= 0
@@ -327,7 +324,7 @@ def first_forest(ground: PosedBody) -> Forest | None:
     place = boxes[body] * ground.cell
     order = np.argsort(morton(place), kind="stable")
     place, kinds = place[order], kinds[order]
-    beside = _found(place, place[:, None] + ways(d) * edge)
+    beside = _found(place, place[:, None] + offsets(d) * edge)
     n = len(place)
     zeros = np.zeros(n, dtype=np.int64)
     child = np.full((n, 1 << d), -1, dtype=np.int64)
@@ -353,7 +350,7 @@ def evenly_loaded(forest: Forest) -> Forest:
 
 
 def _found(place: Ints, asked: Ints) -> Ints:
-    """Return which of the places, in the order of their codes, each one asked for is; else -1."""
+    """Return the number of each wanted place among those in the order of their codes; else -1."""
     code = morton(place)
     flat = asked.reshape(-1, place.shape[1])
     there = np.all(flat >= 0, axis=1)

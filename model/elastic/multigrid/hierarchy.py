@@ -1,10 +1,9 @@
 """Multigrid for equal cells: any form of the body and any mix of materials.
 
-The finest level stores no matrix, only the moduli of cells and edges; a parents' level stores
-what its faces feel when their children follow them (`stencils`), which is robust where the
-moduli jump by 10⁶ and next to holes. What a face cannot do is said on the finest level alone: its
-parents need no case of their own. One symmetric V-cycle with Gauss-Seidel sweeps is the
-preconditioner.
+The finest level stores no matrix, only the moduli of cells and edges; a coarse level stores P'AP
+(`stencils`), which is robust where the moduli jump by 10⁶ and next to holes, and needs no boundary
+conditions of its own. Coarse levels of full boxes obey the law themselves, which is twice as fast.
+One symmetric V-cycle with Gauss-Seidel sweeps is the preconditioner.
 """
 
 from __future__ import annotations
@@ -30,48 +29,40 @@ from kaju.model.elastic.staggered import Numbering, modulus_between, stiffness_m
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 FIRST = 4
-"""Place of the body's first cell: ghosts and what looks beyond them lie before it.
-
-Even, so that children and parents agree on which places are even.
-"""
+"""Place of the body's first cell, behind ghosts; even, so that fine and coarse places match."""
 SMALLEST = {2: 8, 3: 2}
 """A level of at most so many cells along every axis is solved by its inverse."""
 SWEEPS = {2: (3, 1, 2, 4), 3: (3, 1)}
-"""Gauss-Seidel sweeps before and after the visit to the parents: by the law, by the first stencils
-and by those of the parents' parents, where they cost little (Bramble & Pasciak 1987).
+"""Gauss-Seidel sweeps before and after the coarse correction: by the law, by the first stencil and
+by the coarser ones, where they cost little (Bramble & Pasciak 1987).
 
-By a stencil a face feels 30 others in the plane, 235 in space: three and eleven times as many as
-by the law.
+A stencil couples a face with 30 others in the plane, 235 in space: three and eleven times as many
+as the law.
 """
 PLAIN_SWEEPS = {2: 2, 3: 3}
-"""By the law in full boxes, whose parents obey it too, and within the mixed form."""
+"""By the law in full boxes, whose coarse levels obey it too, and within the mixed form."""
 FEWEST = 16
-"""A full box whose cells are even and at least so many along every axis has a box of parents."""
+"""A full box of an even number of cells, at least so many, along every axis has a coarse box."""
 DIRECT = 2_000
-"""Its last box is solved by factors if it has at most so many faces: without stencils, which take
-long to be compiled."""
-ALIKE = 4
-"""Of a full box only so many cells along every axis but the last are described: two at each end,
-since a face feels one cell beyond its own. All others are like the inner of them."""
-ALMOST = 0.1  # A guess is taken that leaves less than this share of what the parents' answer does
+"""The last of these is solved by factors if it has at most so many faces: without stencils, which
+take long to be compiled."""
+ALMOST = 0.1  # A guess is taken if its residual is below this share of the coarse answer's
 GUARD = 1e-11
-"""Share of its own stiffness by which every face of the smallest level is held: ghosts may follow
-from each other, which leaves a load in balance but not their places."""
+"""Ghost unknowns may be linearly dependent: the coarsest matrix is regularised by this share of its
+diagonal."""
 
 
 class Level(NamedTuple):
-    """One grid, as `sweeps` wants it, and the space to work in."""
+    """One grid, as `row_kernels` wants it, and the space to work in."""
 
     cells: tuple[int, ...]
     arrays: tuple[Any, ...]
-    stencil: Stencil | None
-    """None where moduli of cells and edges are all there is."""
-    u: Floats
-    load: Floats
-    """Displacement and load of all places."""
-    outside: Floats
-    """On parents of a full box: weights of the first two faces beside a side, from which the ghosts
-    beyond it follow. Empty: ghosts are parents like any others. Shape (sides, 2)."""
+    stencil: Stencil | None  # None where moduli of cells and edges are all there is
+    u: Floats  # Displacement and
+    load: Floats  # load of all places
+    ghost_weights: Floats
+    """On coarse levels of a full box: weights of the first two faces beside a side, by which ghosts
+    beyond it are extrapolated; else empty. Shape (sides, 2)."""
 
 
 class Hierarchy:
@@ -87,22 +78,22 @@ class Hierarchy:
         self.plain = is_box(problem)
         if self.plain or moduli is not None:
             by_law = PLAIN_SWEEPS[self.dimension]
-        moduli = moduli or problem.moduli
-        if self.plain:
-            self.levels = _plain_levels(problem, moduli)
-        else:
-            given = (problem.shape, problem.kinds, moduli, problem.spring)
-            self.levels = [_by_law(*given, edges=problem.edges)]
+        own = replace(problem, moduli=moduli or problem.moduli)
+        self.levels = [_by_law(own)]
+        while is_box(own):
+            # Ghosts beyond a free side are extrapolated, beyond a rigid one mirrored, so that a
+            # coarse box obeys the law on its own cells.
+            own = coarse_box(own)
+            self.levels.append(_by_law(own, ghost_weights_of(problem)))
         stencils, coarsest = 0, SMALLEST[self.dimension]
         few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
         while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
             stencils += 1
-            self.levels.append(_parents(self.levels[-1], stencils))
+            self.levels.append(_coarse_level(self.levels[-1], stencils))
         laws = len(self.levels) - stencils
         self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * stencils
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
-        own = replace(problem, moduli=moduli)
-        self._direct = _Direct(self.levels[-1], of_parents(own, laws - 1) if few else None)
+        self._direct = _Direct(self.levels[-1], own if few else None)
 
     @property
     def depth(self) -> int:
@@ -136,7 +127,7 @@ class Hierarchy:
             values += view
 
     def views(self, vector: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-        """Return a vector as one array per axis, the rim included."""
+        """Return a vector as one array per axis, ghost cells included."""
         level = self.levels[0]
         box = level.arrays[3]
         shape = (box[0], box[2]) if self.dimension == 2 else tuple(box[:3])
@@ -150,7 +141,7 @@ class Hierarchy:
     def apply(self, x: Floats, out: Floats | None = None) -> Floats:
         """Return the stiffness times x."""
         out = np.empty_like(x) if out is None else out
-        self._cross(0, x, x, out, 0, sweeps.ACROSS, share=0.0)
+        self._pass(0, x, x, out, 0, sweeps.RESIDUAL, share=0.0)
         return np.negative(out, out=out)
 
     def precondition(self, load: Floats, out: Floats | None = None) -> Floats:
@@ -161,56 +152,55 @@ class Hierarchy:
 
     def full_multigrid(self, load: Floats, guess: Floats | None = None) -> tuple[Floats, float]:
         """Start from the coarsest answer and improve it level by level."""
-        # On the finest level from the best combination of the parents' answer and the guess, if
-        # that is far better. Also returns the potential energy, on that level, of the parents'
-        # answer before it was improved.
+        # On the finest level from the best combination of the coarse answer and the guess, if that
+        # is far better. Also returns the potential energy there of the coarse answer.
         loads = [load]
         for at in range(len(self.levels) - 1):
-            loads.append(self.hand_over(at, loads[at]))
+            loads.append(self.restrict(at, loads[at]))
         x, energy = self._direct.solve(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
-            x, left, more = self.follow(at, x), self.levels[at].load, self.levels[at].u
-            self._cross(at, x, loads[at], left, 0, sweeps.ACROSS)
+            x, residual, more = self.prolong(at, x), self.levels[at].load, self.levels[at].u
+            self._pass(at, x, loads[at], residual, 0, sweeps.RESIDUAL)
             if at == 0:
-                energy = -0.5 * float(dot(load, x) + dot(left, x))
+                energy = -0.5 * float(dot(load, x) + dot(residual, x))
                 if guess is not None:
-                    both, force = best_of(load, x, load - left, guess, self.apply(guess))
-                    rest = load - force
-                    if dot(rest, rest) < ALMOST**2 * dot(left, left):
-                        x, left = both, rest
-            self._cycle(at, left, more)
+                    both, force = best_of(load, x, load - residual, guess, self.apply(guess))
+                    other = load - force
+                    if dot(other, other) < ALMOST**2 * dot(residual, residual):
+                        x, residual = both, other
+            self._cycle(at, residual, more)
             x += more
         return x, energy
 
-    def follow(self, at: int, parents: Floats) -> Floats:
-        """Return where the children on a level are if they follow their parents."""
+    def prolong(self, at: int, coarse: Floats) -> Floats:
+        """Return a displacement interpolated from the next coarser level."""
         x: Floats = np.zeros(self.levels[at].u.size)
-        self._cross(at, x, x, parents, 0, sweeps.WAY_DOWN)
+        self._pass(at, x, x, coarse, 0, sweeps.FROM_COARSE)
         return x
 
-    def hand_over(self, at: int, load: Floats) -> Floats:
-        """Return a level's load as its parents' one."""
-        parents: Floats = np.empty_like(self.levels[at + 1].load)
-        self._cross(at, load, load, parents, 0, sweeps.WAY_UP)
-        return parents
+    def restrict(self, at: int, load: Floats) -> Floats:
+        """Return a load restricted to the next coarser level."""
+        coarse: Floats = np.empty_like(self.levels[at + 1].load)
+        self._pass(at, load, load, coarse, 0, sweeps.TO_COARSE)
+        return coarse
 
     def rough(self, x: Floats) -> Floats:
-        """Return what the parents cannot represent of x, all but: x less its mean over each."""
-        weight, mean = self.hand_over(0, self.moving.astype(np.float64)), self.hand_over(0, x)
+        """Return about what the next coarser level cannot represent: x less its means there."""
+        weight, mean = self.restrict(0, self.moving.astype(np.float64)), self.restrict(0, x)
         np.divide(mean, weight, out=mean, where=weight > 0.1)
         mean[weight <= 0.1] = 0.0
-        return np.asarray(x - self.follow(0, mean))
+        return np.asarray(x - self.prolong(0, mean))
 
     def _cycle(self, at: int, load: Floats, u: Floats) -> None:
         if at == len(self.levels) - 1:
             u[:] = self._direct.solve(load)
             return
         below, count = self.levels[at + 1], self._sweeps[at]
-        self._cross(at, u, load, below.load, count, sweeps.WAY_UP)
+        self._pass(at, u, load, below.load, count, sweeps.TO_COARSE)
         self._cycle(at + 1, below.load, below.u)
-        self._cross(at, u, load, below.u, count, sweeps.WAY_DOWN)
+        self._pass(at, u, load, below.u, count, sweeps.FROM_COARSE)
 
-    def _cross(
+    def _pass(
         self,
         at: int,
         u: Floats,
@@ -220,14 +210,14 @@ class Hierarchy:
         way: int,
         share: float = 1.0,
     ) -> None:
-        """Take `sweeps.cross`, which says what the vectors are."""
+        """Take `row_kernels.pass_level`, which says what the vectors are."""
         level, below = self.levels[at].arrays, self.levels[at + 1]
-        coarse, plain = below.arrays[3], len(below.outside) > 0
-        if plain and way == sweeps.WAY_DOWN:
-            _go_on(out, coarse, below.outside, back=False)
-        sweeps.cross(u, load, out, level, coarse, self._parity, count, way, share)
-        if plain and way == sweeps.WAY_UP:
-            _go_on(out, coarse, below.outside, back=True)
+        coarse, plain = below.arrays[3], len(below.ghost_weights) > 0
+        if plain and way == sweeps.FROM_COARSE:
+            _extrapolate_to_ghosts(out, coarse, below.ghost_weights, back=False)
+        sweeps.pass_level(u, load, out, level, coarse, self._parity, count, way, share)
+        if plain and way == sweeps.TO_COARSE:
+            _extrapolate_to_ghosts(out, coarse, below.ghost_weights, back=True)
 
 
 class _Direct:
@@ -270,7 +260,7 @@ class _Direct:
 
 
 def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None) -> Ints:
-    """Return the measures of a level's arrays; see `sweeps`."""
+    """Return the measures of a level's arrays; see `row_kernels`."""
     d = len(cells)
     sizes = [2 * ((n + 9) // 2) for n in cells]
     ranges = [(first, n + 5) for n in cells]
@@ -290,11 +280,11 @@ def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None
 
 
 _NO_COUPLINGS = np.zeros((0, 3), dtype=np.int64)
-_NO_OUTSIDE = np.zeros((0, 2))
+_NO_GHOSTS = np.zeros((0, 2))
 
 
 def is_box(problem: ElasticProblem) -> bool:
-    """Tell whether a body is a full box of one material, with sides of one kind each, to halve."""
+    """Tell whether a body is a full box of one material, sides of one kind, to be coarsened."""
     if any(n % 2 or n < FEWEST for n in problem.shape):
         return False
     inside = problem.kinds[problem.inner]
@@ -304,77 +294,90 @@ def is_box(problem: ElasticProblem) -> bool:
     return all(bool(np.all(layer == layer.flat[0])) for layer in layers)
 
 
-def _by_law(
-    cells: tuple[int, ...],
-    rim: NDArray[np.int32],
-    moduli: Moduli,
-    spring: FaceFields,
-    outside: Floats | None = None,
-    *,
-    spread: bool = False,
-    edges: dict[tuple[int, int], Floats] | None = None,
-) -> Level:
+def _by_law(problem: ElasticProblem, ghost_weights: Floats | None = None) -> Level:
     """Return a level of which only moduli are stored."""
-    # `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
-    # describe rows that are like the one before but once, unless they are `spread` over all.
-    d, box = rim.ndim, _box(cells, FIRST, 1)
-    shape, whole = _shape(_box(tuple(n - 2 for n in rim.shape), FIRST, 1)), _shape(box)
+    # A plane of cells that is equal to the next and to the two before has the same law and the same
+    # stiffness as the plane before it: it shares the rows of that one.
+    planes, kinds = problem.kinds.shape[0], problem.kinds
+    shares = np.zeros(planes, dtype=np.bool_)
+    if problem.edges is None:
+        like = (kinds[1:] == kinds[:-1]).reshape(planes - 1, -1).all(axis=1)
+        shares[2:-1] = like[:-2] & like[1:-1] & like[2:]
+    kept = np.flatnonzero(~shares)
+    spring = tuple(
+        values[np.append(kept, planes) if axis == 0 else kept]
+        for axis, values in enumerate(problem.spring)
+    )
+    law, inverse = _law_and_inverses(replace(problem, kinds=kinds[kept], spring=spring))
+    # Rows of places, ghosts included, by the rows of those that are kept.
+    box, described = _box(problem.shape, FIRST, 1), law.shape[1]
+    place = np.arange(box[0])
+    place[FIRST - 1 : FIRST - 1 + planes] = FIRST - 2 + np.cumsum(~shares)
+    place[FIRST - 1 + planes :] -= planes - len(kept)
+    place = np.minimum(place, described - 1)
+    parts = [x.reshape(len(x), -1, int(box[2])) for x in (law, inverse)]
+    number = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
+    if number[-1] < len(number) - 1:
+        parts = [x.take(np.flatnonzero(np.diff(number, prepend=-1)), 1) for x in parts]
+    rows = number.reshape(described, -1)[place].ravel()
+    arrays = (*(x.ravel() for x in parts), _NO_COUPLINGS, box, rows)
+    n = problem.dimension * int(box[sweeps.SIZE])
+    ghost_weights = _NO_GHOSTS if ghost_weights is None else ghost_weights
+    return Level(problem.shape, arrays, None, np.empty(n), np.empty(n), ghost_weights)
+
+
+def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
+    """Return all places' moduli, and inverses of faces' own stiffness; 0 where held."""
+    d, rim, moduli = problem.dimension, problem.kinds, problem.moduli
+    shape = _shape(_box(problem.shape, FIRST, 1))
     n, steps = prod(shape), np.array([prod(shape[a + 1 :]) for a in range(d)])
     kinds = np.full(shape, AIR, dtype=np.int32)
     body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
     kinds[body] = rim
-    law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
+    law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros((d, n))
     beyond = -min(AIR, RIGID, ROLLER, FOUNDATION)  # kinds that are no material count from the end
     for modulus, row in zip((moduli.stretch, moduli.lateral), law, strict=False):
         np.pad(modulus, (0, beyond)).take(kinds.ravel(), out=row, mode="wrap")
     first = int(steps.sum())
     for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
         back = (0, steps[a], steps[b], steps[a] + steps[b])
-        around = np.stack([kinds.ravel()[first - k : n - k] for k in back])
+        around = [kinds.ravel()[first - k : n - k] for k in back]
         law[1 + a + b, first:] = modulus_between(around, moduli.shear)
-    for (a, b), values in (edges or {}).items():  # one further than the cells along a and b
+    for (a, b), values in (problem.edges or {}).items():  # one further than the cells
         further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
         places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
         law[1 + a + b].reshape(shape)[places] = values
     stretch = law[0].reshape(shape)[body]
     for side in range(2 * d):
-        # A bed is a ghost cell that can only be squeezed, and whose far face is held.
+        # A foundation is a ghost cell that can only be squeezed, and whose far face is held.
         layer = rim_layer(d, side)
         face = list(layer)
         face[side // 2] = -2 if side % 2 else 1
-        bed = rim[layer] == FOUNDATION
-        if bed.any():
-            stretch[layer][bed] = spring[side // 2][tuple(face)][bed]
-    holds = (kinds == RIGID) | (kinds == ROLLER)
-    code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
-    _lay_faces(code.ravel(), law, steps, inverse)
-    rows = _rows(whole[:-1], shape[:-1], [n + 2 - m for n, m in zip(cells, rim.shape, strict=True)])
-    parts = [x.reshape(-1, prod(shape[:-1]), shape[-1]) for x in (law, inverse)]
-    if spread:
-        law, inverse = (x.take(rows, 1) for x in parts)
-        rows = np.arange(len(rows))
-    elif whole == shape:
-        rows = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
-        if rows[-1] < len(rows) - 1:
-            law, inverse = (x.take(_firsts(rows), 1) for x in parts)
-    arrays = (law.ravel(), inverse.ravel(), _NO_COUPLINGS, box, rows)
-    space = d * prod(whole)
-    outside = _NO_OUTSIDE if outside is None else outside
-    return Level(cells, arrays, None, np.empty(space), np.empty(space), outside)
+        founded = rim[layer] == FOUNDATION
+        if founded.any():
+            stretch[layer][founded] = problem.spring[side // 2][tuple(face)][founded]
+    solid = (kinds >= 0).ravel()
+    holds = ((kinds == RIGID) | (kinds == ROLLER)).ravel()
+    here = slice(first, n - first)
+    for a, step in enumerate(steps):
+        behind = slice(first - step, n - first - step)
+        own = law[0, here] + law[0, behind]
+        for b, across in enumerate(steps):
+            if b != a:
+                modulus = law[1 + a + b]
+                own += modulus[here] + modulus[first + across : n - first + across]
+        moves = (solid[here] | solid[behind]) & ~(holds[here] | holds[behind]) & (own > 0.0)
+        np.divide(1.0, own, out=inverse[a, here], where=moves)
+    return law.reshape(-1, *shape), inverse
 
 
 def _numbered(like: Sequence[Flags]) -> Ints:
-    """Return a number for every row, the same if it is like the one before in all that is told."""
+    """Return a number for every row, the same if it is like the one before in every respect."""
     return np.append(0, np.cumsum(~np.logical_and.reduce(like)))
 
 
-def _firsts(rows: Ints) -> Ints:
-    """Return the first row of every number."""
-    return np.flatnonzero(np.diff(rows, prepend=-1))
-
-
 def _spread(values: NDArray[Any], arrays: tuple[Any, ...]) -> NDArray[Any]:
-    """Return for all faces what a level's arrays say of those that others are like."""
+    """Return for all faces the values that a level stores for its distinct rows."""
     box, rows = arrays[3:]
     if values.size == box[sweeps.COUNT] * box[sweeps.SIZE]:
         return values
@@ -387,50 +390,22 @@ def _shape(box: Ints) -> tuple[int, ...]:
     return tuple(int(n) for n in box[:3] if n > 1)
 
 
-def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence[int]) -> Ints:
-    """Return for every row of places that which describes it."""
-    rows, inner = np.zeros((), dtype=np.int64), FIRST + ALIKE // 2 - 1
-    for every, some, fewer in zip(whole, described, left_out, strict=False):
-        place = np.arange(every)
-        like = np.minimum(place, np.maximum(inner, place - fewer))
-        rows = rows[..., None] * some + np.minimum(like, some - 1)
-    return rows.ravel()
-
-
-def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
-    """Return a full box and those of its parents that are boxes themselves."""
-    # They obey the law on cells twice as large. What moves beyond a free side goes on straight,
-    # what is beyond a rigid one is its mirror image.
-    d, cells = problem.dimension, problem.shape
-    outside = outside_of(problem)
-    rim = described(problem.kinds, cells[:-1])
-    spring = tuple(described(values, cells[:-1]) for values in problem.spring)
-    levels: list[Level] = []
-    while True:
-        last = any(n % 2 or n < FEWEST for n in cells)
-        beyond = outside if levels else None
-        levels.append(_by_law(cells, rim, moduli, spring, beyond, spread=last))
-        if last:
-            return levels
-        cells = tuple(n // 2 for n in cells)
-        rim = np.ascontiguousarray(rim[..., _every(2, rim.shape[-1])])
-        moduli = Moduli(*(2.0 ** (d - 2) * values for values in moduli))
-        spring = tuple(2.0 ** (d - 1) * v[..., _every(2, v.shape[-1])] for v in spring)
-
-
-def outside_of(problem: ElasticProblem) -> Floats:
-    """Return for every side the weights of the first two faces, from which those beyond follow."""
+def ghost_weights_of(problem: ElasticProblem) -> Floats:
+    """Return for every side the weights of the first two faces that extrapolate to its ghosts."""
     sides = range(2 * problem.dimension)
     ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
     return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
 
 
-def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
+def coarse_box(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
     """Return a full box on cells twice as large, or so many times."""
     d, wide = problem.dimension, 2.0**times
 
     def halved(values: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(values[np.ix_(*[_every(2**times, n) for n in values.shape])])
+        # The ghost cells beyond both ends stay. Along the normal the last face is kept as well;
+        # across it the last two have one coarse face.
+        every = [np.array([0, *range(1, n - 1, 2**times), n - 1]) for n in values.shape]
+        return np.ascontiguousarray(values[np.ix_(*every)])
 
     return replace(
         problem,
@@ -440,39 +415,8 @@ def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
     )
 
 
-def described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
-    """Return the values of those cells, or faces, of a full box that the others are like."""
-    for axis, size in enumerate(cells):
-        ends = [*range(1 + ALIKE // 2), *range(1 + ALIKE // 2 + size - ALIKE, values.shape[axis])]
-        values = values.take(ends, axis)
-    return values
-
-
-def _every(step: int, count: int) -> Ints:
-    """Return the places of every second face, or so, along an axis, the rim's included."""
-    # Along the normal the last face is one of them, across it the last two have one parent.
-    return np.array([0, *range(1, count - 1, step), count - 1])
-
-
-def _lay_faces(code: NDArray[np.int8], law: Floats, steps: Ints, inverse: Floats) -> None:
-    """Write the inverse of every face's own stiffness; 0 where it cannot move."""
-    # `code` of a place is 1 if there is body, 2 if what is there holds.
-    first, n = int(steps.sum()), len(code)
-    here = slice(first, n - first)
-    for a, step in enumerate(steps):
-        behind = slice(first - step, n - first - step)
-        own = law[0, here] + law[0, behind]
-        for b, across in enumerate(steps):
-            if b != a:
-                modulus = law[1 + a + b]
-                own += modulus[here] + modulus[first + across : n - first + across]
-        moves = ((code[here] | code[behind]) == 1) & (own > 0.0)
-        out = inverse[a * n + first : (a + 1) * n - first]
-        np.divide(1.0, own, out=out, where=moves)
-
-
-def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
-    """Let the ghosts beyond a full box follow the faces inside; back, hand their loads in."""
+def _extrapolate_to_ghosts(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
+    """Extrapolate to the ghosts beyond a full box; back, add their loads inside: the transpose."""
     count = int(coarse[sweeps.COUNT])
     fields = g.reshape(count, *coarse[:3])
     for a in range(count):
@@ -492,12 +436,12 @@ def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
                     ghost[...] = near * one + far * two
 
 
-def _parents(fine: Level, depth: int) -> Level:
+def _coarse_level(fine: Level, depth: int) -> Level:
     cells = tuple((n + 1) // 2 for n in fine.cells)
     d = len(cells)
     sums, stencil = coarsening(d, depth)
     box = _box(cells, FIRST - 1, 2, stencil)
-    rows = _rows_of_parents(fine, box, sums)
+    rows = _shared_coarse_rows(fine, box, sums)
     described = (int(rows.max()) + 1) * int(box[2])
     coefficients, inverse = np.zeros(described * len(stencil.entries)), np.zeros(d * described)
     if d == 2:
@@ -506,7 +450,7 @@ def _parents(fine: Level, depth: int) -> Level:
     ends, starts = (np.cumsum([0, *map(len, parts)]) for parts in (places, ways))
     weight = np.concatenate([step.weight for step in sums])
     joined = np.concatenate(places), weight, np.concatenate(ways), ends, starts
-    made, length = _made(fine.arrays[3]), int(fine.arrays[3][sweeps.LENGTH])
+    made, length = _finest_terms(fine.arrays[3]), int(fine.arrays[3][sweeps.LENGTH])
     few = 0 if fine.stencil else len(sums[0].rows) * len(made)
     first, second = sums[0].sums, sums[1].sums
     sizes = few * length, (4 * first + second) * length, max(first, second) * length
@@ -514,25 +458,25 @@ def _parents(fine: Level, depth: int) -> Level:
     sweeps.galerkin(fine.arrays, made, joined, box, rows, stencil.own, room, coefficients, inverse)
     arrays = (coefficients, inverse, _flat(stencil, box), box, rows)
     space = d * int(box[sweeps.SIZE])
-    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_OUTSIDE)
+    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_GHOSTS)
 
 
-def _rows_of_parents(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:
-    """Return which parents' rows are like the one before, since all rows of children are."""
-    # Rows that are not in use are like the first.
-    children = fine.arrays[4].reshape(fine.arrays[3][:2])
+def _shared_coarse_rows(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:
+    """Return numbers of coarse rows, the same as before where all fine rows are shared."""
+    # Rows that are not in use share the first.
+    fine_rows = fine.arrays[4].reshape(fine.arrays[3][:2])
     reach = [np.unique(sums[0].rows[:, 0]), np.array([0])]
     if len(sums) == 3:
         beside, beyond = sums[0].rows[:, 1], sums[1].rows[:, 1]
         reach[1] = np.arange(beside.min() + beyond.min(), beside.max() + beyond.max() + 1)
-    if fine.stencil is None:  # The law of a row knows its neighbours.
+    if fine.stencil is None:  # The law of a row reaches its neighbours.
         reach = [np.arange(way.min() - 1, way.max() + 2) for way in reach]
     used = [np.arange(box[k], box[k + 1]) for k in (sweeps.FIRST, sweeps.FIRST_ROW)]
     seen = [
         np.clip(2 * place - 4 + way[:, None], 0, n - 1)
-        for place, way, n in zip(used, reach, children.shape, strict=True)
+        for place, way, n in zip(used, reach, fine_rows.shape, strict=True)
     ]
-    key = [children[p[:, None], q].ravel() for p in seen[0] for q in seen[1]]
+    key = [fine_rows[p[:, None], q].ravel() for p in seen[0] for q in seen[1]]
     rows = np.zeros(box[:2], dtype=np.int64)
     rows[np.ix_(*used)] = 1 + _numbered([k[1:] == k[:-1] for k in key]).reshape(
         [len(place) for place in used]
@@ -541,7 +485,7 @@ def _rows_of_parents(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:
 
 
 def _flat(stencil: Stencil, box: Ints) -> Ints:
-    """Return couplings as `sweeps` wants them: where the coefficient is, and the other face."""
+    """Return couplings as `row_kernels` wants them: place of coefficient and of other face."""
     (_, rows, length), n = box[:3], box[sweeps.SIZE]
     table = stencil.couplings
     far = (table[:, 2] * rows + table[:, 3]) * length + table[:, 4] + table[:, 1] * n
@@ -549,8 +493,8 @@ def _flat(stencil: Stencil, box: Ints) -> Ints:
     return np.stack([row, table[:, 5] * length + table[:, 8], far], axis=1)
 
 
-def _made(box: Ints) -> Ints:
-    """Return of what the finest level's entries are made."""
+def _finest_terms(box: Ints) -> Ints:
+    """Return the terms of the finest level's entries."""
     # The columns are: the sign (see `stencils.finest_entries`), then for the two faces that have to
     # be free to move, and for the two moduli, the component or the modulus, in how many rows from
     # its own, and how far along the row.

@@ -45,8 +45,7 @@ class Iteration:
     converged: bool = False
     held_back: float = 0.0
     """Work that the residual at the start would do on the start."""
-    left: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
-    """The residual, of conjugate gradients."""
+    residual: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
 
     @property
     def iterations(self) -> int:
@@ -84,7 +83,7 @@ def conjugate_gradients(
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
-    run = Iteration(x, held_back=float(dot(x, r)), left=r)
+    run = Iteration(x, held_back=float(dot(x, r)), residual=r)
     p: Floats | None = None
     # Not BLAS: its threads would wait for each other for longer than these sums take.
     square, previous = float(dot(r, r)), 1.0

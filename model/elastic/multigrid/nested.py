@@ -1,10 +1,8 @@
-"""Multigrid on the generations of agents.
+"""Multigrid on the generations of agents, where these are many and of high contrast.
 
-Every generation of agents holds the one before: their stiffness matrices, and the
-interpolation from parents to children, are the levels of one symmetric V-cycle, which
-preconditions conjugate gradients. The first generation is factorised. Where materials differ
-the parents' stiffness is what their children feel when they follow them, P'AP (Galerkin's
-condition), which copes with large contrasts; in one material their own does as well.
+The stiffness matrices of all generations and the interpolation between them make one symmetric
+V-cycle, which preconditions conjugate gradients; the first generation is factorised. Where
+materials differ coarse matrices are the fine one's, projected: P'AP (Galerkin's condition).
 """
 
 from __future__ import annotations
@@ -25,11 +23,10 @@ from kaju.model.elastic.cells.interpolation import prolongation
 from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.problem import is_rubber
 
-WORTHWHILE = 0.7  # Parents that are more than this share of their children are not worth a level
+WORTHWHILE = 0.7  # Coarser cells that are more than this share of the finer ones make no level
 DEGREE, LOW = 4, 0.15
 """Of the smoothing polynomial, and the share of the spectrum, from above, that it leaves alone."""
-FACTORISED = {2: 400_000, 3: 30_000}
-PATIENCE, MOST = 40, {2: 100, 3: 400}
+FACTORISED, PATIENCE, MOST = {2: 400_000, 3: 30_000}, 40, {2: 100, 3: 400}
 """A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
 larger ones get MOST iterations: in the plane a hundred take a minute."""
 DIRECT = {2: 6_000, 3: 5_000}
@@ -37,7 +34,7 @@ DIRECT = {2: 6_000, 3: 5_000}
 RUBBER = {2: 400_000, 3: 15_000}
 """Up to so many faces every generation is factorised if a material is nearly incompressible."""
 LAST = 1e-10  # Share of an answer to which its last generation settles
-WORST = 0.05  # Displacements that are off by more than this share do not tell who has to spawn
+WORST = 0.05  # A displacement whose error is above this share does not show which cells to refine
 
 
 class NestedMultigrid:
@@ -79,12 +76,12 @@ class NestedMultigrid:
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
             self._levels.append(_NestedLevel(balance.stiffness(balance.free), prolong))
             if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
-                # From the finest on parents get the stiffness that their children feel.
-                for level, parents in pairwise(self._levels[::-1]):
+                # From the finest on, P'AP is the stiffness of the next coarser level.
+                for level, coarse in pairwise(self._levels[::-1]):
                     assert level.prolong is not None
                     felt = level.prolong.T @ (level.matrix @ level.prolong)
-                    parents.matrix = sp.csr_array(felt)
-                self._direct = _factor(self._levels[0].matrix)
+                    coarse.take(sp.csr_array(felt))
+                self._direct = _factors(self._levels[0].matrix)
         self._balance = balance
         return whole
 
@@ -96,24 +93,23 @@ class NestedMultigrid:
         energy: Callable[[Floats], float] | None = None,
     ) -> Iteration:
         """Return the displacements of the free faces of the finest generation."""
-        matrix = self._levels[-1].matrix
+        dimension, matrix = self._balance.grid.dimension, self.matrix
 
-        def apply(x: Floats) -> Floats:
-            return np.asarray(matrix @ x)
+        def run_from(x: Floats, most: int) -> Iteration:
+            return conjugate_gradients(
+                lambda p: np.asarray(matrix @ p), self.precondition, right, x, done, most, energy
+            )
 
-        dimension = self._balance.grid.dimension
-        small = len(right) <= FACTORISED[dimension]
-        most = PATIENCE if small else MOST[dimension]
-        run = conjugate_gradients(apply, self.precondition, right, start, done, most, energy)
-        if run.converged or not small:
-            return run
-        self._factorise(self._balance)
-        return conjugate_gradients(
-            apply, self.precondition, right, run.solution, done, PATIENCE, energy
-        )
+        if len(right) > FACTORISED[dimension]:
+            return run_from(start, MOST[dimension])
+        run = run_from(start, PATIENCE)
+        if not run.converged:
+            self._factorise(self._balance)
+            run = run_from(run.solution, PATIENCE)
+        return run
 
-    def followed(self, displacement: Floats) -> Floats:
-        """Return the displacement of the free faces if they only follow their parents'."""
+    def prolonged(self, displacement: Floats) -> Floats:
+        """Return the displacement of the free faces, interpolated from the generation before."""
         level = self._levels[-1]
         if level.prolong is None or level.prolong.shape[1] != len(displacement):
             return np.zeros(level.matrix.shape[0])
@@ -125,7 +121,7 @@ class NestedMultigrid:
 
     def _factorise(self, balance: Equilibrium) -> None:
         self._levels = [_NestedLevel(balance.stiffness(balance.free))]
-        self._direct = _factor(self._levels[0].matrix)
+        self._direct = _factors(self._levels[0].matrix)
 
     def _cycle(self, at: int, load: Floats) -> Floats:
         level = self._levels[at]
@@ -133,39 +129,32 @@ class NestedMultigrid:
             return np.asarray(self._direct.solve(load))
         x = np.zeros_like(load)
         level.smooth(load, x)
-        left = load - level.matrix @ x
-        x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ left))
+        residual = load - level.matrix @ x
+        x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ residual))
         level.smooth(load - level.matrix @ x, x)
         return x
 
 
 class _NestedLevel:
-    """One generation: its stiffness, the way to its parents, and the faces that it changed.
+    """One generation: its stiffness, the interpolation to it, and the smoother of new faces.
 
-    Only these yield to their residuals, for the others did so among their parents (Brandt
-    1977): so that a cycle over all generations costs little more than one sweep over the last.
+    Faces that are as in the generation before are smoothed there (Brandt 1977), so that a cycle
+    over all generations costs little more than one sweep over the last.
     """
 
     def __init__(self, matrix: sp.csr_array, prolong: sp.csr_array | None = None) -> None:
         self.prolong = prolong
-        rows = np.ones(matrix.shape[0], dtype=np.bool_)
         if prolong is not None:
             kept = np.diff(prolong.indptr) == 1
             kept[kept] = prolong.data[prolong.indptr[:-1][kept]] == 1.0
-            # Rows with an entry in a column of those that are not as their parents'.
-            row = np.repeat(np.arange(len(rows)), np.diff(matrix.indptr))
-            rows = np.bincount(row, ~kept[matrix.indices], len(rows)) > 0.0
-        self.rows = np.flatnonzero(rows)
+            # Rows with an entry in a column of those that are not as before.
+            row = np.repeat(np.arange(len(kept)), np.diff(matrix.indptr))
+            self.rows = np.flatnonzero(np.bincount(row, ~kept[matrix.indices], len(kept)) > 0.0)
+        self.take(matrix)
+
+    def take(self, matrix: sp.csr_array) -> None:
+        """Take a stiffness among the free faces."""
         self.matrix = matrix
-
-    @property
-    def matrix(self) -> sp.csr_array:
-        """Stiffness among the free faces."""
-        return self._matrix
-
-    @matrix.setter
-    def matrix(self, matrix: sp.csr_array) -> None:
-        self._matrix = matrix
         if self.prolong is None:
             return
         self._among = sp.csr_array(matrix[self.rows][:, self.rows])
@@ -173,27 +162,26 @@ class _NestedLevel:
         self._inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)
         # No eigenvalue of D⁻¹A is larger than a row's sum of sizes (Gershgorin).
         sums = np.asarray(abs(self._among).sum(axis=1)).ravel() * self._inverse
-        self._most = float(sums.max(initial=1.0))
+        self._largest = float(sums.max(initial=1.0))
 
-    def smooth(self, left: Floats, x: Floats) -> None:
-        """Let the faces that changed yield to a residual, in place, by Chebyshev's polynomial."""
+    def smooth(self, residual: Floats, x: Floats) -> None:
+        """Smooth the displacement of new faces, in place, by Chebyshev's polynomial."""
         # It is least for the upper part of the spectrum, which coarser cells do not see (Adams et
-        # al. 2003).
-        centre, half = 0.5 * self._most * (1.0 + LOW), 0.5 * self._most * (1.0 - LOW)
-        left, inverse = left[self.rows], self._inverse
-        step, rho = inverse * left / centre, half / centre
+        # al. 2003), by the recurrence of Chebyshev's polynomials (Saad 2003, algorithm 12.1).
+        centre, half = 0.5 * self._largest * (1.0 + LOW), 0.5 * self._largest * (1.0 - LOW)
+        residual, inverse = residual[self.rows], self._inverse
+        step, rho = inverse * residual / centre, half / centre
         total = step.copy()
         for _ in range(DEGREE - 1):
-            left -= self._among @ step
-            # The recurrence of Chebyshev's polynomials (Saad 2003, algorithm 12.1).
+            residual -= self._among @ step
             last, rho = rho, 1.0 / (2.0 * centre / half - rho)
-            step = rho * (last * step + 2.0 / half * (inverse * left))
+            step = rho * (last * step + 2.0 / half * (inverse * residual))
             total += step
         x[self.rows] += total
 
 
-def _factor(matrix: sp.csr_array) -> SuperLU:
-    # Guarded against parents that no child depends on.
+def _factors(matrix: sp.csr_array) -> SuperLU:
+    """Return the factors of a matrix, guarded against coarse faces that no finer one follows."""
     diagonal = matrix.diagonal()
     guard = np.where(diagonal > 0, 1e-15 * diagonal, 1.0)
     return factors_of(matrix + sp.diags_array(guard))
@@ -203,8 +191,8 @@ def settle(balance: Equilibrium, hierarchy: NestedMultigrid, u: Floats, share: f
     """Solve for the free faces of `u`, in place, to a relative algebraic error."""
     free = balance.free
     right = (balance.load - balance.pull)[free]
-    load, resting = balance.load[free], balance.strain(balance.grid.value)
-    given = float(dot(resting, balance.stress(resting)))  # while the free faces rest
+    load, prescribed = balance.load[free], balance.strain(balance.grid.value)
+    given = float(dot(prescribed, balance.stress(prescribed)))  # while the free faces rest
 
     def twice_energy(x: Floats) -> float:
         return 2 * float(dot(x, load)) - float(dot(x, right)) + given
@@ -220,8 +208,8 @@ def settle(balance: Equilibrium, hierarchy: NestedMultigrid, u: Floats, share: f
 def energy_of(balance: Equilibrium, u: Floats) -> float:
     """Return the energy, of second order in what the iteration left."""
     free = balance.free
-    rest = balance.force(u)[free] - balance.load[free]
-    return balance.energy(u) - float(dot(rest, u[free]))
+    residual = balance.force(u)[free] - balance.load[free]
+    return balance.energy(u) - float(dot(residual, u[free]))
 
 
 def relative_error(square: Floats, energy: float) -> float:

@@ -1,20 +1,20 @@
-"""The compiled loops of the hierarchy: rows of faces, in the plane and in space alike.
+"""Compiled loops over rows of faces, in the plane and in space: smooth, restrict, prolong, P'AP.
 
 A *place* is the index of a face or cell in an array with ghosts around it; a vector holds all
 places for one component after the other. A *level* is a tuple of arrays:
 
 ``data``: on the finest level the law (2 + pairs, places): C₁₁, C₁₂ and the moduli of the edges;
-on parents' levels the stencil (rows, entries, row length); as one vector;
+on coarse levels the stencil (rows, entries, row length); as one vector;
 ``inverse`` (components × places): inverse of a face's own stiffness, 0 where it cannot move;
-``couplings`` (couplings, 3): of a parents' level, in which row the coefficient is, its distance
+``couplings`` (couplings, 3): of a coarse level, in which row the coefficient is, its distance
 from that row's first entry, and in a vector from the place of component 0 to the other face;
-``box``: integers, at the places named below;
-``rows``: per row of places the row of ``data`` and ``inverse`` that says what it is like. Rows that
-are like each other, nearly all of a full box, are described once, which stays in the cache.
+``box``: integers, at the indices named below;
+``rows``: per row of places its row of ``data`` and ``inverse``. Equal rows, nearly all of a full
+box, share one, which stays in the cache.
 
-The law itself is stated in `staggered`; here it is only fast. One pass runs several sweeps at
-once, each as far behind the one before as a row reaches, so that a plane stays in the cache.
-Within a row, even faces yield before odd ones; going back everything is reversed.
+Several Gauss-Seidel sweeps run in one pass, each as many planes behind the one before as a row
+reaches, so that a plane stays in the cache (temporal blocking). Within a row, even faces are
+smoothed before odd ones; going back the order is reversed. `staggered` states the law.
 """
 # mypy: disable-error-code="no-untyped-def"
 
@@ -33,24 +33,24 @@ FIRST, END = 3, 4
 """Of the planes in use; two and four further those of rows, and of places in a row."""
 FIRST_ROW, END_ROW, LOW, HIGH = 5, 6, 7, 8
 REACH, ENTRIES, COUNT, SIZE = 9, 10, 11, 12
-"""How far a row feels, entries of the stencil (0 on the finest level), components, places."""
+"""Rows that a stencil reaches, its entries (0 on the finest level), components, places."""
 STEP, START, NEXT = 13, 16, 20
 """Distance in places along the axis that a component is normal to; its first coupling (and the
 end of all); entry of a face with its next in the row."""
 
-GHOST = 3  # Place of a parents' first ghost along every axis
-WAY_UP, WAY_DOWN, ACROSS = 0, 1, 2  # What `cross` is for
-YIELD, HAND_OVER, HAND_OVER_ALL, WRITE, FOLLOW = 0, 1, 2, 3, 4  # What is done on a plane
+GHOST = 3  # Place of a coarse level's first ghost along every axis
+TO_COARSE, FROM_COARSE, RESIDUAL = 0, 1, 2  # What `pass_level` is for
+SMOOTH, RESTRICT, RESTRICT_LOAD, WRITE_RESIDUAL, PROLONG = 0, 1, 2, 3, 4  # Tasks of a plane
 
 
 @part
-def alike(rows, place, length):
-    """Return the place that says what one of the first component is like."""
+def shared(rows, place, length):
+    """Return the place of the shared row that describes one of the first component."""
     return rows[place // length] * length + place % length
 
 
 @inlined
-def unbalanced(u, f, level, a, row, r):
+def residual_row(u, f, level, a, row, r):
     """Write f − Au on a row of component a."""
     data, inverse, couplings, box, rows = level
     length, lo, entries = box[LENGTH], box[LOW], box[ENTRIES]
@@ -58,7 +58,7 @@ def unbalanced(u, f, level, a, row, r):
     load = along(f, a * box[SIZE] + s)
     if entries == 0:
         n, m, ea = box[SIZE], len(inverse) // box[COUNT], box[STEP + a]
-        at, here, last = a * n + s, alike(rows, s, length), alike(rows, s - ea, length)
+        at, here, last = a * n + s, shared(rows, s, length), shared(rows, s - ea, length)
         x, ahead, behind = along(u, at), along(u, at + ea), along(u, at - ea)
         c, before = along(data, here), along(data, last)
         d, back = along(data, m + here), along(data, m + last)
@@ -68,10 +68,10 @@ def unbalanced(u, f, level, a, row, r):
             eb, to, edge = box[STEP + b], b * n + s, (1 + a + b) * m
             y, up = along(u, to), along(u, to + eb)
             low, corner = along(u, to - ea), along(u, to + eb - ea)
-            k, other = along(data, edge + here), along(data, edge + alike(rows, s + eb, length))
+            k, other = along(data, edge + here), along(data, edge + shared(rows, s + eb, length))
             above, below = along(u, at + eb), along(u, at - eb)
             if b == (a == 0):
-                # The first of the other components: what the row's own cells feel comes with it.
+                # With the first of the other components come the normal stresses of the row itself.
                 for j in range(w):
                     r[j] = (
                         load[j]
@@ -114,18 +114,18 @@ def unbalanced(u, f, level, a, row, r):
 
 
 @part
-def parent(i, normal, other):
-    """Return one of the two parents of place i along an axis, and its weight."""
+def coarse_place(i, normal, other):
+    """Return one of the two coarse places that place i follows along an axis, and its weight."""
     if normal:
         return i // 2 + 2 + other * (i % 2), 0.5 if i % 2 else 1.0 - other
     return i // 2 + 2 + other * (2 * (i % 2) - 1), 0.75 - 0.5 * other
 
 
 @part
-def ancestor(a, p, i, k, count, coarse):
-    """Return the start of one of the four rows that the parents of a row lie in, and its weight."""
-    plane, weight = parent(p, a == 0, k // 2)
-    row, height = parent(i, a == 1, k % 2)
+def coarse_row(a, p, i, k, count, coarse):
+    """Return the start of one of the four coarse rows that a row follows, and its weight."""
+    plane, weight = coarse_place(p, a == 0, k // 2)
+    row, height = coarse_place(i, a == 1, k % 2)
     if count == 2:
         row, height = 0, 1.0 - k % 2
     plane += a * coarse[PLANES]
@@ -133,8 +133,8 @@ def ancestor(a, p, i, k, count, coarse):
 
 
 @inlined
-def follow(u, g, level, coarse, p, t):
-    """Add the parents' displacement g to the faces of a plane; those that are held keep theirs."""
+def prolong_plane(u, g, level, coarse, p, t):
+    """Interpolate the coarse displacement g and add it to the faces of a plane that can move."""
     _data, inverse, _couplings, box, rows = level
     count, low, half = box[COUNT], GHOST, coarse[HIGH] - GHOST
     m = len(inverse) // count
@@ -144,7 +144,7 @@ def follow(u, g, level, coarse, p, t):
             for j in range(len(t)):
                 t[j] = 0.0
             for k in range(4):
-                start, weight = ancestor(a, p, i, k, count, coarse)
+                start, weight = coarse_row(a, p, i, k, count, coarse)
                 if weight != 0.0:
                     one = along(g, start)
                     for j in range(len(t)):
@@ -162,11 +162,10 @@ def follow(u, g, level, coarse, p, t):
 
 
 @njit(cache=True, fastmath=True)
-def take_steps(u, f, g, level, coarse, parity, r, t, steps, back, share):
-    """Take a level's planes in turn; see `cross`."""
-    # Faces YIELD, or FOLLOW their parents by g; what they leave unbalanced is handed over to g (all
-    # of f if so told), or written there: share·f − Au. Forces are summed up at one place, for that
-    # is what takes long to be compiled.
+def take_planes(u, f, g, level, coarse, parity, r, t, steps, back, share):
+    """Take a level's planes in turn; see `pass_level`."""
+    # The residual (or the load itself) is restricted to g, or share·f − Au written there. Residuals
+    # are worked out at one place in this loop, as that is what takes long to be compiled.
     data, inverse, _couplings, box, rows = level
     n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
     first, end, w, m = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo, len(inverse) // count
@@ -174,25 +173,25 @@ def take_steps(u, f, g, level, coarse, parity, r, t, steps, back, share):
     later = along(parity, (lo + 1 - back) % 2)
     left, here, right = along(r, lo - 1), along(r, lo), along(r, lo + 1)
     low, half = GHOST, coarse[HIGH] - GHOST
-    handed = along(r, 2 * low - 5)
+    restricted = along(r, 2 * low - 5)
     for step in range(len(steps)):
         p, task = steps[step, 0], steps[step, 1]
-        if task == FOLLOW:
-            follow(u, g, level, coarse, p, t)
+        if task == PROLONG:
+            prolong_plane(u, g, level, coarse, p, t)
             continue
         for k in range(count):
             a = count - 1 - k if back else k
             for turn in range(first, end):
                 i = first + end - 1 - turn if back else turn
                 row = p * box[ROWS] + i
-                place, s = a * n + row * length + lo, alike(rows, row * length + lo, length)
+                place, s = a * n + row * length + lo, shared(rows, row * length + lo, length)
                 v, load = along(inverse, a * m + s), along(f, place)
-                if task == HAND_OVER_ALL:
+                if task == RESTRICT_LOAD:
                     for j in range(w):
                         here[j] = load[j]
                 else:
-                    unbalanced(u, f, level, a, row, here)
-                if task == YIELD:
+                    residual_row(u, f, level, a, row, here)
+                if task == SMOOTH:
                     x = along(u, place)
                     v_left, v_right = along(inverse, a * m + s - 1), along(inverse, a * m + s + 1)
                     # Neighbours in a row share a cell (along the row) or an edge (across it).
@@ -204,7 +203,7 @@ def take_steps(u, f, g, level, coarse, parity, r, t, steps, back, share):
                         pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
                         x[j] += v[j] * (here[j] + sign * later[j] * pull)
                     continue
-                if task == WRITE:
+                if task == WRITE_RESIDUAL:
                     out = along(g, place)
                     for j in range(w):
                         out[j] = here[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
@@ -213,20 +212,22 @@ def take_steps(u, f, g, level, coarse, parity, r, t, steps, back, share):
                     here[j] = here[j] if v[j] > 0.0 else 0.0
                 if a == count - 1:
                     for j in range(half):
-                        t[j] = handed[2 * j + 1] + 0.5 * (handed[2 * j] + handed[2 * j + 2])
+                        t[j] = restricted[2 * j + 1] + 0.5 * (
+                            restricted[2 * j] + restricted[2 * j + 2]
+                        )
                 else:
                     for j in range(half):
-                        near = 0.75 * (handed[2 * j + 1] + handed[2 * j + 2])
-                        t[j] = near + 0.25 * (handed[2 * j] + handed[2 * j + 3])
+                        near = 0.75 * (restricted[2 * j + 1] + restricted[2 * j + 2])
+                        t[j] = near + 0.25 * (restricted[2 * j] + restricted[2 * j + 3])
                 for which in range(4):
-                    start, weight = ancestor(a, p, i, which, count, coarse)
+                    start, weight = coarse_row(a, p, i, which, count, coarse)
                     if weight != 0.0:
                         out = along(g, start + low)
                         for j in range(half):
                             out[j] += weight * t[j]
 
 
-def cross(
+def pass_level(
     u: Floats,
     f: Floats,
     g: Floats,
@@ -237,34 +238,34 @@ def cross(
     way: int,
     share: float,
 ) -> None:
-    """Cross a level in one pass."""
-    # On the WAY_UP, to the parents, sweep from u = 0 and hand what is left unbalanced to their
-    # loads g; without sweeps all of f. On the WAY_DOWN add their displacement g and sweep in the
-    # opposite order. ACROSS write share·f − Au to g; 0 where a face cannot move.
-    if way != WAY_DOWN:
+    """Smooth a level, and restrict, prolong or write the residual, in one pass."""
+    # TO_COARSE: smooth from u = 0 and restrict the residual to g; without sweeps the load f.
+    # FROM_COARSE: prolong g, add it and smooth in the opposite order. RESIDUAL: write share·f − Au
+    # to g; 0 where a face cannot move.
+    if way != FROM_COARSE:
         g.fill(0.0)
         if sweeps:
             u.fill(0.0)
-    box, back = level[3], int(way == WAY_DOWN)
+    box, back = level[3], int(way == FROM_COARSE)
     steps = _steps(int(box[FIRST]), int(box[END]), int(box[REACH]), sweeps, way)
     room = np.zeros(box[LENGTH]), np.zeros(coarse[LENGTH])
-    take_steps(u, f, g, level, coarse, parity, *room, steps, back, share)
+    take_planes(u, f, g, level, coarse, parity, *room, steps, back, share)
 
 
 @lru_cache(maxsize=200)
 def _steps(first: int, end: int, reach: int, sweeps: int, way: int) -> Ints:
-    """Return the planes from first to end as they are taken, and what is done on each."""
-    planes, back = end - first, int(way == WAY_DOWN)
+    """Return the planes from first to end in the order they are taken, each with its task."""
+    planes, back = end - first, int(way == FROM_COARSE)
     steps: list[tuple[int, int]] = []
-    last = WRITE if way == ACROSS else HAND_OVER if sweeps else HAND_OVER_ALL
+    last = WRITE_RESIDUAL if way == RESIDUAL else RESTRICT if sweeps else RESTRICT_LOAD
     for front in range(planes + reach * sweeps):
         if back and front < planes:
-            steps.append((end - 1 - front, FOLLOW))
+            steps.append((end - 1 - front, PROLONG))
         for stage in range(sweeps + 1 - back):
             at = front - reach * (stage + back)
             if 0 <= at < planes:
                 p = end - 1 - at if back else first + at
-                steps.append((p, YIELD if stage < sweeps else last))
+                steps.append((p, SMOOTH if stage < sweeps else last))
     return np.array(steps, dtype=np.int64)
 
 
@@ -299,8 +300,8 @@ def within(i, n):
 
 
 @inlined
-def law_row(level, made, row, w, where, out, to):
-    """Write the finest level's coefficients of w places of a row: see `hierarchy._made`."""
+def finest_row(level, made, row, w, where, out, to):
+    """Write the finest level's coefficients of w places of a row: see `hierarchy._finest_terms`."""
     law, inverse, _couplings, box, rows = level
     length, n = box[LENGTH], len(inverse) // box[COUNT]
     for e in range(len(made)):
@@ -323,8 +324,8 @@ def law_row(level, made, row, w, where, out, to):
 
 @njit(cache=True, fastmath=True)
 def galerkin(level, made, sums, coarse, slots, own, room, out, inverse):
-    """Write the parents' coefficients P'AP, one axis after the other, and their own inverses."""
-    # `slots` are the parents' rows: see `rows`. The first, of those not in use, is left empty.
+    """Write coarse coefficients P'AP, one axis after the other, and inverses of their diagonal."""
+    # `slots` are the coarse rows: see `rows`. The first, of those not in use, is left empty.
     # In the room to work in there are rows of the finest level's coefficients; four rows of sums
     # along the first axis, then sums along the second, of all but two ghosts; these split into
     # even and odd places; and where rows start. `sums` are all axes' `stencils.Terms`, one after
@@ -343,7 +344,7 @@ def galerkin(level, made, sums, coarse, slots, own, room, out, inverse):
         ready = -1
         for q in range(coarse[FIRST_ROW], coarse[END_ROW]):
             if slots[p * coarse[ROWS] + q] == slot:
-                continue  # Like the one before.
+                continue  # Shared with the one before.
             slot += 1
             last = 2 * q - 2 if many > 1 else 0
             start = 0 if many == 1 else ready + 1 if ready > last - 4 else last - 3
@@ -355,7 +356,7 @@ def galerkin(level, made, sums, coarse, slots, own, room, out, inverse):
                     where[k] = rows[row] * entries * length + 2
                     if box[ENTRIES] == 0:
                         where[k] = k * entries * length + 2
-                        law_row(level, made, row, w, four, fine, where[k])
+                        finest_row(level, made, row, w, four, fine, where[k])
                 source = data if box[ENTRIES] else fine
                 to = i % 4 * size + 2
                 combine(one, to, length, source, length, where, terms, weight, ends[0], first, w)

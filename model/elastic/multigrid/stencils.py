@@ -1,12 +1,11 @@
-"""Which faces feel which, on every level of a hierarchy, and how parents take that over.
+"""Which faces are coupled on every level of a hierarchy, and how P'AP follows from level to level.
 
 A level's stiffness is an array of coefficients: entry e = (a, b, d) couples the face of
 component a at place q with the face of component b at q + d. It is symmetric, so b > a is
-stored, and for b = a only half of the offsets. Parents feel what their children feel when
-they follow them, P'AP (Galerkin's condition), formed one axis after the other: along its
-normal a face follows its parents by (1 | ½ ½), across it by (¾ ¼), everywhere alike.
-Beyond the surface there are parents too, *ghosts*: what moves beyond a free surface, or
-within a wall, is theirs to say, so that neither needs weights of its own.
+stored, and for b = a only half of the offsets. P'AP (Galerkin's condition) is formed one axis after
+the other: along its normal a face follows its coarse faces by (1 | ½ ½), across it by (¾ ¼),
+everywhere. Beyond the surface there are coarse faces too, *ghosts*, as unknowns like any others, so
+that free surfaces and walls need no weights of their own.
 
 Places have three axes; a plane has only one place along the middle one.
 """
@@ -22,11 +21,11 @@ from kaju.arrays import Floats, Ints
 
 Offset = tuple[int, int, int]
 Entry = tuple[int, int, Offset]
-"""Two components and the way from the first's face to the second's."""
+"""Two components and the offset from the first's face to the second's."""
 
 NORMAL = {-1: 0.5, 0: 1.0, 1: 0.5}
 ACROSS = {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
-"""Weights of a parent for its children, by their distance from twice its place."""
+"""Weights of a coarse face for fine ones, by their distance from twice its place."""
 TOGETHER = 4  # Terms that are added at once
 
 
@@ -82,8 +81,8 @@ def finest_entries(dimension: int) -> tuple[tuple[Entry, ...], Ints]:
     entries: list[Entry] = []
     made: list[tuple[int, ...]] = []
 
-    def note(a: int, b: int, way: Offset, sign: int, *moduli: tuple[int, int, int]) -> None:
-        entries.append((a, b, way))
+    def note(a: int, b: int, offset: Offset, sign: int, *moduli: tuple[int, int, int]) -> None:
+        entries.append((a, b, offset))
         made.append((sign, *moduli[0], *moduli[-1]))
 
     for a in range(dimension):
@@ -136,9 +135,9 @@ def _step(
     found: dict[Entry, list[tuple[tuple[int, int], int, int, float]]] = {}
     for (a, b, way), (row, slot, shift) in sources.items():
         ours, theirs = (NORMAL if axes[c] == axis else ACROSS for c in (a, b))
-        for child, weight in ours.items():
+        for fine, weight in ours.items():
             for other, other_weight in theirs.items():
-                between = child + way[axis] - other
+                between = fine + way[axis] - other
                 if between % 2:
                     continue
                 new = _add(way, _unit(axis, between // 2 - way[axis]))
@@ -146,9 +145,9 @@ def _step(
                 if a == b and next((step < 0 for step in new[: axis + 1] if step), False):
                     continue
                 if axis == 2:  # Rows were split into even and odd places.
-                    source = ((child % 2, 0), slot, child // 2 - 2)
+                    source = ((fine % 2, 0), slot, fine // 2 - 2)
                 else:
-                    source = (_add((*row, 0), _unit(axis, child))[:2], slot, shift)
+                    source = (_add((*row, 0), _unit(axis, fine))[:2], slot, shift)
                 found.setdefault((a, b, new), []).append((*source, weight * other_weight))
     entries = tuple(sorted(found))
     rows = sorted({term[0] for terms in found.values() for term in terms})

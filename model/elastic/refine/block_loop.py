@@ -24,7 +24,7 @@ from kaju.model.elastic.multigrid import block_kernels as kernels
 from kaju.model.elastic.multigrid.block_cycle import BlockCycle, Root
 from kaju.model.elastic.multigrid.block_types import PLACES
 from kaju.model.elastic.multigrid.blocks import BlockOperator, Window
-from kaju.model.elastic.multigrid.forest import ACROSS, Forest, first_forest, ways
+from kaju.model.elastic.multigrid.forest import ACROSS, Forest, first_forest, offsets
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import WORST, relative_error
 from kaju.model.elastic.posed_body import PosedBody
@@ -133,7 +133,7 @@ class BlockSpawning(Spawning):
     def moved(self) -> Floats:
         """Displacement of the agents' middles, shape (agents, dimension)."""
         blocks, forest, u = self.blocks, self.blocks.forest, self.u.copy()
-        blocks.everywhere(u)
+        blocks.fill_coarse(u)
         stride = blocks.layout.stride
         place = (forest.corners + 1) @ stride
         found = np.empty((len(forest.leaves), len(place), forest.dimension))
@@ -156,7 +156,7 @@ class BlockSpawning(Spawning):
     def boxes(self) -> BoundCells:
         """Return the agents as bounds see them."""
         u = self.u.copy()
-        self.blocks.everywhere(u)
+        self.blocks.fill_coarse(u)
         return boxes_of_blocks(self.blocks, u)
 
     def reactions(self) -> dict[str, Floats]:
@@ -217,7 +217,7 @@ class BlockLoop(RefineLoop):
         else:
             self.root, self.error = previous.root, previous.error
             old = previous.u.copy()
-            previous.blocks.everywhere(old)
+            previous.blocks.fill_coarse(old)
             self._stand(BlockOperator(previous.blocks.forest.loaded_by(forest.ground)), old)
         self._mirrors = mirrors(self.blocks)
 
@@ -253,7 +253,7 @@ class BlockLoop(RefineLoop):
         self.blocks = blocks
         self.multigrid = BlockCycle(blocks, self.root)
         self.displacement = (
-            blocks.zeros() if old is None else blocks.follow(old, self.multigrid.rim)
+            blocks.zeros() if old is None else blocks.prolonged(old, self.multigrid.ghost_rules)
         )
 
     def _spawn(self, chosen: Flags) -> None:
@@ -282,7 +282,7 @@ class BlockLoop(RefineLoop):
     def _look(self, algebraic: float) -> None:
         u, loaded = self.displacement, self.blocks.loaded
         self.energy = 0.5 * dot(self.blocks.load[loaded].ravel(), u[loaded].ravel())
-        self.blocks.everywhere(u)
+        self.blocks.fill_coarse(u)
         self.square, self.left = self.blocks.errors(u)
         self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
         self.aimed = self.aim.look(self)
@@ -297,14 +297,14 @@ def mirrors(blocks: BlockOperator) -> tuple[int, ...]:
     found = []
     largest = float(np.abs(blocks.load).max(initial=0.0))
     for axis in range(forest.dimension):
-        partner, turned = partners(forest, axis), ways(forest.dimension)
+        partner, turned = partners(forest, axis), offsets(forest.dimension)
         if (partner < 0).any():
             continue
         turned[:, axis] *= -1
         way = (turned + 1) @ 3 ** np.arange(forest.dimension)
         alike = np.array_equal(forest.kinds[forest.leaves][:, way], forest.kinds[partner])
         off = np.abs(_image(blocks, blocks.load, axis, partner) - blocks.load[forest.leaves])
-        off *= blocks.pages.mask[blocks.page[1, forest.leaves]]
+        off *= blocks.types.mask[blocks.type_of[1, forest.leaves]]
         if alike and float(off.max(initial=0.0)) <= ROUNDING * largest:
             found.append(axis)
     return tuple(found)
@@ -330,14 +330,14 @@ def symmetrise(blocks: BlockOperator, u: Floats, axes: tuple[int, ...]) -> None:
         if (partner < 0).any():
             continue
         mean = 0.5 * (u[leaves] + _image(blocks, u, axis, partner))
-        u[leaves] = mean * blocks.pages.mask[blocks.page[1, leaves]]
+        u[leaves] = mean * blocks.types.mask[blocks.type_of[1, leaves]]
 
 
 def _image(blocks: BlockOperator, u: Floats, axis: int, partner: Ints) -> Floats:
     """Return the leaf blocks' image, shape (leaves, dimension, places)."""
     d = blocks.forest.dimension
     u = u.copy()
-    kernels.borrow_all(u, blocks.forest.beside, blocks.layout.layer)
+    kernels.exchange_halos(u, blocks.forest.beside, blocks.layout.halo)
     own = u[partner].reshape(len(partner), d, *(PLACES,) * d)
     image = np.flip(own, axis=axis + 2).copy()
     # A cell's lower face is its image's upper one, and moves the other way.

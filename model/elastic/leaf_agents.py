@@ -222,12 +222,12 @@ class LeafAgents:
             Answer(np.array(value, dtype=np.float64), *rest)
             for value, *rest in archive.value("answers", list[AnswerRecord])
         )
-        nobody = np.zeros(n, dtype=np.bool_)
+        never = np.zeros(n, dtype=np.int64)
         spawning = Spawning(
             balance,
             u,
             indicate(balance, u),
-            Aimed(error, part, nobody, allowed, answers),
+            Aimed(error, part, never, allowed, answers),
             generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
             **archive.record("spawning", Spawning),
         )
@@ -298,7 +298,7 @@ def tree_of_cells(agents: CellAgents) -> LeafAgents:
     energy = agents.solution.energy * unit * agents.scales.force / ground.scales.force
     error = relative_error(indicator.square, energy)
     nobody = np.zeros(agents.count, dtype=np.bool_)
-    aimed = Aimed(error, indicator.square, nobody, 0.0)
+    aimed = Aimed(error, indicator.square, nobody.astype(np.int64), 0.0)
     runs, residuals = agents.solution.iterations, list(agents.solution.residuals)
     only = Generation(
         agents.count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody

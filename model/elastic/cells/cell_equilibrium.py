@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.cells.cell_edges import sum_rows
-from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.composite_grid import CompositeGrid, sum_rows
 from kaju.model.elastic.cells.leaf_loads import FaceLoads, face_loads
 from kaju.model.elastic.moduli import Moduli, normal_stress
 from kaju.model.elastic.multigrid.krylov import dot

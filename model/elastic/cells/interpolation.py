@@ -6,8 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.cells.cell_edges import Edges, Gradient, sum_rows
-from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.composite_grid import CompositeGrid, Edges, Gradient, sum_rows
 
 
 def interpolation(

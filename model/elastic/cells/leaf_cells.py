@@ -53,8 +53,8 @@ class LeafCells:
     kind: Ints  # Material. Shape (n,)
     step: Ints  # Spawning step in which the agent came to be. Shape (n,)
     cause: Floats
-    """Load (N) that its parent left unbalanced; 0 for those that were there from the start, NaN for
-    those that spawned only to keep neighbours alike in size. Shape (n,)."""
+    """Load (N) that its parent left unbalanced; 0 for those that were there from the start, NaN
+    where a parent spawned before it settled or to keep neighbours alike in size. Shape (n,)."""
     code: Ints  # Morton codes of the lower corners. Shape (n,)
 
     @classmethod
@@ -79,11 +79,12 @@ class LeafCells:
 
     def find(self, points: Ints) -> Ints:
         """Return the leaf that holds each unit cell, -1 where there is none."""
-        within = np.all((points >= 0) & (points < 1 << BITS[self.dimension]), axis=1)
-        at = np.searchsorted(self.code, morton(np.where(within[:, None], points, 0)), "right") - 1
-        # The last leaf that begins before the cell holds it, if it reaches so far.
-        held = within & (at >= 0)
-        held &= (points - self.lower[at] < self.size[at, None]).all(axis=1)
+        # Beyond the array a coordinate has digits that are too high, or a sign.
+        high = np.bitwise_or.reduce(points, axis=1) >> BITS[self.dimension]
+        code = morton(points)
+        at = np.searchsorted(self.code, code, "right") - 1
+        # The last leaf that begins before the cell holds it, if its codes reach so far.
+        held = (high == 0) & (at >= 0) & (code - self.code[at] < self.size[at] ** self.dimension)
         return np.where(held, at, -1)
 
     def holding(self, points: Ints) -> Ints:

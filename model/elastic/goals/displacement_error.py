@@ -30,7 +30,6 @@ from kaju.model.elastic.cells.cell_fields import CellFields, displacement_at
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import NestedMultigrid, settle
-from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.refine.estimator import Curvature, Indicator
 from kaju.model.elastic.refine.refine_loop import RefineLoop, Target
 from kaju.model.elastic.refine.targets import SPARE, Aimed
@@ -87,8 +86,7 @@ def changed_by_children(balance: Equilibrium, u: Floats, hierarchy: NestedMultig
         return 0.0
     young = leaves.split(leaves.size > 1, 0, np.zeros(len(leaves))).balanced(0)
     finer = Equilibrium(CompositeGrid(grid.ground, young))
-    grown = hierarchy.grow(finer) @ u
-    moved = np.where(finer.grid.state == ACTIVE, grown, finer.grid.value)
+    moved = hierarchy.grow(finer, u)
     settle(finer, hierarchy, moved, SETTLED)
     old, new, away = CellFields(balance, u), CellFields(finer, moved), 0.0
     for at in [*product((INSIDE, 1.0 - INSIDE), repeat=grid.dimension), (0.5,)]:
@@ -144,15 +142,15 @@ class DisplacementTarget(Target):
         )
         far, local = float(error.far.max()), float(error.local.max())
         wanted = SPARE * spawner.tolerance
-        chosen = _follows_badly(error, wanted)
-        chosen &= balance.grid.leaves.size > balance.grid.ground.smallest
+        halvings = np.minimum(_follows_badly(error, wanted), spawner.depth(1)).astype(np.int64)
         worst = int((error.far + error.local).argmax())
         allowed = max(wanted - float(error.local[worst]), 0.5 * wanted)
         if error.largest > wanted and far > allowed:
-            chosen |= spawner.choose(square, allowed / far * float(square.sum()))
+            others = spawner.mark(square, allowed / far * float(square.sum()))
+            halvings = np.maximum(halvings, others)
         part = far * _share(square) + local * _share(error.local**2)
         allowed = wanted / error.largest if error.largest > 0.0 else 1.0
-        return Aimed(error.largest, part, chosen, allowed * float(part.sum()))
+        return Aimed(error.largest, part, halvings, allowed * float(part.sum()))
 
 
 def _follows_badly(error: DisplacementError, wanted: float) -> Flags:

@@ -160,7 +160,7 @@ class GoalTarget(Target):
         large = np.any([f.coarse(grid) for f in self._functionals], axis=0)
         large &= grid.leaves.size > grid.ground.smallest
         if large.any():
-            return Aimed(inf, large.astype(np.float64), large, 0.0)
+            return Aimed(inf, large.astype(np.float64), large.astype(np.int64), 0.0)
         fields = CellFields(spawner.balance, spawner.displacement)
         felt = _Felt(spawner)
         answers, parts = [], []
@@ -181,7 +181,7 @@ class GoalTarget(Target):
         rims = [place.cut for place in places if not isinstance(place, str)]
         cut = np.any(rims, axis=0) if rims else np.zeros(len(grid.leaves), dtype=np.bool_)
         if cut.any():
-            return Aimed(inf, cut.astype(np.float64), cut, 0.0)
+            return Aimed(inf, cut.astype(np.float64), cut.astype(np.int64), 0.0)
         own = boxes_of_agents(spawner.balance, spawner.displacement)
         answers, parts = [], []
         for number, (answer, place) in enumerate(zip(spawner.aimed.answers, places, strict=True)):
@@ -338,8 +338,8 @@ def _aimed(spawner: RefineLoop, answers: list[Answer], parts: list[Floats]) -> A
     open_parts = [p for p, a in zip(parts, answers, strict=True) if a.relative_error > wanted]
     part = np.sum(open_parts or parts, axis=0)
     allowed = float(part.sum()) * (wanted / worst if worst > 0.0 else 1.0)
-    chosen = spawner.choose(part, allowed)
-    return Aimed(worst, part, chosen, allowed, tuple(answers))
+    halvings = spawner.mark(part, allowed)
+    return Aimed(worst, part, halvings, allowed, tuple(answers))
 
 
 def aim_of(tolerance_at: Asked, ground: PosedBody) -> Target | None:

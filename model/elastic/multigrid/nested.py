@@ -21,7 +21,7 @@ from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import prolongation
 from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
-from kaju.model.elastic.problem import is_rubber
+from kaju.model.elastic.problem import ACTIVE, is_rubber
 
 WORTHWHILE = 0.7  # Coarser cells that are more than this share of the finer ones make no level
 DEGREE, LOW = 4, 0.15
@@ -29,8 +29,9 @@ DEGREE, LOW = 4, 0.15
 FACTORISED, PATIENCE, MOST = {2: 400_000, 3: 30_000}, 40, {2: 100, 3: 400}
 """A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
 larger ones get MOST iterations: in the plane a hundred take a minute."""
-DIRECT = {2: 6_000, 3: 5_000}
-"""Generations of fewer faces are factorised, and serve as the coarsest level."""
+DIRECT, SEVERAL = {2: 20_000, 3: 5_000}, {2: 15_000, 3: 5_000}
+"""Generations of fewer faces are factorised, and serve as the coarsest level: of one material, and
+of several, when what children feel makes it dense."""
 RUBBER = {2: 400_000, 3: 15_000}
 """Up to so many faces every generation is factorised if a material is nearly incompressible."""
 LAST = 1e-10  # Share of an answer to which its last generation settles
@@ -42,8 +43,10 @@ class NestedMultigrid:
 
     def __init__(self, balance: Equilibrium) -> None:
         ground = balance.grid.ground
-        limits = RUBBER if is_rubber(ground.moduli, ground.scene.plane) else DIRECT
-        direct = self._direct_limit = limits[ground.dimension]
+        self.several = len(np.unique(ground.moduli.stretch)) > 1
+        limits = SEVERAL if self.several else DIRECT
+        limits = RUBBER if is_rubber(ground.moduli, ground.scene.plane) else limits
+        direct = self.most_direct = limits[ground.dimension]  # Faces of a factorised generation
         self._levels: list[_NestedLevel] = []
         ancestors = [balance]
         while len(ancestors[-1].free) > direct:
@@ -55,7 +58,7 @@ class NestedMultigrid:
         self._balance = ancestors[-1]
         self._factorise(ancestors[-1])
         for younger in reversed(ancestors[:-1]):
-            self.grow(younger)
+            self.grow(younger, self._balance.grid.value)
 
     @property
     def depth(self) -> int:
@@ -67,23 +70,19 @@ class NestedMultigrid:
         """Stiffness among the free faces of the finest generation."""
         return self._levels[-1].matrix
 
-    def grow(self, balance: Equilibrium) -> sp.csr_array:
-        """Add a generation; return the interpolation to all its faces."""
-        whole = prolongation(self._balance.grid, balance.grid)
-        if len(balance.free) <= self._direct_limit:
-            self._factorise(balance)
+    def grow(self, balance: Equilibrium, before: Floats) -> Floats:
+        """Add a generation; return a displacement to begin with, after one of the last."""
+        grid, start = balance.grid, balance.grid.value.copy()
+        if len(balance.free) <= self.most_direct:
+            self._factorise(balance)  # for which any start does
         else:
+            whole = prolongation(self._balance.grid, grid)
+            start = np.where(grid.state == ACTIVE, whole @ before, start)
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
             self._levels.append(_NestedLevel(balance.stiffness(balance.free), prolong))
-            if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
-                # From the finest on, P'AP is the stiffness of the next coarser level.
-                for level, coarse in pairwise(self._levels[::-1]):
-                    assert level.prolong is not None
-                    felt = level.prolong.T @ (level.matrix @ level.prolong)
-                    coarse.take(sp.csr_array(felt))
-                self._direct = _factors(self._levels[0].matrix)
+            self._projected = not self.several
         self._balance = balance
-        return whole
+        return start
 
     def solve(
         self,
@@ -93,6 +92,8 @@ class NestedMultigrid:
         energy: Callable[[Floats], float] | None = None,
     ) -> Iteration:
         """Return the displacements of the free faces of the finest generation."""
+        if not self._projected:
+            self._project()
         dimension, matrix = self._balance.grid.dimension, self.matrix
 
         def run_from(x: Floats, most: int) -> Iteration:
@@ -119,7 +120,16 @@ class NestedMultigrid:
         """Return one V-cycle's answer to a load."""
         return self._cycle(len(self._levels) - 1, load)
 
+    def _project(self) -> None:
+        """Give coarser levels the stiffness P'AP, from the finest on."""
+        for level, coarse in pairwise(self._levels[::-1]):
+            assert level.prolong is not None
+            coarse.take(sp.csr_array(level.prolong.T @ (level.matrix @ level.prolong)))
+        self._direct = _factors(self._levels[0].matrix)
+        self._projected = True
+
     def _factorise(self, balance: Equilibrium) -> None:
+        self._projected = True
         self._levels = [_NestedLevel(balance.stiffness(balance.free))]
         self._direct = _factors(self._levels[0].matrix)
 

@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.cells.cell_edges import Gradient
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
-from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.composite_grid import CompositeGrid, Gradient
 from kaju.model.elastic.cells.interpolation import known_slopes, oriented, slope_weights
 
 SINGULAR = 6.0

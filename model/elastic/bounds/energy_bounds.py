@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from math import inf, sqrt
 
 import numpy as np
@@ -24,7 +23,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic import fields
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
 from kaju.model.elastic.bounds.admissible_stress import BALANCED, AdmissibleStress
-from kaju.model.elastic.bounds.bound_cells import BoundCells, corner_ends
+from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.divergence_exact import LOCKING, DivergenceExactField
 from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.scene.cell_types import ROLLER
@@ -106,7 +105,7 @@ def _between(stress: AdmissibleStress, plain: AdmissibleDisplacement) -> EnergyB
         v.settle(complementary - wall_work)
         whole = 2.0 * v.whole_energy()
         if not moved and whole > 0.0:
-            v.stretch(v.work() / whole)  # to the least potential energy
+            v.scale(v.work() / whole)  # to the least potential energy
     v = max(fields, key=lambda v: v.work() - v.whole_energy())
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
@@ -180,30 +179,12 @@ class MiddleStress:
         # The product of the two stresses is the work of the tractions of the one on the other.
         product = v.work() - v.work_of_rest() + _at_supports(self.balanced)[1]
         if isinstance(v, AdmissibleDisplacement):
-            product += _work_on_beds(self.balanced, v)
+            product += v.work_on_beds(self.balanced.borne)
         whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
         balanced, strain = self._means
         strain = 0.5 * (strain + fields.strain_of(balanced, boxes.law, slice(None)))
         square = np.einsum("nab,nab->n", self.means, strain)
         return sqrt(max(whole - float(self._volume @ square), 0.0))
-
-
-def _work_on_beds(stress: AdmissibleStress, field: AdmissibleDisplacement) -> float:
-    """Return the work of what beds bear, linear on the halves of sides, on a displacement."""
-    boxes, d, total = stress.boxes, stress.boxes.dimension, 0.0
-    points = [0.25 + sign / sqrt(48.0) for sign in (-1, 1)]
-    for side, box, _ in boxes.beds:
-        axis, upper = divmod(side, 2)
-        for half, modes in zip(
-            corner_ends(d - 1), stress.borne(side, box).swapaxes(0, 1), strict=True
-        ):
-            for place in product(points, repeat=d - 1):
-                inside = np.insert(0.5 * half + place, axis, upper)
-                moved = field.displacement_at(box, np.tile(inside, (len(box), 1)))[:, axis]
-                borne = modes @ np.array([1.0, *(2.0 * np.array(place) - 0.5)])
-                work = float(np.vdot(borne * moved, boxes.size[box] ** (d - 1)))
-                total += (2.0 * upper - 1.0) * work / 4.0 ** (d - 1)
-    return total
 
 
 def _at_supports(stress: AdmissibleStress) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from kaju.model.elastic.bounds.bounds_of_arrays import boxes_of_cells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.divergence_exact import _form
 from kaju.model.elastic.bounds.energy_bounds import bracket_of
-from kaju.model.elastic.bounds.equilibration import ragged_tractions
+from kaju.model.elastic.bounds.equilibration import equilibrate
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.staggered import strain_energy
 
@@ -47,13 +47,11 @@ def work_of(stress, field, v):
     boxes, mesh, d = stress.boxes, stress.boxes.mesh, stress.boxes.dimension
     everyone = np.arange(len(boxes.size))
     normal = np.zeros(boxes.beside.shape)
-    found = ragged_tractions(
-        boxes, stress.normal, normal, normal, np.ones(len(everyone), bool), np.inf
-    )
+    found = equilibrate(boxes, stress.normal, normal, normal, np.ones(len(everyone), bool), np.inf)
     traction = found.traction
     for side, value in enumerate(stress.normal):
         traction[:, side, :, side // 2, 0] = value[:, None]
-    traction[stress.ragged.box] = stress.ragged.traction
+    traction[stress.irregular.box] = stress.irregular.traction
     part = v[mesh.element].mean(axis=0) * mesh.edge[:, None] ** d
     total = float(np.vdot(boxes.body[:, mesh.owner].T, part))
     ends = corner_ends(d - 1)
@@ -232,7 +230,7 @@ def test_what_is_left_far_from_any_wall_is_passed_on_until_it_comes_to_one():
     boxes.sigma[:] *= 1.0 + 1e-5
     stress = AdmissibleStress(boxes)
     assert stress.left < 1e-9
-    assert len(stress.ragged.box) == 80
+    assert len(stress.irregular.box) == 80
 
 
 def rubber(rows):

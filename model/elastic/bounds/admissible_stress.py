@@ -15,7 +15,7 @@ and a face's equation says that its two boxes agree on them. So no load is left 
 field is statically admissible, and its complementary energy is never below the true energy.
 
 Where this picture is too simple (smaller boxes on a side, a re-entrant corner, a load along the
-surface) the tractions are those of `ragged`.
+surface) the tractions are those of `equilibration`.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.equilibration import (
     EquilibratedTractions,
-    found_data,
-    ragged_tractions,
+    equilibrate,
+    traction_data,
     uneven_modes,
 )
 from kaju.model.elastic.bounds.macroelement import Macroelement
@@ -114,7 +114,7 @@ def _square_mean(t: Floats) -> Floats:
 class AdmissibleStress:
     """The statically admissible stress field of an answer.
 
-    `plain` is not to be taken for the boxes in `ragged`; `left` is what is left unbalanced, as a
+    `plain` is not to be taken for the boxes in `irregular`; `left` is what is left unbalanced, as a
     share of the largest stress.
     """
 
@@ -138,16 +138,16 @@ class AdmissibleStress:
         gap = gap / scale if scale > 0.0 else gap
         odd = gap > WRONG
         if np.count_nonzero(odd) > MOST_ODD and gap.max() > BALANCED:
-            self.ragged = EquilibratedTractions.none(boxes.dimension)
+            self.irregular = EquilibratedTractions.none(boxes.dimension)
         else:
             uneven = boxes.uneven | odd
             uneven[boxes.uneven_loads.box] = True
             given = normal, self._pressed, self._springs
-            self.ragged = ragged_tractions(boxes, *given, uneven, WRONG * scale)
-        gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
+            self.irregular = equilibrate(boxes, *given, uneven, WRONG * scale)
+        gap[self.irregular.box] = self.irregular.left / (scale or 1.0)
         self.normal = normal
         self.left = float(gap.max(initial=0.0))
-        self._forms = Macroelement.of_laws(boxes.dimension, boxes.law, self.ragged.box)
+        self._forms = Macroelement.of_laws(boxes.dimension, boxes.law, self.irregular.box)
 
     def _gaps(self, normal: Floats) -> Floats:
         """Return by how much boxes disagree with those beside them, or the load, on tractions."""
@@ -183,9 +183,9 @@ class AdmissibleStress:
             ends = self.plain.shear[pair][..., box]
             ends = ends[upper] if pair[0] == axis else ends[:, upper]
             found[component] = ends.mean(axis=0)
-        if len(self.ragged.box):
-            at = self.ragged.at(box)
-            found[:, at >= 0] = self.ragged.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
+        if len(self.irregular.box):
+            at = self.irregular.at(box)
+            found[:, at >= 0] = self.irregular.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
         return found
 
     def borne(self, side: int, box: Ints) -> Floats:
@@ -194,10 +194,10 @@ class AdmissibleStress:
         d, pressed = self.boxes.dimension, self._pressed[side, box, None]
         modes = np.zeros((len(box), 1 << (d - 1), d))
         modes[..., 0] = self.normal[side, box, None]
-        if len(self.ragged.box):
-            at = self.ragged.at(box)
-            slopes = uneven_modes(self.boxes, self.ragged)[at[at >= 0], side]
-            modes[at >= 0] = (self.ragged.traction[at[at >= 0], side] - slopes)[:, :, side // 2]
+        if len(self.irregular.box):
+            at = self.irregular.at(box)
+            slopes = uneven_modes(self.boxes, self.irregular)[at[at >= 0], side]
+            modes[at >= 0] = (self.irregular.traction[at[at >= 0], side] - slopes)[:, :, side // 2]
         modes[..., 0] -= pressed
         return modes
 
@@ -227,7 +227,7 @@ class AdmissibleStress:
         return _tensors(found, self.boxes.dimension)
 
     def _data(self, box: Ints) -> Floats:
-        return found_data(self.boxes, self.ragged, self.ragged.at(box))
+        return traction_data(self.boxes, self.irregular, self.irregular.at(box))
 
 
 def _tensors(stress: Floats, d: int) -> Floats:

@@ -96,8 +96,7 @@ class BoundCells:
     # What lies beyond each side: a material (from 0), AIR, RIGID, ROLLER or FOUNDATION; shape
     # (2·dimension, boxes)
     kind: Ints
-    # Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side; shape
-    # (boxes,)
+    # At a re-entrant corner, beside smaller ones, or with a load along a side; shape (boxes,)
     uneven: Flags
     hanging: Hanging
     loads: Loads
@@ -108,8 +107,8 @@ class BoundCells:
     uneven_loads: Portions  # Those of them that lie unevenly on their sides
     # Normal stress on sides that the iteration has not balanced yet; shape (2·dimension, boxes)
     rest: Floats | None = None
-    unsettled: float = 0.0  # Relative error in the energy norm that this is, at most
-    # Largest stress of the answers of which this one is the difference: rounding is by it
+    unsettled: float = 0.0  # A bound of its relative error in the energy norm
+    # Largest stress of the answers of which this one is the difference: the scale of rounding
     of: float = 0.0
 
     @property
@@ -120,7 +119,7 @@ class BoundCells:
 
     @property
     def data_error(self) -> float:
-        """What loads cause that the boxes do not take, in the energy norm, at most."""
+        """A bound in the energy norm of what the part of loads causes that boxes do not take."""
         return data_error(self.uneven_loads, self.size, softest(*self.law, self.dimension))
 
     @property

@@ -266,7 +266,7 @@ class AdmissibleDisplacement:
         strain *= ((mesh.edge / self.boxes.size[mesh.owner]) ** d)[:, None, None]
         columns = strain.reshape(-1, d * d).T
         mean = [np.bincount(mesh.owner, column, len(self.boxes.size)) for column in columns]
-        return np.stack(mean, axis=1).reshape(-1, d, d)
+        return np.asarray(np.stack(mean, axis=1).reshape(-1, d, d), np.float64)
 
     def work_on_beds(self, borne: Callable[[int, Ints], Floats]) -> float:
         """Return the work on the field of what beds bear, linear on the halves of sides."""

@@ -42,14 +42,14 @@ class Loads(NamedTuple):
         return np.asarray(self.box[(self.force * ~across).any(axis=1)])
 
 
-def entered(box: Ints, way: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:
+def entered(box: Ints, direction: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:
     """Return the forces that act within boxes, shape (d, boxes), and those that enter by sides."""
-    within, body = way < 0, np.zeros((force.shape[1], boxes))
+    within, body = direction < 0, np.zeros((force.shape[1], boxes))
     np.add.at(body.T, box[within], force[within])
-    return body, Loads(box[~within], way[~within], force[~within])
+    return body, Loads(box[~within], direction[~within], force[~within])
 
 
-class Held(NamedTuple):
+class HeldSides(NamedTuple):
     """Sides of boxes at a wall, whose displacement is prescribed."""
 
     side: int
@@ -100,7 +100,7 @@ class BoundCells:
     uneven: Flags
     hanging: Hanging
     loads: Loads
-    held: list[Held]
+    held: list[HeldSides]
     beds: list[Foundation]
     mesh: Mesh
     moved: Floats  # Mean displacement of every side across itself; shape (2·dimension, boxes)

@@ -13,7 +13,7 @@ from kaju.model.elastic.bounds.bound_cells import (
     BoundCells,
     Foundation,
     Hanging,
-    Held,
+    HeldSides,
     Loads,
     Mesh,
     corner_ends,
@@ -27,7 +27,7 @@ from kaju.model.elastic.staggered import axis_pairs, force_of, strains, stresses
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 
-PAD = 1  # Cells around the rim; one more after it
+PAD = 1  # Layers around the ghost cells; one more behind them
 KINDS = 5  # Kinds of cells that are no material: negative, so they index a table from its end
 
 
@@ -94,7 +94,7 @@ class _Cells:
         self.kind = self.kinds[self.beside].astype(np.int64)
 
     def laid(self, values: NDArray[Any], beyond: float = 0) -> NDArray[Any]:
-        """Return values of cells, faces or edges, the rim included, by places."""
+        """Return values of cells, faces or edges, ghosts included, by places."""
         whole = np.full(self.shape, beyond, dtype=values.dtype)
         whole[tuple(slice(PAD, PAD + n) for n in values.shape)] = values
         return whole.ravel()
@@ -123,17 +123,17 @@ class _Cells:
         at_corners = self.place + (ends @ self.steps)[:, None]
         there = np.zeros(len(self.kinds), dtype=np.bool_)
         there[at_corners] = True
-        known = np.flatnonzero(there)
+        points = np.flatnonzero(there)
         number = np.cumsum(there) - 1
         octants = [1 << k for k in range(len(ends))]
-        nodes, double = split_nodes(list(number[at_corners]), octants, len(known))
-        start = np.empty((len(known) + len(double), len(ends[0])))
+        nodes, double = split_nodes(list(number[at_corners]), octants, len(points))
+        start = np.empty((len(points) + len(double), len(ends[0])))
         stretch = self.law[0][self.kinds]
         stiff = [stretch + np.roll(stretch, step) for step in self.steps]
-        start[: len(known)] = _starts(faces, stiff, self.steps)[known]
+        start[: len(points)] = _starts(faces, stiff, self.steps)[points]
         if len(double):
             twice = np.zeros(len(start), dtype=np.bool_)
-            twice[double] = twice[len(known) :] = True
+            twice[double] = twice[len(points) :] = True
             for node, end in zip(nodes, ends, strict=True):
                 # There each side has the displacement of its own faces.
                 here = np.flatnonzero(twice[node])
@@ -157,7 +157,7 @@ class _Cells:
             rest[side, active] = (2 * (side % 2) - 1) * left[self.face(side, active)]
         return rest
 
-    def held(self) -> list[Held]:
+    def held(self) -> list[HeldSides]:
         """Return the sides at walls."""
         found, fixed = [], [self.laid(values) for values in self.problem.fixed]
         for side, kinds in enumerate(self.kind):
@@ -168,7 +168,7 @@ class _Cells:
                 place[side // 2] = self.face(side, at)
                 values = [values[there] for values, there in zip(fixed, place, strict=True)]
                 if len(at):
-                    found.append(Held(side, at, kind, np.stack(values, axis=1)))
+                    found.append(HeldSides(side, at, kind, np.stack(values, axis=1)))
         return found
 
     def beds(self) -> list[Foundation]:

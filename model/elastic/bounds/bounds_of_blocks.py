@@ -24,7 +24,7 @@ from kaju.model.elastic.staggered import Pair, axis_pairs
 
 
 def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
-    """Return agents with the stresses of displacements, known everywhere, that balance."""
+    """Return agents with the stresses of displacements at all places that balance."""
     forest, d = blocks.forest, blocks.forest.dimension
     leaves, many, n = forest.leaves, len(forest.corners), forest.count
     row_of = np.full(len(forest) + 1, -1)

@@ -11,7 +11,7 @@ from kaju.model.elastic.bounds.bound_cells import (
     BoundCells,
     Foundation,
     Hanging,
-    Held,
+    HeldSides,
     Mesh,
     corner_ends,
     entered,
@@ -77,7 +77,7 @@ def _round_corners(grid: CompositeGrid) -> Flags:
     return found
 
 
-def _held(grid: CompositeGrid, beyond: Ints) -> list[Held]:
+def _held(grid: CompositeGrid, beyond: Ints) -> list[HeldSides]:
     found = []
     for side, kinds in enumerate(beyond):
         for kind in (ROLLER, RIGID, DISPLACED):
@@ -87,7 +87,7 @@ def _held(grid: CompositeGrid, beyond: Ints) -> list[Held]:
             value = np.zeros((len(at), grid.dimension))
             if kind != RIGID:
                 value[grid.outer[at, side]] = grid.ground.given(side)
-            found.append(Held(side, at, ROLLER if kind == ROLLER else RIGID, value))
+            found.append(HeldSides(side, at, ROLLER if kind == ROLLER else RIGID, value))
     return found
 
 

@@ -197,9 +197,8 @@ def _normal_on_sides(
     # Those on both sides differ by the force within, and by what the shear on the other sides does.
     d, box = boxes.dimension, found.box
     body = 0.5 * boxes.body[:, box] * boxes.size[box]
-    normal = np.repeat(boxes.sigma[:, box], 2, axis=0) + np.repeat(body, 2, axis=0) * np.tile(
-        [[1.0], [-1.0]], (d, 1)
-    )
+    middle = boxes.sigma[:, box]
+    normal: Floats = np.stack([middle + body, middle - body], axis=1).reshape(2 * d, len(box))
     for axis, side in product(range(d), range(2 * d)):
         if side // 2 == axis:
             continue
@@ -264,7 +263,7 @@ def _joint_modes(d: int) -> tuple[Floats, Floats]:
             for component, along, sign in ((j, i, 2.0), (i, j, -2.0)):
                 if along != side // 2:
                     whole[number, component, _mode(side, along)] = sign
-        shears = np.delete(whole, side // 2, axis=1).any(axis=(1, 2))
+        shears = np.asarray(np.delete(whole, side // 2, axis=1).any(axis=(1, 2)))
         for slides, passed in enumerate((whole, np.where(shears[:, None, None], 0.0, whole))):
             modes[slides, side, 0] = np.einsum("qml,kcl->kqcm", _split(d), passed)
             for part in range(parts):
@@ -286,15 +285,15 @@ def _exchange(
     _, group = connected_components(graph, directed=False)
     if not count:
         return np.asarray(group), True
-    modes, felt = _joint_modes(d)
+    modes, effect = _joint_modes(d)
     # Forces and moments as they are, so that boxes of all sizes move alike.
     size = boxes.size[found.box]
     real = np.stack([size ** (d - 1)] * d + [size**d] * (kinds - d), axis=1)
     # Rows are forces and moments of boxes, columns the modes of joints.
     end, joint = np.nonzero(joints.box >= 0)
-    box, which = joints.box[end, joint], (joints.slides[joint], joints.side[end, joint])
-    which = (*which, joints.part[end, joint])
-    value = felt[which] * real[box][..., None]
+    box, side, part = (values[end, joint] for values in joints[:3])
+    which = joints.slides[joint], side, part
+    value = effect[which] * real[box][..., None]
     row = np.broadcast_to(kinds * box[:, None, None] + np.arange(kinds)[:, None], value.shape)
     column = np.broadcast_to(kinds * joint[:, None, None] + np.arange(kinds), value.shape)
     used, row = np.unique(row, return_inverse=True)
@@ -322,7 +321,7 @@ def _exchange(
         passed += weight @ (take.T @ moved)
         converged = came
     change = np.einsum("nk,nkqcm->nqcm", passed.reshape(-1, kinds)[joint], modes[which])
-    np.add.at(found.traction, (box, joints.side[end, joint]), change)
+    np.add.at(found.traction, (box, side), change)
     return np.asarray(group), converged
 
 

@@ -230,8 +230,8 @@ def test_nobody_passes_on_what_an_answer_is_left_with_all_over(monkeypatch):
     auxetic = plate(8, materials={"a": {"youngs_modulus": 1e9, "poissons_ratio": -0.9}})
     monkeypatch.setattr(refine_loop, "LAST", 0.1)
     monkeypatch.setattr(nested, "DIRECT", {2: 20, 3: 20})
-    monkeypatch.setattr(balanced, "MOST_ODD", 10)
-    monkeypatch.setattr(balanced, "ragged_tractions", None)
+    monkeypatch.setattr(balanced, "MOST_UNBALANCED", 10)
+    monkeypatch.setattr(balanced, "equilibrate", None)
     result = solve(auxetic, strategy="spawning", tolerance=0.3)
     assert result.error_bound is None
     assert "does not balance" in result.no_bound

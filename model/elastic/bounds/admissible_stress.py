@@ -1,4 +1,4 @@
-"""The stress that balances exactly: what the staggered equations say between the faces.
+"""The stress that balances exactly: a polynomial in every box by the staggered equations.
 
 The equations of the staggered grid *are* the balance of a simple stress field. In every box
 let τ_ab be bilinear in a and b between its edges, and σ_aa vary along a only, so that it
@@ -15,7 +15,7 @@ and a face's equation says that its two boxes agree on them. So no load is left 
 field is statically admissible, and its complementary energy is never below the true energy.
 
 Where this picture is too simple (smaller boxes on a side, a re-entrant corner, a load along the
-surface) the tractions are those of `ragged`.
+surface) the tractions are those of `equilibration`.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.equilibration import (
     EquilibratedTractions,
-    found_data,
-    ragged_tractions,
+    equilibrate,
+    traction_data,
     uneven_modes,
 )
 from kaju.model.elastic.bounds.macroelement import Macroelement
@@ -44,8 +44,8 @@ WRONG = 1e-7
 """Tractions on two sides of a face that differ by this share of the largest stress disagree."""
 BALANCED = 1e-6
 """Share of the largest stress that an answer may leave on a face, to be called balanced."""
-MOST_ODD = 30_000
-"""If more boxes disagree the answer has not settled, and nobody could pass on what is left."""
+MOST_UNBALANCED = 30_000
+"""If more boxes disagree the answer has not settled, and equilibration would not pay."""
 
 
 @dataclass
@@ -112,20 +112,16 @@ def _square_mean(t: Floats) -> Floats:
 
 
 class AdmissibleStress:
-    """The statically admissible stress field of an answer.
-
-    `plain` is not to be taken for the boxes in `ragged`; `left` is what is left unbalanced, as a
-    share of the largest stress.
-    """
+    """The statically admissible stress field of an answer."""
 
     def __init__(self, boxes: BoundCells) -> None:
         self.boxes = boxes
-        self.plain = polynomials(boxes.sigma, boxes.shear, boxes.body * boxes.size)
-        plain = self.plain
+        # That of all boxes but those in `irregular`.
+        self.plain = plain = polynomials(boxes.sigma, boxes.shear, boxes.body * boxes.size)
         normal = np.stack([n for a, low in enumerate(plain.low) for n in (low, plain.high(a))])
         scale = boxes.largest
-        # The normal stress that balances on sides: of the loads, but for what the iteration has
-        # left; and with that of the springs of beds.
+        # The normal stress of the loads on sides, with the residual of the iteration; and with that
+        # of the springs of beds.
         self._pressed = np.zeros(normal.shape) if boxes.rest is None else boxes.rest.copy()
         box, side, force = boxes.loads
         across = force[np.arange(len(side)), side // 2] / boxes.size[box] ** (boxes.dimension - 1)
@@ -136,21 +132,21 @@ class AdmissibleStress:
             self._springs[bed.side, bed.box] += pull
         gap = np.where(boxes.uneven, 0.0, self._gaps(normal))
         gap = gap / scale if scale > 0.0 else gap
-        odd = gap > WRONG
-        if np.count_nonzero(odd) > MOST_ODD and gap.max() > BALANCED:
-            self.ragged = EquilibratedTractions.none(boxes.dimension)
+        wrong = gap > WRONG
+        if np.count_nonzero(wrong) > MOST_UNBALANCED and gap.max() > BALANCED:
+            self.irregular = EquilibratedTractions.none(boxes.dimension)
         else:
-            uneven = boxes.uneven | odd
+            uneven = boxes.uneven | wrong
             uneven[boxes.uneven_loads.box] = True
             given = normal, self._pressed, self._springs
-            self.ragged = ragged_tractions(boxes, *given, uneven, WRONG * scale)
-        gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
+            self.irregular = equilibrate(boxes, *given, uneven, WRONG * scale)
+        gap[self.irregular.box] = self.irregular.left / (scale or 1.0)
         self.normal = normal
-        self.left = float(gap.max(initial=0.0))
-        self._forms = Macroelement.of_laws(boxes.dimension, boxes.law, self.ragged.box)
+        self.left = float(gap.max(initial=0.0))  # Unbalanced share of the largest stress
+        self._forms = Macroelement.of_laws(boxes.dimension, boxes.law, self.irregular.box)
 
     def _gaps(self, normal: Floats) -> Floats:
-        """Return by how much boxes disagree with those beside them, or the load, on tractions."""
+        """Return the largest jump of the normal traction on the sides of every box."""
         boxes = self.boxes
         gap = np.zeros(len(boxes.size))
         for side, own in enumerate(normal):
@@ -166,7 +162,7 @@ class AdmissibleStress:
                 gap[alike] = np.maximum(gap[alike], off)
                 gap[other] = np.maximum(gap[other], off)
         for bed in boxes.beds:
-            # Couples of loads along the surface find nothing in the bed that bears them.
+            # A bed does not bear the couples of loads along the surface.
             off = np.abs(normal[bed.side, bed.box] - self._springs[bed.side, bed.box])
             gap[bed.box] = np.maximum(gap[bed.box], off)
         return gap
@@ -183,9 +179,9 @@ class AdmissibleStress:
             ends = self.plain.shear[pair][..., box]
             ends = ends[upper] if pair[0] == axis else ends[:, upper]
             found[component] = ends.mean(axis=0)
-        if len(self.ragged.box):
-            at = self.ragged.at(box)
-            found[:, at >= 0] = self.ragged.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
+        if len(self.irregular.box):
+            at = self.irregular.at(box)
+            found[:, at >= 0] = self.irregular.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
         return found
 
     def borne(self, side: int, box: Ints) -> Floats:
@@ -194,10 +190,10 @@ class AdmissibleStress:
         d, pressed = self.boxes.dimension, self._pressed[side, box, None]
         modes = np.zeros((len(box), 1 << (d - 1), d))
         modes[..., 0] = self.normal[side, box, None]
-        if len(self.ragged.box):
-            at = self.ragged.at(box)
-            slopes = uneven_modes(self.boxes, self.ragged)[at[at >= 0], side]
-            modes[at >= 0] = (self.ragged.traction[at[at >= 0], side] - slopes)[:, :, side // 2]
+        if len(self.irregular.box):
+            at = self.irregular.at(box)
+            slopes = uneven_modes(self.boxes, self.irregular)[at[at >= 0], side]
+            modes[at >= 0] = (self.irregular.traction[at[at >= 0], side] - slopes)[:, :, side // 2]
         modes[..., 0] -= pressed
         return modes
 
@@ -227,7 +223,7 @@ class AdmissibleStress:
         return _tensors(found, self.boxes.dimension)
 
     def _data(self, box: Ints) -> Floats:
-        return found_data(self.boxes, self.ragged, self.ragged.at(box))
+        return traction_data(self.boxes, self.irregular, self.irregular.at(box))
 
 
 def _tensors(stress: Floats, d: int) -> Floats:

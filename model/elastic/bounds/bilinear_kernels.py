@@ -1,45 +1,44 @@
-"""Boxes in which a displacement is linear along every axis; compiled loops where they are many.
+"""Forces of boxes in which a displacement is linear along every axis.
 
-The loops go mode by mode, products of X_i − ½: all are at right angles to each other, and so are
-their strains, which makes the stiffness short.
+The compiled loop goes mode by mode, products of X_i − ½: all are orthogonal to each other, and so
+are their strains, which makes the stiffness short.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache, reduce
-from typing import Any
 
 import numpy as np
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.compiling import njit
+from kaju.model.elastic.moduli import Moduli
 
 FEW = 50_000  # The forces on so few boxes take no compiled loop
 
 
-def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:
+def add_forces(element: Ints, law: Moduli, v: Floats, out: Floats) -> None:
     """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d)."""
     # `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
     # moduli are times the edge in three dimensions.
     if element.shape[1] > FEW:
-        loop = _pull_plane if element.shape[0] == 4 else _pull_solid
-        loop(element, stretch, lateral, shear, v, out)
+        _add_by_modes(element, *law, v, out, (0.0,) * v.shape[1])
         return
-    d, force = v.shape[1], forces(stretch, lateral, shear, moved_corners(element, v))
+    d, force = v.shape[1], forces(law, corner_displacements(element, v))
     for a in range(d):
         out[:, a] += np.bincount(element.T.ravel(), force[:, a::d].ravel(), len(out))
 
 
-def moved_corners(element: Any, v: Any) -> Any:
+def corner_displacements(element: Ints, v: Floats) -> Floats:
     """Return the displacements of the corners of boxes, shape (n, 2^d · d)."""
     return v[element].transpose(1, 0, 2).reshape(element.shape[1], -1)
 
 
-def forces(stretch: Any, lateral: Any, shear: Any, moved: Any) -> Any:
+def forces(law: Moduli, moved: Floats) -> Floats:
     """Return the forces that hold the corners of boxes, by their displacements."""
     forms = element_stiffness({8: 2, 24: 3}[moved.shape[1]])
-    parts = zip((stretch, lateral, shear), forms, strict=True)
-    return sum(modulus[:, None] * (moved @ form) for modulus, form in parts)
+    parts = (modulus[:, None] * (moved @ form) for modulus, form in zip(law, forms, strict=True))
+    return reduce(np.add, parts)
 
 
 @lru_cache(maxsize=2)
@@ -71,71 +70,50 @@ def element_stiffness(dimension: int) -> tuple[Floats, Floats, Floats]:
 
 
 @njit(cache=True, fastmath=True)
-def _pull_plane(element, stretch, lateral, shear, v, out):  # type: ignore[no-untyped-def]
+def _add_by_modes(element, stretch, lateral, shear, v, out, axes):  # type: ignore[no-untyped-def]
+    # The length of `axes` is the dimension, known when this is compiled: its loops unroll.
+    d = len(axes)
+    count, top = 1 << d, 1 << (d - 1)
+    mode, force = np.empty((count, d)), np.empty((count, d))
     for n in range(element.shape[1]):
-        a, b, c, e = element[0, n], element[1, n], element[2, n], element[3, n]
-        p, q = v[e, 0] - v[a, 0], v[c, 0] - v[b, 0]
-        ux, uy, uxy = 0.5 * (p + q), 0.5 * (p - q), v[e, 0] + v[a, 0] - v[b, 0] - v[c, 0]
-        p, q = v[e, 1] - v[a, 1], v[c, 1] - v[b, 1]
-        wx, wy, wxy = 0.5 * (p + q), 0.5 * (p - q), v[e, 1] + v[a, 1] - v[b, 1] - v[c, 1]
-        mu = shear[n]
-        x = 0.5 * (stretch[n] * ux + lateral[n] * wy)
-        y = 0.5 * (stretch[n] * wy + lateral[n] * ux)
-        t = 0.5 * mu * (uy + wx)
-        twist = (stretch[n] + mu) / 12.0
-        ru, rw = twist * uxy, twist * wxy
-        out[a, 0] += ru - x - t
-        out[a, 1] += rw - y - t
-        out[b, 0] += t - x - ru
-        out[b, 1] += y - t - rw
-        out[c, 0] += x - t - ru
-        out[c, 1] += t - y - rw
-        out[e, 0] += x + t + ru
-        out[e, 1] += y + t + rw
-
-
-@njit(cache=True, fastmath=True)
-def _pull_solid(element, stretch, lateral, shear, v, out):  # type: ignore[no-untyped-def]
-    mode, force = np.empty((8, 3)), np.empty((8, 3))
-    for n in range(element.shape[1]):
-        for w in range(8):
-            for a in range(3):
+        for w in range(count):
+            for a in range(d):
                 mode[w, a], force[w, a] = v[element[w, n], a], 0.0
-        for bit in (4, 2, 1):
-            for w in range(8):
-                if not w & bit:
-                    for a in range(3):
-                        low, high = mode[w, a], mode[w | bit, a]
-                        mode[w, a], mode[w | bit, a] = 0.5 * (low + high), high - low
-        for w in range(7):
+        for b in range(d):
+            for w in range(count):
+                if not w & (1 << b):
+                    for a in range(d):
+                        low, high = mode[w, a], mode[w | (1 << b), a]
+                        mode[w, a], mode[w | (1 << b), a] = 0.5 * (low + high), high - low
+        for w in range(count - 1):
             square = 1.0
-            for bit in (4, 2, 1):
-                square /= 12.0 if w & bit else 1.0
+            for b in range(d):
+                square /= 12.0 if w & (1 << b) else 1.0
             volume = 0.0
-            for a in range(3):
-                if not w & (4 >> a):
-                    volume += mode[w | (4 >> a), a]
-            for a in range(3):
-                if not w & (4 >> a):
-                    own = (stretch[n] - lateral[n]) * mode[w | (4 >> a), a]
-                    force[w | (4 >> a), a] += square * (lateral[n] * volume + own)
-                for b in range(a + 1, 3):
+            for a in range(d):
+                if not w & (top >> a):
+                    volume += mode[w | (top >> a), a]
+            for a in range(d):
+                if not w & (top >> a):
+                    own = (stretch[n] - lateral[n]) * mode[w | (top >> a), a]
+                    force[w | (top >> a), a] += square * (lateral[n] * volume + own)
+                for b in range(a + 1, d):
                     slope = 0.0
-                    if not w & (4 >> b):
-                        slope += mode[w | (4 >> b), a]
-                    if not w & (4 >> a):
-                        slope += mode[w | (4 >> a), b]
+                    if not w & (top >> b):
+                        slope += mode[w | (top >> b), a]
+                    if not w & (top >> a):
+                        slope += mode[w | (top >> a), b]
                     tau = square * shear[n] * slope
-                    if not w & (4 >> b):
-                        force[w | (4 >> b), a] += tau
-                    if not w & (4 >> a):
-                        force[w | (4 >> a), b] += tau
-        for bit in (4, 2, 1):
-            for w in range(8):
-                if not w & bit:
-                    for a in range(3):
-                        half, slope = 0.5 * force[w, a], force[w | bit, a]
-                        force[w, a], force[w | bit, a] = half - slope, half + slope
-        for w in range(8):
-            for a in range(3):
+                    if not w & (top >> b):
+                        force[w | (top >> b), a] += tau
+                    if not w & (top >> a):
+                        force[w | (top >> a), b] += tau
+        for b in range(d):
+            for w in range(count):
+                if not w & (1 << b):
+                    for a in range(d):
+                        half, slope = 0.5 * force[w, a], force[w | (1 << b), a]
+                        force[w, a], force[w | (1 << b), a] = half - slope, half + slope
+        for w in range(count):
+            for a in range(d):
                 out[element[w, n], a] += force[w, a]

@@ -1,6 +1,6 @@
-"""What a bracket is made of: boxes side by side, with the stresses the staggered grid gives them.
+"""What energy bounds are made of: boxes with the stresses that the staggered grid gives them.
 
-Equal cells and agents of many sizes are both told like this; scaled, lengths in cells.
+Equal cells, agents of many sizes and agents in blocks all take this form; scaled, lengths in cells.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ class Loads(NamedTuple):
         return np.asarray(self.box[(self.force * ~across).any(axis=1)])
 
 
-def entered(box: Ints, way: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:
+def entered(box: Ints, direction: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:
     """Return the forces that act within boxes, shape (d, boxes), and those that enter by sides."""
-    within, body = way < 0, np.zeros((force.shape[1], boxes))
+    within, body = direction < 0, np.zeros((force.shape[1], boxes))
     np.add.at(body.T, box[within], force[within])
-    return body, Loads(box[~within], way[~within], force[~within])
+    return body, Loads(box[~within], direction[~within], force[~within])
 
 
-class Held(NamedTuple):
-    """Sides of boxes at a wall: which, RIGID or ROLLER, and how it moves, shape (n, dimension)."""
+class HeldSides(NamedTuple):
+    """Sides of boxes at a wall, whose displacement is prescribed."""
 
     side: int
     box: Ints
-    kind: int
-    value: Floats
+    kind: int  # RIGID or ROLLER
+    value: Floats  # How the wall moves; shape (n, dimension)
 
 
 class Foundation(NamedTuple):
@@ -67,27 +67,20 @@ class Foundation(NamedTuple):
 
 
 class Mesh(NamedTuple):
-    """Where a displacement without gaps has its values."""
+    """Nodes of a displacement without gaps: corners of boxes, or of parts of cut boxes."""
 
     corner: Ints  # Nodes at the corners of the boxes; shape (2^dimension, boxes)
     # The same for the elements: the boxes, or their parts where corners of smaller ones touch;
     # shape (2^dimension, elements)
     element: Ints
-    owner: Ints  # Shape (elements,)
+    owner: Ints  # Box of every element; shape (elements,)
     edge: Floats  # Shape (elements,)
     parts: Ints  # The element at every corner of a box; shape (2^dimension, boxes)
-    # slave, masters: Nodes that lie in the middle of others on a side, or an edge, that stays
-    # straight; shape (n,) and (2^(dimension - 1), n)
+    # Nodes in the middle of a side, or an edge, that stays straight, and those at its ends; shape
+    # (n,) and (2^(dimension - 1), n)
     slave: Ints
     masters: Ints
     start: Floats  # Displacements to begin with; shape (nodes, dimension)
-
-
-def whole_mesh(corner: Ints, size: Floats, start: Floats) -> Mesh:
-    """Return the nodes of boxes of which none is cut."""
-    each, nothing = np.arange(len(size)), np.zeros((len(corner) // 2, 0), dtype=np.int64)
-    parts = np.broadcast_to(each, corner.shape)
-    return Mesh(corner, corner, each, size, parts, nothing[0], nothing, start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,20 +96,19 @@ class BoundCells:
     # What lies beyond each side: a material (from 0), AIR, RIGID, ROLLER or FOUNDATION; shape
     # (2·dimension, boxes)
     kind: Ints
-    # Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side; shape
-    # (boxes,)
+    # At a re-entrant corner, beside smaller ones, or with a load along a side; shape (boxes,)
     uneven: Flags
     hanging: Hanging
     loads: Loads
-    held: list[Held]
+    held: list[HeldSides]
     beds: list[Foundation]
     mesh: Mesh
     moved: Floats  # Mean displacement of every side across itself; shape (2·dimension, boxes)
     uneven_loads: Portions  # Those of them that lie unevenly on their sides
     # Normal stress on sides that the iteration has not balanced yet; shape (2·dimension, boxes)
     rest: Floats | None = None
-    unsettled: float = 0.0  # Relative error in the energy norm that this is, at most
-    # Largest stress of the answers of which this one is the difference: rounding is by it
+    unsettled: float = 0.0  # A bound of its relative error in the energy norm
+    # Largest stress of the answers of which this one is the difference: the scale of rounding
     of: float = 0.0
 
     @property
@@ -127,7 +119,7 @@ class BoundCells:
 
     @property
     def data_error(self) -> float:
-        """What loads cause that the boxes do not take, in the energy norm, at most."""
+        """A bound in the energy norm of what the part of loads causes that boxes do not take."""
         return data_error(self.uneven_loads, self.size, softest(*self.law, self.dimension))
 
     @property
@@ -159,21 +151,16 @@ def bodies_at_point(dimension: int) -> Ints:
     return found
 
 
-def filled_by(nodes: list[Ints], octants: list[int], count: int) -> Ints:
-    """Return the octants round every node that boxes fill, as bits: see `parted`."""
-    filled = np.zeros(count, dtype=np.int64)
-    for node, bits in zip(nodes, octants, strict=True):
-        filled[node] |= bits
-    return filled
-
-
-def parted(nodes: list[Ints], octants: list[int], filled: Ints) -> tuple[list[Ints], Ints]:
+def split_nodes(nodes: list[Ints], octants: list[int], count: int) -> tuple[list[Ints], Ints]:
     """Give bodies that touch at a corner, or an edge, only a node each."""
     # Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
     # `nodes` are arrays over boxes, none of them twice in one; `octants` tell at which of its
     # corners (bits, in the order of `corner_ends`) boxes have these, at several in the middle of an
-    # edge or a side; `filled` are the octants round every node that are body. Returned are the
-    # nodes, new ones numbered from the number of nodes on, and for every new one the old one.
+    # edge or a side. Returned are the nodes, new ones numbered from `count` on, and for every new
+    # one the old one.
+    filled = np.zeros(count, dtype=np.int64)  # octants round every node that are body
+    for node, bits in zip(nodes, octants, strict=True):
+        filled[node] |= bits
     many = max(octants).bit_length()
     bodies = bodies_at_point(2 if many <= 4 else 3)
     several = np.asarray(bodies.any(axis=1))
@@ -186,7 +173,7 @@ def parted(nodes: list[Ints], octants: list[int], filled: Ints) -> tuple[list[In
     more = np.unique(np.concatenate(keys))
     more = more[more % len(bodies) > 0]
     found = [
-        np.where(key % len(bodies) > 0, len(filled) + np.searchsorted(more, key), node)
+        np.where(key % len(bodies) > 0, count + np.searchsorted(more, key), node)
         for key, node in zip(keys, nodes, strict=True)
     ]
     return found, more // len(bodies)

@@ -1,4 +1,4 @@
-"""Equal cells as the boxes of which brackets are made."""
+"""Equal cells as the boxes of which energy bounds are made."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ from kaju.model.elastic.bounds.bound_cells import (
     BoundCells,
     Foundation,
     Hanging,
-    Held,
+    HeldSides,
     Loads,
     Mesh,
     corner_ends,
     entered,
-    filled_by,
-    parted,
-    whole_mesh,
+    split_nodes,
 )
 from kaju.model.elastic.cell_loads import portions_of_cells
 from kaju.model.elastic.moduli import Moduli
@@ -29,8 +27,8 @@ from kaju.model.elastic.staggered import axis_pairs, force_of, strains, stresses
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 
-PAD = 1  # Cells around the rim; one more after it
-KINDS = 5  # Kinds of cells that are no material: they count from the end of a table
+PAD = 1  # Layers around the ghost cells; one more behind them
+KINDS = 5  # Kinds of cells that are no material: negative, so they index a table from its end
 
 
 def boxes_of_cells(
@@ -42,10 +40,10 @@ def boxes_of_cells(
     cells, d = _Cells(problem), problem.dimension
     stress = stresses(problem, strains(u))
     applied = grid.applied(stage)
-    place = applied.cells - np.asarray(grid.bounds()[0], dtype=np.int64) + 1 + PAD
-    box = cells.number[place @ cells.steps]
+    loaded = applied.cells - np.asarray(grid.bounds()[0], dtype=np.int64) + 1 + PAD
+    box = cells.number[loaded @ cells.steps]
     force = applied.force / problem.scales.force
-    body, loads = entered(box, applied.direction, force, len(cells.told))
+    body, loads = entered(box, applied.direction, force, len(cells.place))
     portions = portions_of_cells(applied, problem.scales.force)
     faces = [cells.laid(values) for values in u]
     nothing = np.zeros(0, dtype=np.int64)
@@ -53,11 +51,11 @@ def boxes_of_cells(
     for (a, b), tau in stress.edges.items():
         ends = np.add.outer([0, cells.steps[a]], [0, cells.steps[b]])
         whole = tau + problem.surface_shear.get((a, b), 0.0)
-        shear[a, b] = cells.laid(whole)[cells.told + ends[..., None]]
+        shear[a, b] = cells.laid(whole)[cells.place + ends[..., None]]
     return BoundCells(
-        np.ones(len(cells.told)),
-        Moduli(*cells.law[:, cells.kinds[cells.told]]),
-        np.stack([cells.laid(normal)[cells.told] for normal in stress.cells]),
+        np.ones(len(cells.place)),
+        Moduli(*cells.law[:, cells.kinds[cells.place]]),
+        np.stack([cells.laid(normal)[cells.place] for normal in stress.cells]),
         shear,
         body,
         cells.number[cells.beside],
@@ -79,7 +77,7 @@ class _Cells:
     """Equal cells, on vectors over all places: cells with two more around them.
 
     A place stands for a cell, its lower faces, edges and corner; `steps` is the distance between
-    places along each axis, and `told` the places of the cells of material, in order.
+    places along each axis, and `place` the places of the cells of material, in order.
     """
 
     def __init__(self, problem: ElasticProblem) -> None:
@@ -89,21 +87,21 @@ class _Cells:
         self.steps = np.array([int(np.prod(self.shape[a + 1 :])) for a in range(d)])
         self.kinds = self.laid(problem.kinds, AIR)
         self.law = np.pad(np.stack(problem.moduli), [(0, 0), (0, KINDS)])
-        self.told = np.flatnonzero(self.kinds >= 0)
+        self.place = np.flatnonzero(self.kinds >= 0)
         self.number = np.full(len(self.kinds), -1)
-        self.number[self.told] = np.arange(len(self.told))
-        self.beside = np.stack([self.told + s * step for step in self.steps for s in (-1, 1)])
+        self.number[self.place] = np.arange(len(self.place))
+        self.beside = np.stack([self.place + s * step for step in self.steps for s in (-1, 1)])
         self.kind = self.kinds[self.beside].astype(np.int64)
 
     def laid(self, values: NDArray[Any], beyond: float = 0) -> NDArray[Any]:
-        """Return values of cells, faces or edges, the rim included, by places."""
+        """Return values of cells, faces or edges, ghosts included, by places."""
         whole = np.full(self.shape, beyond, dtype=values.dtype)
         whole[tuple(slice(PAD, PAD + n) for n in values.shape)] = values
         return whole.ravel()
 
     def face(self, side: int, some: Ints | slice = slice(None)) -> Ints:
         """Return the places of the faces on a side of cells."""
-        return np.asarray(self.told[some] + side % 2 * self.steps[side // 2])
+        return np.asarray(self.place[some] + side % 2 * self.steps[side // 2])
 
     def uneven(self, loads: Loads) -> Flags:
         """Tell which cells lie round an edge where one of four is air, or bear loads along them."""
@@ -116,37 +114,40 @@ class _Cells:
             air = np.logical_or.reduce([kind == AIR for kind in around])
             edge = one + two + np.flatnonzero((bodies == 3) & air)
             found[edge - np.array(back)[:, None]] = True
-        found[self.told[loads.dragged]] = True
-        return found[self.told]
+        found[self.place[loads.dragged]] = True
+        return found[self.place]
 
     def mesh(self, faces: list[Floats]) -> Mesh:
         """Return the nodes of the cells, and where these begin."""
         ends = corner_ends(len(self.steps))
-        place = self.told + (ends @ self.steps)[:, None]
+        at_corners = self.place + (ends @ self.steps)[:, None]
         there = np.zeros(len(self.kinds), dtype=np.bool_)
-        there[place] = True
-        known = np.flatnonzero(there)
+        there[at_corners] = True
+        points = np.flatnonzero(there)
         number = np.cumsum(there) - 1
         octants = [1 << k for k in range(len(ends))]
-        corner = list(number[place])
-        filled = filled_by(corner, octants, len(known))
-        nodes, double = parted(corner, octants, filled)
-        start = np.empty((len(known) + len(double), len(ends[0])))
+        nodes, double = split_nodes(list(number[at_corners]), octants, len(points))
+        start = np.empty((len(points) + len(double), len(ends[0])))
         stretch = self.law[0][self.kinds]
         stiff = [stretch + np.roll(stretch, step) for step in self.steps]
-        start[: len(known)] = _starts(faces, stiff, self.steps)[known]
+        start[: len(points)] = _starts(faces, stiff, self.steps)[points]
         if len(double):
             twice = np.zeros(len(start), dtype=np.bool_)
-            twice[double] = twice[len(known) :] = True
+            twice[double] = twice[len(points) :] = True
             for node, end in zip(nodes, ends, strict=True):
                 # There each side has the displacement of its own faces.
                 here = np.flatnonzero(twice[node])
                 for axis, face in enumerate(faces):
                     start[node[here], axis] = face[self.face(2 * axis + end[axis], here)]
-        return whole_mesh(np.stack(nodes), np.ones(len(self.told)), start)
+        corner, each = np.stack(nodes), np.arange(len(self.place))
+        nothing, parts = (
+            np.zeros((len(corner) // 2, 0), dtype=np.int64),
+            np.broadcast_to(each, corner.shape),
+        )
+        return Mesh(corner, corner, each, np.ones(len(each)), parts, nothing[0], nothing, start)
 
     def rest(self, force: FaceFields) -> Floats:
-        """Return what the cells' faces are left with, told by the cell below if there is one."""
+        """Return the residual of the cells' faces; between two cells it is the lower one's."""
         rest = np.zeros(self.kind.shape)
         for side, kind in enumerate(self.kind):
             active = (kind != RIGID) & (kind != ROLLER)
@@ -156,18 +157,18 @@ class _Cells:
             rest[side, active] = (2 * (side % 2) - 1) * left[self.face(side, active)]
         return rest
 
-    def held(self) -> list[Held]:
+    def held(self) -> list[HeldSides]:
         """Return the sides at walls."""
         found, fixed = [], [self.laid(values) for values in self.problem.fixed]
         for side, kinds in enumerate(self.kind):
             for kind in (ROLLER, RIGID):
                 at = np.flatnonzero(kinds == kind)
-                # Across a wall its own face is told, along it the ghost beyond.
+                # Across a wall its own face has the value, along it the ghost beyond.
                 place = [self.beside[side, at]] * len(fixed)
                 place[side // 2] = self.face(side, at)
                 values = [values[there] for values, there in zip(fixed, place, strict=True)]
                 if len(at):
-                    found.append(Held(side, at, kind, np.stack(values, axis=1)))
+                    found.append(HeldSides(side, at, kind, np.stack(values, axis=1)))
         return found
 
     def beds(self) -> list[Foundation]:

@@ -1,8 +1,8 @@
-"""Agents in blocks as the boxes of which brackets are made.
+"""Agents in blocks as the boxes of which energy bounds are made.
 
-Round most agents stand others like them, and what they are follows from the arrays of the blocks at
-once. Those that touch others of another size or material, or the surface, and those that are
-loaded, are the odd ones: they are told by a window of them and who is about them (`tree_boxes`).
+The stresses of regular agents, among others of their size and material, follow from the arrays of
+the blocks at once. Irregular ones touch another size or material, or the surface, or are loaded:
+they are taken from a window of them and their neighbours as a composite grid (`bounds_of_leaves`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from kaju.model.elastic.staggered import Pair, axis_pairs
 
 
 def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
-    """Return agents with the stresses of displacements, known fill_coarse, that balance."""
+    """Return agents with the stresses of displacements at all places that balance."""
     forest, d = blocks.forest, blocks.forest.dimension
     leaves, many, n = forest.leaves, len(forest.corners), forest.count
     row_of = np.full(len(forest) + 1, -1)
@@ -32,9 +32,9 @@ def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
     near = row_of[forest.beside[leaves]]
 
     def ahead(row: Ints | slice, step: Ints) -> Ints:
-        """Return the agents a step from those of blocks, if these are their like, else -1."""
-        way, corner = _stepped(d, tuple(step))
-        there = near[row][:, way]
+        """Return the agents a step from those of blocks, -1 where no block of their size is."""
+        offset, corner = _stepped(d, tuple(step))
+        there = near[row][:, offset]
         return np.where(there >= 0, many * there + corner, -1)
 
     loaded = np.flatnonzero(forest.loaded)
@@ -42,17 +42,17 @@ def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
     own = many * loaded[:, None] + np.arange(many)
     leaf = own.ravel()[forces.leaf]
     alike = (blocks.states[leaves] == REGULAR) & (forest.kinds[leaves] == forest.kind[leaves, None])
-    odd = (~alike).astype(np.float32) @ _touching(d) > 0
-    odd.ravel()[leaf[forces.direction >= 0]] = True
-    chosen, row = odd.copy(), np.flatnonzero(odd.any(axis=1))
+    irregular = (~alike).astype(np.float32) @ _touching(d) > 0
+    irregular.ravel()[leaf[forces.direction >= 0]] = True
+    chosen, row = irregular.copy(), np.flatnonzero(irregular.any(axis=1))
     for step in offsets(d):
-        about = ahead(row, step)[odd[row]]
+        about = ahead(row, step)[irregular[row]]
         chosen.ravel()[about[about >= 0]] = True
     row = np.flatnonzero(chosen.any(axis=1))
     window = Window(forest, leaves[row], chosen[row])
-    told = boxes_of_agents(window.balance, window.displacement(u))
+    local = boxes_of_agents(window.balance, window.displacement(u))
     agent = np.flatnonzero(chosen)  # Those of the window, in their order
-    inner = np.flatnonzero(odd.ravel()[agent])
+    inner = np.flatnonzero(irregular.ravel()[agent])
     box = agent[inner]
 
     def put(values: NDArray[Any], part: NDArray[Any]) -> NDArray[Any]:
@@ -72,55 +72,55 @@ def boxes_of_blocks(blocks: BlockOperator, u: Floats) -> BoundCells:
         for steps in (sides, corner_ends(d))
     )
     body, loads = entered(leaf, forces.direction, forces.force, n)
-    hanging, portions = told.hanging, forces.uneven or Portions.none(d)
+    hanging, portions = local.hanging, forces.uneven or Portions.none(d)
     return BoundCells(
         size,
         law,
-        put(sigma, told.sigma),
-        {pair: put(tau, told.shear[pair]) for pair, tau in shear.items()},
+        put(sigma, local.sigma),
+        {pair: put(tau, local.shear[pair]) for pair, tau in shear.items()},
         body / size**d,
-        put(beside, np.where(told.beside >= 0, agent[told.beside], -1)),
-        put(np.tile(kind, (2 * d, 1)), told.kind),
-        put(np.zeros(n, dtype=np.bool_), told.uneven),
+        put(beside, np.where(local.beside >= 0, agent[local.beside], -1)),
+        put(np.tile(kind, (2 * d, 1)), local.kind),
+        put(np.zeros(n, dtype=np.bool_), local.uneven),
         hanging._replace(box=agent[hanging.box], fine=agent[hanging.fine]),
         loads,
-        [held._replace(box=agent[held.box]) for held in told.held],
-        [bed._replace(box=agent[bed.box]) for bed in told.beds],
-        _mesh(corner, size, start, told.mesh, agent, inner),
-        put(moved, told.moved),
+        [held._replace(box=agent[held.box]) for held in local.held],
+        [bed._replace(box=agent[bed.box]) for bed in local.beds],
+        _mesh(corner, size, start, local.mesh, agent, inner),
+        put(moved, local.moved),
         portions._replace(box=own.ravel()[portions.box]),
     )
 
 
-def _mesh(corner: Ints, size: Floats, start: Floats, told: Mesh, agent: Ints, inner: Ints) -> Mesh:
+def _mesh(corner: Ints, size: Floats, start: Floats, local: Mesh, agent: Ints, inner: Ints) -> Mesh:
     """Return the nodes: those at lower corners of agents are numbered like these."""
-    # `told` are the nodes of a window of some `agent`s, of which those `inner` are told by it.
+    # `local` are the nodes of a window of some `agent`s, of which it gives those `inner`.
     n, inside = len(size), len(agent)
-    more = np.arange(inside, len(told.owner))  # parts of boxes that are cut
+    more = np.arange(inside, len(local.owner))  # parts of boxes that are cut
     element = np.concatenate([agent, n + np.arange(len(more))])
     from_window = np.concatenate([inner, more])
-    node = np.full(len(told.start), -1)
-    node[told.corner[0]] = agent
-    used = np.unique(told.element[:, from_window])
+    node = np.full(len(local.start), -1)
+    node[local.corner[0]] = agent
+    used = np.unique(local.element[:, from_window])
     fresh = used[node[used] < 0]
     node[fresh] = n + np.arange(len(fresh))
     start = np.concatenate([start, np.empty((len(fresh), start.shape[1]))])
-    start[node[used]] = told.start[used]
-    corner[:, agent[inner]] = node[told.corner[:, inner]]
+    start[node[used]] = local.start[used]
+    corner[:, agent[inner]] = node[local.corner[:, inner]]
     elements = np.concatenate([corner, np.empty((len(corner), len(more)), np.int64)], axis=1)
-    elements[:, element[from_window]] = node[told.element[:, from_window]]
+    elements[:, element[from_window]] = node[local.element[:, from_window]]
     parts = np.tile(np.arange(n), (len(corner), 1))
-    parts[:, agent[inner]] = element[told.parts[:, inner]]
+    parts[:, agent[inner]] = element[local.parts[:, inner]]
     edge = np.concatenate([size, np.empty(len(more))])
-    edge[element] = told.edge
-    owner = np.concatenate([np.arange(n), agent[told.owner[more]]])
-    return Mesh(corner, elements, owner, edge, parts, node[told.slave], node[told.masters], start)
+    edge[element] = local.edge
+    owner = np.concatenate([np.arange(n), agent[local.owner[more]]])
+    return Mesh(corner, elements, owner, edge, parts, node[local.slave], node[local.masters], start)
 
 
 def _plain(
     faces: list[Floats], at: Ints, step: Ints, size: Floats, law: Moduli
 ) -> tuple[Floats, dict[Pair, Floats], Floats, Floats]:
-    """Return stresses, displacements of sides, and of lower corners, of agents amid their like."""
+    """Return stresses, displacements of sides, and of lower corners, of regular agents."""
     # `faces` are the displacements by places, `at` the places of the agents, and `step` how far
     # these are apart along every axis.
     d = len(faces)
@@ -140,7 +140,7 @@ def _plain(
 
 @cache
 def _touching(d: int) -> Floats:
-    """Tell which agents of a block touch what lies in each of the `ways`, shape (3^d, agents)."""
+    """Tell which agents of a block touch the neighbours at all `offsets`, shape (3^d, agents)."""
     step = offsets(d)[:, None]
     last = np.where(step > 0, ACROSS - 1, 0)
     return np.asarray(np.all((step == 0) | (corners(d) == last), axis=2).astype(np.float32))
@@ -148,7 +148,7 @@ def _touching(d: int) -> Floats:
 
 @cache
 def _stepped(d: int, step: tuple[int, ...]) -> tuple[Ints, Ints]:
-    """Return in which way of a block stand those a step from its agents, and who they are there."""
+    """Return in which of a block's neighbours the agents a step on are, and their numbers there."""
     place = corners(d) + step
     number = np.empty((ACROSS,) * d, dtype=np.int64)
     number[tuple(corners(d).T)] = np.arange(len(place))

@@ -1,4 +1,4 @@
-"""Agents of many sizes as the boxes of which brackets are made."""
+"""Agents of many sizes as the boxes of which energy bounds are made."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from kaju.model.elastic.bounds.bound_cells import (
     BoundCells,
     Foundation,
     Hanging,
-    Held,
+    HeldSides,
     Mesh,
     corner_ends,
     entered,
-    filled_by,
-    parted,
+    split_nodes,
 )
 from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
@@ -29,10 +28,10 @@ def boxes_of_agents(balance: Equilibrium, u: Floats) -> BoundCells:
     """Return agents of many sizes with the stresses of displacements that balance the forces."""
     grid, fields = balance.grid, CellFields(balance, u)
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
-    shear = {}
-    for pair, edges in grid.edges.items():
-        tau = fields.edge_shear[pair][edges.of_leaf]
-        shear[pair] = np.ascontiguousarray(np.moveaxis(tau, 0, 2))
+    shear = {
+        pair: np.ascontiguousarray(np.moveaxis(fields.edge_shear[pair][edges.of_leaf], 0, 2))
+        for pair, edges in grid.edges.items()
+    }
     forces = grid.ground.forces(leaves)
     body, loads = entered(forces.leaf, forces.direction, forces.force, n)
     beside = np.where(grid.master < 0, -1, grid.beside).T.copy()  # smaller ones are hanging
@@ -78,7 +77,7 @@ def _round_corners(grid: CompositeGrid) -> Flags:
     return found
 
 
-def _held(grid: CompositeGrid, beyond: Ints) -> list[Held]:
+def _held(grid: CompositeGrid, beyond: Ints) -> list[HeldSides]:
     found = []
     for side, kinds in enumerate(beyond):
         for kind in (ROLLER, RIGID, DISPLACED):
@@ -88,7 +87,7 @@ def _held(grid: CompositeGrid, beyond: Ints) -> list[Held]:
             value = np.zeros((len(at), grid.dimension))
             if kind != RIGID:
                 value[grid.outer[at, side]] = grid.ground.given(side)
-            found.append(Held(side, at, ROLLER if kind == ROLLER else RIGID, value))
+            found.append(HeldSides(side, at, ROLLER if kind == ROLLER else RIGID, value))
     return found
 
 
@@ -106,10 +105,9 @@ def _mesh(grid: CompositeGrid, fields: CellFields) -> Mesh:
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
     ends = corner_ends(d)
     thirds = np.array(list(product((0, 1, 2), repeat=d)))
-    middles = (thirds == 1).sum(axis=1)
 
-    # Corners count in halves of the smallest leaf. Their numbers may overflow, but not to the same:
-    # no body is so wide.
+    # Corners count in halves of the smallest leaf. Their numbers may overflow, but two points do
+    # not get the same one: no body is so wide.
     half = int(leaves.size.min()).bit_length() - 1
     row = (2 * int(leaves.upper.max()) >> half) + 1
 
@@ -119,19 +117,17 @@ def _mesh(grid: CompositeGrid, fields: CellFields) -> Mesh:
             number = number * row + ((2 * lower + thirds[:, None] * leaves.size[leaf]) >> half)
         return number
 
-    large, small = _unlike_neighbours(grid)
-    between = keys(large, thirds[(middles > 0) & (middles < d)])
-    cut = large[np.isin(between, keys(small, 2 * ends)).any(axis=0)]
+    cut = _touched_by_smaller(grid)
     corners, inner = keys(np.arange(n), 2 * ends), keys(cut, thirds)
     key = np.concatenate([corners.ravel(), inner.ravel()])
     first, number = np.unique(key, return_inverse=True)
+    # A box has a node of its lattice at the corners that lie in the same half along every axis.
+    nearby = [np.all((third == 1) | (2 * ends == third), axis=1) for third in thirds]
     octants = [1 << k for k in range(len(ends))]
-    for third in thirds:
-        round_it = np.all((third == 1) | (2 * ends == third), axis=1)
-        octants.append(int((1 << np.flatnonzero(round_it)).sum()))
+    octants += [int((1 << np.flatnonzero(near)).sum()) for near in nearby]
     at_corners, at_thirds = np.split(number, [corners.size])
     nodes = [*at_corners.reshape(corners.shape), *at_thirds.reshape(inner.shape)]
-    nodes, double = parted(nodes, octants, filled_by(nodes, octants, len(first)))
+    nodes, double = split_nodes(nodes, octants, len(first))
     corner, count = np.stack(nodes[: len(ends)]), len(first) + len(double)
     # What the leaves round a node say, stiff ones counting more.
     start, weight = np.zeros((count, d)), np.zeros(count)
@@ -152,9 +148,9 @@ def _mesh(grid: CompositeGrid, fields: CellFields) -> Mesh:
     for part, elements in zip(cut_up, (cut, *more), strict=True):
         element[:, elements] = part.reshape(len(ends), len(cut))
     slave, masters = [], []
-    for third, many in zip(thirds, middles, strict=True):
-        if 0 < many < d:
-            between = corner[np.all((third == 1) | (2 * ends == third), axis=1)][:, cut]
+    for third, near in zip(thirds, nearby, strict=True):
+        if 1 < near.sum() < len(ends):
+            between = corner[near][:, cut]
             slave.append(lattice[tuple(third)])
             masters.append(np.tile(between, (len(ends) // 2 // len(between), 1)))
     start[lattice[(1,) * d]] = start[corner[:, cut]].mean(axis=0)
@@ -167,16 +163,13 @@ def _mesh(grid: CompositeGrid, fields: CellFields) -> Mesh:
     return Mesh(corner, element, owner, edge, parts, middle[straight], ends_of, start)
 
 
-def _unlike_neighbours(grid: CompositeGrid) -> tuple[Ints, Ints]:
-    """Return the leaves round whose edges stand smaller ones, and those with larger ones."""
-    size = grid.leaves.size
-    large, small = (np.zeros(len(size), dtype=np.bool_) for _ in range(2))
-    for edges in grid.edges.values():
+def _touched_by_smaller(grid: CompositeGrid) -> Ints:
+    """Return the leaves with corners of smaller ones on a side, or in solids on an edge."""
+    size, found = grid.leaves.size, np.zeros(len(grid.leaves), dtype=np.bool_)
+    found[grid.hanging[0]] = True
+    for edges in grid.edges.values() if grid.dimension == 3 else ():
         least = np.full(len(edges.modulus), size.max())
-        most = np.zeros_like(least)
         for own in edges.of_leaf.reshape(len(size), 4).T:
             np.minimum.at(least, own, size)
-            np.maximum.at(most, own, size)
-        large |= (least[edges.of_leaf] < size[:, None, None]).any(axis=(1, 2))
-        small |= (most[edges.of_leaf] > size[:, None, None]).any(axis=(1, 2))
-    return np.flatnonzero(large), np.flatnonzero(small)
+        found |= (least[edges.of_leaf] < size[:, None, None]).any(axis=(1, 2))
+    return np.flatnonzero(found)

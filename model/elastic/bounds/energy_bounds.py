@@ -1,4 +1,4 @@
-"""Two wrong answers that know how wrong they are: the true energy between them.
+"""Bounds of the true energy, by two approximate answers that lie on either side of it.
 
 A stress σ that balances the loads and a displacement v that fits the supports lie on opposite ends
 of a diameter of a circle (in function space) on which the true stress lies (Prager and Synge 1947,
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from math import inf, sqrt
 
 import numpy as np
@@ -24,7 +23,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic import fields
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
 from kaju.model.elastic.bounds.admissible_stress import BALANCED, AdmissibleStress
-from kaju.model.elastic.bounds.bound_cells import BoundCells, corner_ends
+from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.divergence_exact import LOCKING, DivergenceExactField
 from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.scene.cell_types import ROLLER
@@ -38,7 +37,7 @@ EATEN = "rounding has eaten the bounds: the lower one lies above the upper"
 MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
 FEW = {2: 20_000, 3: 4_000}  # So many boxes may be spent in any case: a second or two
-PROVED_AT = {2: 0.65, 3: 0.9}  # Of the estimate: what bounds mostly say, until they have been asked
+PROVED_AT = {2: 0.65, 3: 0.9}  # Of the estimate: the first guess at what bounds will say
 
 
 def worth_proving(boxes: int, estimated: float, dimension: int) -> bool:
@@ -56,12 +55,12 @@ class EnergyBounds:
     error: float
     # Of the potential energy; what boxes do not take of loads, and moved supports, do not count
     potential: tuple[float, float]
-    norm: float  # What that is relative to: the least norm of the true stress
-    middle: MiddleStress  # The stress that is so much off
+    norm: float  # The least norm of the true stress, to which `error` is relative
+    middle: MiddleStress  # The mean stress, of which `error` is the error
 
     @property
     def mean_error(self) -> float:
-        """Error of what `middle` is in the mean of every box, relative to the true stress."""
+        """Error of the means of `middle` over every box, relative to the true stress."""
         return self.error + self.middle.variation / self.norm if self.norm > 0.0 else inf
 
     @property
@@ -72,8 +71,8 @@ class EnergyBounds:
 
 def bracket_of(boxes: BoundCells, checked: bool = True) -> EnergyBounds | str:
     """Hold the true energy between two that can be computed; or say why there are none."""
-    # Unless `checked`, forces need not balance: those of agents that have not settled yet do not,
-    # and what they say is an estimate.
+    # Unless `checked`, forces need not balance: those of agents that have not settled do not, and
+    # the bounds are an estimate.
     stress = AdmissibleStress(boxes)
     if checked and not stress.left <= BALANCED:
         return (
@@ -88,8 +87,8 @@ def bracket_of(boxes: BoundCells, checked: bool = True) -> EnergyBounds | str:
 
 def _between(stress: AdmissibleStress, plain: AdmissibleDisplacement) -> EnergyBounds | str:
     """Compare the two stresses: the hypercircle."""
-    # What an iteration has left balances loads that differ a little from the true ones; the lower
-    # bound is that of the true ones all the same.
+    # With a residual the stress balances loads that differ a little from the true ones; the lower
+    # bound holds for the true ones all the same.
     boxes = stress.boxes
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
@@ -97,16 +96,15 @@ def _between(stress: AdmissibleStress, plain: AdmissibleDisplacement) -> EnergyB
     moved = any(held.value.any() for held in boxes.held)
     fields: list[AdmissibleDisplacement | DivergenceExactField] = [plain]
     stiff = boxes.law.lateral > LOCKING * boxes.law.stretch
-    unbedded = not boxes.beds and not len(boxes.uneven_loads.box)
-    if boxes.dimension == 2 and unbedded and stiff.any():
-        fields.append(
-            DivergenceExactField(plain)
-        )  # so nearly incompressible that sides have to bend
+    plain_sides = not boxes.beds and not len(boxes.uneven_loads.box)
+    if boxes.dimension == 2 and plain_sides and stiff.any():
+        # So nearly incompressible that sides have to bend.
+        fields.append(DivergenceExactField(plain))
     for v in fields:
         v.settle(complementary - wall_work)
         whole = 2.0 * v.whole_energy()
         if not moved and whole > 0.0:
-            v.stretch(v.work() / whole)  # to the least potential energy
+            v.scale(v.work() / whole)  # to the least potential energy
     v = max(fields, key=lambda v: v.work() - v.whole_energy())
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
@@ -166,9 +164,9 @@ class MiddleStress:
 
     @cached_property
     def shares(self) -> Floats:
-        """Every box's part of the squared distance of the two, but for what others make up for."""
-        # In a box the product of the two stresses is by their means but for terms that are small
-        # where the box is small.
+        """Every box's part of the squared distance of the two, to leading order."""
+        # In a box the product of the two stresses is that of their means but for terms that are
+        # small where the box is small.
         own = self.balanced.energies + self.field.energies()
         product = np.einsum("nab,nab->n", *self._means)
         return np.asarray(np.maximum(2.0 * (own - self._volume * product), 0.0))
@@ -180,30 +178,12 @@ class MiddleStress:
         # The product of the two stresses is the work of the tractions of the one on the other.
         product = v.work() - v.work_of_rest() + _at_supports(self.balanced)[1]
         if isinstance(v, AdmissibleDisplacement):
-            product += _work_on_beds(self.balanced, v)
+            product += v.work_on_beds(self.balanced.borne)
         whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
         balanced, strain = self._means
         strain = 0.5 * (strain + fields.strain_of(balanced, boxes.law, slice(None)))
         square = np.einsum("nab,nab->n", self.means, strain)
         return sqrt(max(whole - float(self._volume @ square), 0.0))
-
-
-def _work_on_beds(stress: AdmissibleStress, field: AdmissibleDisplacement) -> float:
-    """Return the work of what beds bear, linear on the halves of sides, on a displacement."""
-    boxes, d, total = stress.boxes, stress.boxes.dimension, 0.0
-    points = [0.25 + sign / sqrt(48.0) for sign in (-1, 1)]
-    for side, box, _ in boxes.beds:
-        axis, upper = divmod(side, 2)
-        for half, modes in zip(
-            corner_ends(d - 1), stress.borne(side, box).swapaxes(0, 1), strict=True
-        ):
-            for place in product(points, repeat=d - 1):
-                inside = np.insert(0.5 * half + place, axis, upper)
-                moved = field.displacement_at(box, np.tile(inside, (len(box), 1)))[:, axis]
-                borne = modes @ np.array([1.0, *(2.0 * np.array(place) - 0.5)])
-                work = float(np.vdot(borne * moved, boxes.size[box] ** (d - 1)))
-                total += (2.0 * upper - 1.0) * work / 4.0 ** (d - 1)
-    return total
 
 
 def _at_supports(stress: AdmissibleStress) -> tuple[float, float]:

@@ -1,11 +1,11 @@
-"""Tractions where one function a side is too simple.
+"""Equilibrated tractions where one function a side is too simple.
 
-On the parts of the sides of such a box (halves; in solids quarters) the tractions run linearly. The
-shear goes from corner to corner as everywhere, but on a free side it is the load's; a side with
+On the parts of the sides of an irregular box (halves; in solids quarters) the tractions are linear.
+The shear goes from corner to corner as everywhere, but on a free side it is the load's; a side with
 smaller boxes before it takes over theirs. That leaves boxes round re-entrant corners, and beside
-loads along the surface, out of balance; what is left over, they pass on to each other through the
-sides between them: the smallest tractions, the stiffer neighbours bearing more, that bring every
-box into balance. The stress within follows from them (`crossed`).
+loads along the surface, out of balance. They equilibrate by tractions on the sides between them:
+the smallest, stiffer neighbours bearing more, that bring every box into balance. The stress within
+follows from them (`macroelement`).
 """
 
 from __future__ import annotations
@@ -30,13 +30,12 @@ from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 HOLD = 1e-6  # Share of its stiffness that keeps a box of a group without a wall from floating
 FACTORED, MOST_STEPS = {2: 100_000, 3: 30_000}, 2_000
-"""Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
-ROUNDING = 1e-12  # Share of the leftovers that rounding leaves over
+"""Up to so many unknowns are solved for by factors; beyond, so many iterations at most."""
+ROUNDING = 1e-12  # Share of the imbalance that rounding leaves over
 SMALLER = 0.1  # What an iteration leaves, as a share of what may be left over
 WIDER = (1, 1, 2, 8, 32, 0)
-"""So many more layers round unbalanced boxes are asked to pass on as well, time after time: those
-that hang together are left with the sum of what rounding leaves on all their sides, until they
-reach a wall."""
+"""So many more layers round unbalanced boxes help as well, time after time: a group of boxes is
+left with the sum of what rounding leaves on all their sides, until it reaches a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class EquilibratedTractions:
         return np.where(self.box[place] == box, place, -1)
 
 
-def ragged_tractions(
+def equilibrate(
     boxes: BoundCells, normal: Floats, pressed: Floats, springs: Floats, uneven: Flags, small: float
 ) -> EquilibratedTractions:
     """Return tractions of uneven boxes, and of those that help to balance them."""
@@ -74,22 +73,21 @@ def ragged_tractions(
         return EquilibratedTractions.none(boxes.dimension)
     hanging = boxes.hanging
     # Smaller boxes before a side alone leave no box out of balance.
-    helps = uneven.copy()
+    helps, uneven = uneven.copy(), uneven.copy()
     helps[hanging.box] = False
-    uneven = uneven.copy()
     uneven[hanging.box] = True
     for layers in WIDER:
-        found = _taken(boxes, normal, pressed, springs, np.flatnonzero(uneven))
+        found = _averaged(boxes, normal, pressed, springs, np.flatnonzero(uneven))
         off = _imbalance(boxes, found)
         group, left = np.arange(len(off)), np.abs(off).max(axis=1, initial=0.0)
-        ended = True
+        converged = True
         helps[found.box[left > small]] = True
         if left.max(initial=0.0) > small:
-            group, ended = _pass_on(boxes, found, off, helps[found.box], small)
+            group, converged = _exchange(boxes, found, off, helps[found.box], small)
             left = np.abs(_imbalance(boxes, found)).max(axis=1, initial=0.0)
         found = replace(found, left=left)
         far = found.box[np.isin(group, group[left > small])]
-        if not (len(far) and ended):
+        if not (len(far) and converged):
             break
         for _ in range(layers):
             around = boxes.beside[:, far].ravel()
@@ -102,7 +100,7 @@ def ragged_tractions(
 
 
 @lru_cache(maxsize=2)
-def _parted(d: int) -> Floats:
+def _split(d: int) -> Floats:
     """Return the modes on the parts of a side by those on the whole: shape (2^(d-1), d, d)."""
     split = np.zeros((1 << (d - 1), d, d))
     for one, end in zip(split, corner_ends(d - 1), strict=True):
@@ -111,12 +109,12 @@ def _parted(d: int) -> Floats:
     return split
 
 
-def _mode(side: int, component: int) -> int:
-    """Return the mode that is the slope along a component's own axis."""
-    return 1 + component - (component > side // 2)
+def _mode(side: int, axis: int) -> int:
+    """Return the mode of a side that is the slope along an axis."""
+    return 1 + axis - (axis > side // 2)
 
 
-def _whole(boxes: BoundCells, box: Ints, dragged: Floats) -> Floats:
+def _shear_on_sides(boxes: BoundCells, box: Ints, dragged: Floats) -> Floats:
     """Return shear stresses on whole sides of boxes, shape (n, 2·d, d, d)."""
     d = boxes.dimension
     whole = np.zeros((len(box), 2 * d, d, d))
@@ -136,7 +134,7 @@ def _whole(boxes: BoundCells, box: Ints, dragged: Floats) -> Floats:
     return whole
 
 
-def _dragged(boxes: BoundCells) -> Floats:
+def _shear_of_loads(boxes: BoundCells) -> Floats:
     """Return the shear stresses that loads put on sides, shape (2·d, d, boxes)."""
     d, (box, side, force) = boxes.dimension, boxes.loads
     dragged = np.zeros((2 * d, d, len(boxes.size)))
@@ -148,32 +146,22 @@ def _dragged(boxes: BoundCells) -> Floats:
     return dragged
 
 
-def _taken(
+def _averaged(
     boxes: BoundCells, normal: Floats, pressed: Floats, springs: Floats, box: Ints
 ) -> EquilibratedTractions:
-    """Return the tractions that boxes have by their middles and corners, and by who is beside."""
+    """Return tractions by the stresses in boxes and in those beside, not yet in balance."""
     d, hanging = boxes.dimension, boxes.hanging
-    dragged = _dragged(boxes)
-    whole = _whole(boxes, box, dragged)
-    traction = np.einsum("qml,nscl->nsqcm", _parted(d), whole)
+    dragged = _shear_of_loads(boxes)
+    whole = _shear_on_sides(boxes, box, dragged)
+    traction = np.einsum("qml,nscl->nsqcm", _split(d), whole)
     found = EquilibratedTractions(box, traction, np.zeros(len(box)))
     at = found.at(hanging.box)
     for part, fine in enumerate(hanging.fine.T):
-        own = _whole(boxes, fine, dragged)[np.arange(len(at)), hanging.side ^ 1]
+        own = _shear_on_sides(boxes, fine, dragged)[np.arange(len(at)), hanging.side ^ 1]
         between = dragged[hanging.side, :, hanging.box] - dragged[hanging.side ^ 1, :, fine]
         own[..., 0] += between
         traction[at, hanging.side, part] = own
-    mine = np.empty((2 * d, len(box)))
-    body = 0.5 * boxes.body[:, box] * boxes.size[box]
-    for axis in range(d):
-        middle = boxes.sigma[axis, box]
-        low, high = middle + body[axis], middle - body[axis]
-        for side in range(2 * d):
-            if side // 2 != axis:
-                sign = side % 2 - 0.5
-                first, last = _through(found, whole, boxes, side, axis, at)
-                low, high = low + sign * first, high - sign * last
-        mine[2 * axis], mine[2 * axis + 1] = low, high
+    mine = _normal_on_sides(boxes, found, whole, at)
     for bed in boxes.beds:
         # What box and bed say of the traction between them, the softer one counting more.
         at_bed = found.at(bed.box)
@@ -182,16 +170,14 @@ def _taken(
         share = boxes.law.stretch[own] / boxes.size[own]
         share = share / (share + bed.stiffness[here])
         mine[bed.side, at_bed] += share * (springs[bed.side, own] - mine[bed.side, at_bed])
-    everyone = normal.copy()
-    everyone[:, box] = mine
-    ragged = np.zeros(len(boxes.size), dtype=np.bool_)
-    ragged[box] = True
+    everyone, irregular = normal.copy(), np.zeros(len(boxes.size), dtype=np.bool_)
+    everyone[:, box], irregular[box] = mine, True
     for side in range(2 * d):
         other, kind = boxes.beside[side, box], boxes.kind[side, box]
         alike = (other >= 0) & (boxes.size[other] == boxes.size[box])
         # A load on a side between two boxes parts their tractions.
         theirs = everyone[side ^ 1, other] - pressed[side ^ 1, other] + pressed[side, box]
-        mean = np.where(ragged[other], 0.5 * (mine[side] + theirs), theirs)
+        mean = np.where(irregular[other], 0.5 * (mine[side] + theirs), theirs)
         free = (other < 0) & (kind == AIR)
         mine[side] = np.where(alike, mean, np.where(free, pressed[side, box], mine[side]))
         traction[:, side, :, side // 2, 0] = mine[side][:, None]
@@ -204,225 +190,203 @@ def _taken(
     return found
 
 
+def _normal_on_sides(
+    boxes: BoundCells, found: EquilibratedTractions, whole: Floats, at: Ints
+) -> Floats:
+    """Return the normal tractions that balance boxes by their middles, shape (2·d, n)."""
+    # Those on both sides differ by the force within, and by what the shear on the other sides does.
+    d, box = boxes.dimension, found.box
+    body = 0.5 * boxes.body[:, box] * boxes.size[box]
+    middle = boxes.sigma[:, box]
+    normal: Floats = np.stack([middle + body, middle - body], axis=1).reshape(2 * d, len(box))
+    for axis, side in product(range(d), range(2 * d)):
+        if side // 2 == axis:
+            continue
+        mode, sign = _mode(side, axis), side % 2 - 0.5
+        mean, slope = whole[:, side, axis, 0], 0.5 * whole[:, side, axis, mode]
+        hung = at[boxes.hanging.side == side]
+        for end, shear in enumerate((mean - slope, mean + slope)):
+            # Where smaller boxes hang it is the mean on either half.
+            half = corner_ends(d - 1)[:, mode - 1] == end
+            shear[hung] = found.traction[hung, side, :, axis, 0][:, half].mean(axis=1)
+            normal[2 * axis + end] += (1 - 2 * end) * sign * shear
+    return normal
+
+
 def uneven_modes(boxes: BoundCells, found: EquilibratedTractions) -> Floats:
     """Return the tractions that loads lying unevenly on sides add to their mean."""
     loads, added = boxes.uneven_loads, np.zeros_like(found.traction)
     at = found.at(loads.box)
     here = np.flatnonzero(at >= 0)
-    slopes = np.einsum("qms,ncs->nqcm", _parted(boxes.dimension)[:, :, 1:], loads.modes(boxes.size))
+    slopes = np.einsum("qms,ncs->nqcm", _split(boxes.dimension)[:, :, 1:], loads.modes(boxes.size))
     np.add.at(added, (at[here], loads.side[here]), slopes[here])
     return added
 
 
-def _through(
-    found: EquilibratedTractions,
-    whole: Floats,
-    boxes: BoundCells,
-    side: int,
-    component: int,
-    at: Ints,
-) -> tuple[Floats, Floats]:
-    """Return a shear stress at both ends of a side along its component: what the equations take."""
-    # Where smaller boxes hang it is the mean on either half.
-    mode = _mode(side, component)
-    mean, slope = whole[:, side, component, 0], 0.5 * whole[:, side, component, mode]
-    low, high = mean - slope, mean + slope
-    on = at[boxes.hanging.side == side]
-    upper = corner_ends(boxes.dimension - 1)[:, mode - 1] == 1
-    taken = found.traction[on, side, :, component, 0]
-    low[on], high[on] = taken[:, ~upper].mean(axis=1), taken[:, upper].mean(axis=1)
-    return low, high
-
-
 def _imbalance(boxes: BoundCells, found: EquilibratedTractions) -> Floats:
     """Return forces and moments that boxes are left with, over powers of the edge."""
-    return np.asarray(found_data(boxes, found) @ balance_rows(boxes.dimension, 2).T)
+    return np.asarray(traction_data(boxes, found) @ balance_rows(boxes.dimension, 2).T)
 
 
-def found_data(
+def traction_data(
     boxes: BoundCells, found: EquilibratedTractions, some: Ints | slice = slice(None)
 ) -> Floats:
-    """Return the tractions on ragged boxes, and the forces within: data of `crossed.Form`."""
+    """Return the tractions on irregular boxes, and the forces within: data of a `Macroelement`."""
     box, shape = found.box[some], found.traction.shape
     traction = found.traction[some].reshape(len(box), prod(shape[1:]))
     return np.concatenate([traction, (boxes.body[:, box] * boxes.size[box]).T], axis=1)
 
 
-class _Joint(NamedTuple):
-    """Sides between ragged boxes: who has it, which side, and which part of it (-1: all)."""
+class _Joints(NamedTuple):
+    """Sides between two boxes that help, or between one and a wall or bed; shape (2, n) or (n,)."""
 
-    box: Ints
-    side: Ints
-    part: Ints
+    box: Ints  # Place of both boxes among those with tractions; -1: a wall or bed
+    side: Ints  # Which side of theirs
+    part: Ints  # Which part of it, counted from 1; 0: all of it
+    stiffness: Floats
+    slides: Ints  # 1 where no shear is passed on
 
 
 @lru_cache(maxsize=2)
-def _passing(d: int) -> Floats:
-    """Return what sides and their parts pass on: stresses that move like a rigid body."""
-    # By side and part (first all of it), forces along the axes and turns between pairs, as
-    # tractions (`EquilibratedTractions`): shape (2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d).
+def _joint_modes(d: int) -> tuple[Floats, Floats]:
+    """Return the tractions that joints pass on, and the forces and moments that boxes feel."""
+    # Tractions that move like a rigid body: forces along the axes, turns between pairs of axes. By
+    # whether the joint slides, side and part (first all of it) their shape is
+    # (2, 2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d).
     pairs = list(combinations(range(d), 2))
-    parts = 1 << (d - 1)
-    modes = np.zeros((2 * d, 1 + parts, d + len(pairs), parts, d, d))
+    parts, kinds = 1 << (d - 1), d + len(pairs)
+    modes = np.zeros((2, 2 * d, 1 + parts, kinds, parts, d, d))
     for side in range(2 * d):
-        whole = np.zeros((d + len(pairs), d, d))
+        whole = np.zeros((kinds, d, d))
         whole[range(d), range(d), 0] = 1.0
         for number, (i, j) in enumerate(pairs, start=d):
             for component, along, sign in ((j, i, 2.0), (i, j, -2.0)):
                 if along != side // 2:
                     whole[number, component, _mode(side, along)] = sign
-        modes[side, 0] = np.einsum("qml,kcl->kqcm", _parted(d), whole)
-        for part in range(parts):
-            modes[side, 1 + part, :, part] = whole
-    return modes
+        shears = np.asarray(np.delete(whole, side // 2, axis=1).any(axis=(1, 2)))
+        for slides, passed in enumerate((whole, np.where(shears[:, None, None], 0.0, whole))):
+            modes[slides, side, 0] = np.einsum("qml,kcl->kqcm", _split(d), passed)
+            for part in range(parts):
+                modes[slides, side, 1 + part, :, part] = passed
+    rows = balance_rows(d, 2)[:, :-d].reshape(kinds, 2 * d, parts, d, d)
+    return modes, np.asarray(np.einsum("fsqcm,zspkqcm->zspfk", rows, modes))
 
 
-@lru_cache(maxsize=2)
-def _felt(d: int) -> Floats:
-    """Return the forces and moments that boxes feel of what is passed on, shape (2·d, ., k, k)."""
-    modes = _passing(d)
-    rows = balance_rows(d, 2)[:, :-d].reshape(modes.shape[2], 2 * d, *modes.shape[3:])
-    return np.asarray(np.einsum("fsqcm,spkqcm->spfk", rows, modes))
-
-
-@lru_cache(maxsize=2)
-def _slips(d: int) -> Flags:
-    """Tell what a side without friction does not pass on, shape (2·d, d (d + 1) / 2)."""
-    modes = _passing(d)[:, 0]
-    return np.stack([np.delete(m, s // 2, axis=2).any(axis=(1, 2, 3)) for s, m in enumerate(modes)])
-
-
-def _pass_on(
+def _exchange(
     boxes: BoundCells, found: EquilibratedTractions, off: Floats, helps: Flags, small: float
 ) -> tuple[Ints, bool]:
-    """Let boxes pass on what they are left with, through the sides between them."""
-    # Returns the groups of boxes that did so with each other, and whether the iteration came to its
-    # end.
-    d = boxes.dimension
-    first, second, stiff, slides = _joints(boxes, found, helps)
-    count, kinds = len(first.box), off.shape[1]
-    two = np.flatnonzero(second.box >= 0)
-    graph = (np.ones(len(two)), (first.box[two], second.box[two]))
-    shape = (len(found.box), len(found.box))
-    _, group = connected_components(sp.coo_array(graph, shape=shape), directed=False)
+    """Bring boxes into balance by the least tractions on their joints."""
+    # Returns the groups of boxes that are joined, and whether the iteration converged.
+    d, many = boxes.dimension, len(found.box)
+    joints = _joints(boxes, found, helps)
+    count, kinds = len(joints.slides), off.shape[1]
+    pairs = joints.box[:, joints.box[1] >= 0]
+    graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(many, many))
+    _, group = connected_components(graph, directed=False)
     if not count:
         return np.asarray(group), True
-    row, column, value = [], [], []
-    for joint in (first, second):
-        there = np.flatnonzero(joint.box >= 0)
-        felt = _felt(d)[joint.side[there], joint.part[there] + 1]
-        slips = slides[there, None] & _slips(d)[joint.side[there]]
-        shape = felt.shape
-        value.append(np.where(slips[:, None], 0.0, felt).ravel())
-        own = kinds * joint.box[there, None, None] + np.arange(kinds)[:, None]
-        row.append(np.broadcast_to(own, shape).ravel())
-        passed = kinds * there[:, None, None] + np.arange(kinds)
-        column.append(np.broadcast_to(passed, shape).ravel())
-    entries = [np.concatenate(part) for part in (value, row, column)]
+    modes, effect = _joint_modes(d)
     # Forces and moments as they are, so that boxes of all sizes move alike.
-    size = boxes.size[found.box][:, None]
-    real = np.concatenate([np.tile(size ** (d - 1), d), np.tile(size**d, kinds - d)], axis=1)
-    real = real.ravel()
-    entries[0] *= real[entries[1]]
-    used, entries[1] = np.unique(entries[1], return_inverse=True)
-    take = sp.csr_array((entries[0], (entries[1], entries[2])), shape=(len(used), kinds * count))
+    size = boxes.size[found.box]
+    real = np.stack([size ** (d - 1)] * d + [size**d] * (kinds - d), axis=1)
+    # Rows are forces and moments of boxes, columns the modes of joints.
+    end, joint = np.nonzero(joints.box >= 0)
+    box, side, part = (values[end, joint] for values in joints[:3])
+    which = joints.slides[joint], side, part
+    value = effect[which] * real[box][..., None]
+    row = np.broadcast_to(kinds * box[:, None, None] + np.arange(kinds)[:, None], value.shape)
+    column = np.broadcast_to(kinds * joint[:, None, None] + np.arange(kinds), value.shape)
+    used, row = np.unique(row, return_inverse=True)
+    entries = value.ravel(), (row.ravel(), column.ravel())
+    take = sp.csr_array(entries, shape=(len(used), kinds * count))
     take.eliminate_zeros()
-    weight = sp.diags_array(np.repeat(stiff / size[first.box, 0] ** d, kinds))
+    weight = sp.diags_array(np.repeat(joints.stiffness / size[joints.box[0]] ** d, kinds))
     matrix = sp.csr_array(take @ weight @ take.T)
-    diagonal = matrix.diagonal()
-    diagonal[diagonal == 0.0] = 1.0
     # One box of every group that no wall holds is kept from floating where there are factors.
     _, start = np.unique(group, return_index=True)
-    loose = start[~np.isin(group[start], group[first.box[(second.box < 0) & ~slides]])]
-    holds = np.where(np.isin(used // kinds, loose), HOLD * diagonal, 0.0)
-    left, flat = -(off.ravel() * real)[used], np.zeros(kinds * count)
+    walled = joints.box[0, (joints.box[1] < 0) & (joints.slides == 0)]
+    loose = np.isin(used // kinds, start[~np.isin(group[start], group[walled])])
+    imbalance, passed = -(off * real).ravel()[used], np.zeros(kinds * count)
     share = SMALLER * small / float(np.abs(off).max())
-    exact, moved_by = _solver(matrix, holds, d, share)
-    enough, ended = max(ROUNDING, 0.0 if exact else 5.0 * share), True
+    exact, solve = _solver(matrix, loose, d, share)
+    enough, converged = max(ROUNDING, 0.0 if exact else 5.0 * share), True
     for _ in range(5):
-        # What rounding has left of the largest tractions is passed on once more.
-        rest = left - take @ flat
-        if not ended or np.abs(rest).max() <= enough * np.abs(left).max():
+        # What rounding has left of the largest tractions is exchanged once more.
+        rest = imbalance - take @ passed
+        if not converged or np.abs(rest).max() <= enough * np.abs(imbalance).max():
             break
-        moved, came = moved_by(rest)
-        if not came and flat.any():
+        moved, came = solve(rest)
+        if not came and passed.any():
             break  # what an iteration makes of rounding is no improvement
-        flat += weight @ (take.T @ moved)
-        ended = came
-    passed = flat.reshape(-1, kinds)
-    for joint in (first, second):
-        there = np.flatnonzero(joint.box >= 0)
-        modes = _passing(d)[joint.side[there], joint.part[there] + 1]
-        change = np.einsum("nk,nkqcm->nqcm", passed[there], modes)
-        np.add.at(found.traction, (joint.box[there], joint.side[there]), change)
-    return np.asarray(group), ended
+        passed += weight @ (take.T @ moved)
+        converged = came
+    change = np.einsum("nk,nkqcm->nqcm", passed.reshape(-1, kinds)[joint], modes[which])
+    np.add.at(found.traction, (box, side), change)
+    return np.asarray(group), converged
 
 
 def _solver(
-    matrix: sp.csr_array, holds: Floats, d: int, share: float
+    matrix: sp.csr_array, loose: Flags, d: int, share: float
 ) -> tuple[bool, Callable[[Floats], tuple[Floats, bool]]]:
     """Return what solves a system: by factors, or by iteration where they would fill memory."""
-    # An iteration leaves a share, and says whether it came to its end.
+    # An iteration leaves a share, and says whether it converged.
     diagonal = matrix.diagonal()
+    diagonal[diagonal == 0.0] = 1.0
+    held = sp.csr_array(matrix + sp.diags_array(np.where(loose, HOLD * diagonal, 0.0)))
     if matrix.shape[0] <= FACTORED[d]:
         try:
-            factor = factors_of(matrix + sp.diags_array(holds))
+            factor = factors_of(held)
         except RuntimeError:
-            # Forces that nobody passes on: what holding all adds is passed on once more.
-            held = np.where(diagonal > 0.0, HOLD * diagonal, 1.0)
-            factor = factors_of(matrix + sp.diags_array(held))
+            # Forces that no joint takes: what holding all adds is exchanged once more.
+            everywhere = np.where(matrix.diagonal() > 0.0, HOLD * diagonal, 1.0)
+            factor = factors_of(matrix + sp.diags_array(everywhere))
         return True, lambda right: (np.asarray(factor.solve(right)), True)
-    scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
-    firm = matrix + sp.diags_array(holds)
-    alike = sp.csr_array(sp.diags_array(scale) @ firm @ sp.diags_array(scale))
+    scale = 1.0 / np.sqrt(diagonal)
+    alike = sp.csr_array(sp.diags_array(scale) @ held @ sp.diags_array(scale))
 
-    def solved(right: Floats) -> tuple[Floats, bool]:
-        # What is left after so many steps is told as left over.
+    def solve(right: Floats) -> tuple[Floats, bool]:
+        # What is left after so many steps is reported as left over.
         found, steps = sl.cg(alike, scale * right, rtol=max(share, ROUNDING), maxiter=MOST_STEPS)
         return np.asarray(scale * found), steps == 0
 
-    return False, solved
+    return False, solve
 
 
-def _joints(
-    boxes: BoundCells, found: EquilibratedTractions, helps: Flags
-) -> tuple[_Joint, _Joint, Floats, Flags]:
-    """Return sides with helping boxes on both sides, a wall or a bed; stiffness; who slides."""
-    stretch, hanging = boxes.law.stretch, boxes.hanging
+def _joints(boxes: BoundCells, found: EquilibratedTractions, helps: Flags) -> _Joints:
+    """Return the sides between helping boxes, and those of theirs on walls and beds."""
+    hanging, own, none = boxes.hanging, np.flatnonzero(helps), np.full(1, -1)
     bedding = np.full((2 * boxes.dimension, len(boxes.size)), np.inf)
     for bed in boxes.beds:
         bedding[bed.side, bed.box] = bed.stiffness * boxes.size[bed.box]
-    own = np.flatnonzero(helps)
-    mine: list[Ints] = []
 
     def helper(box: Ints) -> Ints:
         at = found.at(box)
         return np.where((at >= 0) & helps[at], at, -1)
 
+    rows: list[Ints] = []  # boxes and sides on both ends, part of the second side, slides
+
+    def join(*columns: Ints | int) -> None:
+        rows.append(np.stack(np.broadcast_arrays(*columns)))
+
     for side in range(2 * boxes.dimension):
         box = found.box[own]
         other, kind = boxes.beside[side, box], boxes.kind[side, box]
-        alike = (other >= 0) & (boxes.size[other] == boxes.size[box])
-        at = helper(other)
         if side % 2:
+            alike = (other >= 0) & (boxes.size[other] == boxes.size[box])
+            at = helper(other)
             here = alike & (at >= 0)
-            mine.append(_joint_rows(own[here], side, at[here], side ^ 1, -1, 0))
+            join(own[here], at[here], side, side ^ 1, 0, 0)
         wall = (other < 0) & (np.isin(kind, (RIGID, ROLLER)) | np.isfinite(bedding[side, box]))
-        slides = (kind[wall] != RIGID).astype(np.int64)
-        mine.append(_joint_rows(own[wall], side, np.full(len(slides), -1), side ^ 1, -1, slides))
+        join(own[wall], none, side, side ^ 1, 0, (kind[wall] != RIGID).astype(np.int64))
     large = helper(hanging.box)
-    for part, small in enumerate(hanging.fine.T):
+    for part, small in enumerate(hanging.fine.T, start=1):
         fine = helper(small)
         here = np.flatnonzero((large >= 0) & (fine >= 0))
-        coarse = hanging.side[here]
-        mine.append(_joint_rows(fine[here], coarse ^ 1, large[here], coarse, part, 0))
-    box, side, second, across, part, loose = np.concatenate(mine, axis=1)
-    beyond = np.where(second >= 0, second, box)
-    stiff = np.minimum(stretch[found.box[box]], stretch[found.box[beyond]])
-    stiff = 1.0 / (1.0 / stiff + 1.0 / np.where(second < 0, bedding[side, found.box[box]], np.inf))
-    first = _Joint(box, side, np.full_like(part, -1))
-    return first, _Joint(second, across, part), stiff, loose.astype(np.bool_)
-
-
-def _joint_rows(*columns: Ints | int) -> Ints:
-    return np.stack(np.broadcast_arrays(*columns))
+        join(fine[here], large[here], hanging.side[here] ^ 1, hanging.side[here], part, 0)
+    first, second, side, across, part, slides = np.concatenate(rows, axis=1)
+    stretch = boxes.law.stretch[found.box]
+    stiff = np.minimum(stretch[first], stretch[np.where(second >= 0, second, first)])
+    beyond = np.where(second < 0, bedding[side, found.box[first]], np.inf)
+    stiffness = 1.0 / (1.0 / stiff + 1.0 / beyond)
+    ends = np.stack([first, second]), np.stack([side, across]), np.stack([0 * part, part])
+    return _Joints(*ends, stiffness, slides)

@@ -30,12 +30,12 @@ class Macroelement:
     """Energy and mean stress within a box of unit edge by its tractions and the force within."""
 
     quadratic: Floats  # Shape (data, data)
+    # Mean normal stresses, then shear stresses pair by pair; shape (d (d + 1) / 2, data)
     linear: Floats
-    """Mean normal stresses, then shear stresses pair by pair. Shape (d (d + 1) / 2, data)."""
-    parts: Floats  # The data of every part. Shape (2^d, data of a part, data)
+    parts: Floats  # The data of every part; shape (2^d, data of a part, data)
+    # Stresses at the corners of the simplices of a part; shape (simplices, d + 1, d (d + 1) / 2,
+    # data of a part)
     stress: Floats
-    """Stresses at the corners of the simplices of a part. Shape (simplices, d + 1, d (d + 1) / 2,
-    data of a part)."""
 
     @classmethod
     def of_laws(cls, dimension: int, law: Moduli, box: Ints) -> list[tuple[Ints, Macroelement]]:
@@ -175,63 +175,52 @@ def _stresses(d: int) -> tuple[Floats, Floats]:
 def _conditions(d: int) -> tuple[Floats, Floats]:
     """Return ``rows @ stress = data @ given``: balance, equal tractions, and those of the sides."""
     pairs = list(combinations(range(d), 2))
-    kinds, sides = d + len(pairs), 2 * d
-    component = np.zeros((d, d), dtype=np.int64)
-    for i in range(d):
-        component[i, i] = i
-    for number, (i, j) in enumerate(pairs):
-        component[i, j] = component[j, i] = d + number
-    simplices = _simplices(d)
-    unknowns, given = len(simplices) * (d + 1) * kinds, sides * d * d + d
+    kinds, simplices = d + len(pairs), _simplices(d)
+    tensor = np.zeros((kinds, d, d))  # by stress components
+    tensor[range(d), range(d), range(d)] = 1.0
+    for number, (i, j) in enumerate(pairs, start=d):
+        tensor[number, i, j] = tensor[number, j, i] = 1.0
     rows: list[Floats] = []
     data: list[Floats] = []
     facets: dict[tuple[Point, ...], list[int]] = {}
 
-    def start(number: int, point: Point) -> int:
-        return ((d + 1) * number + simplices[number].index(point)) * kinds
+    def condition() -> tuple[Floats, Floats, Floats]:
+        """Add a row for each axis; return views by corners, by sides' tractions, and by forces."""
+        rows.append(np.zeros((d, len(simplices), d + 1, kinds)))
+        data.append(np.zeros((d, 2 * d * d * d + d)))
+        return rows[-1], data[-1][:, :-d].reshape(d, 2 * d, d, d), data[-1][:, -d:]
 
     for number, points in enumerate(simplices):
         slope = np.linalg.inv(np.c_[np.ones(d + 1), np.array(points)])[1:]
-        for i in range(d):
-            row, known = np.zeros(unknowns), np.zeros(given)
-            for k, point in enumerate(points):
-                for j in range(d):
-                    row[start(number, point) + component[i, j]] += slope[j, k]
-            known[sides * d * d + i] = -1.0
-            rows.append(row)
-            data.append(known)
+        row, _, force = condition()
+        row[:, number] = np.einsum("jk,cij->ikc", slope, tensor)
+        force[:] = -np.eye(d)
         for facet in combinations(sorted(points), d):
             facets.setdefault(facet, []).append(number)
     for facet, owners in facets.items():
         normal = np.linalg.svd(np.diff(np.array(facet), axis=0))[2][-1]
-        for point, i in product(facet, range(d)):
-            row, known = np.zeros(unknowns), np.zeros(given)
+        traction = np.einsum("j,cij->ic", normal, tensor)
+        axis = int(np.argmax(np.abs(normal)))
+        for point in facet:
+            row, given, _ = condition()
             for sign, number in zip((1.0, -1.0), owners, strict=False):
-                for j in range(d):
-                    row[start(number, point) + component[i, j]] += sign * normal[j]
+                row[:, number, simplices[number].index(point)] = sign * traction
             if len(owners) == 1:
-                axis = int(np.argmax(np.abs(normal)))
-                at = ((2 * axis + int(point[axis])) * d + i) * d
                 across = [point[k] - 0.5 for k in range(d) if k != axis]
-                known[at : at + d] = normal[axis] * np.array([1.0, *across])
-            rows.append(row)
-            data.append(known)
-    return np.array(rows), np.array(data)
+                mode = normal[axis] * np.array([1.0, *across])
+                given[range(d), 2 * axis + int(point[axis]), range(d)] = mode
+    return np.concatenate([row.reshape(d, -1) for row in rows]), np.concatenate(data)
 
 
 def _simplices(d: int) -> list[list[Point]]:
     """Return the corners of the simplices of a part: each has its middle, and that of a side."""
-    return list(_crossed(d))
-
-
-def _crossed(d: int) -> Iterator[list[Point]]:
     if d == 1:
-        yield [(0.0,), (1.0,)]
-        return
-    for points in _crossed(d - 1):
-        for axis, end in product(range(d), (0.0, 1.0)):
-            side = [(*point[:axis], end, *point[axis:]) for point in points]
-            yield [*side, (0.5,) * d]
+        return [[(0.0,), (1.0,)]]
+    return [
+        [*((*point[:axis], end, *point[axis:]) for point in points), (0.5,) * d]
+        for points in _simplices(d - 1)
+        for axis, end in product(range(d), (0.0, 1.0))
+    ]
 
 
 def inside_simplices(simplices: Sequence[Sequence[Point]], place: Floats) -> tuple[Ints, Floats]:
@@ -245,5 +234,5 @@ def inside_simplices(simplices: Sequence[Sequence[Point]], place: Floats) -> tup
 def triangles() -> Iterator[list[tuple[float, float]]]:
     """Yield the corners of the 16 triangles of a plane box of unit edge."""
     for x, y in product((0.0, 0.5), repeat=2):
-        for points in _crossed(2):
+        for points in _simplices(2):
             yield [(x + 0.5 * p, y + 0.5 * q) for p, q in points]

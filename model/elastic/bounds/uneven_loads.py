@@ -1,4 +1,4 @@
-"""Loads that cover faces in part, or not evenly: what agents take of them, and what they leave.
+"""Loads that cover faces in part, or not evenly: the tractions that agents take, and the rest.
 
 An agent's side takes the linear traction of the same force and moments. What is left over of the
 load on the side, r, is orthogonal to linear displacements, so that its work on a displacement v is
@@ -20,7 +20,7 @@ LARGEST = {2: 0.5, 3: 0.9}
 
 
 class Portions(NamedTuple):
-    """What sides of agents have of uneven loads, one entry for each load on a side."""
+    """The uneven loads on sides of agents, one entry for each load on a side."""
 
     box: Ints  # box, side: Agent and side; shape (n,)
     side: Ints

@@ -6,14 +6,14 @@ the balance, and the displacement is off by about
 
     e = (K + C'C)⁻¹ C'C u
 
-everywhere, also far from where it curves. To this comes what an agent's own field cannot
-follow: the energy η² of its error over its own stiffness μ h^(d-2), as a displacement. Both
-have a factor, found on 22 bodies in two and three dimensions: there the largest sum of all
-agents is 0.6 to 2.6 times the true largest error, but for the first few agents of one ragged
-body (4.1; `benchmarks/displacement_error.py`).
+everywhere, also far from where it curves. An agent's own field adds what it cannot represent:
+the energy η² of its error over its own stiffness μ h^(d-2), as a displacement. Both have a
+factor, found on 22 bodies in two and three dimensions: there the largest sum of all agents is
+0.6 to 2.6 times the true largest error, but for the first few agents of one ragged body (4.1;
+`benchmarks/displacement_error.py`).
 
-That is enough to tell who spawns. What is told of an answer is asked of children: by how much they
-move things when every agent has spawned once.
+That is enough to mark agents. The estimate for a result comes from children: from how far they move
+when every agent has spawned once.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from kaju.model.elastic.refine.targets import SPARE, Aimed
 
 FAR, LOCAL = 1.6, 1.1  # Factors of the two parts
 SURE, OF_GAP = 1.5, 0.35
-"""What is told is so many times the estimate, or this share of what the energy is unknown by."""
+"""The result's error is so many times the estimate, or at least this share of the energy's gap."""
 OF_CHILDREN = 2.6
-"""What is told is so many times what children change: at sharp corners that is a third of it."""
-MOST_ASKED = {2: 100_000, 3: 8_000}  # Of more agents no children are asked
+"""The result's error is so many times what children change: at sharp corners that is a third."""
+MOST_SPLIT = {2: 100_000, 3: 8_000}  # Of more agents no children are tried
 INSIDE = 1e-3
-"""So far from an agent's corners its displacement is asked for, as a share of its edge."""
+"""So far from an agent's corners its displacement is compared, as a share of its edge."""
 SETTLED = 1e-4  # Children settle to this share
 ACCURACY, ROUGHLY = 1e-6, 0.02
 """To which share of itself the far-reaching part is solved: for the result, while spawning."""
@@ -64,10 +64,10 @@ def told_error(
     balance: Equilibrium, u: Floats, indicator: Indicator, bracket: EnergyBounds | str
 ) -> float:
     """Return a displacement error that the true one hardly exceeds."""
-    # Where stiff parts all but touch, not even children see what lies between them: the bounds of
+    # Where stiff parts nearly touch, not even children see what lies between them; the bounds of
     # the energy do.
     grid, hierarchy = balance.grid, NestedMultigrid(balance)
-    if len(grid.leaves) > MOST_ASKED[grid.dimension]:
+    if len(grid.leaves) > MOST_SPLIT[grid.dimension]:
         error = SURE * displacement_error(balance, u, indicator, hierarchy).largest
     else:
         error = OF_CHILDREN * changed_by_children(balance, u, hierarchy)
@@ -111,8 +111,8 @@ def displacement_error(
     grid = balance.grid
     largest = float(np.linalg.norm(CellFields(balance, u).displacement, axis=1).max())
     unit = 1.0 / largest if largest > 0.0 else 0.0
-    # (K + C'C)⁻¹ C'C u: the way that K alone would go, as far as both let it go. Where next to
-    # nothing but bending within the agents resists, K alone goes much too far.
+    # (K + C'C)⁻¹ C'C u: along the solution of K alone, to the least energy of both. Where little
+    # but bending within the agents resists, K alone goes much too far.
     curvature, free = Curvature(balance), balance.free
     force = curvature.force(curvature.of(u))[free]
     off = np.zeros(grid.size)
@@ -154,7 +154,7 @@ class DisplacementTarget(Target):
 
 
 def _follows_badly(error: DisplacementError, wanted: float) -> Flags:
-    """Tell which agents' own part is larger than what the other leaves, and than half."""
+    """Tell which agents' local part exceeds what the far part leaves, and half of the tolerance."""
     own = np.maximum(wanted - error.far, 0.5 * wanted)
     return np.asarray(error.local > np.maximum(own, BEHIND * error.local.max()))
 

@@ -1,4 +1,4 @@
-"""Quantities of a body of agents: their values, and their derivatives by every face."""
+"""Quantities of interest as functionals of the displacement: values and derivatives."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields, displacement_at, stress_at, touching
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import interpolation
-from kaju.model.elastic.goals.goal_regions import Parts, Spots, site_of
+from kaju.model.elastic.goals.goal_regions import ExactCover, QuadraturePoints, region_of
 from kaju.model.elastic.goals.quantities import (
     Deflection,
     Place,
@@ -24,60 +24,60 @@ from kaju.model.elastic.goals.quantities import (
     Reaction,
     Stress,
     component_of,
-    ways_of,
+    directions_of,
 )
 from kaju.model.elastic.moduli import moduli_at, normal_stress
 from kaju.model.elastic.posed_body import LeafForces, PosedBody
 from kaju.model.elastic.problem import FIXED, Scales
 from kaju.model.scene.cell_types import INSIDE
 
-NEGLIGIBLE = 0.01  # Of the largest: the error of a smaller value is told relative to this share
+NEGLIGIBLE = 0.01  # Of the largest: errors of smaller values are relative to this share
 
 
 class Value(NamedTuple):
-    """A quantity and what it depends on; scaled."""
+    """A quantity and its derivatives; scaled."""
 
-    value: Floats  # shape (components,)
+    value: Floats  # Shape (components,)
     scale: float  # What its error is relative to
-    derivatives: Floats  # shape (components, faces)
-    doubt: float = 0.0  # By how much the mean over large agents may be off
-    # shape (components, faces): Influence of forces on the faces that supports hold; by default
-    # none
+    derivatives: Floats  # By the displacement of every face; shape (components, faces)
+    sampling_error: float = 0.0  # By how much the mean over large agents may be off
+    # The dual solution on the faces that supports hold, if it is not zero; shape
+    # (components, faces)
     held: Floats | None = None
-    # shape (components, 2·dimension + 1, dimension): The same for the sides of the array, and rigid
-    # cells inside
+    # The same for the sides of the array, and rigid cells inside; shape
+    # (components, 2·dimension + 1, dimension)
     walls: Floats | None = None
 
 
 class Functional(ABC):
-    """A quantity of a place, asked grid by grid; `ways` has a row for each of its components."""
+    """A quantity of a region, evaluated on one grid after the other."""
 
-    ways: Floats
+    directions: Floats  # A direction for each of its components
 
     def __init__(self, at: Place, ground: PosedBody) -> None:
-        self._name, self._site = f"{at}", site_of(at, ground)
+        self._name, self._region = f"{at}", region_of(at, ground)
 
     def coarse(self, grid: CompositeGrid) -> Flags:
         """Tell which leaves are too large for the quantity to be seen."""
-        return self._site.coarse(grid)
+        return self._region.coarse(grid)
 
-    def parts(self, grid: CompositeGrid) -> Parts | str:
-        """Return what its place is made up of; in words why no energy bounds it."""
-        return self._site.parts(grid)
+    def parts(self, grid: CompositeGrid) -> ExactCover | str:
+        """Return what covers its region exactly, or why no energy bounds it."""
+        return self._region.parts(grid)
 
     @abstractmethod
     def of(self, fields: CellFields) -> Value:
-        """Return the quantity, and what it depends on."""
+        """Return the quantity and its derivatives."""
 
     @abstractmethod
-    def loads(self, grid: CompositeGrid, parts: Parts) -> list[LeafForces]:
+    def loads(self, grid: CompositeGrid, parts: ExactCover) -> list[LeafForces]:
         """Return, for every component, the forces whose work it is."""
 
-    def _spots(self, grid: CompositeGrid) -> Spots:
-        spots = self._site.spots(grid)
-        if not len(spots.leaf):
+    def _points(self, grid: CompositeGrid) -> QuadraturePoints:
+        points = self._region.points(grid)
+        if not len(points.leaf):
             raise ParameterError(f"tolerance_at: there is no body at {self._name}")
-        return spots
+        return points
 
 
 class _Displaced(Functional):
@@ -85,26 +85,27 @@ class _Displaced(Functional):
 
     def __init__(self, quantity: Deflection, ground: PosedBody) -> None:
         super().__init__(quantity.at, ground)
-        self.ways = ways_of(quantity.along, ground.dimension)
+        self.directions = directions_of(quantity.along, ground.dimension)
 
-    def loads(self, grid: CompositeGrid, parts: Parts) -> list[LeafForces]:
+    def loads(self, grid: CompositeGrid, parts: ExactCover) -> list[LeafForces]:
         share = parts.share[:, None]
-        return [LeafForces(parts.leaf, parts.side, share * way) for way in self.ways]
+        return [LeafForces(parts.leaf, parts.side, share * along) for along in self.directions]
 
     def of(self, fields: CellFields) -> Value:
         grid = fields.balance.grid
-        spots = self._spots(grid)
-        moved = displacement_at(fields, spots.points, spots.leaf)
-        value = self.ways @ (spots.weight @ moved)
-        doubt = float(np.linalg.norm(self.ways @ (spots.weight @ _bulge(fields, spots, moved))))
-        point, leaf = touching(grid, spots.points, spots.leaf)
-        weight = (spots.weight / np.bincount(point))[point]
+        points = self._points(grid)
+        moved = displacement_at(fields, points.place, points.leaf)
+        value = self.directions @ (points.weight @ moved)
+        bulge = points.weight @ _bulge(fields, points, moved)
+        sampling_error = float(np.linalg.norm(self.directions @ bulge))
+        point, leaf = touching(grid, points.place, points.leaf)
+        weight = (points.weight / np.bincount(point))[point]
         along = np.stack([
-            interpolation(grid, spots.points[point], leaf, axis)[0].T @ weight
+            interpolation(grid, points.place[point], leaf, axis)[0].T @ weight
             for axis in range(grid.dimension)
         ])  # fmt: skip
         largest = float(np.linalg.norm(fields.displacement, axis=1).max())
-        return Value(value, _scale(value, largest), self.ways @ along, doubt)
+        return Value(value, _scale(value, largest), self.directions @ along, sampling_error)
 
 
 class _Stressed(Functional):
@@ -113,9 +114,9 @@ class _Stressed(Functional):
     def __init__(self, quantity: Stress, ground: PosedBody) -> None:
         super().__init__(quantity.at, ground)
         self._component = component_of(quantity.component, ground.dimension)
-        self.ways = np.ones((1, 1))
+        self.directions = np.ones((1, 1))
 
-    def parts(self, grid: CompositeGrid) -> Parts | str:
+    def parts(self, grid: CompositeGrid) -> ExactCover | str:
         if self._component is None:
             return "the equivalent stress is no linear quantity, and only such are bounded"
         found = super().parts(grid)
@@ -123,12 +124,12 @@ class _Stressed(Functional):
             return "no energy bounds the stress of a surface; ask for the mean of a box at it"
         return found
 
-    def loads(self, grid: CompositeGrid, parts: Parts) -> list[LeafForces]:
+    def loads(self, grid: CompositeGrid, parts: ExactCover) -> list[LeafForces]:
         """Return the tractions on the sides of leaves whose work is their mean stress."""
         # By Gauss's theorem, those of the stress that a unit strain would cause.
         assert self._component is not None
         a, b = self._component
-        law, kind, d = moduli_at(grid.law, parts.leaf), grid.leaves.kind, grid.dimension
+        law, d = moduli_at(grid.law, parts.leaf), grid.dimension
         stress = np.zeros((d, d, len(parts.leaf)))
         if a == b:
             stress[range(d), range(d)] = law.lateral
@@ -138,28 +139,28 @@ class _Stressed(Functional):
         each = stress * parts.share / grid.length[parts.leaf]
         within = np.zeros(len(grid.leaves), dtype=np.bool_)
         within[parts.leaf] = True
-        found = []
-        for side in range(2 * d):
-            # Between two alike the tractions would only cancel.
-            other = grid.beside[parts.leaf, side]
-            same = (other >= 0) & within[other] & (kind[other] == kind[parts.leaf])
-            on = ~(same & (grid.length[other] == grid.length[parts.leaf]))
-            force = (2.0 * (side % 2) - 1.0) * each[side // 2][:, on].T
-            found.append(LeafForces(parts.leaf[on], np.full(int(on.sum()), side), force))
-        leaf, way, pull, _ = zip(*found, strict=True)
-        return [LeafForces(np.concatenate(leaf), np.concatenate(way), np.concatenate(pull))]
+        # Between two of one material and size the tractions would only cancel.
+        other = grid.beside[parts.leaf].T
+        alike = (other >= 0) & within[other]
+        for column in (grid.leaves.kind, grid.leaves.size):
+            alike &= column[other] == column[parts.leaf]
+        side, row = np.nonzero(~alike)
+        force = (2.0 * (side % 2) - 1.0)[:, None] * each[side // 2, :, row]
+        return [LeafForces(parts.leaf[row], side, force)]
 
     def of(self, fields: CellFields) -> Value:
         balance = fields.balance
-        spots = self._spots(balance.grid)
-        stress = stress_at(fields, spots.points, spots.leaf)
-        found, slope = self._measured(stress, balance.grid, spots)
-        value = np.array([spots.weight @ found])
+        points = self._points(balance.grid)
+        stress = stress_at(fields, points.place, points.leaf)
+        found, slope = self._measured(stress, balance.grid, points)
+        value = np.array([points.weight @ found])
         largest = float(np.sqrt((fields.stress**2).sum(axis=(1, 2)).max()))
-        row = _pulled(balance, spots, spots.weight[:, None, None] * slope)
+        row = _pulled(balance, points, points.weight[:, None, None] * slope)
         return Value(value, _scale(value, largest), row[None])
 
-    def _measured(self, stress: Floats, grid: CompositeGrid, spots: Spots) -> tuple[Floats, Floats]:
+    def _measured(
+        self, stress: Floats, grid: CompositeGrid, points: QuadraturePoints
+    ) -> tuple[Floats, Floats]:
         """Return what is wanted of stress tensors, and its derivative by each of them."""
         if self._component is not None:
             a, b = self._component
@@ -168,7 +169,7 @@ class _Stressed(Functional):
             return stress[:, a, b], slope
         d, across = grid.dimension, np.zeros(len(stress))
         if grid.ground.scene.plane == "strain":
-            _, lateral, shear = moduli_at(grid.law, spots.leaf)
+            _, lateral, shear = moduli_at(grid.law, points.leaf)
             across = lateral / (2 * (lateral + shear))
         trace = np.trace(stress, axis1=1, axis2=2)
         found = solid.von_mises(stress, across * trace)
@@ -189,7 +190,7 @@ class _Supported(Functional):
                 f"{suggestion(quantity.side, names)}; there may be {', '.join(names)}"
             )
         self._name, self._side = quantity.side, names.index(quantity.side)
-        self.ways = ways_of(quantity.along, ground.dimension)
+        self.directions = directions_of(quantity.along, ground.dimension)
 
     def coarse(self, grid: CompositeGrid) -> Flags:
         return np.zeros(len(grid.leaves), dtype=np.bool_)
@@ -197,12 +198,12 @@ class _Supported(Functional):
     def parts(self, grid: CompositeGrid) -> str:
         return "the force of a support is not bounded yet"
 
-    def loads(self, grid: CompositeGrid, parts: Parts) -> list[LeafForces]:
+    def loads(self, grid: CompositeGrid, parts: ExactCover) -> list[LeafForces]:
         return []
 
     def of(self, fields: CellFields) -> Value:
         """Return the reaction: the energy's derivative by the support's own displacement."""
-        # So what it depends on is how the body follows the support, moved against its axis.
+        # The dual solution is how the body follows the support, moved against its axis.
         balance, grid = fields.balance, fields.balance.grid
         reactions = balance.reactions(fields.u)
         if self._name not in reactions:
@@ -220,15 +221,15 @@ class _Supported(Functional):
             strain = balance.strains @ moved + _wall_strain(balance, self._side, axis)
             rows.append(balance.strains.T @ balance.stress(strain) - mine * grid.spring)
             held.append(-moved)
-        value = self.ways @ reactions[self._name]
+        value = self.directions @ reactions[self._name]
         largest = max(float(np.linalg.norm(force)) for force in reactions.values())
-        turned = np.tensordot(self.ways, walls, 1)
+        turned = np.tensordot(self.directions, walls, 1)
         scale = _scale(value, largest)
-        return Value(value, scale, self.ways @ rows, 0.0, self.ways @ held, turned)
+        return Value(value, scale, self.directions @ rows, 0.0, self.directions @ held, turned)
 
 
 def functional_of(quantity: Quantity, ground: PosedBody) -> Functional:
-    """Return a quantity on some ground."""
+    """Return a quantity of a body as a functional."""
     if isinstance(quantity, Deflection):
         return _Displaced(quantity, ground)
     if isinstance(quantity, Stress):
@@ -238,11 +239,8 @@ def functional_of(quantity: Quantity, ground: PosedBody) -> Functional:
 
 def unit_of(quantity: Quantity, scales: Scales) -> float:
     """Return the unit of a quantity's scaled value: m, Pa or N."""
-    if isinstance(quantity, Deflection):
-        return scales.displacement
-    if isinstance(quantity, Stress):
-        return scales.stress
-    return scales.force
+    units = {Deflection: scales.displacement, Stress: scales.stress, Reaction: scales.force}
+    return units[type(quantity)]
 
 
 def plain(value: Floats) -> float | Floats:
@@ -254,27 +252,27 @@ def _scale(value: Floats, largest: float) -> float:
     return max(float(np.linalg.norm(value)), NEGLIGIBLE * largest)
 
 
-def _bulge(fields: CellFields, spots: Spots, middle: Floats) -> Floats:
+def _bulge(fields: CellFields, points: QuadraturePoints, middle: Floats) -> Floats:
     """Return by how much the mean over each spot's part differs from its middle, roughly."""
     # The displacement in the middle is that of a face, which stands for a point as well as for a
     # mean: half-way between them lies h²u″/48 for every axis. The slopes at an agent's edges, taken
     # from its middle on, give six times as much at the quarters.
     total = np.zeros_like(middle)
-    if not spots.span.any():
+    if not points.span.any():
         return total
     for axis, end in product(range(middle.shape[1]), (-0.25, 0.25)):
-        points = spots.points.copy()
-        points[:, axis] += end * spots.span[:, axis]
-        total += displacement_at(fields, points, spots.leaf) - middle
+        place = points.place.copy()
+        place[:, axis] += end * points.span[:, axis]
+        total += displacement_at(fields, place, points.leaf) - middle
     return total / 12.0
 
 
-def _pulled(balance: Equilibrium, spots: Spots, weight: Floats) -> Floats:
+def _pulled(balance: Equilibrium, points: QuadraturePoints, weight: Floats) -> Floats:
     """Return the derivative by the faces of stresses that are weighted and added up."""
     grid, d = balance.grid, balance.grid.dimension
     n, kind = len(grid.leaves), grid.leaves.kind
-    point, leaf = touching(grid, spots.points, spots.leaf)
-    alike = kind[leaf] == kind[spots.leaf[point]]
+    point, leaf = touching(grid, points.place, points.leaf)
+    alike = kind[leaf] == kind[points.leaf[point]]
     point, leaf = point[alike], leaf[alike]
     part = weight[point] / np.bincount(point)[point, None, None]
     normal: Floats = np.stack([np.bincount(leaf, part[:, a, a], n) for a in range(d)])

@@ -1,9 +1,10 @@
-"""Places in a body of agents: points with weights, on which the mean over a place is taken."""
+"""Regions of a body over which the mean of a quantity counts, by quadrature points or agents."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -19,59 +20,59 @@ from kaju.model.scene.shapes import Box, Shape
 
 NEAR = 1e-6  # A plane that is nearer to a face than this part of a cell lies on it
 SAMPLES = {2: 8, 3: 4}  # Points along an agent by which round shapes are measured in it
-PARTED = 4  # Places are made up of agents if they end at multiples of this part of a cell
+PARTED = 4  # Agents can cover regions that end at multiples of this part of a cell
 MANY = 10_000  # Agents that are measured at a time
 
 
-class Spots(NamedTuple):
-    """Points that stand for parts of a place."""
+class QuadraturePoints(NamedTuple):
+    """Middles of parts of a region; a row of `place` and `span` for each."""
 
-    points: Floats  # The middles of the parts (units). Shape (n, dimension)
-    leaf: Ints  # A leaf in or on which each lies. Shape (n,)
-    weight: Floats  # Adds up to 1. Shape (n,)
-    span: Floats  # How far each part reaches along every axis (units). Shape (n, dimension)
+    place: Floats  # Units; shape (n, dimension)
+    leaf: Ints  # A leaf in or on which each lies; shape (n,)
+    weight: Floats  # Adds up to 1; shape (n,)
+    span: Floats  # How far each part reaches along every axis (units); shape (n, dimension)
 
 
-class Parts(NamedTuple):
-    """Leaves of which a place is made up exactly, or sides of theirs."""
+class ExactCover(NamedTuple):
+    """Leaves, or sides of leaves, that cover a region exactly."""
 
     leaf: Ints
-    side: Ints
-    """Side -1 is the whole leaf. Shape (n,)."""
-    share: Floats  # Of the place; adds up to 1. Shape (n,)
-    cut: Flags
-    """Leaves on both sides of the place's rim: as long as there are any, it is not made up. Shape
-    (leaves,)."""
+    side: Ints  # -1: the whole leaf; shape (n,)
+    share: Floats  # Of the region; adds up to 1; shape (n,)
+    cut: Flags  # Leaves across the region's boundary: the cover is exact without; shape (leaves,)
 
 
-class Points(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Point:
     """A single point (units), in a cell (units)."""
 
-    point: Floats
+    place: Floats
     unit: Ints
 
-    def spots(self, grid: CompositeGrid) -> Spots:
+    def points(self, grid: CompositeGrid) -> QuadraturePoints:
         """Return the point."""
         leaf = grid.leaves.find(self.unit)
-        return Spots(self.point, leaf, np.ones(1), np.zeros_like(self.point))
+        return QuadraturePoints(self.place, leaf, np.ones(1), np.zeros_like(self.place))
 
     def coarse(self, grid: CompositeGrid) -> Flags:
-        """Tell of no leaf."""
+        """Return that no leaf is too large to see the point."""
         return np.zeros(len(grid.leaves), dtype=np.bool_)
 
     def parts(self, grid: CompositeGrid) -> str:
-        """Return why no leaves make it up."""
+        """Return why no leaves cover it."""
         return "no energy bounds the value at a point; ask for the mean of a box round it"
 
 
-class Cuboid(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Cuboid:
     """A box (units); `flat` along an axis it is a section of the body, or part of its surface."""
 
     lower: Floats
     upper: Floats
     flat: int | None = None
+    coarsest: ClassVar[float] = 1.0  # Share of the width that leaves may have
 
-    def spots(self, grid: CompositeGrid) -> Spots:
+    def points(self, grid: CompositeGrid) -> QuadraturePoints:
         """Return the middle of the box's part in every leaf, weighted by its volume or area."""
         leaf = np.flatnonzero(self._reached(grid))
         first = np.maximum(grid.leaves.lower[leaf], self.lower)
@@ -80,12 +81,12 @@ class Cuboid(NamedTuple):
         return _weighted(0.5 * (first + last), leaf, weight, last - first)
 
     def coarse(self, grid: CompositeGrid) -> Flags:
-        """Tell which leaves in reach are larger than the box."""
-        widest = self._across(self.upper - self.lower).min()
+        """Tell which leaves in reach are larger than the box, or too large a share of it."""
+        widest = self.coarsest * self._across(self.upper - self.lower).min()
         return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
 
-    def parts(self, grid: CompositeGrid) -> Parts | str:
-        """Return the leaves in the box; sides of those below a flat one, or above it if bare."""
+    def parts(self, grid: CompositeGrid) -> ExactCover | str:
+        """Return the leaves in the box; of a flat one the sides below, or bare ones above."""
         step = max(grid.ground.cell // PARTED, grid.ground.smallest)
         first, last = (np.rint(end / step) * step for end in (self.lower, self.upper))
         off = max(np.abs(first - self.lower).max(), np.abs(last - self.upper).max())
@@ -110,7 +111,7 @@ class Cuboid(NamedTuple):
             leaf = np.flatnonzero(there)
             side = 2 * axis + below[leaf]
         share = grid.length[leaf] ** (grid.dimension - (axis is not None))
-        return Parts(leaf, side, share / (share.sum() or 1.0), cut)
+        return ExactCover(leaf, side, share / (share.sum() or 1.0), cut)
 
     def _across(self, values: Floats) -> Floats:
         return values if self.flat is None else np.delete(values, self.flat, axis=-1)
@@ -126,16 +127,17 @@ class Cuboid(NamedTuple):
         return np.asarray(within.all(axis=1))
 
 
-class Rounded(NamedTuple):
-    """Another shape with a volume, in the box from `lower` to `upper`; `metre` is a unit."""
+@dataclass(frozen=True, eq=False)
+class Rounded(Cuboid):
+    """Another shape with a volume, in the box from `lower` to `upper`."""
 
-    shape: Shape
-    within: Cuboid
-    metre: float
+    shape: Shape = field(kw_only=True)
+    metre: float = field(kw_only=True)  # of a unit
+    coarsest: ClassVar[float] = 0.25
 
-    def spots(self, grid: CompositeGrid) -> Spots:
+    def points(self, grid: CompositeGrid) -> QuadraturePoints:
         """Return the middle of the shape's part in every leaf, weighted by its volume."""
-        leaf = np.flatnonzero(self.within._reached(grid))
+        leaf = np.flatnonzero(self._reached(grid))
         low = grid.leaves.lower[leaf].astype(np.float64)
         size = grid.leaves.size[leaf, None].astype(np.float64)
         parts = [
@@ -143,18 +145,13 @@ class Rounded(NamedTuple):
             for at in range(0, len(leaf), MANY)
         ]
         middle, share = (np.concatenate(column) for column in zip(*parts, strict=True))
-        held = share > 0.0
+        met = share > 0.0
         volume = share * size[:, 0] ** grid.dimension
         span = np.where(share == 1.0, size[:, 0], 0.0)[:, None] * np.ones(grid.dimension)
-        return _weighted(middle[held], leaf[held], volume[held], span[held])
-
-    def coarse(self, grid: CompositeGrid) -> Flags:
-        """Tell which leaves in reach are larger than a quarter of the shape."""
-        widest = (self.within.upper - self.within.lower).min() / 4
-        return np.asarray(self.within._reached(grid) & (grid.leaves.size > widest))
+        return _weighted(middle[met], leaf[met], volume[met], span[met])
 
     def parts(self, grid: CompositeGrid) -> str:
-        """Return why no leaves make it up."""
+        """Return why no leaves cover it."""
         return "agents do not make up a round or slanted place; ask for the mean of a box"
 
     def _measured(self, low: Floats, size: Floats) -> tuple[Floats, Floats]:
@@ -169,13 +166,13 @@ class Rounded(NamedTuple):
         return middle, count / len(offsets)
 
 
-Site = Points | Cuboid | Rounded
-"""A place, asked grid by grid: the points that stand for it, the leaves or sides that make it up
-(in words why none ever do), and which leaves are too large for it to be seen."""
+GoalRegion = Point | Cuboid
+"""Gives for every grid its quadrature points, the leaves or sides that cover it exactly (or the
+reason why none ever do), and which leaves are too large to see it."""
 
 
-def _weighted(points: Floats, leaf: Ints, weight: Floats, span: Floats) -> Spots:
-    return Spots(points, leaf, weight / (weight.sum() or 1.0), span)
+def _weighted(points: Floats, leaf: Ints, weight: Floats, span: Floats) -> QuadraturePoints:
+    return QuadraturePoints(points, leaf, weight / (weight.sum() or 1.0), span)
 
 
 def located(ground: PosedBody, points: Floats, cells: Ints) -> tuple[Floats, Ints]:
@@ -185,8 +182,8 @@ def located(ground: PosedBody, points: Floats, cells: Ints) -> tuple[Floats, Int
     return place, np.clip(np.floor(place).astype(np.int64), first, first + ground.cell - 1)
 
 
-def site_of(at: Place, ground: PosedBody) -> Site:
-    """Return a place on some ground."""
+def region_of(at: Place, ground: PosedBody) -> GoalRegion:
+    """Return the region of a body that a place is."""
     if isinstance(at, str):
         return _side(at, ground)
     if isinstance(at, dict):
@@ -201,7 +198,7 @@ def site_of(at: Place, ground: PosedBody) -> Site:
     if np.isfinite(point).all():
         cells, found = body_cells(ground.scene, point)
         if found.all():
-            return Points(*located(ground, point, cells))
+            return Point(*located(ground, point, cells))
     raise ParameterError(
         f"tolerance_at: ({', '.join(f'{x:g}' for x in at)}) m lies outside the body; choose a "
         "place in or on it"
@@ -212,7 +209,7 @@ def _metre(ground: PosedBody) -> float:
     return ground.scene.lattice.cell_size / ground.cell
 
 
-def _side(name: str, ground: PosedBody) -> Site:
+def _side(name: str, ground: PosedBody) -> GoalRegion:
     lattice = ground.scene.lattice
     if name not in lattice.sides:
         raise ParameterError(
@@ -225,7 +222,7 @@ def _side(name: str, ground: PosedBody) -> Site:
     return Cuboid(low, high, axis)
 
 
-def _region(region: dict[str, Any], ground: PosedBody) -> Site:
+def _region(region: dict[str, Any], ground: PosedBody) -> GoalRegion:
     lattice, metre = ground.scene.lattice, _metre(ground)
     flat = _flat_axis(region.get("box"), lattice.cell_size) if len(region) == 1 else None
     if flat is not None:
@@ -237,12 +234,13 @@ def _region(region: dict[str, Any], ground: PosedBody) -> Site:
     try:
         shape = Region(material="air", **region).shape_in(lattice, "tolerance_at")
     except KajuError as error:
-        told = str(error)
-        told = told if told.startswith("tolerance_at") else f"tolerance_at: {told}"
-        raise ParameterError(told) from None
+        message = str(error)
+        where = "" if message.startswith("tolerance_at") else "tolerance_at: "
+        raise ParameterError(where + message) from None
     lower, upper = (np.asarray(corner) / metre for corner in shape.extent)
-    box = Cuboid(lower, upper)
-    return box if isinstance(shape, Box) else Rounded(shape, box, metre)
+    if isinstance(shape, Box):
+        return Cuboid(lower, upper)
+    return Rounded(lower, upper, shape=shape, metre=metre)
 
 
 def _flat_axis(box: Any, cell_size: float) -> int | None:

@@ -1,4 +1,4 @@
-"""Errors of what a tolerance is about, by influence: the solution for a force that asks for it.
+"""Errors of quantities of interest, by dual solutions.
 
 A quantity J depends on the displacement by its derivative j. The displacement z = K⁻¹ j that j
 would cause as a force tells how much J feels a force anywhere (Maxwell's influence function;
@@ -7,17 +7,17 @@ as in `displacement_error`, J is off by about
 
     z·C'C u = Σ C u · C z,
 
-a sum over the agents. Where its terms differ in sign they make up for each other, which no agent
-can rely on; the estimate is half-way between the sum and that of their sizes. An agent
-spawns for the product of the two errors, η(u)·η(z), which has no sign to change.
+a sum over the agents. Terms of different sign may cancel, which is not relied on: the estimate is
+half-way between the sum and that of their sizes. Agents are marked by the product of the two
+errors, η(u)·η(z), which has no sign.
 
 A mean displacement or stress J is the work of forces g: J = g·u. With z the displacement that
 they cause, the potential energy of the loads f ± t g is
 
     Π± = Π(f) ∓ t J + t² Π(g),    so that    J = (Π₋ − Π₊) / 2t,
 
-and both lie between bounds: those of u ± t z (`bracket`). With t the ratio of the errors of u and
-z, J is known but for half the product of the distances that their two stresses have each
+and both lie between bounds: those of u ± t z (`energy_bounds`). With t the ratio of the errors of
+u and z, J is known but for half the product of the distances that their two stresses have each
 (Greenberg 1948, Prager & Synge 1947), and lies round the work of the mean fields.
 """
 
@@ -40,7 +40,7 @@ from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.goals.displacement_error import DisplacementTarget
 from kaju.model.elastic.goals.functionals import Value, functional_of
-from kaju.model.elastic.goals.goal_regions import Parts
+from kaju.model.elastic.goals.goal_regions import ExactCover
 from kaju.model.elastic.goals.quantities import (
     DISPLACEMENT,
     HOOP,
@@ -55,7 +55,7 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import LAST, NestedMultigrid
 from kaju.model.elastic.posed_body import LeafForces, PosedBody
-from kaju.model.elastic.refine.estimator import Curvature
+from kaju.model.elastic.refine.estimator import Bends, Curvature
 from kaju.model.elastic.refine.refine_loop import RefineLoop, Target
 from kaju.model.elastic.refine.targets import SPARE, Aimed, Answer
 from kaju.model.results.result import finite
@@ -63,12 +63,12 @@ from kaju.model.results.result import finite
 FACTOR = 1.25  # Of the estimate, found on the bodies of `benchmarks/goals.py`
 MOST = 50  # Quantities at a time
 BLIND = 1.5
-"""Where bounds say so many times more than estimates, agents do not see all of their errors."""
+"""Where bounds are so many times the estimates, these miss a part of the errors."""
 ROUNDING = 1e-13  # Share of the energies that rounding may take
 SMALL = 1e-12
 """Share of a displacement's square that stands for the energy of its error if there is none."""
 ALGEBRAIC_SHARE, FIRST_GUESS = 0.05, 0.3
-"""Influences are solved to this share of their own error, at first of a guess at it."""
+"""Dual solutions are solved to this share of their own error, at first of a guess at it."""
 
 
 Asked = str | tuple[Quantity, ...] | None  # What `tolerance_at` asks for in its shortest form
@@ -78,21 +78,17 @@ class Goal(NamedTuple):
     """What has been found of a quantity."""
 
     quantity: Quantity
-    value: float | Floats
-    """In m, Pa or N. Shape (dimension,)."""
-    error_estimate: float
-    """Estimated error of the value, of a vector in length."""
+    value: float | Floats  # In m, Pa or N; a vector has shape (dimension,)
+    error_estimate: float  # Estimated error of the value, of a vector in length
+    # The same relative to the value or, where that is smaller, to a hundredth of the largest
+    # displacement, stress or reaction of all
     relative_error: float
-    """The same relative to the value or, where that is smaller, to a hundredth of the largest
-    displacement, stress or reaction of all."""
-    error_bound: float | None = None
+    error_bound: float | None = None  # What the error of the value is at most; a theorem
     relative_bound: float | None = None
-    """What the error of the value is at most, and the same relative; a theorem."""
-    no_bound: str = ""
-    """Why there is none; empty if there is."""
+    no_bound: str = ""  # Why there is none; empty if there is
 
     def figures(self) -> dict[str, Any]:
-        """Return what a summary tells of it."""
+        """Return its entry in a summary."""
         return {
             "value": np.asarray(self.value).tolist(),
             "error_estimate": finite(self.error_estimate),
@@ -111,7 +107,7 @@ class Goal(NamedTuple):
 
 
 class DualSolution:
-    """How much a component of a quantity feels forces anywhere, generation by generation."""
+    """The derivative of a component of a quantity by forces, followed through generations."""
 
     def __init__(self) -> None:
         self._balance: Equilibrium | None = None
@@ -132,12 +128,11 @@ class DualSolution:
         self._balance = balance
         return self._displacement
 
-    def asked(
+    def under(
         self, balance: Equilibrium, forces: LeafForces, hierarchy: NestedMultigrid
     ) -> tuple[Equilibrium, Floats, float]:
-        """Return the agents under the forces that ask for it, what these cause, and its error."""
-        # The error is the energy of what is missing, estimated.
-        found = asking(balance, forces)
+        """Return the dual problem of forces, its displacement, and the energy of its error."""
+        found = under_forces(balance, forces)
         load, z = found.load[found.free], found.grid.value.copy()
 
         def done(run: Iteration) -> bool:
@@ -152,7 +147,7 @@ class GoalTarget(Target):
 
     def __init__(self, quantities: tuple[Quantity, ...], ground: PosedBody) -> None:
         self._functionals = [functional_of(quantity, ground) for quantity in quantities]
-        self._influences = [[DualSolution() for _ in f.ways] for f in self._functionals]
+        self._duals = [[DualSolution() for _ in f.directions] for f in self._functionals]
 
     def look(self, spawner: RefineLoop) -> Aimed:
         """Return how far off the agents are, after they have settled."""
@@ -162,50 +157,50 @@ class GoalTarget(Target):
         if large.any():
             return Aimed(inf, large.astype(np.float64), large.astype(np.int64), 0.0)
         fields = CellFields(spawner.balance, spawner.displacement)
-        felt = _Felt(spawner)
+        curvature = Curvature(spawner.balance)
+        bends = curvature.of(spawner.displacement)
         answers, parts = [], []
-        for functional, influences in zip(self._functionals, self._influences, strict=True):
+        for functional, duals in zip(self._functionals, self._duals, strict=True):
             value = functional.of(fields)
-            errors, part = felt.by(value, influences)
-            error = float(np.linalg.norm(errors)) + value.doubt
+            errors, part = _estimated(value, duals, spawner, curvature, bends)
+            error = float(np.linalg.norm(errors)) + value.sampling_error
             scale = value.scale or 1.0
             answers.append(Answer(value.value, error, error / scale, scale))
             parts.append(part / scale)
         return _aimed(spawner, answers, parts)
 
     def bounded(self, spawner: RefineLoop) -> Aimed:
-        """Return the answers with what is certain of them."""
-        # Where agents lie on both sides of the rim of a place these have to spawn first.
+        """Return the answers with their bounds."""
+        # Agents across the boundary of a region have to spawn first.
         grid = spawner.balance.grid
-        places = [functional.parts(grid) for functional in self._functionals]
-        rims = [place.cut for place in places if not isinstance(place, str)]
-        cut = np.any(rims, axis=0) if rims else np.zeros(len(grid.leaves), dtype=np.bool_)
+        covers = [functional.parts(grid) for functional in self._functionals]
+        cut = np.zeros(len(grid.leaves), dtype=np.bool_)
+        for cover in covers:
+            cut |= False if isinstance(cover, str) else cover.cut
         if cut.any():
             return Aimed(inf, cut.astype(np.float64), cut.astype(np.int64), 0.0)
         own = boxes_of_agents(spawner.balance, spawner.displacement)
         answers, parts = [], []
-        for number, (answer, place) in enumerate(zip(spawner.aimed.answers, places, strict=True)):
-            between = (
-                place if isinstance(place, str) else self._between(spawner, own, number, place)
-            )
-            answers.append(_certain(answer, between))
-            known = [] if isinstance(between, str) else [b.shares for b in between]
-            parts.append(sum(known, np.zeros(len(cut))) / answer.scale)
+        for number, (answer, cover) in enumerate(zip(spawner.aimed.answers, covers, strict=True)):
+            bounds = cover if isinstance(cover, str) else self._bounds(spawner, own, number, cover)
+            answers.append(_certain(answer, bounds))
+            shares = [] if isinstance(bounds, str) else [one.shares for one in bounds]
+            parts.append(sum(shares, np.zeros(len(cut))) / answer.scale)
         found = _aimed(spawner, answers, parts)
         return found if found.part.any() else found._replace(part=spawner.aimed.part)
 
-    def _between(
-        self, spawner: RefineLoop, own: BoundCells, number: int, place: Parts
+    def _bounds(
+        self, spawner: RefineLoop, own: BoundCells, number: int, cover: ExactCover
     ) -> list[FunctionalBounds] | str:
-        """Hold the components of a quantity between bounds; in words why that is not possible."""
+        """Return bounds of the components of a quantity, or why there are none."""
         found, error = [], float(spawner.indicator.square.sum())
-        forces = self._functionals[number].loads(spawner.balance.grid, place)
-        for influence, force in zip(self._influences[number], forces, strict=True):
-            asked, z, rest = influence.asked(spawner.balance, force, spawner.hierarchy)
-            between = work_between(own, boxes_of_agents(asked, z), error, rest)
-            if isinstance(between, str):
-                return between
-            found.append(between)
+        forces = self._functionals[number].loads(spawner.balance.grid, cover)
+        for dual, force in zip(self._duals[number], forces, strict=True):
+            problem, z, dual_error = dual.under(spawner.balance, force, spawner.hierarchy)
+            bounds = bounds_of_work(own, boxes_of_agents(problem, z), error, dual_error)
+            if isinstance(bounds, str):
+                return bounds
+            found.append(bounds)
         return found
 
 
@@ -214,21 +209,20 @@ class FunctionalBounds(NamedTuple):
 
     middle: float
     off: float
-    # How far off it is known by the bounds, over what the errors' estimated energies say
-    blind: float
+    blind: float  # `off` over the product of the estimated errors of both solutions
     shares: Floats  # shape (agents,): Every agent's part of `off`
 
 
-def work_between(
-    own: BoundCells, asked: BoundCells, error: float, rest: float
+def bounds_of_work(
+    own: BoundCells, dual: BoundCells, error: float, dual_error: float
 ) -> FunctionalBounds | str:
-    """Hold the work of forces between two values that can be computed; or say why not."""
-    # `own` are the agents under the loads, `asked` under the forces; with the estimated energies of
+    """Return bounds of the work of the dual problem's forces, or why there are none."""
+    # `own` are the agents under the loads, `dual` under the forces; with the estimated energies of
     # the errors of both.
-    sizes = (float(np.abs(boxes.mesh.start).max(initial=0.0)) for boxes in (own, asked))
-    larger = [off + SMALL * u**2 for off, u in zip((error, rest), sizes, strict=True)]
+    sizes = (float(np.abs(boxes.mesh.start).max(initial=0.0)) for boxes in (own, dual))
+    larger = [off + SMALL * u**2 for off, u in zip((error, dual_error), sizes, strict=True)]
     share = sqrt(larger[0] / larger[1]) if min(larger) > 0.0 else 1.0
-    more, less = (bracket_of(_sum(own, asked, sign * share)) for sign in (1.0, -1.0))
+    more, less = (bracket_of(_sum(own, dual, sign * share)) for sign in (1.0, -1.0))
     if isinstance(more, str):
         return more
     if isinstance(less, str):
@@ -237,7 +231,7 @@ def work_between(
     middle, off = least + most - low - high, most - least + high - low
     off += ROUNDING * (abs(low) + abs(high) + abs(least) + abs(most))
     off *= 0.25 / share
-    # What the agents do not take of the loads works on the displacement of the forces that ask.
+    # The part of the loads that agents do not take works on the dual displacement.
     off += own.data_error * (sqrt(0.5 * more.upper) + sqrt(0.5 * less.upper)) / share
     shares = (more.shares + less.shares) / (8.0 * share)
     return FunctionalBounds(
@@ -267,23 +261,23 @@ def _sum(first: BoundCells, second: BoundCells, share: float) -> BoundCells:
     )
 
 
-class _Asking(PosedBody):
-    """The ground under some forces only; nothing that holds the body moves."""
+class _UnderForces(PosedBody):
+    """A body under some forces only; nothing that holds it moves."""
 
     def __init__(self, ground: PosedBody, forces: LeafForces) -> None:
         self.__dict__.update(ground.__dict__)
-        self._asked = forces
+        self._only = forces
 
     def forces(self, leaves: LeafCells) -> LeafForces:
-        return self._asked
+        return self._only
 
     def given(self, side: int) -> Floats:
         return np.zeros(self.dimension)
 
 
-def asking(balance: Equilibrium, forces: LeafForces) -> Equilibrium:
-    """Return the same agents under the forces that ask for a quantity."""
-    ground = _Asking(balance.grid.ground, forces)
+def under_forces(balance: Equilibrium, forces: LeafForces) -> Equilibrium:
+    """Return the same agents under the forces of a dual problem."""
+    ground = _UnderForces(balance.grid.ground, forces)
     if balance.grid.value.any() or balance.offset.any():
         return Equilibrium(CompositeGrid(ground, balance.grid.leaves))
     return balance.loaded_by(ground)
@@ -293,46 +287,40 @@ def _certain(answer: Answer, found: list[FunctionalBounds] | str) -> Answer:
     """Return an answer with its bound, round the middle of what is possible."""
     if isinstance(found, str):
         return answer._replace(no_bound=found)
-    bound = float(np.linalg.norm([between.off for between in found]))
-    middle = np.array([between.middle for between in found])
-    blind = max(between.blind for between in found)
+    bound = float(np.linalg.norm([bounds.off for bounds in found]))
+    middle = np.array([bounds.middle for bounds in found])
+    blind = max(bounds.blind for bounds in found)
     error = min(answer.error * max(1.0, blind / BLIND) ** 2, bound)
     return Answer(middle, error, error / answer.scale, answer.scale, bound)
 
 
-class _Felt:
-    """The errors of agents that have settled, as quantities feel them."""
-
-    def __init__(self, spawner: RefineLoop) -> None:
-        self._balance, self._hierarchy = spawner.balance, spawner.hierarchy
-        self._square = spawner.indicator.square
-        self._curvature = Curvature(spawner.balance)
-        self._bends = self._curvature.of(spawner.displacement)
-
-    def by(self, value: Value, influences: list[DualSolution]) -> tuple[list[float], Floats]:
-        """Return the errors of a quantity's components, and what every agent adds at most."""
-        balance, curvature, free = self._balance, self._curvature, self._balance.free
-        errors, part = [], np.zeros(len(self._square))
-        for row, influence in enumerate(influences):
-            derivative = value.derivatives[row, free]
-            z = np.zeros(balance.grid.size) if value.held is None else value.held[row].copy()
-            z[free] = influence.of(derivative, balance, self._hierarchy)
-            walls = curvature.resting if value.walls is None else value.walls[row]
-            bends = curvature.of(z, walls)
-            own = curvature.energy(bends, bends)
-            whole = float(dot(derivative, z[free]))
-            square = float(own.sum()) / whole if whole > 0.0 else 0.0
-            influence.off = min(sqrt(square), 1.0)
-            both = curvature.energy(self._bends, bends)
-            # The body's own stiffness, K + C'C, lets a force go less far than K alone.
-            error = 0.5 * (abs(float(both.sum())) + float(np.abs(both).sum())) / (1.0 + square)
-            errors.append(FACTOR * error)
-            part += np.sqrt(self._square * own)
-        return errors, part
+def _estimated(
+    value: Value, duals: list[DualSolution], spawner: RefineLoop, curvature: Curvature, bends: Bends
+) -> tuple[list[float], Floats]:
+    """Return the errors of a quantity's components, and what every agent adds at most."""
+    # `bends` are the second differences of the settled displacement.
+    balance, squares = spawner.balance, spawner.indicator.square
+    errors, part, free = [], np.zeros(len(squares)), balance.free
+    for row, dual in enumerate(duals):
+        derivative = value.derivatives[row, free]
+        z = np.zeros(balance.grid.size) if value.held is None else value.held[row].copy()
+        z[free] = dual.of(derivative, balance, spawner.hierarchy)
+        walls = curvature.resting if value.walls is None else value.walls[row]
+        dual_bends = curvature.of(z, walls)
+        own = curvature.energy(dual_bends, dual_bends)
+        whole = float(dot(derivative, z[free]))
+        square = float(own.sum()) / whole if whole > 0.0 else 0.0
+        dual.off = min(sqrt(square), 1.0)
+        both = curvature.energy(bends, dual_bends)
+        # The body's own stiffness, K + C'C, yields less to a force than K alone.
+        error = 0.5 * (abs(float(both.sum())) + float(np.abs(both).sum())) / (1.0 + square)
+        errors.append(FACTOR * error)
+        part += np.sqrt(squares * own)
+    return errors, part
 
 
 def _aimed(spawner: RefineLoop, answers: list[Answer], parts: list[Floats]) -> Aimed:
-    """Return what is left to do for the quantities that are not within the tolerance."""
+    """Mark agents for the quantities that are not within the tolerance."""
     wanted = SPARE * spawner.tolerance
     worst = max(answer.relative_error for answer in answers)
     open_parts = [p for p, a in zip(parts, answers, strict=True) if a.relative_error > wanted]
@@ -376,6 +364,6 @@ def told(tolerance_at: Asked) -> str | list[dict[str, Any]] | None:
     return tolerance_at
 
 
-def asked_again(told: str | list[dict[str, Any]] | None) -> Asked:
-    """Return what `told` has told of."""
-    return tuple(quantity_from(values) for values in told) if isinstance(told, list) else told
+def asked_again(plain: str | list[dict[str, Any]] | None) -> Asked:
+    """Return what the tolerance is about by the plain values of `told`."""
+    return tuple(quantity_from(values) for values in plain) if isinstance(plain, list) else plain

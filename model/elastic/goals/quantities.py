@@ -26,17 +26,17 @@ HOOP = "hoop"
 """The largest stress along a true outline."""
 
 
-class _Told:
-    """A quantity with its place and direction as tuples, whatever they are told as."""
+class _Parsed:
+    """A quantity whose place and direction become tuples, whatever sequences are given."""
 
     def __post_init__(self) -> None:
-        for name, told in {"at": _place, "along": _way}.items():
+        for name, parse in {"at": _place, "along": _direction}.items():
             if hasattr(self, name):
-                object.__setattr__(self, name, told(getattr(self, name)))
+                object.__setattr__(self, name, parse(getattr(self, name)))
 
 
 @dataclass(frozen=True)
-class Deflection(_Told):
+class Deflection(_Parsed):
     """The displacement of a place.
 
     Parameters
@@ -66,7 +66,7 @@ class Deflection(_Told):
 
 
 @dataclass(frozen=True)
-class Stress(_Told):
+class Stress(_Parsed):
     """A stress at a place.
 
     Parameters
@@ -96,7 +96,7 @@ class Stress(_Told):
 
 
 @dataclass(frozen=True)
-class Reaction(_Told):
+class Reaction(_Parsed):
     """The force of a support on the body.
 
     Parameters
@@ -160,12 +160,12 @@ def named(quantity: Quantity) -> str:
 
 
 def quantity_from(values: Mapping[str, Any]) -> Quantity:
-    """Return the quantity that `described` has told of."""
+    """Return the quantity of the values that `described` has returned."""
     rest = {name: value for name, value in values.items() if name != "quantity"}
     return _KINDS[values["quantity"]](**rest)
 
 
-def ways_of(along: str | tuple[float, ...] | None, dimension: int) -> Floats:
+def directions_of(along: str | tuple[float, ...] | None, dimension: int) -> Floats:
     """Return the directions that are asked for, shape (components, dimension)."""
     axes = list(AXES[:dimension])
     if along is None:
@@ -211,7 +211,7 @@ def _place(at: Any) -> Place:
     return tuple(float(x) for x in at)
 
 
-def _way(along: Any) -> str | tuple[float, ...] | None:
+def _direction(along: Any) -> str | tuple[float, ...] | None:
     if along is None or isinstance(along, str):
         return along
     length = hypot(*along) if _is_point(along) else 0.0

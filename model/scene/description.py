@@ -10,8 +10,9 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
+from kaju.agents.elastic_rule import ElasticRule
 from kaju.agents.materials import LIBRARY, Material, suggestion
-from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
+from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.errors import ParameterError, SceneError
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History

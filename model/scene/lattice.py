@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.shares import Beside, Way
+from kaju.agents.shares import Lateral, Neighbourhood
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 
@@ -221,7 +221,7 @@ class Lattice(ABC):
         cosines: list[list[float]] = np.round(self.normals @ self.normals.T, 12).tolist()
         return cosines
 
-    def way(self, direction: int, form: int) -> Way:
+    def way(self, direction: int, form: int) -> Neighbourhood:
         """Return the neighbours of a cell as a load sees them that travels in a direction.
 
         Ahead is the face that looks most along the load; if two do so alike, as of a triangle
@@ -238,9 +238,8 @@ class Lattice(ABC):
         )
         beside = [(arm, c) for arm, c in faces if abs(c) < 1.0]
         nearest = max((c for _, c in beside), default=0.0)
-        return Way(
-            ahead, behind, tuple(Beside(a, float(c == nearest), 1.0 - c**2) for a, c in beside)
-        )
+        lateral = tuple(Lateral(arm, float(c == nearest), 1.0 - c**2) for arm, c in beside)
+        return Neighbourhood(ahead, behind, lateral)
 
     # Places and sizes.
 

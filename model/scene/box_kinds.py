@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags
 from kaju.model.scene.cell_types import AIR
-from kaju.model.scene.filling import FilledShape, Filling
 from kaju.model.scene.lattice import Cells
+from kaju.model.scene.resolved_body import FilledShape, ResolvedBody
 from kaju.model.scene.shapes import Ball, Box, Mask, Points, Polygon, Shape
 
 MIXED = -99
@@ -23,17 +23,17 @@ Kinds = NDArray[np.int64]
 
 
 class BoxKinds:
-    """Answers for a filling; keeps a pyramid of kinds for a body given cell by cell."""
+    """Answers for a body; keeps a pyramid of kinds for a body given cell by cell."""
 
-    def __init__(self, filling: Filling) -> None:
-        self._filling = filling
+    def __init__(self, resolved: ResolvedBody) -> None:
+        self._resolved = resolved
         self._pyramid: list[NDArray[np.int16]] = []
-        if not isinstance(filling.base, int):
-            self._pyramid = _pyramid(filling.base)
+        if not isinstance(resolved.base, int):
+            self._pyramid = _pyramid(resolved.base)
 
     def kinds(self, lower: Cells, exponent: int) -> Kinds:
         """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
-        shape = np.asarray(self._filling.lattice.shape)
+        shape = np.asarray(self._resolved.lattice.shape)
         upper = lower + (1 << exponent)
         inside = np.all((lower >= 0) & (upper <= shape), axis=1)
         beyond = (upper <= 0) | (lower >= shape)
@@ -45,26 +45,26 @@ class BoxKinds:
 
     def _outside(self, lower: Cells, upper: Cells, beyond: Flags) -> Kinds:
         """Beyond one side its condition holds, beyond two there is air."""
-        shape = np.asarray(self._filling.lattice.shape)
+        shape = np.asarray(self._resolved.lattice.shape)
         axis = np.argmax(beyond, axis=1)
         each = np.arange(len(lower))
         index = 2 * axis + (lower[each, axis] >= shape[axis])
         along = np.ones_like(beyond)
         along[each, axis] = False
         straddles = np.any(along & ~beyond & ((lower < 0) | (upper > shape)), axis=1)
-        kind = np.where(beyond.sum(axis=1) > 1, AIR, self._filling.beyond[index])
+        kind = np.where(beyond.sum(axis=1) > 1, AIR, self._resolved.beyond[index])
         return np.where(straddles & (kind != AIR), MIXED, kind)
 
     def _inside(self, lower: Cells, exponent: int) -> Kinds:
-        filling = self._filling
-        if isinstance(filling.base, int):
-            kind = np.full(len(lower), filling.base, dtype=np.int64)
+        resolved = self._resolved
+        if isinstance(resolved.base, int):
+            kind = np.full(len(lower), resolved.base, dtype=np.int64)
         else:
             kind = self._base(lower, exponent)
-        h = filling.lattice.cell_size
+        h = resolved.lattice.cell_size
         low = np.asarray((lower + 0.5) * h)
         high = np.asarray((lower + (1 << exponent) - 0.5) * h)
-        for region in filling.regions:
+        for region in resolved.regions:
             kind = _covered(kind, region, low, high)
         return kind
 

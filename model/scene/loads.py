@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError
 from kaju.model.scene.validation import (
     Coordinate,
     Count,
@@ -15,81 +15,13 @@ from kaju.model.scene.validation import (
     Index,
     Number,
     Text,
-    one_given,
     optional,
 )
 
-from .regions import ONE_SHAPE, RingTable, Round
-from .shapes import Ball, Polygon, Ring, Shape
+from .regions import LoadRegion
 
 MOST_STEPS = 100_000
 _LOADS = ("force", "pressure", "couple")
-_SHAPES = ("box", "disk", "ball", "ring", "polygon")
-
-
-class LoadRegion(Described):
-    """A shape that selects what a load acts on; exactly one.
-
-    A box without thickness along one axis selects the surface of the body on that plane. Of
-    all other shapes a pressure, or a couple, takes the free faces whose middles lie inside, such
-    as the edge of a hole; a force takes the cells inside.
-    """
-
-    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = optional(
-        "the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]"
-    )
-    disk: Round | None = None
-    ball: Round | None = None
-    """Centre and radius (m), in two and in three dimensions."""
-    ring: RingTable | None = None
-    """Centre and both radii (m), in two dimensions."""
-    polygon: tuple[tuple[Coordinate, ...], ...] | None = Field(
-        default=None, min_length=3, description="the corners (m), three or more, in the plane"
-    )
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> LoadRegion:
-        one_given(self, _SHAPES, ONE_SHAPE)
-        return self
-
-    def shape_in(self, dimension: int, where: str) -> Shape:
-        """Return a shape other than a box."""
-        name = one_given(self, _SHAPES, ONE_SHAPE)
-        if (name == "ball") != (dimension == 3):
-            raise SceneError(
-                f"{where}.{name}: belongs to {'three' if name == 'ball' else 'two'} dimensions; "
-                f"use {'box or ball' if dimension == 3 else 'box, disk, ring or polygon'}"
-            )
-        points = self.polygon or (getattr(self, name).centre,)
-        for point in points:
-            if len(point) != dimension:
-                raise SceneError(
-                    f"{where}.{name}: {list(point)} should have {dimension} coordinates"
-                )
-        if self.polygon is not None:
-            return Polygon(self.polygon)
-        if self.ring is not None:
-            return Ring(self.ring.centre, self.ring.inner, self.ring.outer)
-        circle = self.disk or self.ball
-        assert circle is not None
-        return Ball(circle.centre, circle.radius)
-
-    def flat_axis(self, cell_size: float, where: str) -> int | None:
-        """Return the axis along which the box has no thickness, None if it has volume."""
-        assert self.box is not None
-        spans = [high - low for low, high in zip(*self.box, strict=True)]
-        if min(spans) < 0.0:
-            raise SceneError(
-                f"{where}: goes from {list(self.box[0])} to {list(self.box[1])}; the first "
-                "corner must be the lower one along every axis"
-            )
-        flat = [axis for axis, span in enumerate(spans) if span <= 1e-6 * cell_size]
-        if len(flat) > 1:
-            raise SceneError(
-                f"{where}: has no thickness along {' and '.join('xyz'[axis] for axis in flat)}; "
-                "a surface has none along one axis only; for a point use point = [...]"
-            )
-        return flat[0] if flat else None
 
 
 class LoadTable(Described):

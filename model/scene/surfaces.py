@@ -15,7 +15,7 @@ from kaju.errors import SceneFileError
 from kaju.files import file_to_read
 
 from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
-from .shapes import TOUCH, Points
+from .shapes import TOUCH, Extent, Points, Relation
 
 _HEAD = 84
 """Bytes of a binary STL file before its triangles, of 50 bytes each."""
@@ -92,8 +92,8 @@ class ClosedSurface:
             raise SceneFileError(f"{key}: {which}; mend it where it was made")
 
     @cached_property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
         points = self.corners.reshape(-1, 3)
         return points.min(axis=0), points.max(axis=0)
 
@@ -140,8 +140,8 @@ class ClosedSurface:
             found.append((line[odd], corner[odd, 0, 2] - rise))
         return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
 
-    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
-        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the surface."""
         crossed = np.zeros(len(low), dtype=np.bool_)
         for box, triangle in self._near(low, high):
             half = (0.5 - TOUCH) * (high[box] - low[box])

@@ -21,7 +21,7 @@ from kaju.model.results.archive import open_archive
 from kaju.model.results.result import BodyResult, line_of, load_result
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.body_cells import body_cells
-from kaju.model.scene.filling import CellBox
+from kaju.model.scene.resolved_body import CellBox
 from kaju.model.study.reference import Reference
 
 

@@ -3,48 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.errors import SceneError
-from kaju.model.scene import cell_types
+from kaju.model.scene.cell_types import NOT_BODY
 
 from .body import Body
-from .filling import FilledShape, Filling, count, grid
 from .pictures import Picture, check_count, from_array, from_drawing, from_image
-from .sides import FREE, SideCondition
+from .resolved_body import FilledShape, ResolvedBody, count, grid
+from .sides import FREE, SideCondition, unknown_side
 
-# Whatever does not carry load beside the body gives loads back alike.
-MEDIA = ("air", "water", "gas", "vacuum")
-NOT_BODY = dict.fromkeys(MEDIA, cell_types.AIR) | {
-    "rigid": cell_types.RIGID,
-    "roller": cell_types.ROLLER,
-}
 _FEW = 10_000
 
 
-@dataclass(frozen=True, eq=False)
-class Contents:
-    """A body made ready to be asked."""
-
-    filling: Filling
-    """What is where."""
-    materials: tuple[Material, ...]
-    """The materials that kinds from 0 upwards stand for."""
-    picture: Picture | None
-    """The body cell by cell, if it was given so."""
-
-
-def contents_of(
+def resolve(
     body: Body,
     legend: Mapping[str, str],
     materials: Mapping[str, Material],
     sides: Mapping[str, SideCondition],
-) -> Contents:
-    """Return what a described body consists of."""
+) -> ResolvedBody:
+    """Return a body whose names are materials, and whose regions are shapes."""
     picture = _picture(body, legend)
     shape = body.cells if picture is None else picture.codes.shape
     assert shape is not None
@@ -68,9 +49,10 @@ def contents_of(
         for number, region in enumerate(body.regions)
     )
     beyond = np.array([sides.get(side, FREE).code for side in lattice.sides], dtype=np.int64)
-    filling = Filling(lattice, base, regions, beyond)
-    _check_regions(filling, body.outlined)
-    return Contents(filling, tuple(found.values()), picture)
+    resolved = ResolvedBody(lattice, base, regions, beyond, tuple(found.values()), picture)
+    if not body.outlined:
+        _check_regions(resolved)
+    return resolved
 
 
 def _picture(body: Body, legend: Mapping[str, str]) -> Picture | None:
@@ -118,10 +100,7 @@ def _material(name: str, key: str, materials: Mapping[str, Material]) -> Materia
 def _check_sides(sides: Mapping[str, SideCondition], known: tuple[str, ...]) -> None:
     for name, side in sides.items():
         if name not in known:
-            raise SceneError(
-                f"sides.{name}: there is no such side{suggestion(name, known)}; there is "
-                f"{', '.join(known)}"
-            )
+            raise unknown_side(name, known, f"sides.{name}")
         if side.displacement is not None and len(side.displacement) != len(known) // 2:
             raise SceneError(
                 f"sides.{name}.displacement: {len(known) // 2} numbers are needed, one for each "
@@ -137,15 +116,14 @@ def _check_sides(sides: Mapping[str, SideCondition], known: tuple[str, ...]) -> 
             )
 
 
-def _check_regions(filling: Filling, outlined: bool) -> None:
+def _check_regions(resolved: ResolvedBody) -> None:
     """Refuse a region so small that no cell's centre lies in it: it would do nothing."""
-    for number, region in enumerate(() if outlined else filling.regions):
-        box = filling.cells_of(region.shape)
+    for number, region in enumerate(resolved.regions):
+        box = resolved.cells_of(region.shape)
         if count(box) > _FEW:
             continue
-        centres = filling.lattice.centres(grid(*box))
-        if not region.shape.contains(centres).any():
+        if not region.shape.contains(resolved.lattice.centres(grid(*box))).any():
             raise SceneError(
                 f"body.regions.{number}: holds no cell's centre; cells are "
-                f"{filling.lattice.cell_size:g} m wide. Make it larger or the cells smaller"
+                f"{resolved.lattice.cell_size:g} m wide. Make it larger or the cells smaller"
             )

@@ -9,7 +9,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.scene.body_cells import body_cells
+from kaju.model.scene import body_cells
 
 from .arguments import check_numbers
 from .cell_agents import CellAgents

@@ -1,4 +1,4 @@
-"""What fills whole boxes of cells, told without looking at every cell.
+"""What fills whole boxes of cells, found without looking at every cell.
 
 The boxes are those of a quadtree or octree: 2^k cells along every edge, at multiples of
 2^k. A box that lies in one shape or outside of all of them is of one kind; one that an
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells
-from kaju.model.scene.resolved_body import FilledShape, ResolvedBody
+from kaju.model.scene.resolved_body import ResolvedBody
 from kaju.model.scene.shapes import Ball, Box, Mask, Points, Polygon, Shape
 
 MIXED = -99
-"""A box of which no single kind can be told."""
+"""A box that may hold cells of several kinds."""
 
 Kinds = NDArray[np.int64]
 
@@ -56,23 +56,21 @@ class BoxKinds:
         return np.where(straddles & (kind != AIR), MIXED, kind)
 
     def _inside(self, lower: Cells, exponent: int) -> Kinds:
-        resolved = self._resolved
-        if isinstance(resolved.base, int):
-            kind = np.full(len(lower), resolved.base, dtype=np.int64)
+        base, h = self._resolved.base, self._resolved.lattice.cell_size
+        if isinstance(base, int):
+            kind = np.full(len(lower), base, dtype=np.int64)
+        elif exponent < len(self._pyramid):
+            kind = self._pyramid[exponent][tuple((lower >> exponent).T)].astype(np.int64)
         else:
-            kind = self._base(lower, exponent)
-        h = resolved.lattice.cell_size
+            kind = np.full(len(lower), MIXED, dtype=np.int64)
+        # A box is of a region's kind if the region holds the centres of all of its cells.
         low = np.asarray((lower + 0.5) * h)
         high = np.asarray((lower + (1 << exponent) - 0.5) * h)
-        for region in resolved.regions:
-            kind = _covered(kind, region, low, high)
+        for region in self._resolved.regions:
+            inside, apart = relation(region.shape, low, high)
+            crossed = np.where(kind == region.kind, kind, MIXED)
+            kind = np.where(inside, region.kind, np.where(apart, kind, crossed))
         return kind
-
-    def _base(self, lower: Cells, exponent: int) -> Kinds:
-        level = min(exponent, len(self._pyramid) - 1)
-        if level < exponent:
-            return np.full(len(lower), MIXED, dtype=np.int64)
-        return np.asarray(self._pyramid[level][tuple((lower >> exponent).T)], dtype=np.int64)
 
 
 def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
@@ -89,15 +87,11 @@ def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
     return levels
 
 
-def _covered(kind: Kinds, region: FilledShape, low: Points, high: Points) -> Kinds:
-    """Lay a region over boxes whose cells' centres reach from `low` to `high`."""
-    inside, apart = relation(region.shape, low, high)
-    crossed = np.where(kind == region.kind, kind, MIXED)
-    return np.where(inside, region.kind, np.where(apart, kind, crossed))
-
-
 def relation(shape: Shape, low: Points, high: Points) -> tuple[Flags, Flags]:
-    """Tell which boxes of centres lie surely inside a shape, and which surely outside."""
+    """Tell which boxes of centres lie surely inside a shape, and which surely outside.
+
+    Other than for solids (`SolidShape.relation`), a centre on the edge is inside.
+    """
     if np.array_equal(low, high):
         inside = shape.contains(low)
         return inside, ~inside

@@ -35,39 +35,36 @@ class LoadTable(Described):
         "a cell, such as [10, 19], counted from 0 at left and bottom (and front)"
     )
     point: tuple[Coordinate, ...] | None = optional("a point (m), such as [0.1, 0.2]")
-    """In or on the body. Between cells, these share the force."""
+    # Cells that a point lies between share its force.
     region: LoadRegion | None = None
-    """A box of surface or of cells."""
     outline: Text | None = optional("the name of a region with a true outline, such as 'bore'")
-    """A pressure acts all along it, a force where the outline faces it, even across its
-    direction."""
+    # A pressure acts all along it, a force where the outline faces it, even across its direction.
     side: Text | None = optional("a side's name, such as 'top'")
-    """With `cell` or `point`: the side of the cell by which the force enters; unless given it is
-    the one that faces the force most. Alone: every face of the body on that side of the array."""
+    # With `cell` or `point`: the side of the cell by which the force enters; unless given it is the
+    # one that faces the force most. Alone: every face of the body on that side of the array.
     force: tuple[Number, ...] | None = optional("the total force (N), such as [0.0, -2.0]")
-    """Spread evenly."""
     pressure: Number | None = optional("a pressure against the surface (Pa), such as 1e5")
     pressure_slope: tuple[Number, ...] | None = optional(
         "the growth of the pressure along each axis (Pa/m)"
     )
-    """From `pressure` at the origin on. Where it falls below 0 it pulls. Elasticity takes it as it
-    is; where agents pass loads on it is that in the middle of each face."""
+    # From `pressure` at the origin on; below 0 it pulls. Elasticity takes it as it is; agents that
+    # pass loads on take that in the middle of each face.
     couple: Number | tuple[Number, ...] | None = optional(
         "a moment (N m): a number, in three dimensions three"
     )
-    """Counter-clockwise in the plane, without any force: shares that turn round the middle of a
-    side or a region, the larger the farther from it."""
+    # Counter-clockwise in the plane, without any force: shares that turn round the middle of a side
+    # or a region, the larger the farther from it.
     steps: Count = Field(default=1, le=MOST_STEPS, description="the number of equal steps")
     sense: Literal["push", "pull"] | None = optional(
         "whether the force travels along ('push') or against itself"
     )
-    """For a prescribed rule with `sense`; unless given a force pulls where it points out of the
-    body over its own side."""
+    # For a prescribed rule with `sense`; unless given a force pulls where it points out of the body
+    # over its own side.
 
     @model_validator(mode="after")
     def _one_place_one_load(self) -> LoadTable:
-        known = ("cell", "point", "region", "outline")
-        places = [name for name in known if getattr(self, name) is not None]
+        keys = ("cell", "point", "region", "outline")
+        places = [name for name in keys if getattr(self, name) is not None]
         if len(places) > 1 or not (places or self.side):
             raise ParameterError(
                 "cell: a load acts in one place: give either cell, point, region, "

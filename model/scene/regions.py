@@ -62,16 +62,14 @@ class SurfaceFile(Described):
 class RegionImage(Described):
     """The dark part of an image, stretched over a box or over the whole array."""
 
-    file: Text = Field(description="the path of an image, such as 'hole.png'")
-    """The path of an image, or of an ``.npy`` array of numbers, indexed [x, y]."""
+    file: Text = Field(description="the path of an image, such as 'hole.png'")  # or .npy
     box: tuple[Point, Point] | None = optional(
         "the lower and the upper corner (m) that the image fills"
     )
-    """The corners (m) that it fills."""
     level: Number | None = optional("how dark a place must be, from 0 to 1, such as 0.5")
-    """How dark, from 0 to 1, a place must be, bilinear between the middles of pixels; or how large
-    a number, bilinear between samples, of which the outer ones lie on the sides of the box. Without
-    one, cells take pixels that are darker than 0.5; true outlines and arrays take 0.5."""
+    # Bilinear between the middles of pixels; or how large a number, between samples of an array, of
+    # which the outer ones lie on the sides of the box. Without one, cells take pixels that are
+    # darker than 0.5; true outlines and arrays take 0.5.
 
     def shape_in(self, lattice: Lattice, where: str, level: float | None) -> Shape:
         """Return its dark pixels, or where it reaches a level, in their place."""
@@ -101,51 +99,34 @@ class Region(Described):
     """
 
     material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
-    """A material's name, "air", "rigid" or "roller"."""
     box: tuple[Point, Point] | None = optional(
         "the lower and the upper corner (m), such as [[0, 0], [0.1, 0.2]]"
     )
-    """Lower and upper corner (m)."""
     disk: Ball | None = None
-    """Centre and radius (m), in two dimensions."""
     ball: Ball | None = None
-    """Centre and radius (m), in three dimensions."""
     cylinder: Cylinder | None = None
-    """Ends of its axis, and radius (m), in three dimensions."""
-    surface: SurfaceFile | None = None
-    """A closed surface of triangles, in three dimensions: an STL file, and the unit of its numbers
-    (m). It is the body: no arc is guessed behind its triangles."""
+    surface: SurfaceFile | None = None  # no arc is guessed behind its triangles
     ring: Ring | None = None
-    """Centre, inner and outer radius (m), in two dimensions."""
     ellipse: Ellipse | None = None
-    """Centre and half-axes (m), and the angle (degrees) of the first one, in two dimensions."""
     slot: Slot | None = None
-    """Ends of its middle line, and radius (m), in two dimensions."""
     rounded_box: RoundedBox | None = None
-    """A box, and the radius (m) of its corners, in two dimensions."""
     polygon: tuple[Point, ...] | None = Field(
         default=None,
         min_length=3,
         max_length=MOST_CORNERS,
         description="the corners (m), three or more; finer shapes are drawn as an image",
     )
-    """Corners (m), in two dimensions."""
     path: Text | None = Field(
         default=None,
         max_length=1_000_000,
         description="path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z'",
     )
-    """Path data of SVG in the array's coordinates (m, y upwards), in two dimensions. Lines within a
-    line go round holes."""
+    # Lines within a line go round holes.
     image: RegionImage | None = None
-    """The dark pixels of an image, in two dimensions; where samples reach a level, in either."""
     outline: Literal["cells", "true"] = Field(
         default="cells", description='"cells" for a staircase of cells, "true" for the shape itself'
     )
-    """"cells" makes it a staircase of cells; "true" keeps the shape as it is, for `kaju.solve`
-    alone."""
     name: Text | None = optional("what loads call the region's outline")
-    """What loads call its outline."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> Region:
@@ -191,9 +172,7 @@ class LoadRegion(Described):
     )
     disk: Ball | None = None
     ball: Ball | None = None
-    """Centre and radius (m), in two and in three dimensions."""
     ring: Ring | None = None
-    """Centre and both radii (m), in two dimensions."""
     polygon: tuple[Point, ...] | None = Field(
         default=None, min_length=3, description="the corners (m), three or more, in the plane"
     )

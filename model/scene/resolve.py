@@ -97,17 +97,18 @@ def _material(name: str, key: str, materials: Mapping[str, Material]) -> Materia
     )
 
 
-def _check_sides(sides: Mapping[str, SideCondition], known: tuple[str, ...]) -> None:
+def _check_sides(sides: Mapping[str, SideCondition], names: tuple[str, ...]) -> None:
+    axes = range(len(names) // 2)
     for name, side in sides.items():
-        if name not in known:
-            raise unknown_side(name, known, f"sides.{name}")
-        if side.displacement is not None and len(side.displacement) != len(known) // 2:
+        if name not in names:
+            raise unknown_side(name, names, f"sides.{name}")
+        if side.displacement is not None and len(side.displacement) != len(axes):
             raise SceneError(
-                f"sides.{name}.displacement: {len(known) // 2} numbers are needed, one for each "
+                f"sides.{name}.displacement: {len(axes)} numbers are needed, one for each "
                 f"axis, got {list(side.displacement)}"
             )
-        across = known.index(name) // 2
-        along = tuple(axis for axis in range(len(known) // 2) if axis != across)
+        across = names.index(name) // 2
+        along = tuple(axis for axis in axes if axis != across)
         if side.free_axes not in ((), along):
             raise SceneError(
                 f"sides.{name}.displacement: a side is moved along all axes, or across itself "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from pydantic import model_validator
 
 from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule
-from kaju.arrays import Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import text_of_file
 from kaju.model.scene.box_kinds import BoxKinds
@@ -313,7 +314,7 @@ class Scene(Description):
 
         ``{"loads.0.steps": "1", "rule.threshold": 0.001}``: texts are read as TOML values.
         """
-        table = self._table()
+        table = table_of(self)
         one_share = any(path.startswith("rule.alpha.") for path in changes)
         if one_share and isinstance(self.rule, PrescribedRule):  # perhaps left to the dimension
             table["rule"]["alpha"] = list(self.rule.alpha_in(self.lattice.dimension))
@@ -321,18 +322,18 @@ class Scene(Description):
 
     def to_toml(self) -> str:
         """Return the scene as TOML, from which `from_toml` makes an equal scene."""
-        return text_of(self._table(), self._resolved.picture)
+        return text_of(table_of(self), self._resolved.picture)
 
     def save(self, path: str | Path) -> None:
         """Write the scene to a file; a large array goes into an ``.npy`` file beside it."""
-        save(path, self._table(), self._resolved.picture)
+        save(path, table_of(self), self._resolved.picture)
 
     def to_archive(self) -> tuple[str, dict[str, NDArray[Any]]]:
         """Return the scene as TOML and the arrays that it refers to; see `from_archive`.
 
         The images of regions become part of the text, so that no other file is needed.
         """
-        table = self._table()
+        table = table_of(self)
         for number, filled in enumerate(self._resolved.regions):
             region = table["body"]["regions"][number]
             if isinstance(filled.shape, Mask | SampledShape):
@@ -349,8 +350,15 @@ class Scene(Description):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
-        ours, theirs = self._resolved.base, other._resolved.base
-        return self._in_words() == other._in_words() and np.array_equal(ours, theirs)
+        ours, theirs = (
+            (
+                *(one.lattice, one.plane, one.thickness, one.cell_materials, one._conditions),
+                *(one.body.gravity, one.body.regions, one.body.allow_floating),
+                *(one.loads, one.rule, one.history),
+            )
+            for one in (self, other)
+        )
+        return ours == theirs and np.array_equal(self._resolved.base, other._resolved.base)
 
     __hash__ = None  # type: ignore[assignment]
     __iter__ = None  # type: ignore[assignment]  # one value, for Mesa's batch_run too
@@ -365,18 +373,9 @@ class Scene(Description):
             f"{loads} in {stages}, {self.rule.kind} rule"
         )
 
-    def _in_words(self) -> tuple[object, ...]:
-        body = (self.body.gravity, self.body.regions, self.body.allow_floating)
-        space = (self.lattice, self.plane, self.thickness)
-        asked = (self.loads, self.rule, self.history)
-        return (*space, body, self.cell_materials, self._conditions, *asked)
-
     @property
     def _conditions(self) -> tuple[SideCondition, ...]:
         return tuple(self.side_condition(name) for name in self.lattice.sides)
-
-    def _table(self) -> dict[str, Any]:
-        return table_of(self)
 
     @cached_property
     def _resolved(self) -> ResolvedBody:
@@ -389,6 +388,22 @@ class Scene(Description):
         return tuple(
             select(body, load, f"loads.{number}") for number, load in enumerate(self.loads)
         )
+
+
+def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
+    """Return the body cell that each point (m) lies in or on, and whether there is one."""
+    lattice = scene.lattice
+    cells = lattice.locate(points)
+    outside = scene.kinds(cells) < 0
+    # A point on the surface belongs to the body, on whichever side rounding has put it.
+    corners = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
+    for shift in np.concatenate([lattice.normals, corners]):
+        moved = lattice.locate(points[outside] + 1e-6 * lattice.cell_size * shift)
+        inside = scene.kinds(moved) >= 0
+        place = np.flatnonzero(outside)[inside]
+        cells[place] = moved[inside]
+        outside[place] = False
+    return cells, ~outside
 
 
 def scene_needed(given: object) -> None:

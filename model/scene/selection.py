@@ -466,12 +466,11 @@ def at_stage(
     if gravity is not None and any(gravity):
         cells, mass = _masses(body, thickness)
         parts.append((cells, np.full(len(cells), -1), np.outer(mass, gravity), BY_SIDE))
-    cells, direction, force, sense_of = zip(*parts, strict=True)
     return AppliedLoads(
-        np.concatenate(cells),
-        np.concatenate(direction),
-        np.concatenate(force),
-        np.repeat(np.array(sense_of, dtype=np.int8), [len(some) for some in cells]),
+        np.concatenate([part[0] for part in parts]),
+        np.concatenate([part[1] for part in parts]),
+        np.concatenate([part[2] for part in parts]),
+        np.concatenate([np.full(len(part[0]), part[3], dtype=np.int8) for part in parts]),
         Uneven(*map(np.concatenate, zip(*uneven, strict=True))) if uneven else None,
     )
 

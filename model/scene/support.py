@@ -32,7 +32,7 @@ def check_body(resolved: ResolvedBody, allow_floating: bool) -> None:
 def _check_samples(resolved: ResolvedBody, allow_floating: bool) -> None:
     boxes = [resolved.box] + [resolved.cells_of(region.shape) for region in resolved.regions]
     if not any(_has_body(resolved, box) for box in boxes):
-        raise SceneError(_empty(resolved))
+        raise _nothing_there(resolved)
     inside = [resolved.base, *(part.kind for part in resolved.regions)]
     if allow_floating or any(bool(np.isin(np.asarray(kind), _HOLDS).any()) for kind in inside):
         return
@@ -55,7 +55,7 @@ def _has_body(resolved: ResolvedBody, box: CellBox) -> bool:
 def _check_parts(resolved: ResolvedBody, allow_floating: bool) -> None:
     raster = resolved.rasterise()
     if not (raster >= 0).any():
-        raise SceneError(_empty(resolved))
+        raise _nothing_there(resolved)
     if allow_floating:
         return
     framed = _framed(resolved, raster)
@@ -129,6 +129,8 @@ def _parts(resolved: ResolvedBody, framed: NDArray[np.int16]) -> Parts:
     return parts.reshape(framed.shape)[1:-1, 1:-1], held
 
 
-def _empty(resolved: ResolvedBody) -> str:
+def _nothing_there(resolved: ResolvedBody) -> SceneError:
     shape = " x ".join(map(str, resolved.lattice.shape))
-    return f"body: none of the {shape} cells is body; at least one must be of a material"
+    return SceneError(
+        f"body: none of the {shape} cells is body; at least one must be of a material"
+    )

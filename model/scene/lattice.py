@@ -327,8 +327,8 @@ class Lattice(ABC):
         along = self.normals[self.axes[axis]]
         across = np.array([-along[1], along[0]])
         middles = self.centres(cells) / self.cell_size
-        # Lines are fractions of a cell apart, with denominators up to 14 (720720 is their least common
-        # multiple). Rounding removes what middles on one line differ by.
+        # Lines are fractions of a cell apart, with denominators up to 14 (least common multiple:
+        # 720720). Rounding removes what middles on one line differ by.
         line = np.rint(720720.0 * (middles @ across)).astype(np.int64)
         begins = middles @ along - self.within[self.form(cells), axis]
         lowest = np.minimum(0.0, along * self.extent).sum() / self.cell_size

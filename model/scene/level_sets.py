@@ -18,7 +18,7 @@ from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .curves import Point, conic
 from .pictures import embedded
-from .shapes import Box, Extent, Points, Relation
+from .shapes import Box, Extent, Points, Relation, ShapeOfArrays
 
 EMBEDDED_ARRAY = "data:application/x-npy;base64,"
 """What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
@@ -119,7 +119,7 @@ def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledShape:
+class SampledShape(ShapeOfArrays):
     """Where samples, bilinear (in space trilinear) between them, are not below a level."""
 
     box: Box  # beyond which there is nothing of it
@@ -128,14 +128,6 @@ class SampledShape:
     pixels: NDArray[np.uint8] | None = None
     """Those of an image: samples are in their middles, and stay the same up to the sides of the
     box. Else the first and the last samples lie on its sides."""
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, SampledShape):
-            return NotImplemented
-        one, two = ((each.box, each.at_least, each.pixels is None) for each in (self, other))
-        return one == two and np.array_equal(self.values, other.values)
-
-    __hash__ = None  # type: ignore[assignment]
 
     @property
     def extent(self) -> Extent:

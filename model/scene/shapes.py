@@ -6,7 +6,7 @@ Those that are `Described` are also how scenes write them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise, product
 from typing import Protocol
 
@@ -376,20 +376,25 @@ class Polygon:
                 yield np.asarray(start), np.asarray(end)
 
 
+class ShapeOfArrays:
+    """A dataclass with arrays, equal to another if all of its fields are."""
+
+    def __eq__(self, other: object) -> bool:
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return type(other) is type(self) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in names
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
 @dataclass(frozen=True, eq=False)
-class Mask:
+class Mask(ShapeOfArrays):
     """The dark pixels of a picture that is stretched over a box."""
 
     box: Box
     dark: Flags
     """First index along x from the left, second along y from the bottom."""
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Mask):
-            return NotImplemented
-        return self.box == other.box and np.array_equal(self.dark, other.dark)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""

@@ -15,7 +15,7 @@ from kaju.errors import SceneFileError
 from kaju.files import file_to_read
 
 from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
-from .shapes import TOUCH, Extent, Points, Relation
+from .shapes import TOUCH, Extent, Points, Relation, ShapeOfArrays
 
 _HEAD = 84
 """Bytes of a binary STL file before its triangles, of 50 bytes each."""
@@ -58,18 +58,11 @@ def _corners(data: bytes) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedSurface:
+class ClosedSurface(ShapeOfArrays):
     """The inside of a closed surface of triangles, by the even-odd rule."""
 
     corners: Floats
     """Of every triangle (m), shape (n, 3, 3)."""
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ClosedSurface):
-            return NotImplemented
-        return np.array_equal(self.corners, other.corners)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""

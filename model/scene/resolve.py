@@ -31,10 +31,7 @@ def resolve(
     assert shape is not None
     lattice = body.lattice_of(shape)
     _check_sides(sides, lattice.sides)
-    names = _names(body, picture)
-    found = {
-        name: _material(name, key, materials) for name, key in names.items() if name not in NOT_BODY
-    }
+    found = _materials(body, picture, materials)
     check_count(len(found))
     kind_of = NOT_BODY | {name: index for index, name in enumerate(found)}
     base: int | NDArray[np.int16]
@@ -73,28 +70,26 @@ def _picture(body: Body, legend: Mapping[str, str]) -> Picture | None:
     return from_array(body.array, legend)
 
 
-def _names(body: Body, picture: Picture | None) -> dict[str, str]:
-    """Return what the body is made of, by name, and where each name is used first."""
+def _materials(
+    body: Body, picture: Picture | None, described: Mapping[str, Material]
+) -> dict[str, Material]:
+    """Return the materials that a body is made of, by name."""
     if picture is not None:
-        names = dict.fromkeys(picture.names, "legend")
+        keys = dict.fromkeys(picture.names, "legend")
     else:
         assert body.material is not None
-        names = {body.material: "body.material"}
+        keys = {body.material: "body.material"}
     for number, region in enumerate(body.regions):
-        names.setdefault(region.material, f"body.regions.{number}.material")
-    return names
-
-
-def _material(name: str, key: str, materials: Mapping[str, Material]) -> Material:
-    if name in materials:
-        return materials[name]
-    if name in LIBRARY:
-        return LIBRARY[name]
-    known = list(dict.fromkeys([*materials, *LIBRARY, *NOT_BODY]))
-    raise SceneError(
-        f"{key}: there is no material {name!r}{suggestion(name, known)}; describe it under "
-        f"[materials.{name}] or use {', '.join(known)}"
-    )
+        keys.setdefault(region.material, f"body.regions.{number}.material")
+    found = LIBRARY | dict(described)
+    for name, key in keys.items():
+        if name not in found and name not in NOT_BODY:
+            names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
+            raise SceneError(
+                f"{key}: there is no material {name!r}{suggestion(name, names)}; describe it under "
+                f"[materials.{name}] or use {', '.join(names)}"
+            )
+    return {name: found[name] for name in keys if name not in NOT_BODY}
 
 
 def _check_sides(sides: Mapping[str, SideCondition], names: tuple[str, ...]) -> None:

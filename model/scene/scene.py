@@ -40,7 +40,6 @@ from .text import (
     overridden,
     save,
     table_from,
-    table_from_archive,
     table_of,
     text_of,
 )
@@ -345,7 +344,11 @@ class Scene(Description):
     @classmethod
     def from_archive(cls, text: str, arrays: Mapping[str, NDArray[Any]]) -> Scene:
         """Return the scene that `to_archive` took apart."""
-        return cls(**table_from_archive(text, arrays))
+        table = table_from(text)
+        name = table["body"].get("array")
+        if name is not None:
+            table["body"]["array"] = arrays[name]
+        return cls(**table)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):

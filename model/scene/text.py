@@ -59,13 +59,6 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     return table if folder is None else located(table, Path(folder))
 
 
-def table_from_archive(text: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return the table in a TOML text, its body's array taken from `arrays`."""
-    table = table_from(text)
-    name = table["body"].get("array")
-    return table if name is None else {**table, "body": {**table["body"], "array": arrays[name]}}
-
-
 def located(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return a scene's table with the paths in it starting from `folder`."""
     moved = {key: _moved(part, folder) for key, part in table.items() if key != "materials"}

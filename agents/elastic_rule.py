@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, get_args
+from typing import ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,10 +25,8 @@ from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .materials import Material
+from .rules import PrescribedRule, check_threshold
 from .shares import Shares
-
-if TYPE_CHECKING:
-    from .rules import PrescribedRule
 
 Plane = Literal["stress", "strain"]
 Order = Literal["wave", "largest first", "multilevel"]
@@ -91,14 +89,11 @@ class DerivedShares(Shares):
 
     def beside(self, rule: PrescribedRule | None = None) -> str:
         """Return a table of these shares beside those of a prescribed rule."""
-        from .rules import PrescribedRule
-
         dimension = 2 if self.plane else 3
         if rule is None:  # the prescribed rule has no load that pulls neighbours beside
             rule = PrescribedRule(beta=0.5 if self.material.poissons_ratio >= 0.0 else 1.0)
         chosen = rule.shares(self.material, dimension)
         rows = [
-            ("share of each newton", "prescribed", "", "elastic", ""),
             ("own", "α₁", chosen.own, "E/k", self.own),
             ("forward", "α₂", chosen.forward, "C₁₁/k", self.forward),
             ("backward", "none", chosen.backward, "C₁₁/k", self.backward),
@@ -106,12 +101,14 @@ class DerivedShares(Shares):
             ("Poisson, each", "(1−β)να₁", chosen.poisson, "±(C₁₂+μ)/k", self.poisson),
         ]
         state = f"plane {self.plane}" if self.plane else "three dimensions"
-        table = [f"{self.material.name}, ν = {self.material.poissons_ratio:g}, {state}"]
-        for name, symbol, prescribed, formula, derived in rows:
-            left, right = (
-                f"{v:10.4f}" if isinstance(v, float) else 10 * " " for v in (prescribed, derived)
-            )
-            table.append(f"{name:22}{symbol:12}{left}   {formula:14}{right}".rstrip())
+        table = [
+            f"{self.material.name}, ν = {self.material.poissons_ratio:g}, {state}",
+            f"{'share of each newton':22}{'prescribed':25}elastic",
+            *(
+                f"{name:22}{symbol:12}{a:10.4f}   {formula:14}{b:10.4f}"
+                for name, symbol, a, formula, b in rows
+            ),
+        ]
         sides = 2 * (dimension - 1)
         table.append(
             f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.\n"
@@ -165,11 +162,8 @@ class ElasticRule:
     kind: ClassVar[Literal["elastic"]] = "elastic"
 
     def __post_init__(self) -> None:
-        if self.threshold is not None and not (isfinite(self.threshold) and self.threshold > 0.0):
-            raise ParameterError(
-                f"threshold: must be a load above 0 N, got {self.threshold}; leave it out to "
-                "have it chosen from the tolerance"
-            )
+        if self.threshold is not None:
+            check_threshold(self.threshold, "leave it out to have it chosen from the tolerance")
         if self.order not in get_args(Order):
             raise ParameterError(
                 f"order: must be one of {', '.join(map(repr, get_args(Order)))}, got {self.order!r}"

@@ -1,26 +1,23 @@
 """The agents of the elastic rule: they take a load, yield, and pass all of it on.
 
-A face agent does what a `MaterialAgent` does, with two differences: loads that meet are
-added up with their sign, and what is up to the threshold rests instead of ending. So it
-can be called again and again until nothing is left to do.
+Other than at a `MaterialAgent`, loads that meet are added up with their sign, and a load too small
+to act on waits instead of ending, so that the agent can act again and again until none is left.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
 
 from .boundary_agent import BoundaryAgent, FreeBoundaryAgent
-
-if TYPE_CHECKING:
-    from .materials import Material
+from .materials import Material
 
 
 class Faces(Protocol):
-    """What rests on the faces of a level, agent or not, as arrays by face number."""
+    """The state of the faces of a level, agent or not, as arrays by face number."""
 
     @property
     def left(self) -> Floats:
@@ -60,24 +57,15 @@ class Link(NamedTuple):
 class Place:
     """Where a face agent stands."""
 
-    level: int
-    """0 for the cells' own faces, 1 for those of 2×2(×2) blocks, and so on."""
-    number: int
-    """The face's number on its level."""
-    axis: int
-    """Axis of the normal, along which the face moves."""
-    index: tuple[int, ...]
-    """Cell on the upper side of the face; of parents, block, counted from the body's box."""
-    position: Floats
-    """Middle of the face (m)."""
-    materials: tuple[Material, ...]
-    """What the cells beside the face are made of; empty for parents."""
-    stiffness: float
-    """K (N/m): load that moves the face by 1 m while all others hold still."""
-    links: tuple[Link, ...]
-    """Shares handed to other faces and to supports."""
-    open_to: tuple[Link, ...] = ()
-    """Shares that air beside the face gives back."""
+    level: int  # 0 for the cells' own faces, 1 for those of 2×2(×2) blocks, and so on
+    number: int  # of the face on its level
+    axis: int  # of the normal, along which the face moves
+    index: tuple[int, ...]  # upper cell; of parents, upper block, counted from the body's box
+    position: Floats  # middle of the face (m)
+    materials: tuple[Material, ...]  # of the cells beside the face; empty for parents
+    stiffness: float  # K (N/m): load that moves the face by 1 m while all others hold still
+    links: tuple[Link, ...]  # shares handed to other faces and to supports
+    open_to: tuple[Link, ...] = ()  # shares that air beside the face gives back
 
 
 class FaceAgent(FixedAgent):

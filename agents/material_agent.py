@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import chain
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
 from kaju.errors import AgentError
 
+from .materials import Material
 from .shares import Emission, Emissions, Load, Sense, Shares
-
-if TYPE_CHECKING:
-    from .materials import Material
 
 
 class Amounts(dict[int, float]):
@@ -83,7 +81,7 @@ class MaterialAgent(PlacedAgent):
     passed : dict of int to float
         Loads handed over (N), by arm.
     dropped : float
-        Emissions up to the threshold (N), which end here.
+        Emissions that end here, up to γ each (N).
     inbox, pulls : dict
         Pushes, and pulls, to take in the next step: (direction, magnitude) → copies.
     form : int
@@ -180,7 +178,7 @@ class MaterialAgent(PlacedAgent):
 
     def waiting(self) -> list[Load]:
         """Return the loads to take in the next step."""
-        new = tuple.__new__  # loads by the thousand: a third of the time of Load(...)
+        new = tuple.__new__  # takes a third of the time of Load(...), and there are thousands
         loads = [new(Load, (*key, copies, "push")) for key, copies in self.inbox.items()]
         return loads + [Load(*key, copies, "pull") for key, copies in self.pulls.items()]
 

@@ -75,12 +75,8 @@ class Material:
             )
 
 
-def _library() -> dict[str, Material]:
-    text = files("kaju.agents").joinpath("materials.toml").read_text(encoding="utf-8")
-    return {name: Material(name, **entries) for name, entries in tomllib.loads(text).items()}
-
-
-LIBRARY = _library()
+_TEXT = files("kaju.agents").joinpath("materials.toml").read_text(encoding="utf-8")
+LIBRARY = {name: Material(name, **entries) for name, entries in tomllib.loads(_TEXT).items()}
 """The named materials, by name."""
 
 

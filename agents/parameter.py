@@ -114,15 +114,10 @@ class Parameter:
             return {"type": "Checkbox", "value": self.default, "label": label}
         assert self.low is not None
         assert self.high is not None
-        kind, step = ("SliderInt", 1) if self.whole else ("SliderFloat", self._step)
+        step = 1 if self.whole else (self.high - self.low) / 100.0 or 1.0
         ends = {"min": self.low, "max": self.high, "step": step}
+        kind = "SliderInt" if self.whole else "SliderFloat"
         return {"type": kind, "value": self.default, "label": label, **ends}
-
-    @property
-    def _step(self) -> float:
-        assert self.low is not None
-        assert self.high is not None
-        return (self.high - self.low) / 100.0 or 1.0
 
 
 def declared(classes: Iterable[type]) -> dict[str, Parameter]:

@@ -1,12 +1,9 @@
 """By which rule an agent passes load on.
 
 A rule answers one question: of a load that an agent takes, *what shares does it keep and
-pass on?* `PrescribedRule` takes the numbers from the user, `ElasticRule` derives them from
-the material. Two kinds of agent work by them. A `MaterialAgent` stands on a cell and
-passes loads on that end below the threshold (`LoadModel`); it takes a `PrescribedRule`, or
-any other `ShareRule`. A `FaceAgent` stands on a face, adds up what reaches it with its sign,
-and what is below the threshold rests (`ElasticModel`); its shares are those of the
-`ElasticRule`, worked out face by face where materials meet and at surfaces.
+pass on?* `PrescribedRule` takes the numbers from the user, `ElasticRule` (`elastic_rule.py`)
+derives them from the material. A `MaterialAgent` works by the former, or by any other
+`ShareRule`; a `FaceAgent` by the latter, face by face where materials meet and at surfaces.
 """
 
 from __future__ import annotations
@@ -19,18 +16,13 @@ from typing import ClassVar, Literal, Protocol
 from kaju.agents.materials import Material
 from kaju.errors import ParameterError
 
-from .elastic_rule import DerivedShares, ElasticRule
-from .shares import Emission, Shares
+from .shares import Shares
 
-__all__ = [
-    "Coefficients",
-    "DerivedShares",
-    "ElasticRule",
-    "Emission",
-    "PrescribedRule",
-    "ShareRule",
-    "Shares",
-]
+
+def check_threshold(value: float, remedy: str) -> None:
+    """Refuse a threshold that is no load above 0."""
+    if not (isfinite(value) and value > 0.0):
+        raise ParameterError(f"threshold: must be a load above 0 N, got {value}; {remedy}")
 
 
 class ShareRule(Protocol):
@@ -85,9 +77,8 @@ class Coefficients:
     def __post_init__(self) -> None:
         if self.alpha is not None:
             if len(self.alpha) != 3:
-                raise ParameterError(
-                    f"alpha: three shares (kept, ahead, beside) are needed, got {self.alpha}"
-                )
+                needed = "three shares (kept, ahead, beside) are needed"
+                raise ParameterError(f"alpha: {needed}, got {self.alpha}")
             for name, share in zip(("α₁", "α₂", "α₃"), self.alpha, strict=True):
                 if not (isfinite(share) and share >= 0.0):
                     raise ParameterError(
@@ -120,8 +111,7 @@ class Coefficients:
                 "neighbours beside, and this rule knows no pulls; take sense = true, beta = 1 "
                 "or the elastic rule"
             )
-        widening = self.beta * material.poissons_ratio
-        return Shares(own, forward, 0.0, friction, poisson, widening)
+        return Shares(own, forward, 0.0, friction, poisson, self.beta * material.poissons_ratio)
 
 
 @dataclass(frozen=True)
@@ -166,11 +156,7 @@ class PrescribedRule(Coefficients):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (isfinite(self.threshold) and self.threshold > 0.0):
-            raise ParameterError(
-                f"threshold: must be a load above 0 N, got {self.threshold}; without a "
-                "threshold loads would be halved for ever"
-            )
+        check_threshold(self.threshold, "without a threshold loads would be halved for ever")
 
     def coefficients(self, material: Material) -> Coefficients:
         """Return the coefficients that hold for a material."""
@@ -179,7 +165,4 @@ class PrescribedRule(Coefficients):
     def shares(self, material: Material, dimension: int, sense: bool | None = None) -> Shares:
         """Return what an agent of `material` keeps and passes on."""
         sense = self.sense if sense is None else sense
-        coefficients = self.coefficients(material)
-        if coefficients is self:
-            return super().shares(material, dimension, sense)
-        return coefficients.shares(material, dimension, sense)
+        return Coefficients.shares(self.coefficients(material), material, dimension, sense)

@@ -55,23 +55,21 @@ class Emission(NamedTuple):
     sense: Sense = "push"
 
 
-class Emissions(tuple[Emission, ...]):
-    """What a load sends out by the shares of an agent: known to be right, and split but once."""
-
-    def __init__(self, emissions: tuple[Emission, ...]) -> None:
-        self.split: dict[float, Split] = {}  # by the magnitude of the load
-
-
 class Split(NamedTuple):
     """What becomes of the emissions of a load."""
 
-    sent: list[tuple[int, tuple[int, float], Sense]]
-    """Those that go on."""
-    ended: list[float]
-    """Those that end here (N)."""
+    sent: list[tuple[int, tuple[int, float], Sense]]  # go on: arm, (direction, magnitude), sense
+    ended: list[float]  # end here (N)
 
 
-class Beside(NamedTuple):
+class Emissions(tuple[Emission, ...]):
+    """Emissions that follow from an agent's shares: valid, and split once per load's magnitude."""
+
+    def __init__(self, emissions: tuple[Emission, ...]) -> None:
+        self.split: dict[float, Split] = {}
+
+
+class Lateral(NamedTuple):
     """A neighbour beside a load: the arm to it and its weights in the two sideways shares."""
 
     arm: int
@@ -79,14 +77,12 @@ class Beside(NamedTuple):
     poisson: float
 
 
-class Way(NamedTuple):
-    """The neighbours of a cell as a load sees them that travels through it."""
+class Neighbourhood(NamedTuple):
+    """The neighbours of a cell, sorted by where a load goes that travels through it."""
 
-    ahead: tuple[tuple[int, float], ...]
-    behind: tuple[tuple[int, float], ...]
-    """Over which arms the forward and the backward share leave, and in which parts."""
-    beside: tuple[Beside, ...]
-    """The neighbours beside."""
+    ahead: tuple[tuple[int, float], ...]  # arms of the forward share, and their parts of it
+    behind: tuple[tuple[int, float], ...]  # the same for the backward share
+    beside: tuple[Lateral, ...]
 
 
 @dataclass(frozen=True)
@@ -116,7 +112,7 @@ class Shares:
     """How much the agent widens freely when it is shortened by 1: βν."""
 
     def emissions(
-        self, direction: int, sense: Sense, way: Way, opposite: Sequence[int]
+        self, direction: int, sense: Sense, way: Neighbourhood, opposite: Sequence[int]
     ) -> tuple[Emission, ...]:
         """Return what leaves the agent for each newton that it takes.
 
@@ -127,23 +123,25 @@ class Shares:
         sense : {"push", "pull"}
             Ahead and beside it is kept. What a load leaves behind, it takes along: under a
             push the neighbour behind is pulled.
-        way : Way
-            The neighbours as the load sees them where it travels.
+        way : Neighbourhood
+            The neighbours, sorted by where the load travels.
         opposite : sequence of int
             For every direction the one that points the other way.
         """
         other: Sense = "pull" if sense == "push" else "push"
-        passed = [Emission(arm, direction, self.forward * w, sense) for arm, w in way.ahead]
-        passed += [Emission(arm, direction, self.backward * w, other) for arm, w in way.behind]
+        passed = [((arm, direction, sense), self.forward * w) for arm, w in way.ahead]
+        passed += [((arm, direction, other), self.backward * w) for arm, w in way.behind]
         outwards = sense if self.poisson >= 0.0 else other
         for arm, friction, poisson in way.beside:
-            passed.append(Emission(arm, direction, self.friction * friction, sense))
+            passed.append(((arm, direction, sense), self.friction * friction))
             force = arm if outwards == "push" else opposite[arm]
-            passed.append(Emission(arm, force, abs(self.poisson) * poisson, outwards))
-        # What leaves over one arm along one direction is one load.
+            passed.append(((arm, force, outwards), abs(self.poisson) * poisson))
+        # Shares over one arm, along one direction and in one sense are one load.
         shares: dict[tuple[int, int, Sense], float] = {}
-        for arm, force, share, how in passed:
-            shares[arm, force, how] = shares.get((arm, force, how), 0.0) + share
+        for key, share in passed:
+            shares[key] = shares.get(key, 0.0) + share
         return tuple(
-            Emission(*key[:2], share, key[2]) for key, share in shares.items() if share > 0.0
+            Emission(arm, force, share, how)
+            for (arm, force, how), share in shares.items()
+            if share > 0.0
         )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from kaju._mesa import Agent
 
-if TYPE_CHECKING:
-    from .materials import Material
+from .materials import Material
 
 
 class Birth(NamedTuple):

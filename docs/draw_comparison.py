@@ -13,7 +13,7 @@ import re
 from pathlib import Path
 
 from kaju import load_scene
-from kaju.agents.rules import ElasticRule
+from kaju.agents.elastic_rule import ElasticRule
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.study.compare import Comparison, compare
 from kaju.model.study.fitting import Fit, fit_rule

@@ -10,7 +10,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.results.result import cells_of_points
-from kaju.model.scene.body_cells import body_cells
+from kaju.model.scene import body_cells
 
 from . import fields
 from .cell_agents import CellAgents

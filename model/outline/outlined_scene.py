@@ -16,7 +16,7 @@ from kaju.model.elastic.goals.quantities import ToleranceAt
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.solve_spawning import check_previous
 from kaju.model.scene import Scene
-from kaju.model.scene.contents import NOT_BODY
+from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.regions import Region
 from kaju.model.scene.shapes import OutlinedShape
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import is_there
-from kaju.model.scene import Scene
-from kaju.model.scene.body_cells import body_cells
+from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
 from .archive import Archive, open_archive, reading, write_archive

@@ -16,7 +16,7 @@ from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.integrate import TimeRecorder
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
-from kaju.model.scene.description import history_from
+from kaju.model.scene.description import HistoryTable
 from kaju.stepping import Until
 
 from .creep_result import CreepState
@@ -107,7 +107,7 @@ class CreepModel(SteppedModel):
             "drive": drive,
             "most_steps": most_steps,
         }
-        driven = history_from(history) if isinstance(history, Mapping) else history
+        driven = HistoryTable(**history).build() if isinstance(history, Mapping) else history
         self._rheology = rheology
         given: dict[str, Any] = {"times": times, "mass": mass, "rheology": rheology}
         self.task = TimeTask(subject, driven, **self._options, **given)

@@ -173,7 +173,7 @@ class PiecedBody:
 
     def kinds(self, box: Box) -> NDArray[np.int32]:
         """Return the kinds of the cells of a box, the rim's as kaju's arrays have them."""
-        from kaju.model.scene.filling import grid
+        from kaju.model.scene.resolved_body import grid
 
         cells = grid(*box) + self.lower
         kinds = self.scene.kinds(cells)

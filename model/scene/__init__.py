@@ -2,13 +2,13 @@
 
 from .body import Body
 from .lattice import Lattice
-from .loads import LoadRegion, LoadTable
-from .regions import Region, RegionImage, Round
-from .scene import Scene, load_scene, scene_needed
+from .loads import LoadTable
+from .regions import LoadRegion, Region, RegionImage
+from .scene import Scene, body_cells, load_scene, scene_needed
 from .selection import AppliedLoads
 from .sides import SideCondition
 
 __all__ = [
-    "AppliedLoads", "Body", "Lattice", "LoadRegion", "LoadTable", "Region", "RegionImage", "Round",
-    "Scene", "SideCondition", "load_scene", "scene_needed",
+    "AppliedLoads", "Body", "Lattice", "LoadRegion", "LoadTable", "Region", "RegionImage",
+    "Scene", "SideCondition", "body_cells", "load_scene", "scene_needed",
 ]  # fmt: skip

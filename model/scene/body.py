@@ -59,43 +59,28 @@ class Body(Described):
     """The cells of a body and what fills them."""
 
     size: tuple[Length, ...] | None = optional("the edges of the body (m), such as [0.2, 0.1]")
-    """Of the array of cells; with `cells` or a picture."""
     cells: tuple[Count, ...] | None = optional(
         "the number of cells along each axis, such as [20, 10]"
     )
-    """Three numbers make cubes."""
-    cell_size: Length | None = optional("the edge of a cell (m), such as 0.01")
-    """Distance of two opposite faces; instead of `size`."""
+    cell_size: Length | None = optional("the edge of a cell (m), such as 0.01")  # or size
+    # The scene's legend says what letters, colours and codes mean. A drawing's top row comes first;
+    # arrays are indexed [x, y] or [x, y, z] from left, front and bottom.
     drawing: Text | None = optional("the body, one letter a cell")
-    """The top row first. The scene's legend says what the letters (colours, codes) of a drawing
-    (image, array) mean."""
     image: Text | None = optional("the path of an image, such as 'body.png'")
-    """One pixel a cell."""
     array: Codes | None = optional("the path of an .npy file, or an array")
-    """Whole numbers, one a cell, indexed [x, y] or [x, y, z] from left, front and bottom."""
     thickness: Length | None = optional("the body's thickness across the plane (m)")
-    """1 m unless given."""
-    plane: Literal["stress", "strain"] | None = None
-    """Two-dimensional state; "stress" unless given."""
+    plane: Literal["stress", "strain"] | None = None  # "stress" unless given
     lattice: LatticeName = None
-    """Form of the cells: one of these, or a class of your own."""
     material: Text | None = optional("the name of what fills the body")
-    """Under the regions: a material's name, "air", "rigid" or "roller"."""
     gravity: tuple[Number, ...] | None = optional("an acceleration (m/s²), such as [0.0, -9.81]")
-    """It pulls every cell."""
-    regions: tuple[Region, ...] = ()
-    """What is different in parts of the array; later ones cover earlier ones."""
-    allow_floating: Flag = False
-    """Take a body that nothing holds."""
-    nearest_colour: Flag = False
-    """Take every pixel of an image for the colour of the legend that is nearest to it, as smoothed
-    drawings and photographs need it."""
+    regions: tuple[Region, ...] = ()  # later ones cover earlier ones
+    allow_floating: Flag = False  # whether a body may be held by nothing
+    nearest_colour: Flag = False  # whether pixels take the nearest colour of the legend
 
     @property
     def picture_key(self) -> str | None:
         """Which of drawing, image and array gives the body cell by cell, if any does."""
-        given = [key for key in _PICTURES if getattr(self, key) is not None]
-        return given[0] if given else None
+        return next((key for key in _PICTURES if getattr(self, key) is not None), None)
 
     @property
     def outlined(self) -> bool:

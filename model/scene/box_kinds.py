@@ -1,4 +1,4 @@
-"""What fills whole boxes of cells, told without looking at every cell.
+"""What fills whole boxes of cells, found without looking at every cell.
 
 The boxes are those of a quadtree or octree: 2^k cells along every edge, at multiples of
 2^k. A box that lies in one shape or outside of all of them is of one kind; one that an
@@ -12,28 +12,28 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags
 from kaju.model.scene.cell_types import AIR
-from kaju.model.scene.filling import FilledShape, Filling
 from kaju.model.scene.lattice import Cells
+from kaju.model.scene.resolved_body import ResolvedBody
 from kaju.model.scene.shapes import Ball, Box, Mask, Points, Polygon, Shape
 
 MIXED = -99
-"""A box of which no single kind can be told."""
+"""A box that may hold cells of several kinds."""
 
 Kinds = NDArray[np.int64]
 
 
 class BoxKinds:
-    """Answers for a filling; keeps a pyramid of kinds for a body given cell by cell."""
+    """Answers for a body; keeps a pyramid of kinds for a body given cell by cell."""
 
-    def __init__(self, filling: Filling) -> None:
-        self._filling = filling
+    def __init__(self, resolved: ResolvedBody) -> None:
+        self._resolved = resolved
         self._pyramid: list[NDArray[np.int16]] = []
-        if not isinstance(filling.base, int):
-            self._pyramid = _pyramid(filling.base)
+        if not isinstance(resolved.base, int):
+            self._pyramid = _pyramid(resolved.base)
 
     def kinds(self, lower: Cells, exponent: int) -> Kinds:
         """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
-        shape = np.asarray(self._filling.lattice.shape)
+        shape = np.asarray(self._resolved.lattice.shape)
         upper = lower + (1 << exponent)
         inside = np.all((lower >= 0) & (upper <= shape), axis=1)
         beyond = (upper <= 0) | (lower >= shape)
@@ -45,34 +45,32 @@ class BoxKinds:
 
     def _outside(self, lower: Cells, upper: Cells, beyond: Flags) -> Kinds:
         """Beyond one side its condition holds, beyond two there is air."""
-        shape = np.asarray(self._filling.lattice.shape)
+        shape = np.asarray(self._resolved.lattice.shape)
         axis = np.argmax(beyond, axis=1)
         each = np.arange(len(lower))
         index = 2 * axis + (lower[each, axis] >= shape[axis])
         along = np.ones_like(beyond)
         along[each, axis] = False
         straddles = np.any(along & ~beyond & ((lower < 0) | (upper > shape)), axis=1)
-        kind = np.where(beyond.sum(axis=1) > 1, AIR, self._filling.beyond[index])
+        kind = np.where(beyond.sum(axis=1) > 1, AIR, self._resolved.beyond[index])
         return np.where(straddles & (kind != AIR), MIXED, kind)
 
     def _inside(self, lower: Cells, exponent: int) -> Kinds:
-        filling = self._filling
-        if isinstance(filling.base, int):
-            kind = np.full(len(lower), filling.base, dtype=np.int64)
+        base, h = self._resolved.base, self._resolved.lattice.cell_size
+        if isinstance(base, int):
+            kind = np.full(len(lower), base, dtype=np.int64)
+        elif exponent < len(self._pyramid):
+            kind = self._pyramid[exponent][tuple((lower >> exponent).T)].astype(np.int64)
         else:
-            kind = self._base(lower, exponent)
-        h = filling.lattice.cell_size
+            kind = np.full(len(lower), MIXED, dtype=np.int64)
+        # A box is of a region's kind if the region holds the centres of all of its cells.
         low = np.asarray((lower + 0.5) * h)
         high = np.asarray((lower + (1 << exponent) - 0.5) * h)
-        for region in filling.regions:
-            kind = _covered(kind, region, low, high)
+        for region in self._resolved.regions:
+            inside, apart = relation(region.shape, low, high)
+            crossed = np.where(kind == region.kind, kind, MIXED)
+            kind = np.where(inside, region.kind, np.where(apart, kind, crossed))
         return kind
-
-    def _base(self, lower: Cells, exponent: int) -> Kinds:
-        level = min(exponent, len(self._pyramid) - 1)
-        if level < exponent:
-            return np.full(len(lower), MIXED, dtype=np.int64)
-        return np.asarray(self._pyramid[level][tuple((lower >> exponent).T)], dtype=np.int64)
 
 
 def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
@@ -89,15 +87,11 @@ def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
     return levels
 
 
-def _covered(kind: Kinds, region: FilledShape, low: Points, high: Points) -> Kinds:
-    """Lay a region over boxes whose cells' centres reach from `low` to `high`."""
-    inside, apart = relation(region.shape, low, high)
-    crossed = np.where(kind == region.kind, kind, MIXED)
-    return np.where(inside, region.kind, np.where(apart, kind, crossed))
-
-
 def relation(shape: Shape, low: Points, high: Points) -> tuple[Flags, Flags]:
-    """Tell which boxes of centres lie surely inside a shape, and which surely outside."""
+    """Tell which boxes of centres lie surely inside a shape, and which surely outside.
+
+    Other than for solids (`SolidShape.relation`), a centre on the edge is inside.
+    """
     if np.array_equal(low, high):
         inside = shape.contains(low)
         return inside, ~inside

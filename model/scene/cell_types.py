@@ -26,5 +26,11 @@ NAMES: Final = {
     FOUNDATION: "a foundation",
     DISPLACED: "a displaced wall",
 }
+NOT_BODY: Final = {
+    **dict.fromkeys(("air", "water", "gas", "vacuum"), AIR),
+    "rigid": RIGID,
+    "roller": ROLLER,
+}
+"""What scenes call a cell that is not body: whatever surrounds it gives loads back like air."""
 INSIDE: Final = "rigid"
 """Name of the support that rigid cells inside the array give."""

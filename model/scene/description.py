@@ -4,74 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
-from kaju.agents.materials import LIBRARY, Material, suggestion
-from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
+from kaju.agents.elastic_rule import ElasticRule
+from kaju.agents.materials import Material, suggestion
+from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.errors import ParameterError, SceneError
-from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
-from kaju.model.scene.validation import Count, Described, Flag, Number, Text, one_given, optional
+from kaju.model.scene.validation import (
+    Count,
+    Described,
+    Flag,
+    Number,
+    Text,
+    built_by,
+    one_given,
+    optional,
+)
 
 from .body import Body
-from .contents import NOT_BODY
+from .cell_types import NOT_BODY
 from .loads import LoadTable
-from .shared_materials import shared_materials
+from .shared_materials import MaterialEntry, shared_materials
 from .sides import SideCondition
-
-
-class RheologyTable(Described):
-    """``[materials.NAME.rheology]``: how a material gives in time, as in `ThreeElement`."""
-
-    K_f: Number = Field(description="stiffness of the spring (Pa)")
-    D_f: Number = Field(default=0.0, description="damper beside the spring (Pa s)")
-    D_d: Number = Field(default=inf, description="damper in series (Pa s); left out: none")
-
-
-class MaterialTable(Described):
-    """``[materials.NAME]``: numbers as in `Material`, or a material of the library with some."""
-
-    base: Text | None = optional("the name of a material of the library")
-    youngs_modulus: Number | None = optional("E (Pa)")
-    poissons_ratio: Number | None = optional("ν")
-    density: Number | None = optional("mass per volume (kg/m³)")
-    source: Text | None = optional("where the numbers come from")
-    rheology: RheologyTable | None = optional("how it gives in time")
-
-    def build(self) -> Material:
-        """Return the material; whoever keeps it by name gives it that name."""
-        given = self.model_dump(exclude={"base", "rheology"}, exclude_none=True)
-        if self.rheology is not None:
-            given["rheology"] = ThreeElement(**self.rheology.model_dump())
-        if self.base is not None:
-            if self.base not in LIBRARY:
-                raise ParameterError(
-                    f"base: the library has no {self.base!r}{suggestion(self.base, LIBRARY)}; "
-                    f"it has {', '.join(LIBRARY)}"
-                )
-            return replace(LIBRARY[self.base], **given)
-        for key in ("youngs_modulus", "poissons_ratio"):
-            if key not in given:
-                raise ParameterError(f"{key}: is needed, or a base from the library")
-        return Material(name="", **given)
-
-
-def material_from(value: Any) -> Any:
-    """Return the material that a table describes; a material is returned as it is."""
-    if isinstance(value, Material):
-        return value
-    if not isinstance(value, Mapping):
-        raise ValueError(
-            f"must be a table of youngs_modulus, poissons_ratio, ... or a Material, got {value!r}"
-        )
-    return MaterialTable.model_validate(value).build()
-
-
-_WORDS = ("ramp", "hold", "release", "cycles")
 
 
 class HistoryStep(Described):
@@ -92,7 +50,7 @@ class HistoryStep(Described):
 
     @model_validator(mode="after")
     def _one_word(self) -> HistoryStep:
-        one_given(self, _WORDS, "ramp: a step is one of")
+        one_given(self, ("ramp", "hold", "release", "cycles"), "ramp: a step is one of")
         if (self.cycles is not None) != (self.period is not None):
             raise ParameterError("period: belongs to cycles, and cycles need it")
         if self.duration is not None and self.ramp is None:
@@ -123,27 +81,15 @@ class HistoryTable(Described):
 
     def build(self) -> History:
         """Return the history, which refuses what is out of its range."""
-        if (self.steps is None) == (self.times is None) or (self.times is None) != (
-            self.factors is None
-        ):
+        corners = self.times is not None
+        if corners != (self.factors is not None) or corners == (self.steps is not None):
             raise ParameterError("times: give either times and factors, or steps")
-        if self.steps is None:
-            assert self.times is not None
-            assert self.factors is not None
+        if self.times is not None and self.factors is not None:
             return History(self.times, self.factors)
         history = History()
-        for step in self.steps:
+        for step in self.steps or ():
             history = step.after(history)
         return history
-
-
-def history_from(value: Any) -> Any:
-    """Return the history that a table describes; a history is returned as it is."""
-    if isinstance(value, History):
-        return value
-    if not isinstance(value, Mapping):
-        raise ValueError(f"must be a table of times and factors, or of steps, got {value!r}")
-    return HistoryTable.model_validate(value).build()
 
 
 Rule = PrescribedRule | ElasticRule
@@ -211,9 +157,9 @@ TABLES: dict[str, type[PrescribedTable | ElasticTable]] = {
 """How each kind of rule is written. A new kind of rule is entered here."""
 
 
-def rule_from(value: Any) -> Any:
+def _rule_from(value: Any) -> Any:
     """Return the rule that a table describes; a rule is returned as it is."""
-    if isinstance(value, (PrescribedRule, ElasticRule)):
+    if isinstance(value, Rule):
         return value
     if not isinstance(value, Mapping):
         raise ValueError(f"must be a table or a rule, got {value!r}")
@@ -226,19 +172,19 @@ def rule_from(value: Any) -> Any:
     return TABLES[kind].model_validate(value).build()
 
 
-def check_rule(rule: Rule, known: list[str]) -> None:
+def check_rule(rule: Rule, materials: list[str]) -> None:
     """Refuse coefficients of materials that the scene does not have: they would do nothing."""
     for name in rule.materials if isinstance(rule, PrescribedRule) else ():
-        if name not in known:
+        if name not in materials:
             raise SceneError(
-                f"rule.materials.{name}: the scene has no such material{suggestion(name, known)}; "
-                f"it has {', '.join(dict.fromkeys(known))}"
+                f"rule.materials.{name}: the scene has no such material"
+                f"{suggestion(name, materials)}; it has {', '.join(dict.fromkeys(materials))}"
             )
 
 
-MaterialEntry = Annotated[Material, PlainValidator(material_from)]
-HistoryEntry = Annotated[History, PlainValidator(history_from)]
-RuleEntry = Annotated[Rule, PlainValidator(rule_from)]
+HistoryEntry = Annotated[
+    History, built_by(HistoryTable, History, "a table of times and factors, or of steps")
+]
 
 
 class Description(Described):
@@ -249,7 +195,7 @@ class Description(Described):
     materials: dict[Text, MaterialEntry] = Field(default_factory=dict)
     sides: dict[Text, SideCondition] = Field(default_factory=dict)
     loads: tuple[LoadTable, ...] = ()
-    rule: RuleEntry = PrescribedRule()
+    rule: Annotated[Rule, PlainValidator(_rule_from)] = PrescribedRule()
     history: HistoryEntry | None = None
 
     @model_validator(mode="before")

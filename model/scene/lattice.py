@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.shares import Beside, Way
+from kaju.agents.shares import Lateral, Neighbourhood
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 
@@ -221,7 +221,7 @@ class Lattice(ABC):
         cosines: list[list[float]] = np.round(self.normals @ self.normals.T, 12).tolist()
         return cosines
 
-    def way(self, direction: int, form: int) -> Way:
+    def way(self, direction: int, form: int) -> Neighbourhood:
         """Return the neighbours of a cell as a load sees them that travels in a direction.
 
         Ahead is the face that looks most along the load; if two do so alike, as of a triangle
@@ -238,9 +238,8 @@ class Lattice(ABC):
         )
         beside = [(arm, c) for arm, c in faces if abs(c) < 1.0]
         nearest = max((c for _, c in beside), default=0.0)
-        return Way(
-            ahead, behind, tuple(Beside(a, float(c == nearest), 1.0 - c**2) for a, c in beside)
-        )
+        lateral = tuple(Lateral(arm, float(c == nearest), 1.0 - c**2) for arm, c in beside)
+        return Neighbourhood(ahead, behind, lateral)
 
     # Places and sizes.
 
@@ -315,7 +314,7 @@ class Lattice(ABC):
 
     @cached_property
     def within(self) -> Floats:
-        """How far a cell's middle lies on its way along an axis, 0 to 1: (forms, axes)."""
+        """Where a cell's middle lies between its ends along an axis, 0 to 1: (forms, axes)."""
         along = [self.outline(form) @ self.normals[self.axes].T for form in range(self.forms)]
         return -np.stack([part.min(axis=0) for part in along]) / self.cell_size
 
@@ -328,11 +327,12 @@ class Lattice(ABC):
         along = self.normals[self.axes[axis]]
         across = np.array([-along[1], along[0]])
         middles = self.centres(cells) / self.cell_size
-        # Middles on one line differ by rounding alone, lines by fractions that this resolves.
+        # Lines are fractions of a cell apart, with denominators up to 14 (least common multiple:
+        # 720720). Rounding removes what middles on one line differ by.
         line = np.rint(720720.0 * (middles @ across)).astype(np.int64)
         begins = middles @ along - self.within[self.form(cells), axis]
         lowest = np.minimum(0.0, along * self.extent).sum() / self.cell_size
-        # 1/π keeps clear of the ends of cells, which lie at fractions.
+        # An irrational shift keeps `floor` clear of the ends of cells, which lie at fractions.
         return line, np.floor(begins - lowest + 1.0 / pi).astype(np.int64)
 
     @cached_property
@@ -347,8 +347,8 @@ class Lattice(ABC):
             along, cell = self.normals[self.axes[axis]], self._one_of_each[form]
             for count in range(1, self.forms + 1):
                 here = int(self.form(cell[None])[0])
-                way = (1.5 - self.within[here, axis]) * self.cell_size  # to the middle of the next
-                cell = self.locate(self.centres(cell[None]) + way * along)[0]
+                reach = (1.5 - self.within[here, axis]) * self.cell_size  # to the next middle
+                cell = self.locate(self.centres(cell[None]) + reach * along)[0]
                 strides[form, axis, count] = cell - self._one_of_each[form]
                 if period[form, axis] == 0 and self.form(cell[None])[0] == form:
                     period[form, axis] = count

@@ -62,13 +62,8 @@ class BoxLattice(Lattice):
         return np.arange(1, self.directions, 2)
 
     @cached_property
-    def axis_of(self) -> Ints:
-        """For every direction the index of its axis in `axes`."""
-        return np.arange(self.directions) // 2
-
-    @cached_property
     def within(self) -> Floats:
-        """A cell's middle is half of its way."""
+        """A cell's middle lies half-way between its faces."""
         return np.full((1, self.dimension), 0.5)
 
     def line(self, cells: Cells, axis: int) -> tuple[Ints, Ints]:
@@ -176,15 +171,14 @@ def lattice_named(name: str) -> type[Lattice]:
     """Return the lattice of a kind: one that kaju brings, or the last one defined."""
     if name in BUILT_IN:
         return BUILT_IN[name]
-    known = [each for each in _subclasses(Lattice) if each.kind]
-    found = [each for each in known if each.kind == name]
-    if not found:
+    by_kind = {each.kind: each for each in _subclasses(Lattice) if each.kind}
+    if name not in by_kind:
         raise SceneError(
-            f"there is no lattice {name!r}{suggestion(name, [each.kind for each in known])}; "
+            f"there is no lattice {name!r}{suggestion(name, by_kind)}; "
             f"there is {', '.join(BUILT_IN)}, and one of your own once its class exists: import "
             "it in Python before the scene is read"
         )
-    return found[-1]
+    return by_kind[name]
 
 
 def _subclasses(of: Any) -> list[type[Lattice]]:
@@ -206,16 +200,9 @@ MOST_DIRECTIONS = 8
 
 def check_lattice(lattice: Lattice) -> None:
     """Refuse a lattice of one's own whose answers do not fit together."""
-    few = lattice.few
-    if isinstance(
-        lattice, BoxLattice
-    ):  # its places and neighbours are formulas; its ways are its own
-        conditions = _of_ways(lattice)
-    else:
-        conditions = chain(
-            _of_forms(lattice, few), _of_places(lattice, few), _of_neighbours(lattice, few)
-        )
-    for holds, answer, rule in conditions:
+    # Of squares and cubes only `way` is not a formula.
+    checks = (_of_ways,) if lattice.boxes else (_of_forms, _of_places, _of_neighbours)
+    for holds, answer, rule in chain.from_iterable(check(lattice) for check in checks):
         if not holds:
             raise SceneError(f"body.lattice: {answer} of {type(lattice).__name__}: {rule}")
 
@@ -226,9 +213,9 @@ Conditions = Iterator[tuple[object, str, str]]
 
 def _of_ways(lattice: Lattice) -> Conditions:
     for direction in range(lattice.directions):
-        way = lattice.way(direction, 0)
-        rows = [*way.ahead, *way.behind, *((arm, f) for arm, f, _ in way.beside)]
-        rows += [(arm, poisson) for arm, _, poisson in way.beside]
+        ahead, behind, beside = lattice.way(direction, 0)
+        rows = [*ahead, *behind]
+        rows += [(arm, weight) for arm, *weights in beside for weight in weights]
         yield (
             all(arm in lattice.arms[0] and 0.0 <= weight <= 1.0 for arm, weight in rows),
             "way",
@@ -236,7 +223,8 @@ def _of_ways(lattice: Lattice) -> Conditions:
         )
 
 
-def _of_forms(lattice: Lattice, few: Cells) -> Conditions:
+def _of_forms(lattice: Lattice) -> Conditions:
+    few = lattice.few
     given = np.asarray(lattice.form(few))
     yield given.dtype.kind in "iu" and given.shape == (100,), "form", "must be whole numbers, (n,)"
     forms, wanted = np.unique(given).tolist(), list(range(lattice.forms))
@@ -272,7 +260,8 @@ def _of_forms(lattice: Lattice, few: Cells) -> Conditions:
     )
 
 
-def _of_places(lattice: Lattice, few: Cells) -> Conditions:
+def _of_places(lattice: Lattice) -> Conditions:
+    few = lattice.few
     near = 1e-6 * lattice.cell_size
     middles, forms = lattice.centres(few), lattice.form(few)
     yield middles.shape == few.shape, "centres", f"must have the shape {few.shape}"
@@ -288,13 +277,14 @@ def _of_places(lattice: Lattice, few: Cells) -> Conditions:
     yield np.all(lowest >= -near), "centres", f"must begin at (0, 0) m, begin at {lowest.tolist()}"
 
 
-def _of_neighbours(lattice: Lattice, few: Cells) -> Conditions:
+def _of_neighbours(lattice: Lattice) -> Conditions:
+    few = lattice.few
     yield (
         np.abs(lattice.steps).max() <= 1,
         "centres",
         "must give neighbours that differ by at most 1 in each coordinate",
     )
-    forms = lattice.form(few)
+    forms, names = lattice.form(few), lattice.direction_names
     for arm, back in enumerate(lattice.opposite.tolist()):
         here = few[lattice.faces[forms, arm] >= 0]
         there = lattice.neighbours(here, arm)
@@ -304,14 +294,10 @@ def _of_neighbours(lattice: Lattice, few: Cells) -> Conditions:
         yield (
             meet and np.all(lattice.faces[lattice.form(there), back] >= 0),
             "centres",
-            f"must leave no gaps: cells do not meet face to face along {_name(lattice, arm)}",
+            f"must leave no gaps: cells do not meet face to face along {names[arm]}",
         )
     for axis, arm in enumerate(lattice.axes.tolist()):
         line, position = lattice.line(few, axis)
         after = lattice.line(lattice.along(few, axis, np.ones(len(few), dtype=np.int64)), axis)
         aligned = np.array_equal(after[0], line) and np.array_equal(after[1], position + 1)
-        yield aligned, "centres", f"must lie in rows along {_name(lattice, arm)}"
-
-
-def _name(lattice: Lattice, direction: int) -> str:
-    return lattice.direction_names[direction]
+        yield aligned, "centres", f"must lie in rows along {names[arm]}"

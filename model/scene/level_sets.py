@@ -1,12 +1,13 @@
-"""Level sets of samples, bilinear between them: grey images, and distances sampled in Python."""
+"""Shapes by samples, linear between them: grey images, arrays, distances sampled in Python."""
 
 from __future__ import annotations
 
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from io import BytesIO
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .curves import Point, conic
 from .pictures import embedded
-from .shapes import Box, Points
+from .shapes import Box, Extent, Points, Relation, ShapeOfArrays
 
 EMBEDDED_ARRAY = "data:application/x-npy;base64,"
 """What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
@@ -90,7 +91,7 @@ def sampled_shape(
 
 
 def embedded_array(values: Floats) -> str:
-    """Return a text for which `read_samples` gives the values."""
+    """Return a text for which `read_embedded` gives the values."""
     file = BytesIO()
     np.save(file, values, allow_pickle=False)
     return EMBEDDED_ARRAY + b64encode(file.getvalue()).decode("ascii")
@@ -107,8 +108,8 @@ def read_embedded(text: str, key: str) -> NDArray[Any]:
 
 def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
     """Return samples as numbers."""
-    known = values.dtype.kind in "fiub" and values.ndim == dimension
-    if not known or min(values.shape) < 2:
+    numbers = values.dtype.kind in "fiub" and values.ndim == dimension
+    if not numbers or min(values.shape) < 2:
         axes = " and ".join("xyz"[:dimension])
         raise SceneFileError(f"{key}: numbers along {axes} are needed, got shape {values.shape}")
     out = np.asarray(values, dtype=np.float64)
@@ -118,66 +119,91 @@ def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class LevelSet:
-    """Where samples, bilinear between them, are not below a level."""
+class SampledShape(ShapeOfArrays):
+    """Where samples, bilinear (in space trilinear) between them, are not below a level."""
 
-    box: Box
-    values: Floats
-    """First index along x, second along y."""
-    level: float
+    box: Box  # beyond which there is nothing of it
+    values: Floats  # indexed [x, y] or [x, y, z]
+    at_least: float
     pixels: NDArray[np.uint8] | None = None
     """Those of an image: samples are in their middles, and stay the same up to the sides of the
     box. Else the first and the last samples lie on its sides."""
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, LevelSet):
-            return NotImplemented
-        told = [(one.box, one.level, one.pixels is None) for one in (self, other)]
-        return told[0] == told[1] and np.array_equal(self.values, other.values)
-
-    __hash__ = None  # type: ignore[assignment]
-
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the box (m)."""
+    def extent(self) -> Extent:
+        """The samples' box."""
         return self.box.extent
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""
-        if self.pixels is not None:
-            return embedded(self.pixels)
-        return embedded_array(self.values)
+        return embedded_array(self.values) if self.pixels is None else embedded(self.pixels)
 
     @cached_property
     def _grid(self) -> tuple[list[Floats], Floats]:
-        """Return places of samples along x and y (m), and how far these are above the level."""
-        values, places = self.values, []
-        for axis, count in enumerate(values.shape):
-            low, high = self.box.lower[axis], self.box.upper[axis]
-            if self.pixels is not None:
+        """Return the samples' places along each axis (m), and how far they are above the level."""
+        places, values = [], self.values
+        for low, high, count in zip(self.box.lower, self.box.upper, values.shape, strict=True):
+            if self.pixels is None:
+                places.append(np.linspace(low, high, count))
+            else:
                 middles = low + (high - low) * (np.arange(count) + 0.5) / count
                 places.append(np.array([low, *middles, high]))
-            else:
-                places.append(np.linspace(low, high, count))
         if self.pixels is not None:
             values = np.pad(values, 1, mode="edge")
-        above = values - self.level
-        least = _LEAST * np.abs(above).max()
-        near = np.abs(above) < least
-        return places, np.where(near, np.where(above < 0.0, -least, least), above)
+        above = values - self.at_least
+        if above.ndim == 2:  # an outline must not run through a sample
+            least = _LEAST * np.abs(above).max()
+            above = np.where(np.abs(above) < least, np.where(above < 0.0, -least, least), above)
+        return places, above
+
+    def _in_steps(self, points: Points) -> list[Floats]:
+        """Return points' coordinates in steps from sample to sample, kept within the box."""
+        columns = zip(points.T, self._grid[0], strict=True)
+        return [np.interp(column, places, np.arange(len(places))) for column, places in columns]
+
+    def _sampled(self, places: Sequence[Floats]) -> Floats:
+        """Return how far the interpolated samples are above the level, at places in steps."""
+        above = self._grid[1]
+        found: Floats = np.zeros(np.broadcast_shapes(*(place.shape for place in places)))
+        first = [
+            np.clip(np.floor(place).astype(np.int64), 0, n - 2)
+            for place, n in zip(places, above.shape, strict=True)
+        ]
+        part = [place - f for place, f in zip(places, first, strict=True)]
+        for end in product((0, 1), repeat=above.ndim):
+            weights = (p if e else 1.0 - p for p, e in zip(part, end, strict=True))
+            corner = tuple(f + e for f, e in zip(first, end, strict=True))
+            found += reduce(np.multiply, weights) * above[corner]
+        return found
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
-        (xs, ys), above = self._grid
         inside = self.box.contains(points)
-        x, y = points[inside].T
-        i = np.clip(np.searchsorted(xs, x, side="right") - 1, 0, len(xs) - 2)
-        j = np.clip(np.searchsorted(ys, y, side="right") - 1, 0, len(ys) - 2)
-        u, v = (x - xs[i]) / (xs[i + 1] - xs[i]), (y - ys[j]) / (ys[j + 1] - ys[j])
-        low = (1.0 - u) * above[i, j] + u * above[i + 1, j]
-        high = (1.0 - u) * above[i, j + 1] + u * above[i + 1, j + 1]
-        inside[inside] = (1.0 - v) * low + v * high >= 0.0
+        inside[inside] = self._sampled(self._in_steps(points[inside])) >= 0.0
         return inside
+
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how much lower than the level the samples are, at least what is beyond the box."""
+        below = -self._sampled(self._in_steps(points))
+        return np.asarray(np.maximum(below, self.box.level(points, reach)))
+
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape."""
+        # Between samples, and where a box ends, a trilinear function is largest at corners.
+        inside, apart = self.box.relation(low, high)
+        some = np.flatnonzero(~apart)
+        if len(some):
+            ends = list(zip(self._in_steps(low[some]), self._in_steps(high[some]), strict=True))
+            many = int(np.ceil(max((b - a).max() for a, b in ends))) + 1
+            x, y, z = (
+                np.clip(np.floor(a[:, None]) + np.arange(many + 1.0), a[:, None], b[:, None])
+                for a, b in ends
+            )
+            places = x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]
+            found = self._sampled(places).reshape(len(some), -1)
+            inside[some] &= found.min(axis=1) >= 0.0
+            apart[some] = found.max(axis=1) < 0.0
+        return inside, apart
 
     def outline(self) -> list[Floats]:
         """Return its closed lines: parts of hyperbolas, and of the sides of its box."""
@@ -203,7 +229,7 @@ class LevelSet:
                     arcs.append(arc)
             lines.append(np.array(arcs))
         if not lines:
-            raise SceneError(f"level: nothing is above {self.level:g}; take another one")
+            raise SceneError(f"level: nothing is above {self.at_least:g}; take another one")
         return lines
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError
 from kaju.model.scene.validation import (
     Coordinate,
     Count,
@@ -15,81 +15,13 @@ from kaju.model.scene.validation import (
     Index,
     Number,
     Text,
-    one_given,
     optional,
 )
 
-from .regions import ONE_SHAPE, RingTable, Round
-from .shapes import Ball, Polygon, Ring, Shape
+from .regions import LoadRegion
 
 MOST_STEPS = 100_000
 _LOADS = ("force", "pressure", "couple")
-_SHAPES = ("box", "disk", "ball", "ring", "polygon")
-
-
-class LoadRegion(Described):
-    """A shape that selects what a load acts on; exactly one.
-
-    A box without thickness along one axis selects the surface of the body on that plane. Of
-    all other shapes a pressure, or a couple, takes the free faces whose middles lie inside, such
-    as the edge of a hole; a force takes the cells inside.
-    """
-
-    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = optional(
-        "the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]"
-    )
-    disk: Round | None = None
-    ball: Round | None = None
-    """Centre and radius (m), in two and in three dimensions."""
-    ring: RingTable | None = None
-    """Centre and both radii (m), in two dimensions."""
-    polygon: tuple[tuple[Coordinate, ...], ...] | None = Field(
-        default=None, min_length=3, description="the corners (m), three or more, in the plane"
-    )
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> LoadRegion:
-        one_given(self, _SHAPES, ONE_SHAPE)
-        return self
-
-    def shape_in(self, dimension: int, where: str) -> Shape:
-        """Return a shape other than a box."""
-        name = one_given(self, _SHAPES, ONE_SHAPE)
-        if (name == "ball") != (dimension == 3):
-            raise SceneError(
-                f"{where}.{name}: belongs to {'three' if name == 'ball' else 'two'} dimensions; "
-                f"use {'box or ball' if dimension == 3 else 'box, disk, ring or polygon'}"
-            )
-        points = self.polygon or (getattr(self, name).centre,)
-        for point in points:
-            if len(point) != dimension:
-                raise SceneError(
-                    f"{where}.{name}: {list(point)} should have {dimension} coordinates"
-                )
-        if self.polygon is not None:
-            return Polygon(self.polygon)
-        if self.ring is not None:
-            return Ring(self.ring.centre, self.ring.inner, self.ring.outer)
-        circle = self.disk or self.ball
-        assert circle is not None
-        return Ball(circle.centre, circle.radius)
-
-    def flat_axis(self, cell_size: float, where: str) -> int | None:
-        """Return the axis along which the box has no thickness, None if it has volume."""
-        assert self.box is not None
-        spans = [high - low for low, high in zip(*self.box, strict=True)]
-        if min(spans) < 0.0:
-            raise SceneError(
-                f"{where}: goes from {list(self.box[0])} to {list(self.box[1])}; the first "
-                "corner must be the lower one along every axis"
-            )
-        flat = [axis for axis, span in enumerate(spans) if span <= 1e-6 * cell_size]
-        if len(flat) > 1:
-            raise SceneError(
-                f"{where}: has no thickness along {' and '.join('xyz'[axis] for axis in flat)}; "
-                "a surface has none along one axis only; for a point use point = [...]"
-            )
-        return flat[0] if flat else None
 
 
 class LoadTable(Described):
@@ -103,39 +35,36 @@ class LoadTable(Described):
         "a cell, such as [10, 19], counted from 0 at left and bottom (and front)"
     )
     point: tuple[Coordinate, ...] | None = optional("a point (m), such as [0.1, 0.2]")
-    """In or on the body. Between cells, these share the force."""
+    # Cells that a point lies between share its force.
     region: LoadRegion | None = None
-    """A box of surface or of cells."""
     outline: Text | None = optional("the name of a region with a true outline, such as 'bore'")
-    """A pressure acts all along it, a force where the outline faces it, even across its
-    direction."""
+    # A pressure acts all along it, a force where the outline faces it, even across its direction.
     side: Text | None = optional("a side's name, such as 'top'")
-    """With `cell` or `point`: the side of the cell by which the force enters; unless given it is
-    the one that faces the force most. Alone: every face of the body on that side of the array."""
+    # With `cell` or `point`: the side of the cell by which the force enters; unless given it is the
+    # one that faces the force most. Alone: every face of the body on that side of the array.
     force: tuple[Number, ...] | None = optional("the total force (N), such as [0.0, -2.0]")
-    """Spread evenly."""
     pressure: Number | None = optional("a pressure against the surface (Pa), such as 1e5")
     pressure_slope: tuple[Number, ...] | None = optional(
         "the growth of the pressure along each axis (Pa/m)"
     )
-    """From `pressure` at the origin on. Where it falls below 0 it pulls. Elasticity takes it as it
-    is; where agents pass loads on it is that in the middle of each face."""
+    # From `pressure` at the origin on; below 0 it pulls. Elasticity takes it as it is; agents that
+    # pass loads on take that in the middle of each face.
     couple: Number | tuple[Number, ...] | None = optional(
         "a moment (N m): a number, in three dimensions three"
     )
-    """Counter-clockwise in the plane, without any force: shares that turn round the middle of a
-    side or a region, the larger the farther from it."""
+    # Counter-clockwise in the plane, without any force: shares that turn round the middle of a side
+    # or a region, the larger the farther from it.
     steps: Count = Field(default=1, le=MOST_STEPS, description="the number of equal steps")
     sense: Literal["push", "pull"] | None = optional(
         "whether the force travels along ('push') or against itself"
     )
-    """For a prescribed rule with `sense`; unless given a force pulls where it points out of the
-    body over its own side."""
+    # For a prescribed rule with `sense`; unless given a force pulls where it points out of the body
+    # over its own side.
 
     @model_validator(mode="after")
     def _one_place_one_load(self) -> LoadTable:
-        known = ("cell", "point", "region", "outline")
-        places = [name for name in known if getattr(self, name) is not None]
+        keys = ("cell", "point", "region", "outline")
+        places = [name for name in keys if getattr(self, name) is not None]
         if len(places) > 1 or not (places or self.side):
             raise ParameterError(
                 "cell: a load acts in one place: give either cell, point, region, "

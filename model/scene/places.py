@@ -7,25 +7,23 @@ from collections.abc import Iterable, Iterator
 
 _HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
 _ENTRY = re.compile(r"\s*([\w.\"' -]+?)\s*=")
-_TOLD = re.compile(r"^(\s*)([\w -]+(?:\.[\w -]+)*): ")
+_MESSAGE = re.compile(r"^(\s*)([\w -]+(?:\.[\w -]+)*): ")
 
 
-def with_lines(text: str, told: str, changed: Iterable[str] = ()) -> str:
+def with_lines(text: str, message: str, changed: Iterable[str] = ()) -> str:
     """Return an error's lines, each with the text's line of its key path, unless that changed."""
     places = dict(_places(text))
     for path in changed:
         places.pop(path, None)
-    return "\n".join(_with_line(line, places) for line in told.splitlines())
-
-
-def _with_line(line: str, places: dict[str, int]) -> str:
-    found = _TOLD.match(line)
-    if not found:
-        return line
-    path = found[2]
-    while path and path not in places:
-        path = path.rpartition(".")[0]
-    return f"{found[1]}line {places[path]}: {line[len(found[1]) :]}" if path else line
+    lines = []
+    for line in message.splitlines():
+        found = _MESSAGE.match(line)
+        path = found[2] if found else ""
+        while path and path not in places:
+            path = path.rpartition(".")[0]
+        indent = found[1] if found else ""
+        lines.append(f"{indent}line {places[path]}: {line[len(indent) :]}" if path else line)
+    return "\n".join(lines)
 
 
 def _places(text: str) -> Iterator[tuple[str, int]]:

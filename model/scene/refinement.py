@@ -62,39 +62,27 @@ def refined_loads(
         if load.cell is None:
             yield load
             continue
-        arm = int(chosen.direction[0])
-        if arm < 0:
-            yield _changed(load, region={"box": _box(load.cell, lattice.cell_size)})
+        given = dict(load) | {"cell": None, "side": None}
+        direction = int(chosen.direction[0])
+        lower, upper = ([(i + end) * lattice.cell_size for i in load.cell] for end in (0, 1))
+        if direction < 0:
+            yield LoadTable(**given | {"region": {"box": (lower, upper)}})
+            continue
+        # The smaller cells along the face.
+        axis, upper_end = divmod(direction, 2)
+        along = [range(k * index, k * index + k) for index in load.cell]
+        along[axis] = along[axis][-1:] if upper_end else along[axis][:1]
+        children = np.array(list(product(*along)), dtype=np.int64)
+        body = children[fine_kinds(children) >= 0]
+        beyond = fine_kinds(lattice.neighbours(children, direction))
+        exposed = np.all((beyond < 0) & ~np.isin(beyond, _HELD))
+        if exposed and len(body) == len(children):
+            lower[axis] = upper[axis] = (upper if upper_end else lower)[axis]
+            yield LoadTable(**given | {"region": {"box": (lower, upper)}})
+        elif len(body) == 0:
+            yield LoadTable(**given | {"region": {"box": (lower, upper)}})
         else:
-            yield from _on_face(load, load.cell, arm, lattice, fine_kinds, k)
-
-
-def _on_face(
-    load: LoadTable, cell: tuple[int, ...], arm: int, lattice: Lattice, fine_kinds: Kinds, k: int
-) -> Iterator[LoadTable]:
-    axis, upper_end = divmod(arm, 2)
-    along = [range(k * index, k * index + k) for index in cell]
-    along[axis] = along[axis][-1:] if upper_end else along[axis][:1]
-    children = np.array(list(product(*along)), dtype=np.int64)
-    body = children[fine_kinds(children) >= 0]
-    beyond = fine_kinds(lattice.neighbours(children, arm))
-    exposed = np.all((beyond < 0) & ~np.isin(beyond, _HELD))
-    if exposed and len(body) == len(children):
-        lower, upper = _box(cell, lattice.cell_size)
-        plane = (upper if upper_end else lower)[axis]
-        lower[axis] = upper[axis] = plane
-        yield _changed(load, region={"box": (lower, upper)})
-    elif len(body) == 0:
-        yield _changed(load, region={"box": _box(cell, lattice.cell_size)})
-    for child in [] if exposed and len(body) == len(children) else body:
-        force = None if load.force is None else tuple(f / len(body) for f in load.force)
-        side = lattice.sides[arm]
-        yield _changed(load, cell=tuple(map(int, child)), side=side, force=force)
-
-
-def _changed(load: LoadTable, **changes: object) -> LoadTable:
-    return LoadTable(**(dict(load) | {"cell": None, "side": None} | changes))
-
-
-def _box(cell: tuple[int, ...], size: float) -> tuple[list[float], list[float]]:
-    return [index * size for index in cell], [(index + 1) * size for index in cell]
+            force = None if load.force is None else tuple(f / len(body) for f in load.force)
+            entered = given | {"side": lattice.sides[direction], "force": force}
+            for child in body.tolist():
+                yield LoadTable(**entered | {"cell": tuple(child)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,27 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from kaju.agents.materials import Material, suggestion
+from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule
-from kaju.arrays import Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import text_of_file
 from kaju.model.scene.box_kinds import BoxKinds
 
 from .body import Body
-from .contents import Contents, contents_of
 from .description import Description, check_rule
-from .filling import CellBox
 from .lattice import Cells, Lattice
-from .level_sets import LevelSet
+from .level_sets import SampledShape
 from .places import with_lines
 from .refinement import refined_body, refined_loads
 from .regions import Region
+from .resolve import resolve
+from .resolved_body import CellBox, ResolvedBody
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Mask
 from .shared_materials import LONGEST, with_shared
-from .sides import FREE, SideCondition
-from .solids import SampledSolid
+from .sides import FREE, SideCondition, unknown_side
 from .support import check_body
 from .surfaces import ClosedSurface
 from .text import (
@@ -40,7 +40,6 @@ from .text import (
     overridden,
     save,
     table_from,
-    table_from_archive,
     table_of,
     text_of,
 )
@@ -95,11 +94,11 @@ class Scene(Description):
     def _consistent(self) -> Scene:
         check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
         if self.outlined:
-            check_outlines(self)
+            check_outlines(self, self._resolved)
             return self
         check_no_outlines(self)
-        check_body(self._contents.filling, self.body.allow_floating)
-        check_gravity(self._contents, self.body.gravity)
+        check_body(self._resolved, self.body.allow_floating)
+        check_gravity(self._resolved, self.body.gravity)
         _ = self.selections
         return self
 
@@ -169,20 +168,20 @@ class Scene(Description):
         return self.body.outlined
 
     @property
-    def _of_cells(self) -> Contents:
-        """What the cells are filled with; refused where true outlines say what the body is."""
+    def _of_cells(self) -> ResolvedBody:
+        """The body of cells; refused where true outlines say what the body is."""
         if self.outlined:
             raise SceneError(
                 'body.regions: outline = "true" is answered by kaju.solve alone so far; for what '
                 "needs cells (agents that pass loads on, creep, sweeps of cells, live pages) "
                 'take outline = "cells" on small cells'
             )
-        return self._contents
+        return self._resolved
 
     @property
     def lattice(self) -> Lattice:
         """The grid of cells."""
-        return self._contents.filling.lattice
+        return self._resolved.lattice
 
     @property
     def plane(self) -> Literal["stress", "strain"] | None:
@@ -202,16 +201,12 @@ class Scene(Description):
     @property
     def cell_materials(self) -> tuple[Material, ...]:
         """The materials of the body; kinds from 0 upwards are indices into them."""
-        return self._contents.materials
+        return self._resolved.materials
 
     def side_condition(self, name: str) -> SideCondition:
         """Return how a side of the array is held."""
-        known = self.lattice.sides
-        if name not in known:
-            raise SceneError(
-                f"sides.{name}: there is no such side{suggestion(name, known)}; there is "
-                f"{', '.join(known)}"
-            )
+        if name not in self.lattice.sides:
+            raise unknown_side(name, self.lattice.sides, f"sides.{name}")
         return self.sides.get(name, FREE)
 
     def kinds(self, cells: Cells) -> Ints:
@@ -228,20 +223,20 @@ class Scene(Description):
             Indices into `cell_materials`, or the negative constants of
             `kaju.model.scene.cell_types`.
         """
-        return self._of_cells.filling.kinds(np.asarray(cells, dtype=np.int64))
+        return self._of_cells.kinds(np.asarray(cells, dtype=np.int64))
 
     @property
     def uniform(self) -> bool:
         """Whether every cell of the array is of one kind."""
-        return self._of_cells.filling.uniform
+        return self._of_cells.uniform
 
     def bounds(self) -> CellBox:
         """Return a box outside of which there is no body: lower <= cell < upper."""
-        return self._of_cells.filling.bounds()
+        return self._of_cells.bounds()
 
     def purity(self) -> BoxKinds:
         """Return what tells the kinds of whole boxes of cells."""
-        return BoxKinds(self._of_cells.filling)
+        return BoxKinds(self._of_cells)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`.
@@ -251,7 +246,7 @@ class Scene(Description):
         SceneError
             If there are more than 2e8 cells.
         """
-        return self._of_cells.filling.rasterise()
+        return self._of_cells.rasterise()
 
     def applied(self, stage: int | None = None) -> AppliedLoads:
         """Return the forces on the cells at a stage of loading, 1 to `stages`; None: the last."""
@@ -267,7 +262,7 @@ class Scene(Description):
         ours, theirs = (
             (one.plane, one.thickness, one.cell_materials, one._conditions) for one in (self, other)
         )
-        return ours == theirs and self._contents.filling.same(other._contents.filling)
+        return ours == theirs and self._resolved.same(other._resolved)
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
@@ -305,9 +300,9 @@ class Scene(Description):
         SceneError
             If the cells are neither squares nor cubes, which alone nest.
         """
-        contents = self._of_cells
-        body = refined_body(self.body, self.lattice, contents.picture, k)
-        names = contents.picture.names if contents.picture else ()
+        picture = self._of_cells.picture
+        body = refined_body(self.body, self.lattice, picture, k)
+        names = picture.names if picture else ()
         legend = {str(code): name for code, name in enumerate(names)}
         bare = self.replace(body=body, legend=legend, loads=())
         loads = refined_loads(self.loads, self.selections, self.lattice, bare.kinds, int(k))
@@ -318,7 +313,7 @@ class Scene(Description):
 
         ``{"loads.0.steps": "1", "rule.threshold": 0.001}``: texts are read as TOML values.
         """
-        table = self._table()
+        table = table_of(self)
         one_share = any(path.startswith("rule.alpha.") for path in changes)
         if one_share and isinstance(self.rule, PrescribedRule):  # perhaps left to the dimension
             table["rule"]["alpha"] = list(self.rule.alpha_in(self.lattice.dimension))
@@ -326,36 +321,47 @@ class Scene(Description):
 
     def to_toml(self) -> str:
         """Return the scene as TOML, from which `from_toml` makes an equal scene."""
-        return text_of(self._table(), self._contents.picture)
+        return text_of(table_of(self), self._resolved.picture)
 
     def save(self, path: str | Path) -> None:
         """Write the scene to a file; a large array goes into an ``.npy`` file beside it."""
-        save(path, self._table(), self._contents.picture)
+        save(path, table_of(self), self._resolved.picture)
 
     def to_archive(self) -> tuple[str, dict[str, NDArray[Any]]]:
         """Return the scene as TOML and the arrays that it refers to; see `from_archive`.
 
         The images of regions become part of the text, so that no other file is needed.
         """
-        table = self._table()
-        for number, filled in enumerate(self._contents.filling.regions):
+        table = table_of(self)
+        for number, filled in enumerate(self._resolved.regions):
             region = table["body"]["regions"][number]
-            if isinstance(filled.shape, Mask | LevelSet | SampledSolid):
+            if isinstance(filled.shape, Mask | SampledShape):
                 region["image"]["file"] = filled.shape.embedded()
             elif isinstance(filled.shape, ClosedSurface):
                 region["surface"] = {"file": filled.shape.embedded()}
-        return archive_of(table, self._contents.picture)
+        return archive_of(table, self._resolved.picture)
 
     @classmethod
     def from_archive(cls, text: str, arrays: Mapping[str, NDArray[Any]]) -> Scene:
         """Return the scene that `to_archive` took apart."""
-        return cls(**table_from_archive(text, arrays))
+        table = table_from(text)
+        name = table["body"].get("array")
+        if name is not None:
+            table["body"]["array"] = arrays[name]
+        return cls(**table)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
-        ours, theirs = self._contents.filling.base, other._contents.filling.base
-        return self._in_words() == other._in_words() and np.array_equal(ours, theirs)
+        ours, theirs = (
+            (
+                *(one.lattice, one.plane, one.thickness, one.cell_materials, one._conditions),
+                *(one.body.gravity, one.body.regions, one.body.allow_floating),
+                *(one.loads, one.rule, one.history),
+            )
+            for one in (self, other)
+        )
+        return ours == theirs and np.array_equal(self._resolved.base, other._resolved.base)
 
     __hash__ = None  # type: ignore[assignment]
     __iter__ = None  # type: ignore[assignment]  # one value, for Mesa's batch_run too
@@ -370,30 +376,37 @@ class Scene(Description):
             f"{loads} in {stages}, {self.rule.kind} rule"
         )
 
-    def _in_words(self) -> tuple[object, ...]:
-        body = (self.body.gravity, self.body.regions, self.body.allow_floating)
-        space = (self.lattice, self.plane, self.thickness)
-        asked = (self.loads, self.rule, self.history)
-        return (*space, body, self.cell_materials, self._conditions, *asked)
-
     @property
     def _conditions(self) -> tuple[SideCondition, ...]:
         return tuple(self.side_condition(name) for name in self.lattice.sides)
 
-    def _table(self) -> dict[str, Any]:
-        return table_of(self)
-
     @cached_property
-    def _contents(self) -> Contents:
-        return contents_of(self.body, self.legend, self.materials, self.sides)
+    def _resolved(self) -> ResolvedBody:
+        return resolve(self.body, self.legend, self.materials, self.sides)
 
     @cached_property
     def selections(self) -> tuple[Selection, ...]:
         """The faces or cells on which each load acts, and how much of each it covers."""
-        filling = self._of_cells.filling
+        body = self._of_cells
         return tuple(
-            select(filling, load, f"loads.{number}") for number, load in enumerate(self.loads)
+            select(body, load, f"loads.{number}") for number, load in enumerate(self.loads)
         )
+
+
+def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
+    """Return the body cell that each point (m) lies in or on, and whether there is one."""
+    lattice = scene.lattice
+    cells = lattice.locate(points)
+    outside = scene.kinds(cells) < 0
+    # A point on the surface belongs to the body, on whichever side rounding has put it.
+    corners = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
+    for shift in np.concatenate([lattice.normals, corners]):
+        moved = lattice.locate(points[outside] + 1e-6 * lattice.cell_size * shift)
+        inside = scene.kinds(moved) >= 0
+        place = np.flatnonzero(outside)[inside]
+        cells[place] = moved[inside]
+        outside[place] = False
+    return cells, ~outside
 
 
 def scene_needed(given: object) -> None:

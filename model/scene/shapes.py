@@ -1,34 +1,46 @@
-"""Shapes in space, asked point by point; their edges belong to them."""
+"""Shapes in the plane and in space, asked point by point; their edges belong to them.
+
+Those that are `Described` are also how scenes write them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, fields
+from itertools import pairwise, product
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from kaju.arrays import Flags, Floats
+from kaju.errors import ParameterError
+from kaju.model.scene.validation import Coordinate, Described, Length, Number
 
-from .curves import Point, conic, elliptic, line, polygonal
+from .curves import conic, elliptic, line, polygonal
 from .pictures import embedded
 
+Point = tuple[Coordinate, ...]
 Points = NDArray[np.float64]
 """Points (m), shape (n, dimension)."""
+Extent = tuple[Points, Points]
+"""Lower and upper corner (m) of a bounding box, each of shape (dimension,)."""
+Relation = tuple[Flags, Flags]
+"""Which boxes surely lie inside a shape, and which surely have no inner point in common with it."""
 
 TOUCH = 1e-9
 """Of a box's edge: shapes that reach no further into it only touch it."""
 _CLOSE = 1e-11  # of a coordinate: a point this near to the edge is on the edge
+_CORNERS = np.array(list(product((0.0, 1.0), repeat=3)))
 
 
 class Shape(Protocol):
     """A part of space."""
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m), each of shape (dimension,)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
@@ -47,8 +59,8 @@ class SolidShape(Shape, Protocol):
     def level(self, points: Points, reach: float) -> Floats:
         """Return about how far (m) points lie outside, below 0 within; `reach` is far enough."""
 
-    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
-        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +71,8 @@ class Box:
     upper: tuple[float, ...]
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner (m)."""
+    def extent(self) -> Extent:
+        """The box itself."""
         return np.asarray(self.lower), np.asarray(self.upper)
 
     def contains(self, points: Points) -> Flags:
@@ -81,24 +93,23 @@ class Box:
         lower, upper = self.extent
         return np.asarray(np.maximum(lower - points, points - upper).max(axis=1))
 
-    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
-        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape."""
         lower, upper = self.extent
         touch = TOUCH * (high - low)
         inside = np.all((low >= lower - touch) & (high <= upper + touch), axis=1)
         return inside, np.any((high <= lower + touch) | (low >= upper - touch), axis=1)
 
 
-@dataclass(frozen=True)
-class Ball:
+class Ball(Described):
     """All points up to a distance from a centre: a disk in two dimensions."""
 
-    centre: tuple[float, ...]
-    radius: float
+    centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
+    radius: Length = Field(description="the radius (m), such as 0.02")
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
         centre = np.asarray(self.centre)
         return centre - self.radius, centre + self.radius
 
@@ -119,32 +130,63 @@ class Ball:
         """Return how far (m) points lie outside."""
         return np.asarray(np.linalg.norm(points - np.array(self.centre), axis=1) - self.radius)
 
-    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
-        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape."""
         away = np.maximum(np.abs(low - self.centre), np.abs(high - self.centre))
         near = np.maximum(np.maximum(low - self.centre, self.centre - high), 0.0)
         far, near = (np.linalg.norm(one, axis=1) for one in (away, near))
         return far <= self.radius, near >= self.radius
 
 
-@dataclass(frozen=True)
-class Ellipse:
-    """All points within an ellipse: centre, half-axes, and the angle (rad) of the first one."""
+class Ring(Described):
+    """All points between two circles round a centre."""
 
-    centre: tuple[float, float]
-    radii: tuple[float, float]
-    angle: float
+    centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
+    inner: Length = Field(description="the smaller radius (m)")
+    outer: Length = Field(description="the larger radius (m)")
+
+    @model_validator(mode="after")
+    def _between(self) -> Ring:
+        if self.inner >= self.outer:
+            raise ParameterError(f"inner: {self.inner:g} m must be below outer, {self.outer:g} m")
+        return self
+
+    @property
+    def _disks(self) -> list[Ball]:
+        return [Ball(centre=self.centre, radius=radius) for radius in (self.outer, self.inner)]
+
+    @property
+    def extent(self) -> Extent:
+        """The bounding box."""
+        return self._disks[0].extent
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge."""
+        away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
+        low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
+        return np.asarray((away >= low) & (away <= high))
+
+    def outline(self) -> list[Floats]:
+        """Return both circles, in the plane."""
+        return [circle for disk in self._disks for circle in disk.outline()]
+
+
+class Ellipse(Described):
+    """All points within an ellipse, whose first half-axis is turned from the x axis by an angle."""
+
+    centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
+    radii: tuple[Length, Length] = Field(description="both half-axes (m), such as [0.03, 0.01]")
+    angle: Number = Field(default=0.0, description="from the x axis to the first one (degrees)")
 
     @property
     def _axes(self) -> Points:
-        cosine, sine = np.cos(self.angle), np.sin(self.angle)
-        return np.asarray(
-            np.array([[cosine, sine], [-sine, cosine]]) * np.array(self.radii)[:, None]
-        )
+        cosine, sine = np.cos(np.deg2rad(self.angle)), np.sin(np.deg2rad(self.angle))
+        turned = np.array([[cosine, sine], [-sine, cosine]])
+        return np.asarray(turned * np.array(self.radii)[:, None])
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
         reach = np.hypot(*self._axes)
         return np.asarray(self.centre) - reach, np.asarray(self.centre) + reach
 
@@ -155,72 +197,141 @@ class Ellipse:
 
     def outline(self) -> list[Floats]:
         """Return its ellipse."""
-        (a, b), (c, d) = self._axes.tolist()
-        return [elliptic(self.centre, (a, b), (c, d))]
+        (x, y), ((a, b), (c, d)) = self.centre, self._axes.tolist()
+        return [elliptic((x, y), (a, b), (c, d))]
 
 
-@dataclass(frozen=True)
-class RoundedBox:
-    """All points up to a distance from a box, or from a straight line between two points."""
+class Widened(Described):
+    """All points of the plane up to a radius from a polygon, or from a straight line."""
 
-    core: tuple[Point, ...]
-    """Corners counter-clockwise, four or two."""
-    radius: float
+    radius: Length
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def core(self) -> tuple[Point, ...]:
+        """The polygon's corners, counter-clockwise, or the line's two ends."""
+        raise NotImplementedError
+
+    @property
+    def extent(self) -> Extent:
+        """The bounding box."""
         core = np.asarray(self.core)
         return core.min(axis=0) - self.radius, core.max(axis=0) + self.radius
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
-        inside = Polygon(self.core).contains(points) if len(self.core) > 2 else False
-        for start, end in Polygon(self.core)._edges():
-            along = np.clip(
-                (points - start) @ (end - start) / ((end - start) @ (end - start)), 0, 1
-            )
-            away = np.hypot(*(points - start - along[:, None] * (end - start)).T)
+        core = Polygon(self.core)
+        inside = core.contains(points) if len(self.core) > 2 else np.zeros(len(points), np.bool_)
+        for start, end in core.edges():
+            edge = end - start
+            along = np.clip((points - start) @ edge / (edge @ edge), 0, 1)
+            away = np.hypot(*(points - start - along[:, None] * edge).T)
             inside |= away <= self.radius * (1.0 + _CLOSE)
-        return np.asarray(inside)
+        return inside
 
     def outline(self) -> list[Floats]:
         """Return straight lines and parts of circles between them."""
         arcs = []
         ring = [np.asarray(corner) for corner in self.core]
-        ways = [self.radius * (q - p) / np.hypot(*(q - p)) for p, q in pairwise([*ring, ring[0]])]
+        along = [self.radius * (q - p) / np.hypot(*(q - p)) for p, q in pairwise([*ring, ring[0]])]
         for k, at in enumerate(ring):
-            (a, b), (c, d) = ways[k - 1], ways[k]
-            turns = [np.array([b, -a]), np.array([d, -c])]
+            # The arc round a corner goes from the normal of one edge to that of the next.
+            (a, b), (c, d) = along[k - 1], along[k]
+            normals = [np.array([b, -a]), np.array([d, -c])]
             if len(ring) == 2:  # half a circle, in two quarters
-                turns.insert(1, ways[k - 1])
-            arcs += [conic(at + p, at + p + q, at + q, np.sqrt(0.5)) for p, q in pairwise(turns)]
-            arcs.append(line(at + turns[-1], ring[k - len(ring) + 1] + turns[-1]))
+                normals.insert(1, along[k - 1])
+            arcs += [conic(at + p, at + p + q, at + q, np.sqrt(0.5)) for p, q in pairwise(normals)]
+            arcs.append(line(at + normals[-1], ring[k - len(ring) + 1] + normals[-1]))
         return [np.array(arcs)]
 
 
-@dataclass(frozen=True)
-class Ring:
-    """All points between two circles round a centre."""
+class Slot(Widened):
+    """All points of the plane up to a radius from a straight line."""
 
-    centre: tuple[float, ...]
-    inner: float
-    outer: float
+    ends: tuple[Point, Point] = Field(description="where its rounded ends have their middles (m)")
+    radius: Length = Field(description="half of its width (m), such as 0.01")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Slot:
+        if self.ends[0] == self.ends[1]:
+            raise ParameterError("ends: are one point; use disk")
+        return self
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
-        return Ball(self.centre, self.outer).extent
+    def core(self) -> tuple[Point, ...]:
+        """The line."""
+        return self.ends
+
+
+class RoundedBox(Widened):
+    """A box in the plane whose corners are parts of circles."""
+
+    box: tuple[Point, Point] = Field(description="the lower and the upper corner (m)")
+    radius: Length = Field(description="the radius of its corners (m), such as 0.01")
+
+    @property
+    def core(self) -> tuple[Point, ...]:
+        """The middles of the circles."""
+        (x0, y0), (x1, y1) = self.box
+        r = self.radius
+        return (x0 + r, y0 + r), (x1 - r, y0 + r), (x1 - r, y1 - r), (x0 + r, y1 - r)
+
+
+class Cylinder(Described):
+    """All points up to a radius from a straight line in space, between flat ends."""
+
+    ends: tuple[Point, Point] = Field(description="the middles of both ends (m)")
+    radius: Length = Field(description="the radius (m), such as 0.02")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Cylinder:
+        if self.ends[0] == self.ends[1]:
+            raise ParameterError("ends: are one point; take two")
+        return self
+
+    @property
+    def _axis(self) -> tuple[Points, Points, float]:
+        start, end = np.array(self.ends)
+        length = float(np.linalg.norm(end - start))
+        return start, (end - start) / length, length
+
+    @property
+    def extent(self) -> Extent:
+        """The bounding box."""
+        reach = self.radius * np.sqrt(np.maximum(1.0 - self._axis[1] ** 2, 0.0))
+        ends = np.array(self.ends)
+        return ends.min(axis=0) - reach, ends.max(axis=0) + reach
+
+    def _places(self, points: Points) -> tuple[Floats, Points]:
+        """Return how far along the axis points lie, and the vectors from it to them."""
+        start, along, _ = self._axis
+        far = (points - start) @ along
+        return far, points - start - far[:, None] * along
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
-        away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
-        low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
-        return np.asarray((away >= low) & (away <= high))
+        return np.asarray(self.level(points, 0.0) <= TOUCH * self.radius)
 
-    def outline(self) -> list[Floats]:
-        """Return both circles, in the plane."""
-        return [*Ball(self.centre, self.outer).outline(), *Ball(self.centre, self.inner).outline()]
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return about how far (m) points lie outside."""
+        far, away = self._places(points)
+        beyond = np.maximum(-far, far - self._axis[2])
+        return np.asarray(np.maximum(beyond, np.linalg.norm(away, axis=1) - self.radius))
+
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape."""
+        _, along, length = self._axis
+        inside = np.ones(len(low), dtype=np.bool_)
+        touch = TOUCH * (high - low)[:, 0]
+        for end in _CORNERS:  # it is convex
+            far, away = self._places(low + end * (high - low))
+            flat = (far >= -touch) & (far <= length + touch)
+            inside &= flat & (np.linalg.norm(away, axis=1) <= self.radius)
+        far, away = self._places(0.5 * (low + high))
+        half, reach = 0.5 * (high - low), np.linalg.norm(away, axis=1)
+        out = away / np.where(reach > 0.0, reach, 1.0)[:, None]
+        beyond = np.maximum(-far, far - length) - half @ np.abs(along)
+        round_it = reach - self.radius - np.einsum("ni,ni->n", half, np.abs(out))
+        return inside, (beyond >= -touch) | (round_it >= 0.0)
 
 
 @dataclass(frozen=True)
@@ -230,8 +341,8 @@ class Polygon:
     corners: tuple[tuple[float, ...], ...]
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
         corners = np.asarray(self.corners)
         return corners.min(axis=0), corners.max(axis=0)
 
@@ -242,7 +353,7 @@ class Polygon:
         x, y = points.T
         odd = np.zeros(len(points), dtype=np.bool_)
         edge = np.zeros(len(points), dtype=np.bool_)
-        for start, end in self._edges():
+        for start, end in self.edges():
             along = end - start
             length = np.hypot(along[0], along[1])
             # twice the area of the triangle with the edge: its sign tells the side
@@ -258,34 +369,40 @@ class Polygon:
         """Return its sides."""
         return [polygonal((x, y) for x, y in self.corners)]
 
-    def _edges(self) -> Iterator[tuple[Points, Points]]:
+    def edges(self) -> Iterator[tuple[Points, Points]]:
+        """Yield both ends of every edge that has a length."""
         for start, end in pairwise([*self.corners, self.corners[0]]):
             if start != end:
                 yield np.asarray(start), np.asarray(end)
 
 
+class ShapeOfArrays:
+    """A dataclass with arrays, equal to another if all of its fields are."""
+
+    def __eq__(self, other: object) -> bool:
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return type(other) is type(self) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in names
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
 @dataclass(frozen=True, eq=False)
-class Mask:
+class Mask(ShapeOfArrays):
     """The dark pixels of a picture that is stretched over a box."""
 
     box: Box
     dark: Flags
     """First index along x from the left, second along y from the bottom."""
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Mask):
-            return NotImplemented
-        return self.box == other.box and np.array_equal(self.dark, other.dark)
-
-    __hash__ = None  # type: ignore[assignment]
-
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""
         return embedded(np.where(self.dark.T[::-1], 0, 255).astype(np.uint8))
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the picture's box (m)."""
+    def extent(self) -> Extent:
+        """The picture's box."""
         return self.box.extent
 
     def contains(self, points: Points) -> Flags:

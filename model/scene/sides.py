@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from kaju.agents.materials import suggestion
+from kaju.errors import SceneError
 from kaju.model.scene import cell_types
 from kaju.model.scene.validation import Described, Index, Number, Positive, optional
 
@@ -19,19 +20,17 @@ _KINDS = {
     "displaced": cell_types.DISPLACED,
 }
 _WORDS = ("free", "rigid", "roller")
+_FREELY = "free"
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
-
-
-FREELY = "free"
 
 
 def _sliding(displacement: Any) -> dict[str, Any]:
     """Return a displacement in numbers, and the axes whose number is the word "free"."""
     if not isinstance(displacement, (list, tuple)):
         return {}
-    free = [axis for axis, value in enumerate(displacement) if value == FREELY]
+    free = [axis for axis, value in enumerate(displacement) if value == _FREELY]
     return {
-        "displacement": [0.0 if value == FREELY else value for value in displacement],
+        "displacement": [0.0 if value == _FREELY else value for value in displacement],
         **({"free_axes": free} if free else {}),
     }
 
@@ -97,9 +96,16 @@ class SideCondition(Described):
         if self.displacement is not None:
             moved: list[float | str] = list(self.displacement)
             for axis in self.free_axes:
-                moved[axis] = FREELY
+                moved[axis] = _FREELY
             return {"displacement": moved}
         return self.kind
 
 
 FREE = SideCondition()
+
+
+def unknown_side(name: str, sides: tuple[str, ...], where: str) -> SceneError:
+    """Return the error for a side that the array does not have."""
+    return SceneError(
+        f"{where}: there is no side {name!r}{suggestion(name, sides)}; there is {', '.join(sides)}"
+    )

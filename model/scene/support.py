@@ -9,7 +9,7 @@ from kaju.arrays import Flags
 from kaju.errors import SceneError, SupportError
 from kaju.model.scene import cell_types
 
-from .filling import CellBox, Filling, count, sample, slabs
+from .resolved_body import CellBox, ResolvedBody, count, sample, slabs
 
 MOST_EXAMINED = 10_000_000
 """Up to this many cells a body is examined cell by cell, above by samples."""
@@ -21,54 +21,45 @@ _REMEDY = (
 )
 
 
-def check_body(filling: Filling, allow_floating: bool) -> None:
+def check_body(resolved: ResolvedBody, allow_floating: bool) -> None:
     """Refuse a body that is not there or floats; parts are sought up to `MOST_EXAMINED` cells."""
-    if filling.uniform or filling.lattice.size > MOST_EXAMINED:
-        _check_samples(filling, allow_floating)
+    if resolved.uniform or resolved.lattice.size > MOST_EXAMINED:
+        _check_samples(resolved, allow_floating)
     else:
-        _check_parts(filling, allow_floating)
+        _check_parts(resolved, allow_floating)
 
 
-def _check_samples(filling: Filling, allow_floating: bool) -> None:
-    boxes = [filling.box] + [filling.cells_of(region.shape) for region in filling.regions]
-    if not any(_has_body(filling, box) for box in boxes):
-        raise SceneError(_empty(filling))
-    inside = [filling.base, *(part.kind for part in filling.regions)]
+def _check_samples(resolved: ResolvedBody, allow_floating: bool) -> None:
+    boxes = [resolved.box] + [resolved.cells_of(region.shape) for region in resolved.regions]
+    if not any(_has_body(resolved, box) for box in boxes):
+        raise _nothing_there(resolved)
+    inside = [resolved.base, *(part.kind for part in resolved.regions)]
     if allow_floating or any(bool(np.isin(np.asarray(kind), _HOLDS).any()) for kind in inside):
         return
-    for side in np.flatnonzero(np.isin(filling.beyond, _HOLDS)):
-        axis, upper_end = divmod(int(side), 2)
-        edge = filling.lattice.shape[axis] - 1 if upper_end else 0
-        if any(_has_body(filling, _layer(box, axis, edge)) for box in boxes):
+    for side in np.flatnonzero(np.isin(resolved.beyond, _HOLDS)):
+        if any(_has_body(resolved, resolved.layer(box, int(side))) for box in boxes):
             return
     raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
 
 
-def _layer(box: CellBox, axis: int, edge: int) -> CellBox:
-    """Return the part of a box that lies in the layer `edge` across an axis."""
-    lower, upper = (corner.copy() for corner in box)
-    lower[axis], upper[axis] = max(lower[axis], edge), min(upper[axis], edge + 1)
-    return lower, np.maximum(lower, upper)
-
-
-def _has_body(filling: Filling, box: CellBox) -> bool:
+def _has_body(resolved: ResolvedBody, box: CellBox) -> bool:
     """Tell whether a box holds a cell of body; of large boxes only samples are looked at."""
     if count(box) == 0:
         return False
-    if np.any(filling.kinds(sample(box)) >= 0):
+    if np.any(resolved.kinds(sample(box)) >= 0):
         return True
     small = count(box) <= MOST_EXAMINED
-    return small and any(np.any(filling.kinds(cells) >= 0) for cells in slabs(box))
+    return small and any(np.any(resolved.kinds(cells) >= 0) for cells in slabs(box))
 
 
-def _check_parts(filling: Filling, allow_floating: bool) -> None:
-    raster = filling.rasterise()
+def _check_parts(resolved: ResolvedBody, allow_floating: bool) -> None:
+    raster = resolved.rasterise()
     if not (raster >= 0).any():
-        raise SceneError(_empty(filling))
+        raise _nothing_there(resolved)
     if allow_floating:
         return
-    framed = _framed(filling, raster)
-    parts, held = _parts_of_boxes(framed) if filling.lattice.boxes else _parts(filling, framed)
+    framed = _framed(resolved, raster)
+    parts, held = _parts_of_boxes(framed) if resolved.lattice.boxes else _parts(resolved, framed)
     loose = np.flatnonzero(~held[1:]) + 1
     if len(loose) == len(held) - 1:
         raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
@@ -84,10 +75,10 @@ Parts = tuple[NDArray[np.integer], Flags]
 """The number of each cell's part, from 1 (0: no body), and which numbers something holds."""
 
 
-def _framed(filling: Filling, raster: NDArray[np.int16]) -> NDArray[np.int16]:
+def _framed(resolved: ResolvedBody, raster: NDArray[np.int16]) -> NDArray[np.int16]:
     """Return the kinds of all cells in a frame of what lies beyond the sides."""
     framed = np.pad(raster, 1, constant_values=cell_types.AIR)
-    for side, kind in enumerate(filling.beyond):
+    for side, kind in enumerate(resolved.beyond):
         axis, upper_end = divmod(side, 2)
         rim = [slice(None)] * raster.ndim
         rim[axis] = slice(-1, None) if upper_end else slice(0, 1)
@@ -110,12 +101,12 @@ def _parts_of_boxes(framed: NDArray[np.int16]) -> Parts:
     return parts[(slice(1, -1),) * framed.ndim], held
 
 
-def _parts(filling: Filling, framed: NDArray[np.int16]) -> Parts:
+def _parts(resolved: ResolvedBody, framed: NDArray[np.int16]) -> Parts:
     """Return the connected parts of any cells, from face to face."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    lattice, kind = filling.lattice, framed.ravel()  # a cell's key is its place in the frame
+    lattice, kind = resolved.lattice, framed.ravel()  # a cell's key is its place in the frame
     body = np.flatnonzero(kind >= 0)
     form, count = lattice.form(lattice.cells(body)), len(body)
     number = np.zeros(len(kind), dtype=np.int32)
@@ -138,6 +129,8 @@ def _parts(filling: Filling, framed: NDArray[np.int16]) -> Parts:
     return parts.reshape(framed.shape)[1:-1, 1:-1], held
 
 
-def _empty(filling: Filling) -> str:
-    shape = " x ".join(map(str, filling.lattice.shape))
-    return f"body: none of the {shape} cells is body; at least one must be of a material"
+def _nothing_there(resolved: ResolvedBody) -> SceneError:
+    shape = " x ".join(map(str, resolved.lattice.shape))
+    return SceneError(
+        f"body: none of the {shape} cells is body; at least one must be of a material"
+    )

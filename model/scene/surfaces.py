@@ -15,7 +15,7 @@ from kaju.errors import SceneFileError
 from kaju.files import file_to_read
 
 from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
-from .shapes import TOUCH, Points
+from .shapes import TOUCH, Extent, Points, Relation, ShapeOfArrays
 
 _HEAD = 84
 """Bytes of a binary STL file before its triangles, of 50 bytes each."""
@@ -25,7 +25,7 @@ _CORNER = re.compile(rb"vertex" + 3 * _NUMBER)
 _UPRIGHT = 1e-12
 """Of its area: a triangle that is seen as less from above crosses no upright line."""
 _AT_ONCE, _TOGETHER = 500_000, 1024
-"""Pairs that are looked at at once, and pairs that are not parted any further."""
+"""Pairs of box and triangle held at a time, and pairs that are not divided any further."""
 
 
 def surface_from(text: str, key: str, scale: float) -> ClosedSurface:
@@ -58,18 +58,11 @@ def _corners(data: bytes) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedSurface:
+class ClosedSurface(ShapeOfArrays):
     """The inside of a closed surface of triangles, by the even-odd rule."""
 
     corners: Floats
     """Of every triangle (m), shape (n, 3, 3)."""
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ClosedSurface):
-            return NotImplemented
-        return np.array_equal(self.corners, other.corners)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""
@@ -79,9 +72,9 @@ class ClosedSurface:
         """Refuse a surface with an edge that does not join two triangles, one each way."""
         places, number = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)
         corner = number.reshape(-1, 3)
-        ways = np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]])
-        ways = ways[ways[:, 0] != ways[:, 1]]  # triangles without area bound nothing
-        there, back = (np.sort(a * len(places) + b) for a, b in (ways.T, ways[:, ::-1].T))
+        edges = np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]])
+        edges = edges[edges[:, 0] != edges[:, 1]]  # triangles without area bound nothing
+        there, back = (np.sort(a * len(places) + b) for a, b in (edges.T, edges[:, ::-1].T))
         if not np.array_equal(there, back):
             lonely = np.setxor1d(there, back)
             which = "is not closed"
@@ -92,8 +85,8 @@ class ClosedSurface:
             raise SceneFileError(f"{key}: {which}; mend it where it was made")
 
     @cached_property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
         points = self.corners.reshape(-1, 3)
         return points.min(axis=0), points.max(axis=0)
 
@@ -102,16 +95,13 @@ class ClosedSurface:
         places, line = np.unique(points[:, 0] + 1j * points[:, 1], return_inverse=True)
         lines = np.stack([places.real, places.imag], axis=1)
         crossed, height = self._crossings(lines)
-        # How many crossings of its own line lie above a point.
-        order = np.lexsort((height, crossed))
-        crossed, height = crossed[order], height[order]
+        # Crossings and points are sorted together, line by line and upwards: crossings of a point's
+        # line that come after it lie above it.
         both = np.concatenate([crossed, line])
-        heights = np.concatenate([height, points[:, 2]])
-        place = np.lexsort((heights, both))
-        below = np.cumsum(place < len(crossed))
+        place = np.lexsort((np.concatenate([height, points[:, 2]]), both))
         rank = np.empty(len(place), dtype=np.int64)
-        rank[place] = below
-        after = np.searchsorted(crossed, line, side="right")
+        rank[place] = np.cumsum(place < len(crossed))
+        after = np.searchsorted(np.sort(crossed), line, side="right")
         return np.asarray((after - rank[len(crossed) :]) % 2 == 1)
 
     def _crossings(self, lines: Points) -> tuple[Ints, Floats]:
@@ -135,13 +125,13 @@ class ClosedSurface:
             odd = np.zeros(len(line), dtype=np.bool_)
             for a in range(3):
                 odd ^= _right_of(corner[:, a], corner[:, (a + 1) % 3], at)
-            away, way = (at - corner[:, 0, :2])[odd], normal[triangle[odd]]
-            rise = np.einsum("ni,ni->n", way[:, :2], away) / way[:, 2]
+            away, up = (at - corner[:, 0, :2])[odd], normal[triangle[odd]]
+            rise = np.einsum("ni,ni->n", up[:, :2], away) / up[:, 2]
             found.append((line[odd], corner[odd, 0, 2] - rise))
         return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
 
-    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
-        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the surface."""
         crossed = np.zeros(len(low), dtype=np.bool_)
         for box, triangle in self._near(low, high):
             half = (0.5 - TOUCH) * (high[box] - low[box])
@@ -150,7 +140,7 @@ class ClosedSurface:
             sides = np.roll(corner, -1, axis=1) - corner
             axes = [np.cross(sides[:, 0], sides[:, 1])]
             axes += [np.cross(sides[:, a], np.eye(3)[b]) for a in range(3) for b in range(3)]
-            for axis in axes:  # of which one parts them, if there is one
+            for axis in axes:  # of separation
                 reach = np.einsum("ni,ni->n", half, np.abs(axis))
                 place = np.einsum("nci,ni->nc", corner, axis)
                 apart |= (place.min(axis=1) >= reach) & (reach > 0.0)
@@ -179,7 +169,7 @@ class ClosedSurface:
 
     @cached_property
     def _flat(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Sides, squares of their lengths, normals, and ways inwards from the sides."""
+        """Sides, squares of their lengths, unit normals, and normals of the sides, inwards."""
         sides = np.roll(self.corners, -1, axis=1) - self.corners
         long = np.einsum("nci,nci->nc", sides, sides)
         normal = np.cross(sides[:, 0], sides[:, 1])
@@ -195,10 +185,8 @@ class ClosedSurface:
         count = 0
         while todo:
             box, triangle = todo.pop()
-            start, end = (
-                low[box].min(axis=0, initial=np.inf),
-                high[box].max(axis=0, initial=-np.inf),
-            )
+            start = low[box].min(axis=0, initial=np.inf)
+            end = high[box].max(axis=0, initial=-np.inf)
             meets = np.all((least[triangle] <= end) & (most[triangle] >= start), axis=1)
             triangle = triangle[meets]
             if len(box) * len(triangle) > _TOGETHER and len(box) > 1:

@@ -13,7 +13,7 @@ from kaju.arrays import Flags, Floats
 from kaju.errors import SceneError
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
-from .shapes import Points, Polygon
+from .shapes import Extent, Points, Polygon
 
 _NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
@@ -46,8 +46,8 @@ class PathShape:
         return [Polygon(tuple((x, y) for x, y in at.tolist())) for at in flat]
 
     @property
-    def extent(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box (m)."""
+    def extent(self) -> Extent:
+        """The bounding box."""
         low, high = zip(*(polygon.extent for polygon in self._polygons), strict=True)
         return np.min(low, axis=0), np.max(high, axis=0)
 

@@ -44,8 +44,10 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
             f"is not a scene: {len(text)} characters are more than {LONGEST:.0e}; "
             "describe a large body by an image or an array"
         )
-    # The time that TOML's parser takes grows with the square of a key's depth.
-    deep = _DEEP_KEY.search(_WORDS.sub(_blank, text))
+    # The time that TOML's parser takes grows with the square of a key's depth. Comments and quoted
+    # texts are left out, where dots do not part keys.
+    bare = _WORDS.sub(lambda word: "" if word[0].startswith("#") else "q", text)
+    deep = _DEEP_KEY.search(bare)
     if deep:
         raise SceneError(f"is not a scene: the key {deep[0][:40]}… has too many parts")
     try:
@@ -57,22 +59,10 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     return table if folder is None else located(table, Path(folder))
 
 
-def _blank(word: re.Match[str]) -> str:
-    """Return what stands for a comment or a quoted text where only the dots of keys count."""
-    return "" if word[0].startswith("#") else "q"
-
-
-def table_from_archive(text: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return the table in a TOML text, its body's array taken from `arrays`."""
-    table = table_from(text)
-    name = table["body"].get("array")
-    return table if name is None else {**table, "body": {**table["body"], "array": arrays[name]}}
-
-
 def located(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return a scene's table with the paths in it starting from `folder`."""
-    located = {key: _moved(part, folder) for key, part in table.items() if key != "materials"}
-    return with_shared({**table, **located}, folder)
+    moved = {key: _moved(part, folder) for key, part in table.items() if key != "materials"}
+    return with_shared({**table, **moved}, folder)
 
 
 def _moved(part: Any, folder: Path) -> Any:
@@ -106,9 +96,10 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
         if not all(keys):
             raise SceneError(f"{path!r}: is not a key path such as loads.0.steps")
         place = result
-        for depth, key in enumerate(keys[:-1]):
-            place = _part(place, key, keys[: depth + 1])
-        _put(place, keys, _parsed(value))
+        for depth in range(1, len(keys)):
+            key = _key_in(place, keys[:depth])
+            place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+        place[_key_in(place, keys)] = _parsed(value)
     return dict(result)
 
 
@@ -135,35 +126,17 @@ def _copied(value: Any) -> Any:
     return value
 
 
-def _part(place: Any, key: str, path: list[str]) -> Any:
-    if isinstance(place, list):
-        return place[_index(place, key, path)]
+def _key_in(place: Any, path: list[str]) -> str | int:
+    """Return the last part of a key path as a key of the table, or index of the list, `place`."""
+    key, whole, parent = path[-1], ".".join(path), ".".join(path[:-1])
     if isinstance(place, dict):
-        return place.setdefault(key, {})
-    raise _no_parts(place, path)
-
-
-def _put(place: Any, keys: list[str], value: Any) -> None:
-    if isinstance(place, list):
-        place[_index(place, keys[-1], keys)] = value
-    elif isinstance(place, dict):
-        place[keys[-1]] = value
-    else:
-        raise _no_parts(place, keys)
-
-
-def _no_parts(place: Any, path: list[str]) -> SceneError:
-    return SceneError(
-        f"{'.'.join(path)}: {'.'.join(path[:-1])} is {place!r}, which has no parts of its own"
-    )
-
-
-def _index(items: list[Any], key: str, path: list[str]) -> int:
-    if not key.isdecimal() or int(key) >= len(items):
-        have = f"0 to {len(items) - 1}" if items else "none"
+        return key
+    if not isinstance(place, list):
+        raise SceneError(f"{whole}: {parent} is {place!r}, which has no parts of its own")
+    if not key.isdecimal() or int(key) >= len(place):
+        have = f"0 to {len(place) - 1}" if place else "none"
         raise SceneError(
-            f"{'.'.join(path)}: {'.'.join(path[:-1])} is a list; its items are {have}, "
-            f"there is no item {key!r}"
+            f"{whole}: {parent} is a list; its items are {have}, there is no item {key!r}"
         )
     return int(key)
 
@@ -176,9 +149,6 @@ def _parsed(value: Any) -> Any:
     except tomllib.TOMLDecodeError:
         return value
     return table["value"] if len(table) == 1 else value
-
-
-_DRAWN = ("body", "legend")
 
 
 def table_of(scene: Description) -> dict[str, Any]:
@@ -217,7 +187,7 @@ def _entries(described: Any) -> dict[str, Any]:
 
 def text_of(table: Mapping[str, Any], picture: Picture | None) -> str:
     """Return a scene's table as TOML."""
-    table = _drawn(table, picture)
+    table = _with_picture(table, picture)
     if isinstance(table["body"].get("array"), np.ndarray):
         raise SceneError(
             "body.array: is too large, or has too many axes, to be written as a drawing; "
@@ -230,51 +200,46 @@ def archive_of(
     table: Mapping[str, Any], picture: Picture | None
 ) -> tuple[str, dict[str, NDArray[np.int16]]]:
     """Return a scene's table as TOML and, by name, the arrays that do not fit in it."""
-    table = _drawn(table, picture)
+    table = _with_picture(table, picture, "cells")
     if picture is None or "drawing" in table["body"]:
         return dumps(table), {}
-    return dumps(_arrayed(table, picture, "cells")), {"cells": picture.codes}
-
-
-def _drawn(table: Mapping[str, Any], picture: Picture | None) -> dict[str, Any]:
-    """Return the table with an image or array turned into a drawing if that is short."""
-    if picture is None or "drawing" in table["body"] or not picture.drawable:
-        return dict(table)
-    drawing, legend = picture.drawing()
-    return _with_picture(table, "drawing", drawing, legend)
-
-
-def _arrayed(table: Mapping[str, Any], picture: Picture, name: str) -> dict[str, Any]:
-    """Return the table with its picture turned into an array of that name."""
-    legend = {str(code): filling for code, filling in enumerate(picture.names)}
-    return _with_picture(table, "array", name, legend)
-
-
-def _with_picture(
-    table: Mapping[str, Any], key: str, picture: str, legend: dict[str, str]
-) -> dict[str, Any]:
-    """Return the table with its image or array replaced, the keys in their usual order."""
-    given = {**table["body"], key: picture}
-    others = {"drawing", "image", "array", "nearest_colour"} - {key}
-    body = {name: given[name] for name in Body.model_fields if name in given.keys() - others}
-    return {"body": body, "legend": legend} | {k: v for k, v in table.items() if k not in _DRAWN}
+    return dumps(table), {"cells": picture.codes}
 
 
 def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) -> None:
     """Write a scene to a file at once or not at all; large arrays go into a file beside it."""
     path = Path(path)
-    table = _drawn(table, picture)
+    beside = path.with_name(f"{path.stem}.cells.npy")
+    table = _with_picture(table, picture, beside.name)
     if picture is not None and "drawing" not in table["body"]:
-        beside = path.with_name(f"{path.stem}.cells.npy")
         with atomic_file(beside, SceneFileError) as scratch:
             np.save(scratch, picture.codes, allow_pickle=False)
-        table = _arrayed(table, picture, beside.name)
     for region in table["body"].get("regions", []):
         for key in {"image", "surface"} & set(region):
             if not region[key]["file"].startswith((EMBEDDED, EMBEDDED_ARRAY)):
                 region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
     with atomic_file(path, SceneFileError) as scratch:
         scratch.write_text(dumps(table), encoding="utf-8")
+
+
+def _with_picture(
+    table: Mapping[str, Any], picture: Picture | None, array: str | None = None
+) -> dict[str, Any]:
+    """Return the table with an image or array as a drawing if that is short, else as `array`."""
+    if picture is None or "drawing" in table["body"] or not (picture.drawable or array):
+        return dict(table)
+    key: str
+    value: str | None
+    if picture.drawable:
+        key, (value, legend) = "drawing", picture.drawing()
+    else:
+        key, value = "array", array
+        legend = {str(code): name for code, name in enumerate(picture.names)}
+    given = {**table["body"], key: value}
+    others = {"drawing", "image", "array", "nearest_colour"} - {key}
+    body = {name: given[name] for name in Body.model_fields if name in given.keys() - others}
+    rest = {name: part for name, part in table.items() if name not in ("body", "legend")}
+    return {"body": body, "legend": legend, **rest}
 
 
 _OWN_SECTIONS = ("materials", "rule")  # tables in these get a section, in others a line
@@ -292,11 +257,11 @@ def _blocks(name: str, part: Any) -> Iterator[str]:
     """Yield a section and the sections inside it."""
     if isinstance(part, list):
         for item in part:
-            yield f"[[{name}]]\n{_lines(item)}"
+            yield "\n".join([f"[[{name}]]", *_entries_of(item), ""])
         return
     own = {key: value for key, value in part.items() if not _is_section(name, value)}
     if own:
-        yield f"[{name}]\n{_lines(own)}"
+        yield "\n".join([f"[{name}]", *_entries_of(own), ""])
     for key, value in part.items():
         if key not in own:
             yield from _blocks(f"{name}.{_key(key)}", value)
@@ -308,8 +273,8 @@ def _is_section(name: str, value: Any) -> bool:
     return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
 
 
-def _lines(table: Mapping[str, Any]) -> str:
-    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items())
+def _entries_of(table: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(key)} = {_value(value)}" for key, value in table.items()]
 
 
 def _key(key: str) -> str:
@@ -320,7 +285,7 @@ def _value(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{_key(key)} = {_value(part)}' for key, part in value.items())}}}"
+        return f"{{{', '.join(_entries_of(value))}}}"
     import tomli_w
 
     written = tomli_w.dumps({"value": value}, multiline_strings=True)

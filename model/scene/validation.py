@@ -1,13 +1,12 @@
-"""Strict descriptions: one validator for files and for Python, one voice for its errors.
+"""Strict descriptions, for files and for Python alike.
 
 Every part of a scene is a frozen pydantic model derived from `Described`. Whatever it
-refuses is told as a `SceneError` with key path, rule, value and meaning of the key,
-whether the part came from a file or from Python.
+refuses is a `SceneError` with key path, rule, value and meaning of the key.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from re import findall
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -18,6 +17,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    PlainValidator,
     Strict,
     ValidationError,
     model_validator,
@@ -57,14 +57,11 @@ _PHRASES = {
 
 
 if TYPE_CHECKING:  # the metaclass of pydantic's models has no public name
-    _Told = BaseModel
+    _Model = BaseModel
 else:
 
-    class _Telling(type(BaseModel)):
-        """Tells in kaju's words why a description could not be made.
-
-        Parts within parts are validated without coming by here: the outermost tells of them all.
-        """
+    class _SceneErrors(type(BaseModel)):
+        """Turns pydantic's errors into a `SceneError`, once for a part and all parts within it."""
 
         def __call__(cls, *unnamed: Any, **values: Any) -> Any:
             if unnamed:
@@ -75,13 +72,13 @@ else:
             try:
                 return super().__call__(**values)
             except ValidationError as error:
-                raise translated(cls, error) from None
+                raise _scene_error(cls, error) from None
 
-    class _Told(BaseModel, metaclass=_Telling):
-        """A description whose errors are told so."""
+    class _Model(BaseModel, metaclass=_SceneErrors):
+        """A pydantic model whose errors are scene errors."""
 
 
-class Described(_Told):
+class Described(_Model):
     """Base of every part of a scene's description: frozen, strict, with kaju's errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
@@ -95,8 +92,8 @@ class Described(_Told):
         for key in values:
             if key not in cls.model_fields:
                 known = f"known are {', '.join(cls.model_fields)}"
-                told = f"unknown key{suggestion(str(key), cls.model_fields)}; {known}"
-                raise PydanticCustomError("unknown_key", "{told}", {"key": str(key), "told": told})
+                text = f"unknown key{suggestion(str(key), cls.model_fields)}; {known}"
+                raise PydanticCustomError("unknown_key", "{text}", {"key": str(key), "text": text})
         return {key: _plain(value) for key, value in values.items()}
 
 
@@ -105,12 +102,34 @@ def optional(meaning: str) -> Any:
     return Field(default=None, description=meaning)
 
 
-def one_given(described: Described, names: tuple[str, ...], told: str) -> str:
-    """Return which one of some keys is given; `told` begins what is said of none or several."""
+def built_by(table: Any, made: type, forms: str) -> PlainValidator:
+    """Return the validator of a value that is made, or is the `table` that builds it."""
+
+    def build(value: Any) -> Any:
+        if isinstance(value, made):
+            return value
+        if not isinstance(value, Mapping):
+            raise ValueError(f"must be {forms}, got {value!r}")
+        return table.model_validate(value).build()
+
+    return PlainValidator(build)
+
+
+def one_given(described: Described, names: tuple[str, ...], rule: str) -> str:
+    """Return the only one of some keys that is given; `rule` begins the error if it is not one."""
     given = [name for name in names if getattr(described, name) is not None]
     if len(given) != 1:
-        raise ParameterError(f"{told} {', '.join(names)}; got {', '.join(given) or 'none'}")
+        raise ParameterError(f"{rule} {', '.join(names)}; got {', '.join(given) or 'none'}")
     return given[0]
+
+
+def check_axes(numbers: Sequence[float], dimension: int, where: str, what: str = "numbers") -> None:
+    """Refuse numbers that are not one for each axis."""
+    if len(numbers) != dimension:
+        raise SceneError(
+            f"{where}: {list(numbers)} should have {dimension} {what}, one for each axis of the "
+            "cells"
+        )
 
 
 def _plain(value: Any) -> Any:
@@ -125,64 +144,51 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def translated(description: type[BaseModel], error: ValidationError) -> SceneError:
+def _scene_error(description: type[BaseModel], error: ValidationError) -> SceneError:
     """Return a pydantic error in kaju's words, of the narrowest kaju class that fits."""
     problems = error.errors()
-    causes = [problem.get("ctx", {}).get("error") for problem in problems]
-    lines = [
-        _line(description, problem, cause) for problem, cause in zip(problems, causes, strict=True)
-    ]
-    kind = type(causes[0]) if len(causes) == 1 and isinstance(causes[0], SceneError) else SceneError
-    if len(lines) == 1:
-        return kind(lines[0])
-    return kind("\n".join([f"{len(lines)} problems:", *(f"  {line}" for line in lines)]))
+    lines = [_line(description, problem) for problem in problems]
+    if len(lines) > 1:
+        return SceneError("\n".join([f"{len(lines)} problems:", *(f"  {each}" for each in lines)]))
+    cause = problems[0].get("ctx", {}).get("error")
+    return (type(cause) if isinstance(cause, SceneError) else SceneError)(lines[0])
 
 
-def _line(description: type[BaseModel], problem: ErrorDetails, cause: object) -> str:
+def _line(description: type[BaseModel], problem: ErrorDetails) -> str:
     path = [str(part) for part in problem["loc"]]
-    trail = list(_trail(description, problem["loc"]))
-    key = ".".join(path)
+    key, context = ".".join(path), problem.get("ctx", {})
+    cause = context.get("error")
     if isinstance(cause, ValueError):
         # a ParameterError names the parameter first, which completes the key path
         joint = "." if isinstance(cause, ParameterError) else ": "
         return f"{key}{joint}{cause}" if key else str(cause)
     if problem["type"] == "unknown_key":
-        return f"{'.'.join([*path, problem['ctx']['key']])}: {problem['ctx']['told']}"
-    context = problem.get("ctx", {})
+        return f"{'.'.join([*path, context['key']])}: {context['text']}"
     phrase = _PHRASES.get(problem["type"])
     rule = phrase.format(**context) if phrase else problem["msg"]
-    given = "" if problem["type"] == "missing" else f", got {_short(problem['input'])}"
+    given = repr(problem["input"])
+    given = given if len(given) <= 80 else f"{given[:77]}..."
+    given = "" if problem["type"] == "missing" else f", got {given}"
     if problem["type"] == "literal_error":
         given += suggestion(str(problem["input"]), findall(r"'([^']*)'", context["expected"]))
-    return f"{key}: {rule}{given}{_meaning(trail, problem['loc'])}"
+    return f"{key}: {rule}{given}{_meaning(description, problem['loc'])}"
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def _trail(description: type[BaseModel], path: tuple[int | str, ...]) -> Iterator[type[BaseModel]]:
-    """Yield the descriptions that a key path passes through."""
-    yield description
-    for key in path[:-1]:
+def _meaning(description: type[BaseModel], path: tuple[int | str, ...]) -> str:
+    """Return the meaning of the last key of a path that its description explains."""
+    meaning = ""
+    for key in path:
         field = description.model_fields.get(str(key))
-        inner = _description_in(field.annotation) if field else None
-        if inner is not None:
-            description = inner
-            yield description
+        if field is None:
+            continue
+        meaning = f"; {key} is {field.description}" if field.description else ""
+        description = _description_in(field.annotation) or description
+    return meaning
 
 
 def _description_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the description in a type such as ``tuple[Region, ...] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     found = (_description_in(part) for part in get_args(annotation))
     return next((part for part in found if part is not None), None)
-
-
-def _meaning(trail: list[type[BaseModel]], path: tuple[int | str, ...]) -> str:
-    for key in reversed(path):
-        field = trail[-1].model_fields.get(str(key))
-        if field is not None and field.description:
-            return f"; {key} is {field.description}"
-    return ""

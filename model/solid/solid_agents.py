@@ -24,7 +24,7 @@ from kaju.model.elastic.supports import check_supports, slender_cell
 from kaju.model.results.archive import Archive
 from kaju.model.results.result import finite
 from kaju.model.scene import Body, Scene
-from kaju.model.scene.contents import NOT_BODY
+from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.pictures import check_size
 from kaju.model.scene.shapes import SolidShape
 

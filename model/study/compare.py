@@ -19,8 +19,7 @@ from kaju.errors import ResultError, ResultFileError
 from kaju.model.outline.outline_result import OutlineResult
 from kaju.model.results.archive import open_archive
 from kaju.model.results.result import BodyResult, line_of, load_result
-from kaju.model.scene import Body, Scene
-from kaju.model.scene.body_cells import body_cells
+from kaju.model.scene import Body, Scene, body_cells
 from kaju.model.study.reference import Reference
 
 MOST_POINTS = 2_000_000  # larger bodies are compared at points that the caller names

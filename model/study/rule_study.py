@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from kaju import __version__
-from kaju.agents.rules import ElasticRule
+from kaju.agents.elastic_rule import ElasticRule
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.agents.materials import Material
-from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
-from kaju.agents.shares import Sense
+from kaju.agents.rules import PrescribedRule, ShareRule
+from kaju.agents.shares import Emission, Sense, Shares
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.scene import Scene, scene_needed

@@ -5,8 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kaju import LoadModel, Reference, Scene, compare, load_scene, solve
-from kaju.agents.rules import ElasticRule, PrescribedRule
+from kaju import (
+    ElasticRule,
+    LoadModel,
+    PrescribedRule,
+    Reference,
+    Scene,
+    compare,
+    load_scene,
+    solve,
+)
 from kaju.errors import ParameterError, ResultError, ResultFileError
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.study.compare import load_answer

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from plates import plate as pressed
 
-from kaju import LoadModel, Reference, Scene, compare, fit_rule, solve
-from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
+from kaju import (
+    Coefficients,
+    ElasticRule,
+    LoadModel,
+    PrescribedRule,
+    Reference,
+    Scene,
+    compare,
+    fit_rule,
+    solve,
+)
 from kaju.errors import ParameterError
 
 OWN = PrescribedRule(alpha=(0.5, 0.5, 0.25), beta=0.5, threshold=0.02)

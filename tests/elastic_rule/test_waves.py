@@ -5,8 +5,8 @@ import pytest
 from elastic_scenes import block, drawn, plate, ragged, run, scenes
 from hypothesis import given, reject, settings
 
+from kaju import ElasticRule
 from kaju.agents.materials import LIBRARY, Material
-from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError, StabilityError
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.elastic.relaxation.push_stability import certify_waves

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import kaju
-from kaju.model.scene.shapes import Ball, Box
-from kaju.model.scene.solids import Cylinder, SampledSolid
+from kaju.model.scene.level_sets import SampledShape
+from kaju.model.scene.shapes import Ball, Box, Cylinder
 from kaju.model.scene.surfaces import ClosedSurface
 from kaju.model.solid.cut_cells import CUT, EMPTY, WHOLE, SolidBody, below_zero, edge_shares, thick
 
@@ -57,10 +57,10 @@ def test_tetrahedra_are_filled_as_far_as_a_plane_says() -> None:
 
 
 SHAPES = {
-    "ball": Ball((0.43, 0.52, 0.47), 0.31),
+    "ball": Ball(centre=(0.43, 0.52, 0.47), radius=0.31),
     "box": Box((0.21, 0.3, 0.25), (0.7, 0.62, 0.75)),
-    "cylinder": Cylinder(((0.3, 0.4, 0.3), (0.7, 0.6, 0.65)), 0.2),
-    "samples": SampledSolid(
+    "cylinder": Cylinder(ends=((0.3, 0.4, 0.3), (0.7, 0.6, 0.65)), radius=0.2),
+    "samples": SampledShape(
         Box((0.0,) * 3, (1.0,) * 3),
         -wavy(np.argwhere(np.ones((14,) * 3)) / 13).reshape(14, 14, 14),
         0,
@@ -96,7 +96,8 @@ def test_shapes_along_the_cells_cut_none() -> None:
 
 
 def test_regions_cover_each_other() -> None:
-    shell = ((Ball((0.5,) * 3, 0.45), True), (Ball((0.5,) * 3, 0.25), False))
+    balls = [Ball(centre=(0.5,) * 3, radius=radius) for radius in (0.45, 0.25)]
+    shell = ((balls[0], True), (balls[1], False))
     solid = SolidBody((16, 16, 16), 1 / 16, False, shell)
     share = solid.shares(solid.cells()).mean()
     assert share == pytest.approx(4 / 3 * np.pi * (0.45**3 - 0.25**3), rel=4e-3)

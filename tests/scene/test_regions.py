@@ -10,7 +10,7 @@ from plates import plate as pressed
 from kaju.errors import SceneError
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID
-from kaju.model.scene.filling import grid
+from kaju.model.scene.resolved_body import grid
 
 
 def plate(*regions, cells=(8, 8), **body):

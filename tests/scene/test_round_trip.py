@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from plates import plate
 
+from kaju import Coefficients, ElasticRule, PrescribedRule
 from kaju.agents.materials import Material
-from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
 from kaju.errors import SceneError, SceneFileError
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.scene import Scene, load_scene

@@ -100,7 +100,7 @@ PARTS = [
         "materials.m.poissons_ratio: must lie above -1 and up to 0.5, got 0.51",
     ),
     ({"sides": {"botom": "rigid"}}, r"sides.botom: .* \(did you mean 'bottom'\?\); there is left"),
-    ({"sides": {"front": "rigid"}}, "sides.front: there is no such side"),
+    ({"sides": {"front": "rigid"}}, "sides.front: there is no side 'front'"),
     ({"sides": {"bottom": "rigd"}}, r"sides.bottom: there is no 'rigd' \(did you mean 'rigid'\?\)"),
     ({"sides": {"bottom": 5}}, "sides.bottom: must be a word or a table, got 5"),
     ({"sides": {"bottom": {"stiffness": -1}}}, "sides.bottom.stiffness: must be above 0, got -1"),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from plates import plate as pressed
 from scipy.sparse.linalg import spsolve
 
-from kaju.agents.rules import ElasticRule
+from kaju import ElasticRule
 from kaju.errors import SceneError
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.elastic.staggered import Numbering, stiffness_matrix

@@ -173,7 +173,7 @@ class LiveRun(Session):
 
     def _elastic(self) -> tuple[dict[str, Any], Columns]:
         """Return the elastic answer to the scene: one row a component, by cell key."""
-        from kaju.agents.rules import ElasticRule
+        from kaju.agents.elastic_rule import ElasticRule
         from kaju.model.study.solving import solve
 
         scene = self.model.scene.replace(rule=ElasticRule())

@@ -14,8 +14,7 @@ from kaju.errors import KajuError, ParameterError
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.goals.quantities import Place
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.scene.body_cells import body_cells
-from kaju.model.scene.regions import Region
+from kaju.model.scene import Region, body_cells
 from kaju.model.scene.shapes import Box, Shape
 
 NEAR = 1e-6  # A plane that is nearer to a face than this part of a cell lies on it

@@ -1,19 +1,20 @@
-"""What is where: the kind of any cell, worked out when it is asked for."""
+"""A body made ready to be asked: the kind of any cell, worked out when it is asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from math import floor
+from math import floor, prod
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.agents.materials import Material
 from kaju.arrays import Flags, Ints
 
 from .lattice import Cells, Lattice
-from .pictures import check_size
+from .pictures import Picture, check_size
 from .shapes import Shape
 
 CellBox = tuple[Ints, Ints]
@@ -31,17 +32,15 @@ class FilledShape:
 
 
 @dataclass(frozen=True, eq=False)
-class Filling:
+class ResolvedBody:
     """The kinds of the cells of an array and of what lies beyond its sides."""
 
     lattice: Lattice
-    """The array."""
-    base: int | NDArray[np.int16]
-    """Kind of every cell under the regions: one for all, or one each."""
-    regions: tuple[FilledShape, ...]
-    """What lies over it, the later over the earlier."""
-    beyond: Ints
-    """Kind of what lies beyond each of the lattice's sides."""
+    base: int | NDArray[np.int16]  # kind of every cell under the regions: one for all, or one each
+    regions: tuple[FilledShape, ...]  # what lies over it, the later over the earlier
+    beyond: Ints  # kind of what lies beyond each of the lattice's sides
+    materials: tuple[Material, ...]  # that kinds from 0 upwards stand for
+    picture: Picture | None  # the body cell by cell, if it was given so
 
     @property
     def box(self) -> CellBox:
@@ -54,8 +53,8 @@ class Filling:
         """Whether every cell of the array is the same."""
         return isinstance(self.base, int) and not self.regions
 
-    def same(self, other: Filling) -> bool:
-        """Tell whether another filling is described alike."""
+    def same(self, other: ResolvedBody) -> bool:
+        """Tell whether another body has the same cells, shapes and sides."""
         ours, theirs = (
             (one.lattice, [(region.shape, region.kind) for region in one.regions])
             for one in (self, other)
@@ -73,18 +72,13 @@ class Filling:
         else:
             kinds = self.beyond[side]
         inside = side < 0
-        kinds[inside] = self._inside(cells[inside])
-        return kinds
-
-    def _inside(self, cells: Cells) -> Ints:
-        if isinstance(self.base, int):
-            kinds = np.full(len(cells), self.base, dtype=np.int64)
-        else:
-            kinds = self.base[tuple(cells.T)].astype(np.int64)
+        here = cells[inside]
+        found = kinds[inside] if isinstance(self.base, int) else self.base[tuple(here.T)]
         if self.regions:
-            centres = self.lattice.centres(cells)
+            centres = self.lattice.centres(here)
             for region in self.regions:
-                kinds[region.shape.contains(centres)] = region.kind
+                found[region.shape.contains(centres)] = region.kind
+        kinds[inside] = found
         return kinds
 
     def bounds(self) -> CellBox:
@@ -110,6 +104,14 @@ class Filling:
         low = np.clip(np.floor(places.min(axis=0)) - np.ceil(most), 0, last)
         high = np.clip(np.ceil(places.max(axis=0)) - np.floor(least) + 1, 0, last)
         return low.astype(np.int64), np.maximum(low, high).astype(np.int64)
+
+    def layer(self, box: CellBox, side: int) -> CellBox:
+        """Return the part of a box that lies in the array's outermost layer at one of its sides."""
+        axis, upper_end = divmod(side, 2)
+        lower, upper = (corner.copy() for corner in box)
+        edge = self.lattice.shape[axis] - 1 if upper_end else 0
+        lower[axis], upper[axis] = max(lower[axis], edge), min(upper[axis], edge + 1)
+        return lower, np.maximum(lower, upper)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`."""
@@ -138,18 +140,15 @@ def _tight(body: Flags) -> CellBox:
 
 def count(box: CellBox) -> int:
     """Return the number of cells in a box; exact, however large."""
-    total = 1
-    for low, high in zip(*box, strict=True):
-        total *= int(high) - int(low)
-    return total
+    return prod(int(high) - int(low) for low, high in zip(*box, strict=True))
 
 
 def grid(lower: Ints, upper: Ints) -> Cells:
     """Return all cells with lower <= cell < upper, the last axis running fastest."""
-    return _crossed([np.arange(a, b) for a, b in zip(lower, upper, strict=True)])
+    return _all_combinations([np.arange(a, b) for a, b in zip(lower, upper, strict=True)])
 
 
-def _crossed(ranges: list[Ints]) -> Cells:
+def _all_combinations(ranges: list[Ints]) -> Cells:
     return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
 
 
@@ -173,7 +172,7 @@ def sample(box: CellBox, most: int = 100_000) -> Cells:
     """Return at most about `most` cells spread evenly over a box, its corners included."""
     lower, upper = box
     each = max(2, floor(most ** (1.0 / len(lower))))
-    return _crossed(
+    return _all_combinations(
         [
             np.unique(np.linspace(low, high - 1, min(each, int(high - low))).astype(np.int64))
             for low, high in zip(lower, upper, strict=True)

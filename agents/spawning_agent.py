@@ -30,8 +30,7 @@ class SpawningAgent(Agent):
     who spawned it, None for the first ones; `level`: how often the largest of the first agents
     would be halved to give it; `lower`, `size`: lower corner and edge (m); `spawn_step`: 0 for the
     first agents; `cause`: the load (N) its parent left unbalanced, for which it spawned: 0 for the
-    first agents, NaN where a parent spawned in the step in which it came to be, or to keep
-    neighbours alike in size.
+    first agents, NaN for those that keep neighbours alike in size.
     """
 
     def __init__(self, model: Any, birth: Birth) -> None:

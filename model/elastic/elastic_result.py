@@ -178,8 +178,7 @@ class ElasticResult(BodyResult):
     def cause(self) -> Floats:
         """Load (N) its parent left unbalanced, for which each agent spawned.
 
-        0 for the first agents, NaN where a parent spawned in the step in which it came to be, or to
-        keep neighbours of similar size.
+        0 for the first agents, NaN for those that keep neighbours of similar size.
         """
         return self.found.cause
 

@@ -191,7 +191,7 @@ class LeafAgents:
             Answer(np.array(value, dtype=np.float64), *rest)
             for value, *rest in archive.value("answers", list[AnswerRecord])
         )
-        unmarked = np.zeros(n, dtype=np.int64)
+        unmarked = np.zeros(n, dtype=np.bool_)
         spawning = Spawning(
             balance,
             u,
@@ -274,7 +274,7 @@ def tree_of_cells(
     energy = solution.energy * unit * problem.scales.force / ground.scales.force
     error = relative_error(indicator.square, energy)
     unmarked = np.zeros(count, dtype=np.bool_)
-    aimed = Aimed(error, indicator.square, unmarked.astype(np.int64), 0.0)
+    aimed = Aimed(error, indicator.square, unmarked, 0.0)
     runs, residuals = solution.iterations, list(solution.residuals)
     only = Generation(
         count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, unmarked

@@ -53,7 +53,7 @@ def test_truths_lie_within(name):
         assert truth <= upper * (1 + 1e-9)
         bounds.append(result.error_bound)
     assert len(np.unique(result.size)) > 1
-    assert bounds[1] < 0.8 * bounds[0]
+    assert bounds[1] < 0.7 * bounds[0]
     assert bounds[1] < (0.15 if name == "two materials" else 0.05)
 
 
@@ -108,7 +108,7 @@ def test_a_tolerance_is_kept_by_its_bound():
     assert summary["tolerance_kept"] == "proved"
     assert summary["error_bound"] == result.error_bound
     estimated = next(g for g in result.generations if g.error <= 0.06)
-    assert result.agents > 1.2 * estimated.agents
+    assert result.agents > 1.3 * estimated.agents
 
 
 def test_a_proof_that_would_cost_too_much_is_missed_and_said(monkeypatch):

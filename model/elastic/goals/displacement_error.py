@@ -142,15 +142,15 @@ class DisplacementTarget(Target):
         )
         far, local = float(error.far.max()), float(error.local.max())
         wanted = SPARE * spawner.tolerance
-        halvings = np.minimum(_follows_badly(error, wanted), spawner.depth(1)).astype(np.int64)
+        marked = _follows_badly(error, wanted)
+        marked &= balance.grid.leaves.size > balance.grid.ground.smallest
         worst = int((error.far + error.local).argmax())
         allowed = max(wanted - float(error.local[worst]), 0.5 * wanted)
         if error.largest > wanted and far > allowed:
-            others = spawner.mark(square, allowed / far * float(square.sum()))
-            halvings = np.maximum(halvings, others)
+            marked |= spawner.mark(square, allowed / far * float(square.sum()))
         part = far * _share(square) + local * _share(error.local**2)
         allowed = wanted / error.largest if error.largest > 0.0 else 1.0
-        return Aimed(error.largest, part, halvings, allowed * float(part.sum()))
+        return Aimed(error.largest, part, marked, allowed * float(part.sum()))
 
 
 def _follows_badly(error: DisplacementError, wanted: float) -> Flags:

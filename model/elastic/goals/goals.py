@@ -155,7 +155,7 @@ class GoalTarget(Target):
         large = np.any([f.coarse(grid) for f in self._functionals], axis=0)
         large &= grid.leaves.size > grid.ground.smallest
         if large.any():
-            return Aimed(inf, large.astype(np.float64), large.astype(np.int64), 0.0)
+            return Aimed(inf, large.astype(np.float64), large, 0.0)
         fields = CellFields(spawner.balance, spawner.displacement)
         curvature = Curvature(spawner.balance)
         bends = curvature.of(spawner.displacement)
@@ -178,7 +178,7 @@ class GoalTarget(Target):
         for cover in covers:
             cut |= False if isinstance(cover, str) else cover.cut
         if cut.any():
-            return Aimed(inf, cut.astype(np.float64), cut.astype(np.int64), 0.0)
+            return Aimed(inf, cut.astype(np.float64), cut, 0.0)
         own = boxes_of_agents(spawner.balance, spawner.displacement)
         answers, parts = [], []
         for number, (answer, cover) in enumerate(zip(spawner.aimed.answers, covers, strict=True)):
@@ -326,8 +326,8 @@ def _aimed(spawner: RefineLoop, answers: list[Answer], parts: list[Floats]) -> A
     open_parts = [p for p, a in zip(parts, answers, strict=True) if a.relative_error > wanted]
     part = np.sum(open_parts or parts, axis=0)
     allowed = float(part.sum()) * (wanted / worst if worst > 0.0 else 1.0)
-    halvings = spawner.mark(part, allowed)
-    return Aimed(worst, part, halvings, allowed, tuple(answers))
+    marked = spawner.mark(part, allowed)
+    return Aimed(worst, part, marked, allowed, tuple(answers))
 
 
 def aim_of(tolerance_at: Asked, ground: PosedBody) -> Target | None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
 from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, bracket_of
@@ -176,8 +176,8 @@ class BlockSpawning(Spawning):
     @property
     def aimed(self) -> Aimed:  # type: ignore[override]
         """The error that the tolerance is about, and who contributes to it."""
-        never = np.zeros(self.blocks.forest.count, dtype=np.int64)
-        return Aimed(self.error, self.indicator.square, never, self._allowed)
+        nobody = np.zeros(self.blocks.forest.count, dtype=np.bool_)
+        return Aimed(self.error, self.indicator.square, nobody, self._allowed)
 
 
 def spawner_of(
@@ -232,10 +232,10 @@ class BlockLoop(RefineLoop):
         return self.blocks.forest.count
 
     @property
-    def sizes(self) -> Ints:
-        """Edges of the agents of every block (units)."""
+    def smallest(self) -> Flags:
+        """Which blocks are as small as may be."""
         forest = self.blocks.forest
-        return np.asarray(forest.size[forest.leaves])
+        return np.asarray(forest.size[forest.leaves] <= self.ground.smallest)
 
     @property
     def sharp(self) -> Ints:
@@ -256,10 +256,10 @@ class BlockLoop(RefineLoop):
             blocks.zeros() if old is None else blocks.prolonged(old, self.multigrid.ghost_rules)
         )
 
-    def _spawn(self, halvings: Ints) -> None:
+    def _spawn(self, marked: Flags) -> None:
         before = self.blocks.forest
         marked = np.zeros(len(before), dtype=np.bool_)
-        marked[before.leaves] = halvings > 0
+        marked[before.leaves[marked]] = True
         self._stand(BlockOperator(before.refined(marked, len(self.generations))), self.displacement)
 
     def _settle(self, *, for_good: bool) -> Iteration:

@@ -31,9 +31,8 @@ _ROW = np.dtype(
 class Family:
     """All agents as rows of a table, in the order in which they spawned.
 
-    An agent that spawns retires: its children do its work. Where much load is left, or
-    neighbours are to be kept alike in size, a child may spawn children of its own in the same
-    step.
+    An agent that spawns retires: its children do its work. Where neighbours are to be kept
+    alike in size, a child may spawn children of its own in the same step.
 
     Parameters
     ----------
@@ -53,8 +52,7 @@ class Family:
         - spawn_step, retired_step: when it spawned, 0 for the first agents, and when it
           retired, -1 if it has not;
         - cause: load (N) its parent left unbalanced, for which it spawned; 0 for the first
-          agents, NaN where a parent spawned before it settled or to keep neighbours alike in
-          size;
+          agents, NaN for those that keep neighbours alike in size;
         - unbalanced_load: load (N) it leaves, or left at last, as its children would feel
           it; NaN if it has never settled;
         - chosen: whether it spawned children for that load, or will in the next step.

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import replace
-from math import ceil, inf, isfinite, log2
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.energy_bounds import (
     MOST_PROVED,
@@ -34,16 +33,16 @@ from kaju.model.elastic.multigrid.nested import (
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.refine.estimator import Indicator, indicate
 from kaju.model.elastic.refine.generations import Generation, Spawning
-from kaju.model.elastic.refine.targets import LEAST, SPARE, Aimed, mark
+from kaju.model.elastic.refine.targets import BULK, SPARE, Aimed, mark_largest
 from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 MOST_GENERATIONS = 60
 TELLING, FAR = 500, 600.0
 """From so many agents on they tell how many more it takes; so many times too many are not tried."""
 TOLD = 1e-5  # Share of the applied forces that may be left on agents without a word
-ASKED = {2: 20_000, 3: 4_000}
-"""So many at most are asked for bounds before they have settled: more take too long."""
-ENDING = 10.0  # Energies of errors up to so many times the budget are left to the last generation
+ASKED = {2: 0, 3: 4_000}
+"""So many at most are asked for bounds before they have settled: more take too long, and in the
+plane bounds say much the same everywhere."""
 EARLY = 0.1
 """Of the error allowed: what those at points without a limit of stress may keep together."""
 LEAST_SHARE = 0.5  # Of the estimate, that bounds are expected to be
@@ -58,8 +57,8 @@ class Target:
     def look(self, spawner: RefineLoop) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
-        halvings = spawner.mark_for_energy(spawner.square, allowed)
-        return Aimed(spawner.error, spawner.square, halvings, allowed)
+        marked = spawner.mark_for_energy(spawner.square, allowed)
+        return Aimed(spawner.error, spawner.square, marked, allowed)
 
     def bounded(self, spawner: RefineLoop) -> Aimed:
         """Return the same with what is certain of it, if that is not for the agents to find."""
@@ -78,8 +77,6 @@ class RefineLoop(ABC):
     `displacement`, `indicator` and `hierarchy`.
     """
 
-    at_end = 1  # Halvings for the last generation at points where stress has no limit
-    halvings = 1  # Of an agent from one generation to the next
     square: Floats
     left: Floats
     aimed: Aimed
@@ -102,7 +99,7 @@ class RefineLoop(ABC):
         self.generations: list[Generation] = []
         self._estimated = 0.0
         self._share = PROVED_AT[ground.dimension] if self._of_energy else 1.0
-        self._halvings: Ints | None = None
+        self._marked: Flags | None = None
 
     @property
     @abstractmethod
@@ -111,8 +108,8 @@ class RefineLoop(ABC):
 
     @property
     @abstractmethod
-    def sizes(self) -> Ints:
-        """Edges (units) of agents, one for each of those who spawn together."""
+    def smallest(self) -> Flags:
+        """Which of those who spawn together are as small as may be."""
 
     @property
     @abstractmethod
@@ -124,7 +121,7 @@ class RefineLoop(ABC):
         """Return the agents as they are."""
 
     @abstractmethod
-    def _spawn(self, halvings: Ints) -> None:
+    def _spawn(self, marked: Flags) -> None:
         """Replace agents by their children, who begin as their parents stand."""
 
     @abstractmethod
@@ -154,10 +151,6 @@ class RefineLoop(ABC):
             "bracket": self.bracket,
         }
 
-    def depth(self, halvings: int) -> Ints:
-        """Return how often each of those who spawn together may be halved at once."""
-        return np.minimum(np.log2(self.sizes // self.ground.smallest).astype(np.int64), halvings)
-
     @property
     def target(self) -> float:
         """The estimated error at which bounds, if there can be any, may keep the tolerance."""
@@ -176,9 +169,9 @@ class RefineLoop(ABC):
 
     def step(self) -> None:
         """Spawn, but for the first time, and settle."""
-        if self._halvings is not None:
+        if self._marked is not None:
             self.bracket = None  # of those that were there before
-            self._spawn(self._halvings)
+            self._spawn(self._marked)
         runs = [self._settle(for_good=False)]
         self._expect()
         if self._ends():
@@ -198,30 +191,27 @@ class RefineLoop(ABC):
             said = self._rounding()
             self.notes += said if self.finished else []
         self.residuals = runs[-1].residuals
-        self._halvings = None if self.finished else self.aimed.halvings
+        self._marked = None if self.finished else self.aimed.marked
         leaves, iterations = self.leaves, sum(run.iterations for run in runs)
-        spawn = (self.aimed.halvings > 0) & (not self.finished)
+        spawn = self.aimed.marked & (not self.finished)
         spawn = np.repeat(spawn, len(leaves) // len(spawn))
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
         self.generations.append(Generation(*cost, leaves.code, leaves.size, self.left, spawn))
 
-    def mark(self, part: Floats, allowed: float) -> Ints:
-        """Return how often every agent is to be halved for an error, by what it contributes."""
-        depth = self.depth(self.halvings if self._of_energy else 1)
-        return mark(part, allowed, depth, self.ground.dimension)
+    def mark(self, part: Floats, allowed: float) -> Flags:
+        """Choose who spawns: those with the largest parts in an error (see `mark_largest`)."""
+        return mark_largest(part, allowed, self.smallest, BULK[self.ground.dimension])
 
-    def mark_for_energy(self, part: Floats, allowed: float) -> Ints:
-        """Return the same for the energy norm: soonest where stress has no limit."""
-        halvings, sharp = self.mark(part, allowed), self.sharp
-        own = float(part[sharp].sum())
-        if halvings.any() and own > EARLY * allowed:
-            # They are few, and a halving takes half of their error at most: in the end all others
+    def mark_for_energy(self, part: Floats, allowed: float) -> Flags:
+        """Choose who spawns for the energy norm: first those where stress has no limit."""
+        marked = self.mark(part, allowed)
+        if marked.any():
+            # They are few, and each step takes half of their error at most: in the end all others
             # would settle once more for them.
-            ending = float(part.sum()) < ENDING * allowed
-            depth = self.depth(self.at_end if ending else self.halvings)
-            times = ceil(log2(own / max(EARLY * allowed, LEAST * own)))
-            halvings[sharp] = np.maximum(halvings[sharp], np.minimum(times, depth[sharp]))
-        return halvings
+            at, own = self.sharp, np.zeros(len(part))
+            own[at] = part[at]
+            marked |= mark_largest(own, EARLY * allowed, self.smallest, 1.0)
+        return marked
 
     def _expect(self) -> None:
         """Ask bounds once, long before the end, for which share of the estimate they will be."""
@@ -235,24 +225,23 @@ class RefineLoop(ABC):
 
     def _ends(self) -> bool:
         """Tell whether no step is left."""
-        halvings, expected = self.aimed.halvings, 0.0
+        marked, expected = self.aimed.marked, 0.0
         if self._of_energy and self.ground.smallest == 1 and self.agents >= TELLING:
             # They grow in number at least with the error's fall to the power of the dimension,
             # unless a resolution does not let them be smaller.
             expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
-        many = self._after(halvings) > self.most_agents or expected > FAR * self.most_agents
+        many = self._after(marked) > self.most_agents or expected > FAR * self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
             self.stopped = "agents"
         else:
-            self.stopped = "" if halvings.any() else "depth"
+            self.stopped = "" if marked.any() else "depth"
         self.finished = self.aimed.error <= self.target or bool(self.stopped)
         return self.finished
 
-    def _after(self, halvings: Ints) -> int:
-        """Return how many agents there are when some have been halved."""
-        each = self.agents // max(len(halvings), 1)
-        children = (1 << self.ground.dimension * halvings) - 1
-        return self.agents + each * int(children.sum())
+    def _after(self, marked: Flags) -> int:
+        """Return how many agents there are when some have spawned."""
+        more = ((1 << self.ground.dimension) - 1) * (self.agents // max(len(marked), 1))
+        return self.agents + more * int(np.count_nonzero(marked))
 
     def _left_of_loads(self) -> float:
         """Return what is left beside the applied forces; those of moved sides may be far larger."""
@@ -282,9 +271,9 @@ class RefineLoop(ABC):
             # The bound is half the distance of two stresses, of which the shares are the squares.
             shares = self.bracket.shares.reshape(len(self.square), -1).sum(axis=1)
             allowed = 2 * self.bracket.lower * (2 * SPARE * self.tolerance) ** 2
-            halvings = self.mark_for_energy(shares, allowed)
-            if self._worth(halvings):
-                self.aimed, self.finished = self.aimed._replace(halvings=halvings), False
+            marked = self.mark_for_energy(shares, allowed)
+            if self._worth(marked):
+                self.aimed, self.finished = self.aimed._replace(marked=marked), False
                 return
         # Without a proof the estimate has to do.
         self._share = 1.0
@@ -296,23 +285,22 @@ class RefineLoop(ABC):
         """Hold goals between bounds, and go on where these say that estimates are blind."""
         estimated, self.aimed = self.aimed, self.aim.bounded(self)
         if self.aimed.error > self.tolerance >= estimated.error:
-            self.finished = not self._worth(self.aimed.halvings)
+            self.finished = not self._worth(self.aimed.marked)
             self.stopped = "blind" if self.finished else ""
         if self.finished and not isfinite(self.aimed.error):
             self.aimed = estimated
 
-    def _worth(self, halvings: Ints) -> bool:
-        """Tell whether to go on for a proof with these halvings."""
-        agents = self._after(halvings)
+    def _worth(self, marked: Flags) -> bool:
+        """Tell whether to go on for a proof if these spawn."""
+        agents = self._after(marked)
         worth = worth_proving(agents, self._estimated, self.ground.dimension)
         worth = worth and agents <= self.most_agents
-        return bool(halvings.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS
+        return bool(marked.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS
 
 
 class LeafLoop(RefineLoop):
     """Agents of which each may spawn; see `RefineLoop`."""
 
-    at_end = 2
     indicator: Indicator
 
     def __init__(
@@ -342,15 +330,9 @@ class LeafLoop(RefineLoop):
         return self.balance.grid.leaves
 
     @property
-    def halvings(self) -> int:  # type: ignore[override]
-        """How often an agent may be halved: once where parents feel what their children do."""
-        factorised = 4 * len(self.leaves) * self.ground.dimension <= self.hierarchy.most_direct
-        return 2 if factorised or not self.hierarchy.several else 1
-
-    @property
-    def sizes(self) -> Ints:
-        """Edges (units) of the agents."""
-        return self.leaves.size
+    def smallest(self) -> Flags:
+        """Which agents are as small as may be."""
+        return np.asarray(self.leaves.size <= self.ground.smallest)
 
     @property
     def sharp(self) -> Ints:
@@ -362,34 +344,12 @@ class LeafLoop(RefineLoop):
         own = (self.balance, self.displacement, self.indicator, self.aimed)
         return Spawning(*own, **self._ended(self.hierarchy.depth))
 
-    def _finer(self, halvings: Ints) -> Iterator[LeafCells]:
-        """Halve agents once after the other, keeping neighbours alike in size."""
-        number, before = len(self.generations), self.leaves
-        wanted, cause = before.size >> halvings, self.indicator.load * self.ground.scales.force
-        leaves, large = before, halvings > 0
-        while large.any():
-            leaves = leaves.split(large, number, cause)
-            leaves = leaves.balanced(number, young=leaves.step == number)
-            yield leaves
-            cause = np.full(len(leaves), np.nan)  # Children that spawn at once have not settled.
-            # Both stand in the order of their codes, and a child's is not less than its parent's.
-            parent = np.searchsorted(before.code, leaves.code, side="right") - 1
-            large = leaves.size > wanted[parent]
-
-    def _after(self, halvings: Ints) -> int:
-        agents = super()._after(halvings)
-        if self.agents < agents <= self.most_agents < 2 * agents:
-            # There is little room: those that keep neighbours alike in size are counted as well.
-            agents = len(list(self._finer(halvings))[-1])
-        return agents
-
-    def _spawn(self, halvings: Ints) -> None:
-        steps = list(self._finer(halvings))
-        for leaves in steps:
-            # Every halving is a level of multigrid; factors take several at once.
-            if leaves is steps[-1] or leaves.dimension * len(leaves) > self.hierarchy.most_direct:
-                self.balance = Equilibrium(CompositeGrid(self.ground, leaves))
-                self.displacement = self.hierarchy.grow(self.balance, self.displacement)
+    def _spawn(self, marked: Flags) -> None:
+        number, leaves = len(self.generations), self.leaves
+        leaves = leaves.split(marked, number, self.indicator.load * self.ground.scales.force)
+        leaves = leaves.balanced(number, young=leaves.step == number)
+        self.balance = Equilibrium(CompositeGrid(self.ground, leaves))
+        self.displacement = self.hierarchy.grow(self.balance, self.displacement)
 
     def _settle(self, *, for_good: bool) -> Iteration:
         share = LAST if for_good else ALGEBRAIC_SHARE * self.error

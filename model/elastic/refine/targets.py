@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from math import ceil, inf, log
 from typing import NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats
 
-STEP = 5.0
-"""The energy of the error is to fall by this factor at most from one generation to the next."""
-LEAST = 1e-9  # Share of an error that is asked for at least
-DEPTH = 8  # Halvings ahead that a share of the error budget is worked out for
-SPARE = 0.95  # The last generation aims at this share of the tolerance
+BULK = {2: 0.85, 3: 0.75}
+"""The agents that spawn children stand for this share of the error (Dörfler 1996)."""
+SPARE = 0.9  # The last generation aims at this share of the tolerance
 ALIKE = 0.01
 """Who contributes as much as the last one marked, but for this share, spawns as well.
 
 So children keep the symmetry of their parents."""
-GAIN = 0.72  # Share of its part of the error that an agent's children are expected to take away
+GAIN = 0.7  # Share of its part of the error that an agent's children are expected to take away
 
 
 class Answer(NamedTuple):
@@ -39,38 +36,24 @@ class Aimed(NamedTuple):
 
     error: float  # Estimated error, relative: what the tolerance is compared with
     part: Floats  # What every agent contributes to it. Shape (agents,)
-    halvings: Ints
-    """How often every agent has to be halved, if the tolerance is to be kept; never, if none may.
-    Shape (agents,)."""
+    marked: Flags
+    """Who has to spawn children, if the tolerance is to be kept; nobody, if none may. Shape
+    (agents,)."""
     allowed: float  # What all may contribute together
     answers: tuple[Answer, ...] = ()
     """The quantities that the tolerance is about, if it is about any."""
 
 
-def mark(part: Floats, allowed: float, depth: Ints, dimension: int) -> Ints:
-    """Return how often every agent is to be halved, at most `depth`, by its part in an error."""
+def mark_largest(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
+    """Choose who spawns: those with the largest parts in an error, but none of the smallest."""
     # What the smallest leave cannot be helped: the others make up for it, unless it is more than
-    # what is allowed of them all.
-    helpless = float(part[depth == 0].sum())
-    part = np.where(depth > 0, part, 0.0)
+    # what is allowed of them all. Those marked stand for a share `bulk` of the error.
+    helpless = float(part[smallest].sum())
+    part = np.where(smallest, 0.0, part)
     total = float(part.sum())
-    left = allowed - helpless if helpless < allowed else allowed
-    if not left < total < inf:
-        return np.zeros(len(part), dtype=np.int64)
-    # Equidistribution: agents are halved until none contributes more than a common share, which is
-    # the largest one that keeps the error budget, or the even part of it that one step is to take.
-    # `gain` is what the error loses by each of the contributions as that share.
-    falls = 2.0 ** (dimension + 2)
-    ordered = np.sort(part)[::-1]
-    sums = np.append(0.0, np.cumsum(ordered))
-    gain, rate = np.zeros(len(part)), GAIN
-    for halving in range(DEPTH):
-        more = np.searchsorted(-ordered, -ordered * falls**halving, side="right")
-        gain += rate * sums[more]
-        rate *= 1.0 - GAIN
-    steps = max(ceil(log(total / max(left, LEAST * total)) / log(STEP)), 1)
-    wanted = total - total * max(left / total, LEAST) ** (1.0 / steps)
-    at = min(int(np.searchsorted(gain, wanted)), len(part) - 1)
-    share = (1.0 - ALIKE) * max(ordered[at], np.finfo(np.float64).tiny)
-    times = 1 + np.floor(np.log2(np.maximum(part, share) / share) / (dimension + 2))
-    return np.where(part >= share, np.minimum(times, depth), 0).astype(np.int64)
+    excess = total - (allowed - helpless if helpless < allowed else allowed)
+    goal = max(min(bulk * total, excess / GAIN), 0.0)
+    order = np.argsort(-part, kind="stable")
+    count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1
+    enough = part[order[count - 1]] if count <= len(part) else 0.0
+    return (part >= (1.0 - ALIKE) * enough) & (part > 0.0) & (excess > 0.0)

@@ -258,9 +258,9 @@ class BlockLoop(RefineLoop):
 
     def _spawn(self, marked: Flags) -> None:
         before = self.blocks.forest
-        marked = np.zeros(len(before), dtype=np.bool_)
-        marked[before.leaves[marked]] = True
-        self._stand(BlockOperator(before.refined(marked, len(self.generations))), self.displacement)
+        split = np.zeros(len(before), dtype=np.bool_)
+        split[before.leaves[marked]] = True
+        self._stand(BlockOperator(before.refined(split, len(self.generations))), self.displacement)
 
     def _settle(self, *, for_good: bool) -> Iteration:
         share = min(ON_THE_WAY * self.error, WORST)  # of which one more cycle leaves a part

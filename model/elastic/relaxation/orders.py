@@ -57,14 +57,17 @@ def multilevel(engine: PushEngine) -> Iterator[Visit]:
     # themselves, and finer agents spawn only where what their parents could not take exceeds γ.
     state, top = engine.state, len(engine.state.levels) - 1
     previous: list[Direction] = []
-    start: Direction | None = None  # displacements and loads before a cycle; none in the first
+    for level in range(top):
+        state.restrict(level)
+    upwards = range(0)
     while True:
-        for level in range(top):
-            if start:
-                _sweep(engine, level)
+        faces = state.levels[0]
+        start: Direction = faces.displacement.copy(), faces.left.copy()
+        for level in upwards:
+            _sweep(engine, level)
             state.restrict(level)
-            if start:
-                yield Visit(level, "up")
+            yield Visit(level, "up")
+        upwards = range(top)
         for level in range(top, -1, -1):
             if level == top > 0 and len(state.levels[top].weight) <= MOST_SOLVED_AT_ONCE:
                 if (state.levels[top].measured > state.threshold).any():
@@ -75,10 +78,9 @@ def multilevel(engine: PushEngine) -> Iterator[Visit]:
                 _sweep(engine, level)
             if level > 0:
                 state.prolong(level)
-            elif start:
+            else:
                 previous = _extrapolate(state, start, previous)
             yield Visit(level, "down")
-        start = state.levels[0].displacement.copy(), state.levels[0].left.copy()
 
 
 def _sweep(engine: PushEngine, level: int) -> None:

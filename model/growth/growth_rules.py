@@ -170,7 +170,8 @@ class Remodelling(GrowthRule):
     """Bone's rule: every cell grows until what it and its neighbours carry is a set stimulus.
 
     The stimulus is p U / x: the energy that a unit of filled volume saves. It needs neither volume
-    nor compliance of the body. Densities rest where the stimulus misses its aim by less than the lazy zone.
+    nor compliance of the body. Densities rest where the stimulus misses its aim by less than the
+    lazy zone.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ from kaju.model.network import cut, jittered, pulled, triangular
 if TYPE_CHECKING:
     from kaju.model.network import NetworkResult
     from kaju.model.results.result import Result
-    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.rheology.creeping_network import NetworkCreepResult
 
 
 def plate(cells: int = 20, pressed: int = 10) -> Scene:

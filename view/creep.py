@@ -20,14 +20,14 @@ from .style import INK, caption
 from .units import quantity
 
 if TYPE_CHECKING:
-    from kaju.model.rheology.creep_result import BodyCourse, TimeResult
-    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.rheology.creep_result import BodyTimeResult, TimeResult
+    from kaju.model.rheology.creeping_network import NetworkCreepResult
 
 Cut = Mapping[str, float]
 
 
 def plot_body_at(
-    course: BodyCourse,
+    course: BodyTimeResult,
     ax: Axes | None = None,
     *,
     record: int = -1,

@@ -30,8 +30,8 @@ from .units import counted, quantity, round_down, times
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.rheology.creeping_body import TransferCreepResult
-    from kaju.model.rheology.elastic import ElasticCreepResult
+    from kaju.model.rheology.creeping_elastic import ElasticCreepResult
+    from kaju.model.rheology.creeping_elements import TransferCreepResult
 
 
 MovedAt = Callable[["Floats"], "Floats"]

@@ -36,9 +36,9 @@ from .units import round_down
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
-    from kaju.model.rheology.creeping_body import TransferCreepResult
-    from kaju.model.rheology.elastic import ElasticCreepResult
-    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.rheology.creeping_elastic import ElasticCreepResult
+    from kaju.model.rheology.creeping_elements import TransferCreepResult
+    from kaju.model.rheology.creeping_network import NetworkCreepResult
 
 
 class Frame(NamedTuple):

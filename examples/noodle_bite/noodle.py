@@ -15,9 +15,9 @@ from kaju.model.network.spring_lattices import triangular
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.rheology.creep_result import CreepState
 from kaju.model.rheology.creeping import creep
+from kaju.model.rheology.creeping_network import NetworkCreepResult
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
-from kaju.model.rheology.network import NetworkCreepResult
 
 Floats = NDArray[np.float64]
 

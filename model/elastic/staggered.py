@@ -243,6 +243,13 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
     return sp.csr_array(sp.vstack(blocks, format="csr"))
 
 
+def strain_vector(problem: ElasticProblem, u: FaceFields) -> Floats:
+    """Return strains of face displacements as `strain_matrix` orders them, rim faces included."""
+    strain, solid = strains(u), problem.kinds >= 0
+    edges = [shear[edge_modulus(problem, pair) > 0] for pair, shear in strain.edges.items()]
+    return np.concatenate([*(stretch[solid] for stretch in strain.cells), *edges])
+
+
 def _differences(columns: int, terms: list[tuple[Ints, float]]) -> sp.csr_array:
     """Return a matrix with one row per entry of the terms, given as (columns, weight)."""
     count = len(terms[0][0])

@@ -15,21 +15,18 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic import fields
 from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.problem import FaceFields
 from kaju.model.elastic.staggered import (
     Numbering,
     around_edges,
     axis_pairs,
-    cell_modulus,
     edge_modulus,
     strain_matrix,
-    strains,
+    strain_vector,
 )
 from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 
-from .strength import measured
-from .weakening import WeakeningBody
+from .weakening import WeakeningBody, measured
 
 BREAKS_CORRECTED = 12
 """Breaks from which new factors cost less than more corrections, of six rows or more each."""
@@ -73,23 +70,16 @@ class BreakingCells(WeakeningBody):
         number = np.full(problem.kinds.shape, -1)
         number[solid] = np.arange(n)
         edges = {pair: edge_modulus(problem, pair) for pair in axis_pairs(d)}
-        compliance = cell_modulus(problem, 1.0 / problem.moduli.shear)
-        around, total = [], []
+        # The four cells round every edge that carries shear, -1 beside the body, shape (4, edges);
+        # and the sum of their compliances, by which a broken cell softens the edge.
+        around = []
         for pair, modulus in edges.items():
             width = [(1, 1) if axis in pair else (0, 0) for axis in range(d)]
             cells = around_edges(np.pad(number, width, constant_values=-1), pair)
             around.append(np.array([cell[modulus > 0] for cell in cells]))
-            whole = np.add.reduce(around_edges(np.pad(compliance, width), pair))
-            total.append(whole[modulus > 0])
         self._around: Ints = np.concatenate(around, axis=1)
-        self._total: Floats = np.concatenate(total)
-        self._compliance: Floats = compliance[solid]
-
-        def in_rows(u: FaceFields) -> Floats:
-            strain = strains(u)
-            normal = np.concatenate([part[solid] for part in strain.cells])
-            shear = [strain.edges[pair][modulus > 0] for pair, modulus in edges.items()]
-            return np.concatenate([normal, *shear])
+        self._compliance: Floats = 1.0 / problem.moduli.shear[self._kinds]
+        self._total = np.append(self._compliance, 0.0)[self._around].sum(axis=0)
 
         # Swelling and distortions: their moduli stand alone, those of the stretches do not.
         modes = sp.kron(helmert(d, full=True), sp.eye_array(n), format="csr")
@@ -103,7 +93,8 @@ class BreakingCells(WeakeningBody):
         strain = sp.vstack([turn @ strain_matrix(problem, self._numbering), beds], format="csr")
         unit = problem.scales.energy  # J, of displacements that stay scaled
         stiffness = unit * np.concatenate([swelling, distortion, *shear, bed[bed > 0.0]])
-        given = np.concatenate([turn @ in_rows(problem.fixed), np.zeros(beds.shape[0])])
+        fixed = turn @ strain_vector(problem, problem.fixed)
+        given = np.concatenate([fixed, np.zeros(beds.shape[0])])
         self._unit_stress = problem.scales.stress
         self._tensor = self._to_stress(modes, [len(s) for s in shear]) * (self._unit_stress / unit)
         self._whole = np.ones(n, dtype=bool)
@@ -113,6 +104,7 @@ class BreakingCells(WeakeningBody):
 
     def _to_stress(self, modes: sp.csr_array, counts: list[int]) -> sp.csr_array:
         """Return the matrix from forces of rows to the cells' normal and mean shear stresses."""
+        # Each edge gives a quarter of its shear stress to every cell round it.
         edge = np.broadcast_to(np.arange(len(self._total)), self._around.shape)
         pair = np.repeat(np.arange(len(counts)), counts)
         there = self._around >= 0

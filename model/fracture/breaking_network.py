@@ -17,8 +17,7 @@ from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler, along_springs
 from kaju.model.network.springs import spring_lengths_and_directions
 
-from .strength import measured
-from .weakening import WeakeningBody
+from .weakening import WeakeningBody, measured
 
 BREAKS_CORRECTED = 64
 """Breaks from which new factors cost less than more corrections."""
@@ -49,13 +48,10 @@ class BreakingNetwork(WeakeningBody):
         self._order = np.lexsort((self._limits, self._joint))  # by joint, the weakest first
         self._count = np.bincount(self._joint)
         self._start = np.cumsum(self._count) - self._count
-        # Summed from the strongest on: what is left has no rounding of what was there before.
-        self._left = np.concatenate(
-            [
-                np.cumsum(stiffness[members][::-1])[::-1]
-                for members in np.split(self._order, self._start[1:])
-            ]
-        )
+        # Stiffness of a joint before each of its breaks: summed from the strongest spring on, so
+        # that the last ones have no rounding of those that broke before.
+        joints = np.split(stiffness[self._order], self._start[1:])
+        self._left = np.concatenate([np.cumsum(springs[::-1])[::-1] for springs in joints])
         self.limit: Floats = self._limits[self._order[self._start]]
         self._gone = np.zeros(len(first), dtype=np.int64)
         springs = network.springs[first]

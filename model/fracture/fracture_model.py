@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import first_largest
+from kaju.arrays import Floats, first_largest
 from kaju.errors import MechanismError, ParameterError, SceneError
 from kaju.mesa_model import SteppedModel
 from kaju.model.network import SpringNetwork
@@ -19,9 +19,8 @@ from kaju.model.scene import Scene
 from kaju.stepping import Until
 
 from .breaking_network import check_breakable
-from .fracture_result import COLUMNS, FractureResult
-from .strength import Measure, drawn_strengths
-from .subject import body_of, default_measure, parts_of
+from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
+from .weakening import Measure
 
 PARTED = "parted: what is left hardly resists the load, or not at all"
 UNBROKEN = "nothing that is left is pulled: at no load will more break"
@@ -135,7 +134,8 @@ class FractureModel(SteppedModel):
         if most_breaks is not None and most_breaks < 1:
             raise ParameterError(f"most_breaks: at least 1, got {most_breaks}")
         self.subject = _breakable(subject)
-        self._measure: Measure = measure or default_measure(self.subject)
+        usual: Measure = "stress" if isinstance(self.subject, Scene) else "force"
+        self._measure: Measure = measure or usual
         self._options: dict[str, Any] = {
             "measure": measure,
             "scatter": scatter,
@@ -150,14 +150,7 @@ class FractureModel(SteppedModel):
         self._start_again()
         self.seconds = 0.0
         began = perf_counter()
-        options = self._options
-        self.strengths = drawn_strengths(
-            parts_of(self.subject),
-            self._strength,
-            options["scatter"],
-            options["weibull"],
-            self.rng,
-        )
+        self.strengths = self._drawn_strengths()
         try:
             self._body = body_of(self.subject, self.strengths, self._measure)
         except SingularTangentError as weakness:
@@ -168,6 +161,31 @@ class FractureModel(SteppedModel):
         self._end_where_nothing_breaks()
         self.seconds += perf_counter() - began
         self._note()
+
+    def _drawn_strengths(self) -> Floats:
+        """Return the strengths of springs or cells, shape (m,).
+
+        They are spread evenly over (1 ± scatter) times the mean, unless a Weibull modulus is given.
+        """
+        count = parts_of(self.subject)
+        scale = np.asarray(self._strength, dtype=np.float64)
+        scatter, weibull = self._options["scatter"], self._options["weibull"]
+        if scale.shape not in ((), (count,)):
+            raise ParameterError(
+                f"strength: one number, or one for each of the {count} that may break, got shape "
+                f"{scale.shape}"
+            )
+        if not (np.isfinite(scale).all() and (scale > 0.0).all()):
+            raise ParameterError(
+                f"strength: must be finite and above 0, got {self._strength!r:.60}"
+            )
+        if not 0.0 <= scatter < 1.0:
+            raise ParameterError(f"scatter: a share from 0 to below 1, got {scatter}")
+        if weibull is None:
+            return np.asarray(scale * (1.0 + scatter * self.rng.uniform(-1.0, 1.0, count)))
+        if not 0.0 < weibull < np.inf:
+            raise ParameterError(f"weibull: a modulus above 0, got {weibull}")
+        return np.asarray(scale * self.rng.weibull(weibull, count))
 
     @property
     def breaks(self) -> int:
@@ -181,7 +199,10 @@ class FractureModel(SteppedModel):
         shares = body.shares
         place = first_largest(shares)
         factor, stored = 1.0 / float(shares[place]), body.stored
-        moved, pulled = self._response()
+        if body.pull:  # how far the whole load moves (m) along itself, and its force (N)
+            moved, pulled = body.yielded / body.pull, body.pull
+        else:
+            moved, pulled = body.shift, body.pushed / body.shift
         # Up or down to this load nothing breaks: the work grows with its square.
         self._work += 0.5 * (factor**2 - self.load_factor**2) * self._resistance()
         self.load_factor = factor
@@ -189,7 +210,7 @@ class FractureModel(SteppedModel):
         try:
             part, released = body.break_part(place)
         except SingularTangentError:
-            # The load falls freely; what is told is the energy that the body held.
+            # The load falls freely; the energy released is what the body held.
             part, released = body.broken[-1], stored
             self.outcome = PARTED
             stored = 0.0
@@ -201,13 +222,6 @@ class FractureModel(SteppedModel):
         self._rows.append((part, factor, *row))
         self._end_where_nothing_breaks()
         self.seconds += perf_counter() - began
-
-    def _response(self) -> tuple[float, float]:
-        """Return how far the whole load moves (m) along itself, and its force (N)."""
-        body = self._body
-        if body.pull:
-            return body.yielded / body.pull, body.pull
-        return body.shift, body.pushed / body.shift
 
     def _end_where_nothing_breaks(self) -> None:
         """Say why no step is left, if none is."""

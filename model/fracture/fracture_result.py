@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -21,9 +21,7 @@ from kaju.model.results.result import Check, Result
 from kaju.model.results.subjects import subject_archive, subject_from
 from kaju.model.scene import Scene
 
-from .strength import Measure
-from .subject import body_of, parts_of
-from .weakening import WeakeningBody
+from .weakening import Measure, WeakeningBody
 
 if TYPE_CHECKING:
     import pandas
@@ -65,21 +63,20 @@ class FractureResult(Result):
     measure: Measure
     """What is exceeded where one breaks: N, Pa, a share, or J."""
     broken: Ints
-    """Numbers of the springs or cells that broke, in their order. Shape (b,)."""
+    """Numbers of the springs or cells that broke, in their order. Shape (b,), as all below."""
     load_factor: Floats
-    """Share of the load at which each broke. Shape (b,)."""
+    """Share of the load at which each broke."""
     displacement: Floats
     """How far the load had moved along itself then (m): Σ F·u / Σ |F| of forces; of given
-    displacements the largest. Shape (b,)."""
+    displacements the largest."""
     force: Floats
-    """The load then (N): Σ |F|; of given displacements the force that moves them so. Shape (b,)."""
+    """The load then (N): Σ |F|; of given displacements the force that moves them so."""
     stored: Floats
-    """Energy in the body right after each break (J). Shape (b,)."""
+    """Energy in the body right after each break (J)."""
     released: Floats
-    """Energy released by all breaks until then (J). A body that parts releases what it held. Shape
-    (b,)."""
+    """Energy released by all breaks until then (J). A body that parts releases what it held."""
     work: Floats
-    """Work of the load until then (J). Shape (b,)."""
+    """Work of the load until then (J)."""
     outcome: str
     """Why nothing more broke; "" if nobody asked."""
     seconds: float
@@ -156,8 +153,15 @@ class FractureResult(Result):
 
     @property
     def cells(self) -> Floats:
-        """Middles of a scene's cells of material (m), row by row, shape (n, dimension)."""
-        assert isinstance(self.subject, Scene)
+        """Middles of a scene's cells of material (m), row by row, shape (n, dimension).
+
+        Raises
+        ------
+        ParameterError
+            If springs of a network broke.
+        """
+        if not isinstance(self.subject, Scene):
+            raise ParameterError("cells: springs of a network broke; it is 'network'")
         return self.subject.lattice.centres(np.argwhere(self.subject.rasterise() >= 0))
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -193,16 +197,11 @@ class FractureResult(Result):
         kept = np.ones(len(self.network.springs), dtype=bool)
         kept[self.broken[:count]] = False
         whole = self.network
-        left = SpringNetwork(
-            positions=whole.positions,
+        left = replace(
+            whole,
             springs=whole.springs[kept],
             stiffness=whole.stiffness[kept],
             rest_length=whole.rest_length[kept],
-            held=whole.held,
-            forces=whole.forces,
-            displacements=whole.displacements,
-            names=whole.names,
-            notes=whole.notes,
         )
         factor = self.factor_after(count)
         standing = body_of(left, np.full(len(left.springs), np.inf), "force")
@@ -293,8 +292,8 @@ class FractureResult(Result):
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = subject_archive(self.subject)
         arrays |= {name: getattr(self, name) for name in BREAKS}
-        told = {name: getattr(self, name) for name in ("measure", "outcome", "seconds")}
-        return arrays, about | told
+        about |= {name: getattr(self, name) for name in ("measure", "outcome", "seconds")}
+        return arrays, about
 
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
@@ -306,3 +305,21 @@ class FractureResult(Result):
             outcome=archive.value("outcome", str),
             seconds=archive.value("seconds", float),
         )
+
+
+def body_of(subject: SpringNetwork | Scene, strengths: Floats, measure: str) -> WeakeningBody:
+    """Return the unbroken body, of springs or of cells."""
+    if isinstance(subject, Scene):
+        from .breaking_cells import BreakingCells
+
+        return BreakingCells(subject, strengths, measure)
+    from .breaking_network import BreakingNetwork
+
+    return BreakingNetwork(subject, strengths, measure)
+
+
+def parts_of(subject: SpringNetwork | Scene) -> int:
+    """Return how many springs, or cells of material, there are."""
+    if isinstance(subject, Scene):
+        return int(np.count_nonzero(subject.rasterise() >= 0))
+    return len(subject.springs)

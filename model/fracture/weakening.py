@@ -1,6 +1,6 @@
 """A linear body in small strain that loses stiffness, its factors kept and corrected.
 
-All that strains is a *row*: K = Bᵀ k B with a stiffness k for every row of B. With factors of K at
+Every strain is a *row*: K = Bᵀ k B with a stiffness k for every row of B. With factors of K at
 hand, K + V d Vᵀ (a column of V and a loss d < 0 of stiffness for every weakened row) is solved by
 putting the lost forces back as loads: u = u₀ − K⁻¹V d e, where the elongations e of those rows
 solve (1 + VᵀK⁻¹V d) e = e₀.
@@ -13,18 +13,24 @@ W. W. Hager, "Updating the inverse of a matrix", SIAM Review 31 (1989) 221-239.
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from typing import ClassVar, Literal
 
 import numpy as np
 from scipy.linalg.lapack import dposv
 from scipy.sparse import csc_array, csr_array, diags_array
 
 from kaju.arrays import Floats, Ints
+from kaju.errors import ParameterError
 from kaju.model.network.linear import DirectSolver, SingularTangentError
 
+Measure = Literal["force", "stress", "strain", "energy"]
+"""What is exceeded: a spring's tension (N) or a cell's largest principal stress (Pa), the largest
+strain, or the energy (J) of either."""
+
 _RESISTING = 1e-6
-"""Share of the unbroken body's resistance below which what is left has parted: the equations of a
-body that hardly resists lose the digits by which its parts could be told apart."""
+"""Share of the unbroken body's resistance below which a body has parted: the equations of a body
+that hardly resists lose the digits by which its parts differ."""
 
 
 class WeakeningBody:
@@ -131,13 +137,13 @@ class WeakeningBody:
         return self._solution
 
     def _factorise(self) -> None:
-        """Factorise what is left, and solve with it."""
+        """Factorise the weakened body, and solve with it."""
         matrix = self._strain.T @ (diags_array(self.stiffness) @ self._strain)
         self._solver.factorise(csc_array(matrix))
         self._basis = self.stiffness.copy()
         load = self._force - self._strain.T @ (self.stiffness * self._given)
         self._solution = self._solver.solve(load)
-        # What resists hardly any more costs digits: a second step wins them back.
+        # A body that hardly resists costs digits: a second step wins them back.
         self._solution += self._solver.solve(load - matrix @ self._solution)
         self.elongation = self._first = self._strain @ self._solution + self._given
         self.yielded = self._first_yielded = float(self._force @ self._solution)
@@ -158,3 +164,10 @@ class WeakeningBody:
         self.elongation = self._first + np.einsum("rw,w->r", response, back)
         self.yielded = self._first_yielded + float(self._yielded_by @ back)
         return True
+
+
+def measured(measure: str, known: Mapping[str, Callable[[], Floats]]) -> Callable[[], Floats]:
+    """Return the function of a measure, of those that a body has."""
+    if measure not in known:
+        raise ParameterError(f"measure: {', '.join(map(repr, known))}, got {measure!r}")
+    return known[measure]

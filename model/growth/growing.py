@@ -28,7 +28,7 @@ from kaju.model.scene import Scene
 
 
 class Neighbours:
-    """Weighted means over cells of a body, which know nothing beyond its surface."""
+    """Weighted means over cells of a body, in which cells outside of it do not count."""
 
     def __init__(self, body: Flags, weights: Floats) -> None:
         self.body, self._weights = body, weights
@@ -80,9 +80,9 @@ class Neighbours:
 class GrowingBody:
     """The cells of a scene, how stiff they are, and what they feel under its loads.
 
-    These are forces alone that do not depend on what has grown, on squares or cubes. `compliance`:
-    F·u, the work (J) of the final forces on the displacements; `energy`, shape (n,): what is stored
-    in every cell (J), with its share of the edges round it.
+    The cells are squares or cubes, the loads forces that do not depend on what has grown.
+    `compliance`: F·u, the work (J) of the final forces on the displacements; `energy`, shape (n,):
+    stored in every cell (J), with its share of the edges round it.
     """
 
     def __init__(self, scene: Scene, stage: int | None) -> None:
@@ -103,8 +103,8 @@ class GrowingBody:
             raise SceneError(f"body: {grid.notes[0]}; give smaller cells (scene.refine(2))")
         self._whole = grid.problem
         self.body: Flags = np.asarray(self._whole.kinds[self._whole.inner] >= 0)
-        lower = grid.origin
-        self.box = tuple(slice(a, a + n) for a, n in zip(lower, self.body.shape, strict=True))
+        ends = zip(grid.origin, self.body.shape, strict=True)
+        self.box = tuple(slice(start, start + size) for start, size in ends)
         self._moved: FaceFields | None = None
 
     def solve(self, stiffness: Floats, tolerance: float) -> None:

@@ -151,10 +151,23 @@ class GrowthModel(SteppedModel):
             "keep": keep,
         }
         self._growing = GrowingBody(scene, stage)
-        self._first = _first_design(self._growing, scene, volume, start)
+        self._first = self._first_design(volume, start)
         self._around = Neighbours.within(self._growing.body, filter_radius)
         self._beside = Neighbours.across_faces(self._growing.body)
         self.reset()
+
+    def _first_design(self, volume: float, start: ArrayLike | None) -> Floats:
+        """Return the densities that growth starts from."""
+        body = self._growing.body
+        if start is None:
+            return np.full(np.count_nonzero(body), float(volume))
+        field, shape = np.asarray(start, dtype=np.float64), self.scene.lattice.shape
+        if field.shape != shape:
+            raise ParameterError(f"start: densities of shape {shape} are needed, got {field.shape}")
+        design: Floats = field[self._growing.box][body]
+        if not np.all((design >= 0.0) & (design <= 1.0)):
+            raise ParameterError("start: densities from 0 to 1 are needed where there is material")
+        return design
 
     def reset(self) -> None:
         """Go back to the first densities."""
@@ -215,8 +228,6 @@ class GrowthModel(SteppedModel):
         power, least = self.rule.penalty(self.steps), self.rule.least_stiffness
         # Of F·u under given forces: minus twice the energy's derivative at given displacements.
         rise = (1.0 - least) * power * self.density ** (power - 1.0)
-        lattice = self.scene.lattice
-        volume = lattice.cell_size**lattice.dimension
         return Felt(
             step=self.steps,
             density=self.density,
@@ -227,7 +238,7 @@ class GrowthModel(SteppedModel):
             volume=self._options["volume"],
             around=self._around,
             beside=self._beside,
-            cell_volume=volume * (self.scene.thickness if lattice.dimension == 2 else 1.0),
+            cell_volume=self.scene.lattice.cell_volume(self.scene.thickness),
         )
 
     def figures(self) -> dict[str, float]:
@@ -246,7 +257,7 @@ class GrowthModel(SteppedModel):
         """
         with progress_line(progress) as report:
 
-            def told() -> None:
+            def show() -> None:
                 now = self.figures()
                 report(
                     f"step {self.steps} of {self._options['most_steps']}: compliance "
@@ -254,11 +265,11 @@ class GrowthModel(SteppedModel):
                     f"{now['change']:.2g}"
                 )
 
-            return self._run(until, self.result, told)
+            return self._run(until, self.result, show)
 
     def result(self) -> GrowthResult:
         """Return what has grown so far."""
-        columns = dict(zip(COLUMNS, np.array(self._rows).T, strict=True))
+        compliances, volumes, changes, iterations = np.array(self._rows).T
         return GrowthResult(
             scene=self.scene,
             stage=self._options["stage"],
@@ -266,10 +277,10 @@ class GrowthModel(SteppedModel):
             cells=self.density.copy(),
             stiffness_of_cells=self.stiffness.copy(),
             designs=np.array(self._designs, dtype=np.float32).reshape(-1, self.density.size),
-            compliances=columns["compliance"],
-            volumes=columns["volume"],
-            changes=columns["change"],
-            iterations=columns["iterations"].astype(np.int64),
+            compliances=compliances,
+            volumes=volumes,
+            changes=changes,
+            iterations=iterations.astype(np.int64),
             volume=self._options["volume"],
             holds_volume=self.rule.holds_volume,
             filter_radius=self._options["filter_radius"],
@@ -282,18 +293,3 @@ class GrowthModel(SteppedModel):
         if isinstance(self._asked, str):
             return self._options | {"rule": self._asked}, {}
         return dict(self._options), {"rule": self._asked}
-
-
-def _first_design(
-    growing: GrowingBody, scene: Scene, volume: float, start: ArrayLike | None
-) -> Floats:
-    """Return the densities that growth starts from."""
-    if start is None:
-        return np.full(np.count_nonzero(growing.body), float(volume))
-    field, shape = np.asarray(start, dtype=np.float64), scene.lattice.shape
-    if field.shape != shape:
-        raise ParameterError(f"start: densities of shape {shape} are needed, got {field.shape}")
-    design: Floats = field[growing.box][growing.body]
-    if not np.all((design >= 0.0) & (design <= 1.0)):
-        raise ParameterError("start: densities from 0 to 1 are needed where there is material")
-    return design

@@ -24,6 +24,16 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
 
 COLUMNS = ("compliance", "volume", "change", "iterations")
+_PLAIN: dict[str, Any] = {
+    "stage": int | None,
+    "rule": str,
+    "volume": float,
+    "holds_volume": bool,
+    "filter_radius": float,
+    "outcome": str,
+    "seconds": float,
+}
+"""What files keep besides arrays."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,15 +170,9 @@ class GrowthResult(BodyResult):
         """One row per step, the start included: compliance, volume, change, iterations."""
         import pandas
 
-        return pandas.DataFrame(
-            {
-                "step": np.arange(self.steps + 1),
-                "compliance_J": self.compliances,
-                "volume": self.volumes,
-                "change": self.changes,
-                "iterations": self.iterations,
-            }
-        )
+        columns = (self.compliances, self.volumes, self.changes, self.iterations)
+        named = dict(zip(("compliance_J", *COLUMNS[1:]), columns, strict=True))
+        return pandas.DataFrame({"step": np.arange(self.steps + 1), **named})
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the history."""
@@ -201,28 +205,18 @@ class GrowthResult(BodyResult):
         return [Check("the volume is held", off, BOOKS)]
 
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        told = ("stage", "rule", "volume", "holds_volume", "filter_radius", "outcome")
-        about = {name: getattr(self, name) for name in told}
+        about = {name: getattr(self, name) for name in _PLAIN if name != "seconds"}
         return {name: getattr(self, name) for name in GROWTH}, about
 
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         agents = int(np.count_nonzero(scene.rasterise() >= 0))
-        columns = archive.columns(GROWTH, {"agents": agents})
-        stage, steps = archive.value("stage", int | None), len(columns["compliances"])
-        scene.applied(stage)  # which knows whether there is such a stage
+        columns: dict[str, Any] = archive.columns(GROWTH, {"agents": agents})
+        plain = {name: archive.value(name, kind) for name, kind in _PLAIN.items()}
+        scene.applied(plain["stage"])  # refuses a stage that there is not
+        steps = len(columns["compliances"])
         if not steps or len(columns["designs"]) not in (0, steps):
             raise ResultFileError(
                 f"{archive.path}: 'designs' must be of no step or of all, and there must be one"
             )
-        return cls(
-            scene=scene,
-            stage=stage,
-            rule=archive.value("rule", str),
-            **columns,
-            volume=archive.value("volume", float),
-            holds_volume=archive.value("holds_volume", bool),
-            filter_radius=archive.value("filter_radius", float),
-            outcome=archive.value("outcome", str),
-            seconds=archive.value("seconds", float),
-        )
+        return cls(scene=scene, **columns, **plain)

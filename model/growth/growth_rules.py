@@ -35,25 +35,16 @@ from .growing import Neighbours
 class Felt:
     """What the cells of a body feel at a step; arrays have one entry for each, row by row."""
 
-    step: int
-    """Steps taken before."""
-    density: Floats
-    """Share of a cell that is filled, from 0 to 1: what stiffness and volume follow from."""
-    design: Floats
-    """What a rule changes: the same, or what the density is the mean of over neighbours."""
-    energy: Floats
-    """Stored in each cell (J), with its share of the edges round it."""
-    slope: Floats
-    """By how much the compliance F·u grows with the density (J); not above 0."""
-    von_mises: Callable[[], Floats]
-    """Returns the equivalent stress (Pa) of the whole material at each cell's strain."""
-    volume: float
-    """Share of the body that was asked for."""
-    around: Neighbours
-    """Means over the cells within the filter's radius."""
-    beside: Neighbours
-    """Means over a cell and those beside it."""
-    cell_volume: float  # In m³
+    step: int  # steps taken before
+    density: Floats  # share of a cell that is filled, 0 to 1: gives its stiffness and volume
+    design: Floats  # what a rule changes: the density, or what it is the mean of over neighbours
+    energy: Floats  # stored in each cell (J), with its share of the edges round it
+    slope: Floats  # by how much the compliance F·u grows with the density (J); not above 0
+    von_mises: Callable[[], Floats]  # equivalent stress (Pa) of whole material at a cell's strain
+    volume: float  # share of the body that was asked for
+    around: Neighbours  # means over the cells within the filter's radius
+    beside: Neighbours  # means over a cell and those beside it
+    cell_volume: float  # in m³
 
 
 class GrowthRule:
@@ -82,14 +73,10 @@ class GrowthRule:
     """
 
     name: ClassVar[str] = "own"
-    smooth: bool = False
-    """Whether the density is the mean of the design over the cells within the filter's radius."""
-    holds_volume: bool = False
-    """Whether the volume stays what was asked for."""
-    least_stiffness: float = 1e-9
-    """Share of its material's stiffness that a cell without density keeps."""
-    patience: int = 0
-    """Steps before which a body is not at rest."""
+    smooth: bool = False  # whether the density is the mean of the design within the filter's radius
+    holds_volume: bool = False  # whether the volume stays what was asked for
+    least_stiffness: float = 1e-9  # share of its stiffness that a cell without density keeps
+    patience: int = 0  # steps before which a body is not at rest
 
     def penalty(self, step: int) -> float:
         """Return the power p of the density that the stiffness follows at a step."""
@@ -182,8 +169,9 @@ def _root(falling: Callable[[float], float], guess: float) -> float:
 class Remodelling(GrowthRule):
     """Bone's rule: every cell grows until what it and its neighbours carry is a set stimulus.
 
-    The stimulus is p U / x: the energy that a unit of filled volume saves. Nobody knows the volume
-    or the compliance. Densities rest where the stimulus misses its aim by less than the lazy zone.
+    The stimulus is p U / x: the energy that a unit of filled volume saves. It needs neither volume
+    nor compliance of the body. Densities rest where the stimulus misses its aim by less than the
+    lazy zone.
 
     Parameters
     ----------

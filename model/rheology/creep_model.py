@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +13,14 @@ from kaju.errors import ParameterError, ResultError
 from kaju.mesa_model import SteppedModel
 from kaju.model.network import SpringNetwork
 from kaju.model.rheology.element import ThreeElement
-from kaju.model.rheology.integrate import TimeRecorder
+from kaju.model.rheology.integrate import Drives, StepControl
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 from kaju.model.scene.description import HistoryTable
 from kaju.stepping import Until
 
 from .creep_result import CreepState
-from .creeping import AnyCourse, Drives, TimeTask
+from .creeping import AnyTimeResult, Moment, Rheology, SchemeName, TimeTask
 
 
 class CreepModel(SteppedModel):
@@ -84,8 +84,8 @@ class CreepModel(SteppedModel):
         times: ArrayLike | None = None,
         step: float | None = None,
         tolerance: float = 1e-3,
-        scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
-        rheology: ThreeElement | Sequence[ThreeElement] | None = None,
+        scheme: SchemeName = "sdirk2",
+        rheology: Rheology = None,
         drive: Drives = "both",
         mass: ArrayLike | None = None,
         most_steps: int = 100_000,
@@ -99,6 +99,18 @@ class CreepModel(SteppedModel):
                 f"got {subject!r:.80}"
             )
         self.subject = subject
+        self.task = TimeTask(
+            subject,
+            HistoryTable(**history).build() if isinstance(history, Mapping) else history,
+            duration,
+            times=times,
+            control=StepControl(step, tolerance, most_steps),
+            scheme=scheme,
+            rheology=rheology,
+            drive=drive,
+            mass=mass,
+        )
+        self._rheology = rheology
         self._options: dict[str, Any] = {
             "duration": duration,
             "step": step,
@@ -107,11 +119,8 @@ class CreepModel(SteppedModel):
             "drive": drive,
             "most_steps": most_steps,
         }
-        driven = HistoryTable(**history).build() if isinstance(history, Mapping) else history
-        self._rheology = rheology
-        given: dict[str, Any] = {"times": times, "mass": mass, "rheology": rheology}
-        self.task = TimeTask(subject, driven, **self._options, **given)
-        self._mass = mass
+        if mass is not None:
+            self._options["mass"] = np.asarray(mass).tolist()
         self.reset()
 
     @property
@@ -128,17 +137,17 @@ class CreepModel(SteppedModel):
         """Go back to the start."""
         self._start_again()
         self.seconds = 0.0
-        self._log = TimeRecorder()
+        self._moments: list[Moment] = []
         self._states = [self.task.first]
-        self._stops = self.task.stops(self.task.first)
+        self._ahead = self.task.states(self.task.first)
         if self.task.asked[0] == self.task.first.time:
-            self._log.note(self.task.system, next(self._stops))
+            self._moments.append(self.task.moment(next(self._ahead)))
 
     def step(self) -> None:
         """Go on to the next of the times asked for."""
         began = perf_counter()
-        state = next(self._stops)
-        self._log.note(self.task.system, state)
+        state = next(self._ahead)
+        self._moments.append(self.task.moment(state))
         self._states.append(state)
         self.running = state.time < self.task.asked[-1]
         self.seconds += perf_counter() - began
@@ -155,11 +164,10 @@ class CreepModel(SteppedModel):
             raise ParameterError(
                 f"count: 1 to {len(self._states) - 1} steps can be taken back, got {count}"
             )
-        del self._states[-count:], self._log.times[-count:]
-        del self._log.records[-count:], self._log.energies[-count:]
-        self._stops = self.task.stops(self._states[-1])
-        if self._log.times and self.task.asked[0] <= self.moment:
-            next(self._stops)  # where it stands already
+        del self._states[-count:], self._moments[-count:]
+        self._ahead = self.task.states(self._states[-1])
+        if self._moments and self.task.asked[0] <= self.moment:
+            next(self._ahead)  # where it stands already
         self.steps_taken -= count
         self.steps = self.steps_taken
         self.running = True
@@ -177,7 +185,7 @@ class CreepModel(SteppedModel):
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: time (s), length (m), energies (J)."""
-        now = self._course(TimeRecorder(*([kept[-1]] for kept in vars(self._log).values())))
+        now = self.task.result(self._moments[-1:], self.state, self.seconds)
         return {
             "time": self.moment,
             "factor": float(now.factors[-1]),
@@ -189,11 +197,11 @@ class CreepModel(SteppedModel):
             "numerical": float(now.numerical[-1] - now.at_jumps[-1]),
         }
 
-    def run(self, until: Until | None = None) -> AnyCourse:
+    def run(self, until: Until | None = None) -> AnyTimeResult:
         """Step to the last of the times, or until a question is answered with yes."""
         return self._run(until, self.result)
 
-    def result(self) -> AnyCourse:
+    def result(self) -> AnyTimeResult:
         """Return what has been seen so far.
 
         Raises
@@ -201,18 +209,13 @@ class CreepModel(SteppedModel):
         ResultError
             Before the first step, unless the start is among the times asked for.
         """
-        if not self._log.times:
+        if not self._moments:
             raise ResultError("result: no time has passed yet; take a step first")
-        return self._course(self._log)
-
-    def _course(self, log: TimeRecorder) -> AnyCourse:
-        return self.task.course(log, self.state, self.seconds)
+        return self.task.result(self._moments, self.state, self.seconds)
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""
         history = self.task.history
-        told = {"times": list(history.times), "factors": list(history.factors)}
-        options = self._options | {"history": told, "times": self.task.asked.tolist()}
-        if self._mass is not None:
-            options["mass"] = np.asarray(self._mass).tolist()
+        corners = {"times": list(history.times), "factors": list(history.factors)}
+        options = self._options | {"history": corners, "times": self.task.asked.tolist()}
         return options, {"rheology": self._rheology}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -29,53 +29,19 @@ STATE = "state in time"
 class CreepState:
     """Everything that a run needs to go on from a moment as if it had never paused."""
 
-    fields: tuple[Floats, ...]
-    """What creeps: stretches of the parts of every element, positions, velocities."""
-    time: float = 0.0
-    """The moment (s)."""
-    next_step: float = 0.0
-    """Step to be tried next when a tolerance is kept (s); 0 before the first."""
+    fields: tuple[Floats, ...]  # stretches of the parts of every element, positions, velocities
+    time: float = 0.0  # the moment (s)
+    next_step: float = 0.0  # to be tried next when a tolerance is kept (s); 0 before the first
+    # Largest stretch so far (m, or strain), to which the tolerance refers; at first, that of one
+    # step over the first piece of the history.
     scale: float = 0.0
-    """Largest stretch so far (m, or strain), to which the tolerance refers; at first, what one step
-    over the first piece of the history leads to."""
-    error_estimate: float = 0.0
-    """Sum of the estimated errors of all steps, in units of the stretch."""
-    work: float = 0.0
-    dissipated: float = 0.0
-    numerical: float = 0.0
-    """Work done from outside, energy that went into the dampers, and what neither springs nor
-    dampers have (J), since time 0."""
+    error_estimate: float = 0.0  # sum of the estimated errors of all steps, in units of the stretch
+    work: float = 0.0  # done from outside since time 0 (J)
+    dissipated: float = 0.0  # into the dampers (J)
+    numerical: float = 0.0  # of the work, in neither springs nor dampers (J)
     steps: int = 0
-    rejected: int = 0
-    """Steps made, and steps that were made again because they missed the tolerance."""
-    at_jumps: float = 0.0
-    """What of the last was set free in the steps that take up a jump (J)."""
-
-    def moved(
-        self,
-        time: float,
-        fields: tuple[Floats, ...],
-        booked: Floats,
-        scale: float,
-        *,
-        jump: bool = False,
-    ) -> CreepState:
-        """Return the state one step later; `booked` is work, dissipation, and what is neither.
-
-        A step that begins with a jump of the load books the last as set free there.
-        """
-        work, dissipated, numerical = (float(energy) for energy in booked)
-        return replace(
-            self,
-            fields=fields,
-            time=time,
-            scale=scale,
-            work=self.work + work,
-            dissipated=self.dissipated + dissipated,
-            numerical=self.numerical + numerical,
-            at_jumps=self.at_jumps + (numerical if jump else 0.0),
-            steps=self.steps + 1,
-        )
+    rejected: int = 0  # steps that were made again because they missed the tolerance
+    at_jumps: float = 0.0  # part of `numerical` of steps that take up a jump (J)
 
     def save(self, path: str | Path) -> Path:
         """Write the state to one ``.npz`` file, whole or not at all."""
@@ -212,7 +178,7 @@ class TimeResult(Result):
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
         course = archive.columns(COURSE, {}, "course.")
-        if "at_jumps" not in course:  # written before it was told apart
+        if "at_jumps" not in course:  # written before it was kept apart
             course["at_jumps"] = np.zeros_like(course["times"])
             archive.value("state", dict[str, Any]).setdefault("at_jumps", 0.0)
         count = len(archive.part("state."))
@@ -239,11 +205,10 @@ class TimeResult(Result):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class BodyCourse(TimeResult):
+class BodyTimeResult(TimeResult):
     """What became of the body of a scene in time."""
 
-    static: BodyResult
-    """The same scene without time, at a factor of 1."""
+    static: BodyResult  # the same scene without time, at a factor of 1
     _static: ClassVar[type[BodyResult]]
 
     @property

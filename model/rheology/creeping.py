@@ -1,4 +1,4 @@
-"""Creep: what becomes of elements, networks and bodies when time is let in.
+"""Creep of elements, networks and bodies over time.
 
 One call for all of them::
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import isfinite
 from time import perf_counter
-from typing import Any, Literal, overload
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,23 +21,27 @@ from kaju.errors import ParameterError
 from kaju.model.elastic.solve import solve
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.rheology import schemes
-from kaju.model.rheology.element import ThreeElement
-from kaju.model.rheology.integrate import Loading, StepControl, TimeRecorder, stops
+from kaju.model.rheology.element import ThreeElement, laws_of
+from kaju.model.rheology.integrate import Creeping, Drives, Integrator, Loading, StepControl
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 from kaju.stopping import NOTE, interrupt_requested, interruptible
 
 from .creep_result import CreepResult, CreepState
-from .creeping_body import CreepingAgents, Elements, TransferCreepResult
-from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
-from .network import CreepingNetwork, NetworkCreepResult
+from .creeping_elastic import ElasticCreepResult, elastic_body
+from .creeping_elements import CreepingAgents, Elements, TransferCreepResult
+from .creeping_network import CreepingNetwork, NetworkCreepResult
 
-System = Elements | CreepingNetwork | SteppedBody
+Subject = ThreeElement | SpringNetwork | Scene
+SchemeName = Literal["sdirk2", "backward_euler"]
+Rheology = ThreeElement | Sequence[ThreeElement] | None
+AnyTimeResult = CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult
+
 _STATIC_TOLERANCE = 1e-10
 """Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
-
-Drives = Literal["both", "forces", "displacements"]
+_JUMPS_NOTED_FROM = 0.01
+"""Share of the work that is set free at jumps from which on a note says so."""
 
 
 # The overloads only say which subject gives which result; options are checked by name below.
@@ -54,20 +58,20 @@ def creep(
     subject: Scene, history: History | None = ..., duration: float | None = ..., **how: Any
 ) -> TransferCreepResult | ElasticCreepResult: ...
 def creep(  # type: ignore[misc]
-    subject: ThreeElement | SpringNetwork | Scene,
+    subject: Subject,
     history: History | None = None,
     duration: float | None = None,
     *,
     step: float | None = None,
     tolerance: float = 1e-3,
     times: ArrayLike | None = None,
-    scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
-    rheology: ThreeElement | Sequence[ThreeElement] | None = None,
+    scheme: SchemeName = "sdirk2",
+    rheology: Rheology = None,
     drive: Drives = "both",
     mass: ArrayLike | None = None,
     resume: CreepState | None = None,
     most_steps: int = 100_000,
-) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
+) -> AnyTimeResult:
     """Let a body creep under a history of loads or displacements.
 
     Parameters
@@ -134,23 +138,35 @@ def creep(  # type: ignore[misc]
     >>> print(f"{result.displacement[-1]:.2f}")
     0.90
     """
-    options: dict[str, Any] = {"rheology": rheology, "drive": drive, "mass": mass, "resume": resume}
-    options |= {"step": step, "tolerance": tolerance, "most_steps": most_steps}
-    task = TimeTask(subject, history, duration, times=times, scheme=scheme, **options)
+    task = TimeTask(
+        subject,
+        history,
+        duration,
+        times=times,
+        control=StepControl(step, tolerance, most_steps),
+        scheme=scheme,
+        rheology=rheology,
+        drive=drive,
+        mass=mass,
+        resume=resume,
+    )
 
-    def run() -> AnyCourse:
-        log, state = TimeRecorder(), task.first
-        for state in task.stops(task.first):
-            log.note(task.system, state)
-        return task.course(log, state, perf_counter() - began)
+    def run() -> AnyTimeResult:
+        moments, state = [], task.first
+        for state in task.states(task.first):
+            moments.append(task.moment(state))
+        return task.result(moments, state, perf_counter() - began)
 
     began = perf_counter()
     return interruptible(run)
 
 
-AnyCourse = CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult
-JUMPS_SAID_FROM = 0.01
-"""Share of the work that is set free at jumps from which on a note says so."""
+class Moment(NamedTuple):
+    """What the result keeps of a time asked for."""
+
+    time: float
+    energies: tuple[float, ...]  # work, stored, dissipated, numerical, at jumps (J)
+    record: dict[str, Floats]
 
 
 class TimeTask:
@@ -158,65 +174,87 @@ class TimeTask:
 
     def __init__(
         self,
-        subject: ThreeElement | SpringNetwork | Scene,
-        history: History | None = None,
-        duration: float | None = None,
+        subject: Subject,
+        history: History | None,
+        duration: float | None,
         *,
-        step: float | None = None,
-        tolerance: float = 1e-3,
-        times: ArrayLike | None = None,
-        scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
-        rheology: ThreeElement | Sequence[ThreeElement] | None = None,
-        drive: Drives = "both",
-        mass: ArrayLike | None = None,
+        times: ArrayLike | None,
+        control: StepControl,
+        scheme: SchemeName,
+        rheology: Rheology,
+        drive: Drives,
+        mass: ArrayLike | None,
         resume: CreepState | None = None,
-        most_steps: int = 100_000,
     ) -> None:
-        self.history = _history_of(subject, history)
-        self.asked = _asked_times(self.history, duration, times, resume)
-        self._pace = _pace(step, tolerance, most_steps)
-        self._method = schemes.scheme(scheme)
-        self._drives = _drives(self.history, drive)
+        if history is None and isinstance(subject, Scene):
+            history = subject.history
+        if not isinstance(history, History):
+            raise ParameterError(
+                f"history: a History is needed, got {history!r}; such as "
+                "History.step().hold(10.0). A scene may bring its own, as [history] with times "
+                "and factors"
+            )
+        self.history = history
+        self.asked = _asked_times(history, duration, times, resume)
+        method, loading = schemes.scheme(scheme), Loading.of(history, drive)
         self.system = _system(subject, rheology, drive, mass)
-        self.first = resume or CreepState(self.system.start())
-        _check_fits(self.first, self.system)
+        self._integrator = Integrator(self.system, method, loading, control)
+        start = self.system.start()
+        self._stored_first = self.system.stored(start)
+        self.first = resume or CreepState(start)
+        expected = [part.shape for part in start]
+        found = [part.shape for part in self.first.fields]
+        if found != expected:
+            raise ParameterError(
+                f"resume: the state is of something else: its arrays have shapes {found}, "
+                f"but {expected} are needed"
+            )
 
-    def stops(self, state: CreepState) -> Iterator[CreepState]:
+    def states(self, state: CreepState) -> Iterator[CreepState]:
         """Yield the states at the times asked for, from a state on."""
         if isinstance(self.system, CreepingNetwork):
-            self.system.begin(state.fields, float(self._drives.displacements.at(state.time)))
-        yield from stops(self.system, self._method, self._drives, state, self.asked, self._pace)
+            factor = float(self._integrator.loading.displacements.at(state.time))
+            self.system.begin(state.fields, factor)
+        yield from self._integrator.states(state, self.asked)
 
-    def course(self, log: TimeRecorder, state: CreepState, seconds: float) -> AnyCourse:
-        """Put together what was seen."""
-        return _result(self.system, self.history, log, state, seconds)
+    def moment(self, state: CreepState) -> Moment:
+        """Return what the result keeps of a state."""
+        stored = self.system.stored(state.fields) - self._stored_first
+        energies = (state.work, stored, state.dissipated, state.numerical, state.at_jumps)
+        record = {name: part.copy() for name, part in self.system.record(state.fields).items()}
+        return Moment(state.time, energies, record)
 
-
-def _history_of(subject: ThreeElement | SpringNetwork | Scene, history: History | None) -> History:
-    """Return what drives the subject."""
-    if isinstance(history, History):
-        return history
-    if isinstance(subject, Scene) and subject.history is not None:
-        return subject.history
-    raise ParameterError(
-        f"history: a History is needed, got {history!r}; such as History.step().hold(10.0). A "
-        "scene may bring its own, as [history] with times and factors"
-    )
+    def result(self, moments: Sequence[Moment], state: CreepState, seconds: float) -> AnyTimeResult:
+        """Put the result together, whose run stands at a state."""
+        times = np.array([moment.time for moment in moments])
+        work, stored, dissipated, numerical, at_jumps = np.array([m.energies for m in moments]).T
+        found: Any = self.system.result(
+            times=times,
+            factors=self.history.at(times),
+            work=work,
+            stored=stored,
+            dissipated=dissipated,
+            numerical=numerical,
+            at_jumps=at_jumps,
+            state=state,
+            seconds=seconds,
+            notes=_notes(float(np.abs(work).max()), float(at_jumps[-1])),
+            **self.system.parts,
+            **{name: np.stack([m.record[name] for m in moments]) for name in moments[0].record},
+        )
+        return found  # type: ignore[no-any-return]
 
 
 def _system(
-    subject: ThreeElement | SpringNetwork | Scene,
-    rheology: ThreeElement | Sequence[ThreeElement] | None,
-    drive: Drives,
-    mass: ArrayLike | None,
-) -> System:
-    """Make what is marched through time."""
+    subject: Subject, rheology: Rheology, drive: Drives, mass: ArrayLike | None
+) -> Creeping:
+    """Return what is integrated over time."""
     if isinstance(subject, SpringNetwork):
         if rheology is None:
             raise ParameterError(
                 "rheology: a spring network says nothing about time; give a ThreeElement"
             )
-        return CreepingNetwork(subject, rheology, mass=mass)
+        return CreepingNetwork(subject, rheology, mass)
     if rheology is not None:
         raise ParameterError(
             "rheology: is for spring networks; the cells of a scene have that of their material"
@@ -227,59 +265,14 @@ def _system(
         if subject.rule.kind == "prescribed":
             return CreepingAgents(LoadModel(subject).run())
         return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
-    laws = schemes.Laws.of([subject])
     weight = None if mass is None else np.atleast_1d(np.asarray(mass, dtype=np.float64))
-    return Elements(laws, np.ones(1), stretched=drive == "displacements", mass=weight)
-
-
-def _drives(history: History, drive: Drives) -> Loading:
-    if drive not in ("both", "forces", "displacements"):
-        raise ParameterError(f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}")
-    still = History()
-    return Loading(
-        still if drive == "displacements" else history, still if drive == "forces" else history
-    )
-
-
-def _result(
-    system: System, history: History, log: TimeRecorder, state: CreepState, seconds: float
-) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
-    """Put together what was seen."""
-    records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
-    work, stored, dissipated, numerical, at_jumps = np.array(log.energies).T
-    course: dict[str, Any] = {
-        "times": np.array(log.times),
-        "factors": history.at(log.times),
-        "work": work,
-        "stored": stored - system.stored(system.start()),
-        "dissipated": dissipated,
-        "numerical": numerical,
-        "at_jumps": at_jumps,
-        "state": state,
-        "seconds": seconds,
-        "notes": _notes(float(np.abs(work).max()), float(at_jumps[-1])),
-    }
-    if isinstance(system, CreepingAgents):
-        return TransferCreepResult(**course, static=system.static, growth=records[0])
-    if isinstance(system, CorrespondingBody):
-        return ElasticCreepResult(**course, static=system.static, growth=records[0][:, 0])
-    if isinstance(system, SteppedBody):
-        faces, cells, edges = records
-        return ElasticCreepResult(
-            **course, static=system.static, body=system, faces=faces, cells=cells, edges=edges
-        )
-    if isinstance(system, CreepingNetwork):
-        moved, tension = records
-        return NetworkCreepResult(
-            **course, displacement=moved, force=tension, network=system.network
-        )
-    records = [record[:, 0] for record in records]
-    return CreepResult(**course, displacement=records[0], force=records[1])
+    stretched = drive == "displacements"
+    return Elements(laws_of([subject]), np.ones(1), stretched=stretched, mass=weight)
 
 
 def _notes(work: float, at_jumps: float) -> tuple[str, ...]:
     notes = [NOTE] if interrupt_requested() else []
-    if at_jumps > JUMPS_SAID_FROM * work:
+    if at_jumps > _JUMPS_NOTED_FROM * work:
         notes.append(
             f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does "
             "twice the work that springs store, and no damper beside them takes up the rest; a "
@@ -309,21 +302,3 @@ def _asked_times(
             f"times: must rise from {start} s or later to {last} s (the duration) at most"
         )
     return asked
-
-
-def _pace(step: float | None, tolerance: float, most_steps: int) -> StepControl:
-    if step is not None and not (isfinite(step) and step > 0.0):
-        raise ParameterError(f"step: must be above 0 s, got {step}")
-    if not 0.0 < tolerance < 1.0:
-        raise ParameterError(f"tolerance: must lie between 0 and 1, got {tolerance}")
-    return StepControl(step, tolerance, most_steps)
-
-
-def _check_fits(state: CreepState, system: System) -> None:
-    expected = [part.shape for part in system.start()]
-    found = [part.shape for part in state.fields]
-    if found != expected:
-        raise ParameterError(
-            f"resume: the state is of something else: its arrays have shapes {found}, "
-            f"but {expected} are needed"
-        )

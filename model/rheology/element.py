@@ -16,7 +16,7 @@ of Viscoelasticity*, Academic Press 1982, chapter 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
 from typing import NamedTuple
@@ -26,8 +26,9 @@ from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.rheology import schemes as steps
 from kaju.model.rheology.load_history import History
+from kaju.model.rheology.schemes import Laws, Scheme, Stretch, force_at_rate, rates
+from kaju.model.rheology.schemes import scheme as scheme_named
 
 Number = float | Floats
 Answer = Callable[[ArrayLike], Floats]
@@ -36,20 +37,16 @@ Answer = Callable[[ArrayLike], Floats]
 class ElementState(NamedTuple):
     """An element between two time steps; numbers, or arrays for many elements at once."""
 
-    q: Number = 0.0
-    d: Number = 0.0
-    """Displacement of the Voigt part, and of the damper in series (m)."""
-    force: Number = 0.0
-    """Force in the element (N), above 0 when it is pulled."""
+    q: Number = 0.0  # displacement of the Voigt part (m)
+    d: Number = 0.0  # displacement of the damper in series (m)
+    force: Number = 0.0  # in the element (N), above 0 when it is pulled
 
 
 class StepNumbers(NamedTuple):
     """The two numbers of an implicit step: see `ThreeElement.coefficients`."""
 
-    C: float
-    """Velocity per force (m/(N s))."""
-    D: float
-    """What is left of the Voigt part's displacement as a velocity (1/s)."""
+    C: float  # velocity per force (m/(N s))
+    D: float  # velocity per displacement of the Voigt part (1/s), by which it recovers
 
 
 @dataclass(frozen=True)
@@ -251,13 +248,13 @@ class ThreeElement:
         t = _rising(times)
         if scheme == "exact":
             return _superpose(_history(force), t, self.creep_compliance, self.ramp_compliance)
-        method = steps.scheme(scheme)
+        method = scheme_named(scheme)
         if isinstance(force, History):
-            return steps.march(self, force, t, method, "force")
+            return self._step_along(force, t, method, stretched=False)
         return self._held_force(_finite(force), t, method)
 
-    def _held_force(self, force: float, times: Floats, method: steps.Scheme) -> Floats:
-        """Step under a constant force: every step multiplies what is still to give."""
+    def _held_force(self, force: float, times: Floats, method: Scheme) -> Floats:
+        """Step under a constant force: every step multiplies the part that has not given yet."""
         flow = times * (force / self.D_d)
         if self.D_f == 0.0:
             return np.asarray(np.where(times > 0.0, force / self.K_f, 0.0) + flow)
@@ -286,7 +283,42 @@ class ThreeElement:
             )
         if scheme == "exact":
             return _superpose(history, t, self.relaxation_modulus, self.ramp_force)
-        return steps.march(self, history, t, steps.scheme(scheme), "displacement")
+        return self._step_along(history, t, scheme_named(scheme), stretched=True)
+
+    def _step_along(
+        self, history: History, times: Floats, method: Scheme, *, stretched: bool
+    ) -> Floats:
+        """Step along a history; return displacements under it as force, or forces if `stretched`.
+
+        An elongation is counted from the step's beginning, so that short steps lose no digits.
+        """
+        law = Laws(*np.array([self.K_f, self.D_f, self.D_d]))
+        nodes = np.union1d(times, [0.0, *(c for c in history.times if c < times[-1])])
+        starts, ends = history.after(nodes[:-1]), history.at(nodes[1:])
+        jumps = starts - history.at(nodes[:-1])
+        state = Stretch(np.zeros(()), np.zeros(()))
+        answers = np.zeros(len(nodes))
+        for n, step in enumerate(np.diff(nodes).tolist()):
+            length = method.gamma * step
+            elongation = 0.0
+            for end, weight in zip(method.ends, method.weights, strict=True):
+                growth = end * (ends[n] - starts[n])
+                if stretched:
+                    speed = (jumps[n] + growth - elongation) / length
+                    force = force_at_rate(law, length, state, speed)
+                    elongation += weight * step * speed
+                else:
+                    force = np.asarray(starts[n] + growth)
+                rate = rates(law, length, state, force)
+                state = Stretch(state.q + weight * step * rate.q, state.d + weight * step * rate.d)
+            answers[n + 1] = force if stretched else state.q + state.d
+        return np.asarray(answers[np.searchsorted(nodes, times)])
+
+
+def laws_of(elements: Iterable[ThreeElement]) -> Laws:
+    """Gather single elements."""
+    table = np.array([(e.K_f, e.D_f, e.D_d) for e in elements], dtype=np.float64)
+    return Laws(*np.ascontiguousarray(table.reshape(-1, 3).T))
 
 
 def _rate(stiffness: float, damping: float) -> float:

@@ -18,35 +18,26 @@ studied by L. Ferracina and M. N. Spijker, Appl. Numer. Math. 58 (2008) 1675; fo
 see E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, section IV.6.
 
 Energy. With weights b (a, a, γ; backward Euler: 1) a step does work Σ b h F ė, of which
-Σ b h (D_f q̇² + F²/D_d), never negative, goes into the dampers and K_f q²/2 is stored. What
-is left is the scheme's own, ½ Σ b (2γ - b) K_f (h q̇)²: never negative for backward Euler, of
+Σ b h (D_f q̇² + F²/D_d), never negative, goes into the dampers and K_f q²/2 is stored. The
+rest is the scheme's own, ½ Σ b (2γ - b) K_f (h q̇)²: never negative for backward Euler, of
 either sign for sdirk2, where it falls as h³ over a fixed time. The balance holds to rounding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.rheology.load_history import History
 
-
-class ElementLaw(Protocol):
-    """The three numbers of one element, or three arrays for many."""
-
-    @property
-    def K_f(self) -> float | Floats: ...  # noqa: N802, D102
-    @property
-    def D_f(self) -> float | Floats: ...  # noqa: N802, D102
-    @property
-    def D_d(self) -> float | Floats: ...  # noqa: N802, D102
+Metric = Callable[[Floats], Floats]
+"""Turns strains into stresses of unit modulus: energies of a cell couple its axes by it."""
 
 
 class Laws(NamedTuple):
@@ -55,12 +46,6 @@ class Laws(NamedTuple):
     K_f: Floats
     D_f: Floats
     D_d: Floats
-
-    @classmethod
-    def of(cls, elements: Iterable[ElementLaw]) -> Laws:
-        """Gather single elements."""
-        table = np.array([(e.K_f, e.D_f, e.D_d) for e in elements], dtype=np.float64)
-        return cls(*np.ascontiguousarray(table.reshape(-1, 3).T))
 
 
 class Stretch(NamedTuple):
@@ -73,9 +58,9 @@ class Stretch(NamedTuple):
 class Energy(NamedTuple):
     """Energies of one step, summed over the elements (J)."""
 
-    work: float = 0.0
-    dissipated: float = 0.0
-    numerical: float = 0.0
+    work: float
+    dissipated: float
+    numerical: float
 
 
 @dataclass(frozen=True)
@@ -100,12 +85,12 @@ class Scheme:
         return (*[self.spacing] * (self.stages - 1), self.gamma)
 
     def log_factor(self, x: ArrayLike) -> Floats:
-        """Return ln of what a step leaves of a decay, x = step/decay time; -inf: nothing."""
+        """Return ln of the share of a decay that a step leaves, x = step/decay time."""
         pace = np.asarray(x, dtype=np.float64)
         left = -np.log1p(self.gamma * pace)
         if self.stages == 1:
             return np.asarray(left)
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore"):  # -inf where a step leaves nothing
             gone = self.spacing / (1.0 / pace + self.gamma)
             inner = np.where(
                 gone < 1.0, np.log1p(-np.minimum(gone, 1.0)), np.log(np.abs(gone - 1.0))
@@ -125,82 +110,73 @@ def scheme(name: str) -> Scheme:
     return SCHEMES[name]
 
 
-def as_spring(law: ElementLaw, step: float, state: Stretch) -> tuple[Floats, Floats]:
+class SubStep(NamedTuple):
+    """One implicit step of a scheme."""
+
+    method: Scheme
+    step: float  # length of the whole step (s)
+    weight: float  # share of the whole step for which the rates count
+    factor: float  # of the forces, at the end of the implicit step
+    displacement_factor: float  # of the given displacements, there
+
+    @property
+    def length(self) -> float:
+        """Length of the implicit step (s)."""
+        return self.method.gamma * self.step
+
+    @property
+    def duration(self) -> float:
+        """How long the rates count (s)."""
+        return self.weight * self.step
+
+    def numerical(self, energy_at_rates: float) -> float:
+        """Return the scheme's own part of an energy Σ k x²/2, from Σ k ẋ² of the rates."""
+        own = 0.5 * self.weight * (2.0 * self.method.gamma - self.weight)
+        return own * self.step**2 * energy_at_rates
+
+
+def as_spring(law: Laws, length: float, state: Stretch) -> tuple[Floats, Floats]:
     """Return stiffness and rest of the spring that an element is over an implicit step (s).
 
     Its stiffness is 1/(C h) with C = 1/D_d + 1/(K_f h + D_f).
     """
-    voigt = law.K_f + law.D_f / step
-    stiffness = voigt / (1.0 + voigt * (step / law.D_d))
-    rest = state.d + state.q * (law.D_f / step / voigt)
+    voigt = law.K_f + law.D_f / length
+    stiffness = voigt / (1.0 + voigt * (length / law.D_d))
+    rest = state.d + state.q * (law.D_f / length / voigt)
     return np.asarray(stiffness), np.asarray(rest)
 
 
-def force_at_rate(law: ElementLaw, step: float, state: Stretch, rate: ArrayLike) -> Floats:
+def force_at_rate(law: Laws, length: float, state: Stretch, rate: ArrayLike) -> Floats:
     """Return the force at the end of an implicit step with a given rate of elongation.
 
     The same as `as_spring`, written without the elongation, so that no digits are lost when
     the step is very short.
     """
-    voigt = law.K_f + law.D_f / step
-    stiffness = voigt / (1.0 + voigt * (step / law.D_d))
-    return np.asarray(stiffness * (step * np.asarray(rate) + state.q * (law.K_f / voigt)))
+    voigt = law.K_f + law.D_f / length
+    stiffness = voigt / (1.0 + voigt * (length / law.D_d))
+    return np.asarray(stiffness * (length * np.asarray(rate) + state.q * (law.K_f / voigt)))
 
 
-def rates(law: ElementLaw, step: float, state: Stretch, force: Floats) -> Stretch:
+def rates(law: Laws, length: float, state: Stretch, force: Floats) -> Stretch:
     """Return the rates of both parts in an implicit step that ends under `force`."""
     return Stretch(
-        np.asarray((force - law.K_f * state.q) / (law.K_f * step + law.D_f)),
+        np.asarray((force - law.K_f * state.q) / (law.K_f * length + law.D_f)),
         np.asarray(force / law.D_d),
     )
 
 
-def moved(state: Stretch, rate: Stretch, time: float) -> Stretch:
-    """Return the state after `time` at a constant rate."""
-    return Stretch(state.q + time * rate.q, state.d + time * rate.d)
-
-
-def stored_energy(law: ElementLaw, state: Stretch) -> float:
+def stored_energy(law: Laws, q: Floats, metric: Metric = np.asarray) -> float:
     """Return Σ K_f q²/2 (J), the energy that the springs can give back."""
-    return float(np.sum(0.5 * law.K_f * np.square(state.q)))
+    return 0.5 * float(np.sum(law.K_f * (q * metric(q))))
 
 
 def stage_energy(
-    law: ElementLaw, method: Scheme, step: float, weight: float, force: Floats, rate: Stretch
+    law: Laws, substep: SubStep, force: Floats, rate: Stretch, metric: Metric = np.asarray
 ) -> Energy:
-    """Return what one stage of a step of length `step` adds to the balance."""
-    share = weight * step
-    own = 0.5 * weight * (2.0 * method.gamma - weight)
+    """Return what one implicit step adds to the balance."""
+    stress, voigt = metric(force), rate.q * metric(rate.q)
     return Energy(
-        share * float(np.sum(force * (rate.q + rate.d))),
-        share * float(np.sum(law.D_f * np.square(rate.q) + force * (force / law.D_d))),
-        own * float(np.sum(law.K_f * np.square(step * rate.q))),
+        substep.duration * float(np.sum((rate.q + rate.d) * stress)),
+        substep.duration * float(np.sum(law.D_f * voigt + stress * (force / law.D_d))),
+        substep.numerical(float(np.sum(law.K_f * voigt))),
     )
-
-
-def march(
-    law: ElementLaw, history: History, times: Floats, method: Scheme, driven_by: str
-) -> Floats:
-    """Step one element along a history; return the displacement, or the force, at `times` (s)."""
-    nodes = np.union1d(times, [c for c in history.times if c < times[-1]])
-    nodes = np.union1d(nodes, [0.0])
-    starts, ends = history.after(nodes[:-1]), history.at(nodes[1:])
-    jumps = starts - history.at(nodes[:-1])
-    state = Stretch(np.zeros(()), np.zeros(()))
-    answers = np.zeros(len(nodes))
-    for n in range(len(nodes) - 1):
-        step = float(nodes[n + 1] - nodes[n])
-        substep = method.gamma * step
-        begun = 0.0  # elongation since the step began
-        for end, weight in zip(method.ends, method.weights, strict=True):
-            growth = end * (ends[n] - starts[n])
-            if driven_by == "force":
-                force = np.asarray(starts[n] + growth)
-            else:
-                rate_given = (jumps[n] + growth - begun) / substep
-                force = force_at_rate(law, substep, state, rate_given)
-                begun += weight * step * rate_given
-            rate = rates(law, substep, state, force)
-            state = moved(state, rate, weight * step)
-        answers[n + 1] = state.q + state.d if driven_by == "force" else force
-    return np.asarray(answers[np.searchsorted(nodes, times)])

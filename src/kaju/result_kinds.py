@@ -145,7 +145,7 @@ KINDS = {
         columns=_COURSE | {"element in time": f"{_COLUMNS}:ELEMENT_IN_TIME"},
     ),
     "network in time": Kind(
-        "model.rheology.network:NetworkCreepResult",
+        "model.rheology.creeping_network:NetworkCreepResult",
         pictures=_CURVES | {"deformed": "view.creep:plot_network_at"},
         films=_IN_TIME | {"times": "view.creep:network_over_time"},
         meshes={"times": "view.motion:network_times"},
@@ -164,10 +164,14 @@ KINDS = {
     for name, result, columns in (
         (
             "load transfer in time",
-            "model.rheology.creeping_body:TransferCreepResult",
+            "model.rheology.creeping_elements:TransferCreepResult",
             "TRANSFER_IN_TIME",
         ),
-        ("elasticity in time", "model.rheology.elastic:ElasticCreepResult", "ELASTIC_IN_TIME"),
+        (
+            "elasticity in time",
+            "model.rheology.creeping_elastic:ElasticCreepResult",
+            "ELASTIC_IN_TIME",
+        ),
     )
 }
 """Kinds of results, by the label that stored ones have."""

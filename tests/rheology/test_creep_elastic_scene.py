@@ -6,7 +6,7 @@ import pytest
 from kaju.agents.materials import Material
 from kaju.model.elastic.solve import solve
 from kaju.model.rheology.creeping import creep
-from kaju.model.rheology.elastic import SteppedBody
+from kaju.model.rheology.creeping_elastic import SteppedBody
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene

@@ -87,12 +87,12 @@ def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, an
 
 
 def test_time_ends_where_it_was(monkeypatch, tmp_path):
-    from kaju.model.rheology import integrate as march
+    from kaju.model.rheology.integrate import Integrator
 
     law = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
     times = np.linspace(0.1, 1.0, 10)
     whole = creep(law, History.step(), 1.0, times=times, step=0.1)
-    interrupting(monkeypatch, (march, "take_step"), 4)
+    interrupting(monkeypatch, (Integrator, "take_step"), 4)
     with pytest.raises(Interrupted) as stop:
         creep(law, History.step(), 1.0, times=times, step=0.1)
     best = kaju.load_result(stop.value.best.save(tmp_path / "part.npz"))
@@ -163,7 +163,7 @@ def assert_whole_or_none(place, told):
 STEPS = {
     "run": "kaju.model.transfer.load_transfer.LoadTransfer.step",
     "solve": "kaju.model.elastic.refine.refine_loop.RefineLoop.step",
-    "creep": "kaju.model.rheology.integrate.take_step",
+    "creep": "kaju.model.rheology.integrate.Integrator.take_step",
 }
 
 

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.rheology.creep_result import CreepResult
-    from kaju.model.rheology.creeping_body import TransferCreepResult
-    from kaju.model.rheology.elastic import ElasticCreepResult
-    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.rheology.creeping_elastic import ElasticCreepResult
+    from kaju.model.rheology.creeping_elements import TransferCreepResult
+    from kaju.model.rheology.creeping_network import NetworkCreepResult
     from kaju.view.motion import Motion
 
 

@@ -1,4 +1,4 @@
-"""Elements and bodies of cells in time: each creeps under its own load.
+"""Elements that creep each under its own load: alone, or one for all agents of a material.
 
 Loads travel through a body at once and grow with the history; what takes time is how the
 agents give. Under the *prescribed rule* an agent keeps its loads whatever the others do, so
@@ -8,6 +8,7 @@ history of a unit stress). Displacements are summed up from the grown strains as
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -20,12 +21,13 @@ from kaju.errors import ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import TRANSFER_IN_TIME, sizes_of
 from kaju.model.results.result import BodyResult, cells_of_points
-from kaju.model.rheology.element import ThreeElement
-from kaju.model.rheology.integrate import Fields, SubStep
+from kaju.model.rheology.element import ThreeElement, laws_of
+from kaju.model.rheology.integrate import Fields
 from kaju.model.rheology.schemes import (
     Energy,
     Laws,
     Stretch,
+    SubStep,
     force_at_rate,
     rates,
     stage_energy,
@@ -34,87 +36,69 @@ from kaju.model.rheology.schemes import (
 from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axial_strain
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .creep_result import BodyCourse, times_of
+from .creep_result import BodyTimeResult, CreepResult, TimeResult, times_of
 
 
 class Elements:
-    """Any number of three-element materials that do not feel each other.
+    """Any number of three-element materials that do not feel each other; by itself, one.
 
     Its state is the stretches of both parts, the force in each element, and the velocity of its end
     (which stays 0 without mass). `share` is the force (N) of each at a factor of 1, or, if
-    `stretched`, its elongation (m).
+    `stretched`, its elongation (m); `mass` (kg) is 0 without inertia.
     """
+
+    result: type[TimeResult] = CreepResult
 
     def __init__(
         self, laws: Laws, share: Floats, *, stretched: bool = False, mass: Floats | None = None
     ) -> None:
-        self.laws = laws
-        self.share = share
-        self.stretched = stretched
-        self.mass = mass
+        self.laws, self.share, self.stretched = laws, share, stretched
+        self.mass = np.zeros(1) if mass is None else mass
+        self.parts: dict[str, Any] = {}
 
     def start(self) -> Fields:
         """Return the state at time 0: nothing stretched, nothing moving."""
         return tuple(np.zeros((4, len(self.share))))
 
-    def rates(self, fields: Fields, push: SubStep) -> tuple[Fields, Energy]:
+    def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
         q, d, force, velocity = fields
-        state, substep = Stretch(q, d), push.substep
-        applied = push.factor * self.share
-        velocity_rate = np.zeros_like(velocity)
+        state, length = Stretch(q, d), substep.length
+        applied = substep.factor * self.share
+        acceleration = np.zeros_like(velocity)
         if self.stretched:
-            speed = (push.displacement_factor * self.share - q - d) / substep
-            after = force_at_rate(self.laws, substep, state, speed)
-            applied = after
-        elif self.mass is None:
-            after = applied
+            speed = (substep.displacement_factor * self.share - q - d) / length
+            applied = after = force_at_rate(self.laws, length, state, speed)
+        elif self.mass.any():
+            # The element resists as at rest and, as it is linear, with so much a unit of speed.
+            at_rest = force_at_rate(self.laws, length, state, 0.0)
+            damping = force_at_rate(self.laws, length, Stretch(0.0 * q, d), 1.0)
+            inertia = self.mass / length
+            speed = (inertia * velocity + applied - at_rest) / (inertia + damping)
+            after, acceleration = at_rest + damping * speed, (speed - velocity) / length
         else:
-            after, velocity_rate = self._with_mass(state, velocity, applied, substep)
-        rate = rates(self.laws, substep, state, after)
-        energy = stage_energy(self.laws, push.method, push.step, push.weight, after, rate)
-        energy = self._moving(energy, push, rate, applied, velocity_rate)
-        return (rate.q, rate.d, (after - force) / substep, velocity_rate), energy
-
-    def _with_mass(
-        self, state: Stretch, velocity: Floats, applied: Floats, substep: float
-    ) -> tuple[Floats, Floats]:
-        """Solve (M/h + damping) v' = M v/h + loads for the force and the acceleration."""
-        inertia = self.mass / substep  # type: ignore[operator]
-        at_rest = force_at_rate(self.laws, substep, state, 0.0)
-        damping = force_at_rate(self.laws, substep, Stretch(0.0 * state.q, state.d), 1.0)
-        after = (inertia * velocity + applied - at_rest) / (inertia + damping)
-        return at_rest + damping * after, (after - velocity) / substep
-
-    def _moving(
-        self, energy: Energy, push: SubStep, rate: Stretch, applied: Floats, acceleration: Floats
-    ) -> Energy:
-        """Count the work of the load rather than of the element, and the moving mass."""
-        if self.mass is None:
-            return energy
-        work = push.weight * push.step * float(np.sum(applied * (rate.q + rate.d)))
-        own = 0.5 * push.weight * (2.0 * push.method.gamma - push.weight)
-        lost = own * float(np.sum(self.mass * np.square(push.step * acceleration)))
-        return Energy(work, energy.dissipated, energy.numerical + lost)
-
-    def gauge(self, fields: Fields) -> Floats:
-        """Return the stretches of both parts."""
-        return np.stack(fields[:2])
+            after = applied
+        rate = rates(self.laws, length, state, after)
+        energy = stage_energy(self.laws, substep, after, rate)
+        if self.mass.any():  # the load works on the mass too
+            work = substep.duration * float(np.sum(applied * (rate.q + rate.d)))
+            lost = substep.numerical(float(np.sum(self.mass * np.square(acceleration))))
+            energy = energy._replace(work=work, numerical=energy.numerical + lost)
+        return (rate.q, rate.d, (after - force) / length, acceleration), energy
 
     def stored(self, fields: Fields) -> float:
         """Return the energy of the springs and of the moving mass (J)."""
-        energy = stored_energy(self.laws, Stretch(fields[0], fields[1]))
-        if self.mass is not None:
-            energy += float(np.sum(0.5 * self.mass * np.square(fields[3])))
-        return energy
+        q, _, _, velocity = fields
+        return stored_energy(self.laws, q) + 0.5 * float(np.sum(self.mass * np.square(velocity)))
 
-    def record(self, fields: Fields) -> tuple[Floats, ...]:
-        """Return elongation (m) and force (N) of each element."""
-        return fields[0] + fields[1], fields[2]
+    def record(self, fields: Fields) -> dict[str, Floats]:
+        """Return elongation (m) and force (N) of the element."""
+        q, d, force, _ = fields
+        return {"displacement": (q + d)[0], "force": force[0]}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class TransferCreepResult(BodyCourse):
+class TransferCreepResult(BodyTimeResult):
     """What became of load transfer by a prescribed rule in time.
 
     Its energies are of what every agent is squeezed by its own loads; the expansion across
@@ -175,11 +159,6 @@ class TransferCreepResult(BodyCourse):
         )
 
 
-def law_of(material: Material) -> ThreeElement:
-    """Return a material's rheology; without one it is an elastic spring."""
-    return material.rheology or ThreeElement.spring(material.youngs_modulus)
-
-
 class CreepingAgents(Elements):
     """The agents of a load-transfer run, all those of a material as one element.
 
@@ -187,15 +166,33 @@ class CreepingAgents(Elements):
     Σ V e² for a stretch of 1, e the squeeze along each axis, so that its energies are theirs.
     """
 
+    result = TransferCreepResult
+
     def __init__(self, static: TransferResult) -> None:
-        self.static = static
-        scene = static.scene
-        modulus = np.array([material.youngs_modulus for material in scene.cell_materials])
+        scene, stage = static.scene, static.last
         volume = scene.lattice.cell_volume(scene.thickness)
-        squeezed = np.square(axial_strain(scene, static.last).strain).sum(axis=1)
-        size = volume * np.bincount(
-            static.last.material, squeezed, minlength=len(scene.cell_materials)
-        )
-        laws = Laws.of([law_of(material) for material in scene.cell_materials])
-        used = np.where(size > 0.0, size, 1.0)
-        super().__init__(Laws(*(number * used for number in laws)), modulus * size)
+        squeezed = np.square(axial_strain(scene, stage).strain).sum(axis=1)
+        size = volume * np.bincount(stage.material, squeezed, len(scene.cell_materials))
+        super().__init__(*sized(scene.cell_materials, np.asarray(size)))
+        self.parts = {"static": static}
+
+    def record(self, fields: Fields) -> dict[str, Floats]:
+        """Return the growth of each material."""
+        q, d, *_ = fields
+        return {"growth": q + d}
+
+
+def law_of(material: Material) -> ThreeElement:
+    """Return a material's rheology; without one it is an elastic spring."""
+    return material.rheology or ThreeElement.spring(material.youngs_modulus)
+
+
+def sized(materials: Sequence[Material], size: Floats) -> tuple[Laws, Floats]:
+    """Return materials as elements whose stretch is their growth, and their force at factor 1.
+
+    `size`: twice the elastic energy of each over its modulus (m³ of unit strain).
+    """
+    used = np.where(size > 0.0, size, 1.0)
+    modulus = np.array([material.youngs_modulus for material in materials])
+    laws = laws_of([law_of(material) for material in materials])
+    return Laws(*(number * used for number in laws)), modulus * size

@@ -1,0 +1,311 @@
+"""A spring network whose springs creep, in true geometry at every time step, and its result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csc_array, diags_array
+
+from kaju.arrays import Floats, first_largest
+from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
+from kaju.model.network.equilibrium import find_balance, tangent_error
+from kaju.model.network.linear import SingularTangentError, tangent_solver
+from kaju.model.network.network_result import (
+    NetworkResult,
+    network_archive,
+    network_from,
+    sizes_of_network,
+)
+from kaju.model.network.springs import SpringNetwork
+from kaju.model.results.archive import Archive
+from kaju.model.results.formats import NETWORK_IN_TIME
+from kaju.model.results.result import Curves
+from kaju.model.rheology.element import ThreeElement, laws_of
+from kaju.model.rheology.integrate import Fields
+from kaju.model.rheology.schemes import (
+    Energy,
+    Laws,
+    Stretch,
+    SubStep,
+    as_spring,
+    rates,
+    stage_energy,
+    stored_energy,
+)
+
+from .creep_result import TimeResult, times_of
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class NetworkCreepResult(TimeResult):
+    """What became of a spring network in time."""
+
+    kind: ClassVar[str] = "network in time"
+    network: SpringNetwork
+    displacement: Floats  # of the nodes (m), shape (k, n, dimension)
+    force: Floats  # tension of the springs (N), shape (k, m)
+
+    def largest_displacement(self) -> Floats:
+        """Return how far the node that ever moves most has moved (m) at every time."""
+        moved: Floats = np.linalg.norm(self.displacement, axis=2)
+        return moved[:, first_largest(moved.max(axis=0))]
+
+    def grip_force(self) -> Floats:
+        """Return the force (N) of the supports that move, along their displacement, at every time.
+
+        Multiplied by the largest given displacement's rate it is the power that goes in.
+        """
+        given = self.network.displacements[-1]
+        along = given / (np.linalg.norm(given, axis=1).max() or 1.0)
+        records = range(len(self.times))
+        return np.array([float(np.vdot(self.outside_forces(k), along)) for k in records])
+
+    def largest_force(self) -> Curves:
+        """Return the force of the grip over time, or else the largest tension and pressure."""
+        time = ("time", "s", self.times)
+        if self.network.displacements[-1].any():
+            return Curves("Force", *time, {"force of the grip": self.grip_force()}, "N")
+        lines = {"largest pull": self.force.max(axis=1), "largest push": self.force.min(axis=1)}
+        return Curves("Tension", *time, lines, "N")
+
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, about = network_archive(self.network)
+        return {**arrays, "displacement": self.displacement, "force": self.force}, about
+
+    @classmethod
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
+        network = network_from(archive)
+        sizes = sizes_of_network(network) | times_of(archive)
+        return {"network": network, **archive.columns(NETWORK_IN_TIME, sizes)}
+
+    def outside_forces(self, record: int = -1) -> Floats:
+        """Return what acts on every node from outside (N), shape (n, dimension).
+
+        Where a node is held, that is the force of its support; where it is free, its load
+        (less mass times acceleration).
+        """
+        geometry = spring_geometry(self.network, self.displacement[record])
+        return -spring_forces(self.network, geometry, self.force[record])
+
+    def to_network_result(self) -> NetworkResult:
+        """Return the moments as the records of a loaded network, for plots and animations.
+
+        The factor of the history stands for the point of the load path. Energies of that
+        result are those of elastic springs, and so mean nothing here.
+        """
+        return NetworkResult(
+            network=self.network,
+            stage=self.factors,
+            displacement=self.displacement,
+            tension=self.force,
+            residual=np.zeros(len(self.times)),
+            corrections=np.zeros(len(self.times), dtype=np.int64),
+            scheme="newton",
+            method="creep",
+            seconds=0.0,
+        )
+
+
+class HeavyAssembler(Assembler):
+    """Sums up springs and, over one implicit step, the inertia of the nodes.
+
+    Inertia pulls every node to where it would get without forces, as a spring of stiffness M/h² in
+    every direction. `geometry` is always asked before `internal_force`, so it notes where the nodes
+    are. `mass`, shape (n, 1): of the nodes (kg).
+    """
+
+    def __init__(self, network: SpringNetwork, mass: Floats) -> None:
+        super().__init__(network)
+        self.mass = mass
+        self._coasted = self._at = self._pull = np.zeros_like(network.positions)
+
+    def begin_step(self, displacement: Floats, velocity: Floats, length: float) -> None:
+        """Take up a step (s) of nodes from a displacement (m), with a velocity (m/s)."""
+        self._coasted = displacement + length * velocity
+        self._pull = np.broadcast_to(self.mass / length**2, displacement.shape)
+
+    def geometry(self, displacement: Floats) -> Geometry:
+        """Return the springs' geometry, and note where the nodes are."""
+        self._at = displacement
+        return super().geometry(displacement)
+
+    def internal_force(self, geometry: Geometry, tension: Floats) -> Floats:
+        """Return the force of springs and inertia on the nodes (N)."""
+        return super().internal_force(geometry, tension) - self._pull * (self._at - self._coasted)
+
+    def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
+        """Return how the free nodes resist small displacements (N/m)."""
+        springs = super().tangent(geometry, tension, stiffness)
+        return csc_array(springs + diags_array(self.restrict(self._pull)))
+
+    def force_change(
+        self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats
+    ) -> Floats:
+        """Return by how much the force on the nodes changes with a small displacement."""
+        change = super().force_change(geometry, tension, stiffness, displacement)
+        return change - self._pull * displacement
+
+
+_SHARES = (1, 2, 4, 8, 16)
+"""Into how many shares a load is divided, one after the other, before Newton gives up."""
+
+
+class CreepingNetwork:
+    """A network that creeps; every implicit step is one balance of forces.
+
+    Its state is the stretches of both parts of every spring, the tension of the springs, the
+    displacement of the nodes, and their velocity (which stays 0 without mass). At the start a
+    spring that is longer than its rest length has stretched its Voigt part, as one that has long
+    been so. A held coordinate moves from where it is when the run begins, by its given displacement
+    times the growth of the factor; so teeth may grip a network that is bent already.
+    """
+
+    result = NetworkCreepResult
+
+    def __init__(
+        self,
+        network: SpringNetwork,
+        rheology: ThreeElement | Sequence[ThreeElement],
+        mass: ArrayLike | None = None,
+    ) -> None:
+        self.network = network
+        self.parts: dict[str, Any] = {"network": network}
+        self.laws = _spring_laws(network, rheology)
+        nodes = len(network.positions)
+        self.mass = np.zeros((nodes, 1))
+        self.assembler = Assembler(network)
+        if mass is not None:
+            self.mass += np.broadcast_to(np.asarray(mass, dtype=np.float64), (nodes,))[:, None]
+            if not np.all(np.isfinite(self.mass) & (self.mass > 0.0)):
+                raise ParameterError(
+                    "mass: every node needs a mass above 0 kg; leave it out for none"
+                )
+            self.assembler = HeavyAssembler(network, self.mass)
+        self._solver = tangent_solver(self.assembler)
+        self._grip = np.zeros_like(network.positions)
+
+    def start(self) -> Fields:
+        """Return the state at time 0."""
+        none = np.zeros(len(self.network.springs))
+        still = np.zeros_like(self.network.positions)
+        stretched = self.network.prestretch.copy()
+        return (stretched, none, self.laws.K_f * stretched, still, still.copy())
+
+    def begin(self, fields: Fields, displacement_factor: float) -> None:
+        """Note from where held coordinates move, and the factor of displacements there."""
+        *_, displacement, _ = fields
+        self._grip = displacement - displacement_factor * self.network.displacements[-1]
+
+    def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
+        """Return the rates in an implicit step, and what it adds to the balance."""
+        q, d, tension, displacement, velocity = fields
+        state, length = Stretch(q, d), substep.length
+        if isinstance(self.assembler, HeavyAssembler):
+            self.assembler.begin_step(displacement, velocity, length)
+        after, found = self._balance(state, displacement, substep)
+        speed = (after - displacement) / length
+        rate = rates(self.laws, length, state, found)
+        acceleration = np.where(self.mass, (speed - velocity) / length, 0.0)
+        energy = stage_energy(self.laws, substep, found, rate)
+        # Springs turn within a step: work on the nodes and in the springs differ by what the time
+        # stepping makes of geometry, and the difference is the scheme's own.
+        on_springs = -spring_forces(self.network, spring_geometry(self.network, after), found)
+        inertia = self.mass * acceleration
+        turned = substep.duration * float(np.vdot(on_springs, speed)) - energy.work
+        lost = substep.numerical(float(np.vdot(inertia, acceleration)))
+        energy = Energy(
+            substep.duration * float(np.vdot(on_springs + inertia, speed)),
+            energy.dissipated,
+            energy.numerical + turned + lost,
+        )
+        return (rate.q, rate.d, (found - tension) / length, speed, acceleration), energy
+
+    def _balance(
+        self, state: Stretch, displacement: Floats, substep: SubStep
+    ) -> tuple[Floats, Floats]:
+        """Return displacement and tensions at the end of an implicit step, in shares if need be."""
+        assembler, network = self.assembler, self.network
+        stiffness, rest = as_spring(self.laws, substep.length, state)
+
+        def law(elongation: Floats) -> tuple[Floats, Floats]:
+            return stiffness * (elongation + network.prestretch - rest), stiffness
+
+        load = substep.factor * network.forces[-1]
+        given = self._grip + substep.displacement_factor * network.displacements[-1]
+        geometry = assembler.geometry(displacement)
+        carried = -assembler.internal_force(geometry, law(geometry.elongation)[0])
+        scale = self._force_scale(stiffness, rest, displacement, substep)
+        trouble: Exception | None = None
+        for parts in _SHARES:
+            moved = displacement
+            try:
+                for share in np.arange(1, parts + 1) / parts:
+                    balance = find_balance(
+                        assembler,
+                        self._solver,
+                        law,
+                        moved,
+                        (1.0 - share) * carried + share * load,
+                        given=(1.0 - share) * displacement + share * given,
+                        force_scale=scale,
+                    )
+                    moved = balance.displacement
+                return balance.displacement, balance.tension
+            except (SingularTangentError, ConvergenceError) as error:
+                trouble = error
+        if isinstance(trouble, SingularTangentError):
+            raise tangent_error(
+                assembler, geometry, stiffness, trouble.direction, substep.factor
+            ) from trouble
+        assert trouble is not None
+        raise trouble
+
+    def _force_scale(
+        self, stiffness: Floats, rest: Floats, displacement: Floats, substep: SubStep
+    ) -> float:
+        """Return the force (N) of which rounding leaves a share of 1e-12 unbalanced.
+
+        In a very short step dampers and inertia are stiff, and the digits of stretches and
+        displacements times this stiffness are all that a balance can reach. A network that
+        is let go need come no nearer to nothing than the digits of its full load.
+        """
+        force = np.max(stiffness, initial=0.0) * np.max(np.abs(rest), initial=0.0)
+        force += np.max(self.mass) / substep.length**2 * np.max(np.abs(displacement))
+        return max(1e-2 * float(force), float(np.abs(self.network.forces[-1]).max(initial=0.0)))
+
+    def stored(self, fields: Fields) -> float:
+        """Return the energy of the springs and of the moving masses (J)."""
+        q, *_, velocity = fields
+        return stored_energy(self.laws, q) + 0.5 * float(np.sum(self.mass * np.square(velocity)))
+
+    def record(self, fields: Fields) -> dict[str, Floats]:
+        """Return displacement (n, dimension) of the nodes and tension (m,) of the springs."""
+        _, _, tension, displacement, _ = fields
+        return {"displacement": displacement, "force": tension}
+
+
+def _spring_laws(network: SpringNetwork, rheology: ThreeElement | Sequence[ThreeElement]) -> Laws:
+    """Return the law of every spring.
+
+    A single element stands for a spring of stiffness K_f; a spring of stiffness K is K/K_f
+    of them side by side, so that the times of the material are kept. A sequence gives every
+    spring its own element, as it is.
+    """
+    if isinstance(rheology, ThreeElement):
+        if rheology.K_f == 0.0:
+            raise ParameterError(
+                "rheology: an element without a spring (K_f = 0) cannot be scaled to the "
+                "stiffness of each spring; give a sequence with one element for each"
+            )
+        times = network.stiffness / rheology.K_f
+        return Laws(network.stiffness, rheology.D_f * times, rheology.D_d * times)
+    if len(rheology) != len(network.springs):
+        raise ParameterError(
+            f"rheology: {len(network.springs)} springs need as many elements, got {len(rheology)}"
+        )
+    return laws_of(rheology)

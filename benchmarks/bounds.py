@@ -191,7 +191,7 @@ def put_to(scene_of: Callable[[int], Scene], seed: int, tolerance: float) -> dic
 def put_all(
     scene_of: Callable[[int], Scene], bodies: int, first: int, tolerance: float, out: Path | None
 ) -> Iterator[str]:
-    """Put so many bodies to their bounds, and tell of each and of all."""
+    """Put so many bodies to their bounds; yield a line for each, and the table of all."""
     rows: list[dict[str, Any]] = []
     seed = first
     while len(rows) < bodies:
@@ -206,19 +206,9 @@ def put_all(
         if out:
             pd.DataFrame(rows, columns=COLUMNS).to_csv(out, index=False, float_format="%.4g")
     every = pd.DataFrame(rows, columns=COLUMNS)
-    bounded = every.dropna(subset="bound").astype({"ratio": float, "true": float})
-    ratio, off = bounded["ratio"], bounded["true"] > tolerance
-    yield f"bodies {len(every)}: {every['status'].value_counts().to_dict()}"
-    yield f"with a bound {len(bounded)} ({len(bounded) / len(every):.1%})"
-    yield f"truth inside {bounded['inside'].sum()} of {len(bounded)}"
-    yield (
-        f"bound / true error: median {ratio.median():.3f}, 95 % {ratio.quantile(0.95):.3f}, "
-        f"largest {ratio.max():.3f}"
-    )
-    said = (off & (bounded["status"] == "proved")).sum()
-    yield f"true error above the tolerance of {tolerance:g} though proved: {said}"
-    seconds = every["seconds"].fillna(0.0)
-    yield f"seconds: median {seconds.median():.2f}, largest {seconds.max():.1f}"
+    yield table(every)
+    wrong = (every["status"] == "proved") & (every["true"].astype(float) > tolerance)
+    yield f"true error above the tolerance of {tolerance:g} though proved: {wrong.sum()}"
 
 
 def plane(

@@ -287,9 +287,9 @@ def stress_errors(scene: Scene, truth: ElementField, tolerance: float) -> tuple[
 
 
 def stress() -> Iterator[str]:
-    """Tell how many agents the mean field takes for an equal error."""
-    known = of_tests("goal_bodies")
-    for body in (known.plate, known.angle, known.inclusion):
+    """Yield how many agents the mean field takes for an equal error."""
+    bodies = of_tests("goal_bodies")
+    for body in (bodies.plate, bodies.angle, bodies.inclusion):
         truth = graded(body(), LEVELS)
         runs = [stress_errors(body(), truth, t) for t in (0.16, 0.08, 0.04, 0.02)]
         agents = np.log([n for n, _ in runs])
@@ -297,12 +297,12 @@ def stress() -> Iterator[str]:
         rates = [-np.polyfit(agents, own, 1)[0] for own in others]
         yield f"{body.__name__}: rates {rates[0]:.2f}, {rates[1]:.2f}"
         for row, (count, errors) in enumerate(runs):
-            told = "  ".join(f"{error:.4f}" for error in errors)
+            relative = "  ".join(f"{error:.4f}" for error in errors)
             shares = [
                 np.exp((mean[row] - own[row]) / rate)
                 for own, rate in zip(others, rates, strict=True)
             ]
-            yield f"  {count:6} agents  {told}  share {shares[0]:.2f}, {shares[1]:.2f}"
+            yield f"  {count:6} agents  {relative}  share {shares[0]:.2f}, {shares[1]:.2f}"
 
 
 if __name__ == "__main__":

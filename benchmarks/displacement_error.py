@@ -18,7 +18,7 @@ from kaju.errors import KajuError
 
 
 def random(first: int = 80, count: int = 60) -> Iterator[str]:
-    """Tell the factors of random bodies."""
+    """Yield the factors of random bodies."""
     found: list[float] = []
     seed = first - 1
     while len(found) < count:

@@ -83,7 +83,7 @@ def finest(scene: Scene, quantity: Any, tolerance: float) -> tuple[Any, float]:
 
 
 def tables(name: str = "") -> Iterator[str]:
-    """Tell of every quantity, or those of one body, by tolerance."""
+    """Yield a row for every quantity, or for those of one body: a column for each tolerance."""
     for body in [name] if name else CASES:
         scene, quantities = getattr(of_tests("goal_bodies"), body)(), quantities_of(CASES[body])
         tolerances = TOLERANCES[scene.lattice.dimension]
@@ -96,8 +96,8 @@ def tables(name: str = "") -> Iterator[str]:
                 off = float(np.linalg.norm(result.goal_values[0] - truth))
                 factor = result.goal_error_estimate * scale / off
                 row.append(f"{result.agents:6,} {off / scale:7.1e} {factor:5.2f}")
-            told = " ".join(str(v) for v in described(quantity).values() if v is not None)[:44]
-            yield f"  {told:44} {' |'.join(row)}"
+            name = " ".join(str(v) for v in described(quantity).values() if v is not None)[:44]
+            yield f"  {name:44} {' |'.join(row)}"
 
 
 def drawn(seed: int) -> tuple[Scene, list[Any]]:
@@ -113,7 +113,7 @@ def drawn(seed: int) -> tuple[Scene, list[Any]]:
 
 
 def random(bodies: int = 30, tolerance: float = 0.05) -> Iterator[str]:
-    """Tell how often tolerances are kept, and the truth is within the bound."""
+    """Yield how often tolerances are kept, and the truth is within the bound."""
     names = ("mean deflection", "mean stress", "deflection of a point")
     found: dict[str, list[Any]] = {name: [] for name in names}
     seed = -1

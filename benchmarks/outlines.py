@@ -18,8 +18,7 @@ from kaju import Scene, solve
 from kaju.errors import KajuError
 
 ROLLERS = {"left": "roller", "bottom": "roller"}
-LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3
-"""Work of the pressure on a quarter of the ring, exactly."""
+LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3  # Work of the pressure on a quarter of the ring, exactly
 RIGHT = [{"side": "right", "force": [1.0, 0.0]}]
 
 
@@ -90,7 +89,7 @@ sides: 3, 7 and Goodier's 2.149 in infinite ones."""
 
 
 def peaks():
-    """Tell peaks of the hoop stress as goals, or of the tension on an inclusion, and the truth."""
+    """Yield peaks of the hoop stress as goals, or of the tension on an inclusion, and the truth."""
     far = [{"side": "right", "force": [20.0, 0.0]}]
     flat = region("air", "hole", ellipse={"centre": [0.0, 0.0], "radii": [1.0 / 3.0, 1.0]})
     outlines = {
@@ -106,13 +105,13 @@ def peaks():
             at, estimate = {"ring": "bore", "stiff": None}.get(name, "hole"), ""
             answer, seconds = timed(partial(solve, body, tolerance, tolerance_at=at))
             if at is None:
-                told, truth = answer.outline_traction("hole")[1].max(), goodier(5.0, 0.2)[1]
+                peak, truth = answer.outline_traction("hole")[1].max(), goodier(5.0, 0.2)[1]
             else:
-                told, truth = answer.goals[0].value, WIDE.get(name, 5 / 3)
+                peak, truth = answer.goals[0].value, WIDE.get(name, 5 / 3)
                 estimate = f", estimated {answer.goals[0].relative_error:.2%}"
             yield (
                 f"{name:8s} tolerance {tolerance:5.3f} agents {answer.agents:6d} peak "
-                f"{told:8.4f} of {truth:.4f} ({told / truth - 1:+.2%}{estimate}), {seconds:.1f} s"
+                f"{peak:8.4f} of {truth:.4f} ({peak / truth - 1:+.2%}{estimate}), {seconds:.1f} s"
             )
 
 
@@ -135,7 +134,7 @@ def round_hole(rng):
 
 
 def goals(count: int = 20):
-    """Tell how true errors of peaks at random holes compare with the estimated ones."""
+    """Yield how true errors of peaks at random holes compare with the estimated ones."""
     pull = [{"side": "right", "force": [1.0, 0.3]}]
     found, missed, refused = [], 0, 0
     for seed in range(count):
@@ -289,7 +288,7 @@ def elements(strip, ratio, truth, below):
 
 
 def peer():
-    """Tell the time of quadratic triangles with curved sides at the same true error.
+    """Yield the time of quadratic triangles with curved sides at the same true error.
 
     They are split as an expert would: where tractions jump, all meshes counted, as they are here.
     """

@@ -13,14 +13,11 @@ from kaju import NetworkResult, SpringNetwork, solve
 from kaju.errors import SupportError
 from kaju.model.network import triangular
 
-FORCE = 0.1
-"""From above and from below (N), for springs of 1 N/m and 1 m."""
+FORCE = 0.1  # From above and from below (N), for springs of 1 N/m and 1 m
 
-SHAPES = ((5, 9), (9, 5), (17, 17))
-"""Nodes in a long row, and rows: tall, wide, and large."""
+SHAPES = ((5, 9), (9, 5), (17, 17))  # Nodes in a long row, and rows: tall, wide, and large
 
-NODES = (3, 5, 9, 17, 33)
-"""Rows of nodes that make up the same body, ever closer together."""
+NODES = (3, 5, 9, 17, 33)  # Rows of nodes that make up the same body, ever closer together
 
 
 RECIPES = {"more water": 0.7, "plain": 1.0, "with salt": 1.3}

@@ -19,12 +19,9 @@ Floats = NDArray[np.float64]
 HEIGHT = 2.5e-3
 """Thickness of the cooked strip (m): between 2.25 and 2.85 mm were measured by N. H. Oh et
 al., Cereal Chemistry 60 (1983) 433."""
-LENGTH = 10e-3
-"""Length of the strip between the hands (m); chosen."""
-BREADTH = 5e-3
-"""Breadth of the strip along the teeth (m); chosen."""
-TOOTH = 1.6e-3
-"""Width of a tooth's edge along the strip (m); of the order of an incisor's."""
+LENGTH = 10e-3  # Length of the strip between the hands (m); chosen
+BREADTH = 5e-3  # Breadth of the strip along the teeth (m); chosen
+TOOTH = 1.6e-3  # Width of a tooth's edge along the strip (m); of the order of an incisor's
 STEP = 0.25
 """Longest time step (s). The moments looked at are closer wherever things go fast; against a
 tolerance of 1e-4 forces differ by 0.1 %."""

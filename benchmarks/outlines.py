@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before any of them is load
 import numpy as np
 from shared import by_name, timed
 
-from kaju import Scene, solve
+from kaju import Scene, sampled_shape, solve
 from kaju.errors import KajuError
 
 ROLLERS = {"left": "roller", "bottom": "roller"}
@@ -115,22 +115,37 @@ def peaks():
             )
 
 
-def round_hole(rng):
-    """Return a random disk, ellipse, slot or rounded box.
-
-    Half of them touch a line between agents of the first size but for 1e-2 to 1e-8.
-    """
+def random_shape(rng):
+    """Return one of eight shapes, half of them 1e-2 to 1e-8 off a line between first agents."""
     (x, y), r = rng.uniform(0.1, 0.9, 2), 10 ** rng.uniform(-1.6, -0.6)
     if rng.integers(2):
         x = round(x * 8) / 8 + r + 10.0 ** -rng.uniform(2, 8)
-    flat = 10 ** rng.uniform(-1.5, 0)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 6)) + np.repeat([0.0, 0.1, 0.2], 2)
+    reach = r * rng.uniform(0.6, 1.3, 6)
+    lobes, flat = int(rng.integers(3, 7)), 10 ** rng.uniform(-1.5, 0)
+
+    def leaf(points):
+        away = points - [x, y]
+        return np.hypot(*away.T) - r * (0.7 + 0.25 * np.cos(lobes * np.arctan2(*away.T)))
+
     shapes = (
         {"disk": {"centre": [x, y], "radius": r}},
+        {"ring": {"centre": [x, y], "inner": r * rng.choice([0.3, 0.7, 0.999]), "outer": r}},
         {"ellipse": {"centre": [x, y], "radii": [r, r * flat], "angle": rng.uniform(0, 180)}},
         {"slot": {"ends": [[x, y], [x + r, y + r * flat]], "radius": 0.4 * r}},
         {"rounded_box": {"box": [[x - r, y - 0.7 * r], [x + r, y + 0.7 * r]], "radius": 0.3 * r}},
+        {
+            "polygon": [
+                [x + d * np.cos(t), y + d * np.sin(t)] for d, t in zip(reach, angles, strict=True)
+            ]
+        },
+        {
+            "path": f"M{x - r} {y}C{x - r} {y + r} {x - 0.3 * r} {y + 0.2 * r} {x} {y + 0.5 * r}"
+            f"S{x + r} {y + r} {x + r} {y}Q{x} {y - 1.2 * r} {x - r} {y}z"
+        },
+        {"image": sampled_shape(leaf, (x - r, y - r), (x + r, y + r), (24, 24))},
     )
-    return shapes[rng.integers(4)]
+    return shapes[rng.integers(8)]
 
 
 def goals(count: int = 20):
@@ -138,7 +153,11 @@ def goals(count: int = 20):
     pull = [{"side": "right", "force": [1.0, 0.3]}]
     found, missed, refused = [], 0, 0
     for seed in range(count):
-        hole = region("air", "hole", **round_hole(np.random.default_rng(seed)))
+        rng = np.random.default_rng(seed)
+        round_ones, shape = {"disk", "ellipse", "slot", "rounded_box"}, random_shape(rng)
+        while not round_ones & shape.keys():
+            shape = random_shape(rng)
+        hole = region("air", "hole", **shape)
         body = scene([1.0, 1.0], [8, 8], [hole], pull, {"left": "rigid"})
         try:
             truth = solve(body, 1e-3, tolerance_at="hole").goals[0].value

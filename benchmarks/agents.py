@@ -1,6 +1,6 @@
 """Agents of kaju against the same rule written by hand: a plain Mesa model, and plain NumPy rows.
 
-    python benchmarks/agents.py                            # all cases, some two minutes
+    python benchmarks/agents.py                            # some two minutes
     python benchmarks/agents.py squares --sides "20 100"   # squares of so many cells a side only
 
 Processor time, constructing and result included, the smallest of several runs that take turns in
@@ -10,7 +10,6 @@ programs write no ledger, no history and no certificate.
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -18,15 +17,12 @@ from typing import Any
 import mesa
 import numpy as np
 from mesa.discrete_space import CellAgent, OrthogonalVonNeumannGrid
-from numpy.typing import NDArray
 from shared import by_name, in_turn
 
 from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
 
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Answer = tuple[int, float]
-"""Agents that woke, and the load they took (N)."""
+Loads = list[tuple[tuple[int, int], int, float]]  # Cell, direction and size (N) of each
+Answer = tuple[int, float]  # Agents that woke, and the load they took (N)
 
 GAMMA = 1e-6
 OWN, AHEAD, BESIDE, OUTWARDS = 0.5, 0.5, 0.25, 0.5 * 0.3 * 0.5
@@ -79,7 +75,7 @@ class PlainWall(mesa.Agent):
 class PlainModel(mesa.Model):
     """A square plate of agents."""
 
-    def __init__(self, cells: int, loads: list[tuple[tuple[int, int], int, float]]) -> None:
+    def __init__(self, cells: int, loads: Loads) -> None:
         super().__init__(rng=0)
         self.cells = cells
         self.grid = OrthogonalVonNeumannGrid((cells, cells), torus=False, random=self.random)
@@ -125,20 +121,19 @@ class PlainModel(mesa.Model):
         for wall in walls:
             wall.step()
 
-    def run(self, generations: int) -> Answer:
-        """Step to the end."""
-        while self.waiting and generations > 0:
-            self.step()
-            generations -= 1
-        return len(self.awake), sum(sum(agent.taken) for agent in self.awake.values())
+
+def plain_model(cells: int, loads: Loads) -> Answer:
+    """Run a square plate of plain agents to its end."""
+    model = PlainModel(cells, loads)
+    while model.waiting:
+        model.step()
+    return len(model.awake), sum(sum(agent.taken) for agent in model.awake.values())
 
 
 # The same rule as rows of NumPy arrays.
 
 
-def plain_rows(
-    cells: int, loads: list[tuple[tuple[int, int], int, float]], generations: int
-) -> Answer:
+def plain_rows(cells: int, loads: Loads) -> Answer:
     """Run a square plate; a row is a cell, a direction, a size and so many copies."""
     dx, dy = np.array(STEPS).T
     opposite, across = np.array(OPPOSITE), np.array(ACROSS)
@@ -146,8 +141,7 @@ def plain_rows(
     direction = np.array([d for _, d, _ in loads])
     size, copies = np.array([s for _, _, s in loads]), np.ones(len(loads))
     taken, woken = np.zeros((4, cells * cells)), np.zeros(cells * cells, dtype=bool)
-    while len(size) and generations > 0:
-        generations -= 1
+    while len(size):
         sizes, number = np.unique(np.round(size, 12), return_inverse=True)
         code = (cell * 4 + direction) * len(sizes) + number
         different, which = np.unique(code, return_inverse=True)
@@ -193,14 +187,12 @@ class Own(MaterialAgent):
 
 
 METAL = {"metal": {"youngs_modulus": 2.1e11, "poissons_ratio": 0.3}}
-Loads = list[tuple[tuple[int, int], int, float]]
 
 
-def square(cells: int, part: float = 0.1, force: float = 2.0) -> tuple[Scene, Loads]:
-    """Return a plate pressed on a part of its top, and the loads for the plain programs."""
-    first, count = int(cells * (1.0 - part) / 2.0), max(1, round(cells * part))
-    pressed = range(first, first + count)
-    each = force / count
+def square(cells: int) -> tuple[Scene, Loads]:
+    """Return a plate under 2 N on a tenth of its top, and the loads for the plain programs."""
+    first, count = int(0.45 * cells), max(1, round(0.1 * cells))
+    pressed, each = range(first, first + count), 2.0 / count
     scene = Scene(
         body={"cell_size": 0.01, "cells": [cells, cells], "material": "metal"},
         materials=METAL,
@@ -211,15 +203,15 @@ def square(cells: int, part: float = 0.1, force: float = 2.0) -> tuple[Scene, Lo
     return scene, [((x, cells - 1), DOWN, each) for x in pressed]
 
 
-def of_kaju(scene: Scene, generations: int, **how: Any) -> Answer:
+def of_kaju(scene: Scene, **how: Any) -> Answer:
     """Run kaju."""
-    result = LoadModel(scene, max_generations=generations, **how).run(progress=False)
+    result = LoadModel(scene, **how).run(progress=False)
     acted = result.last.spawn_step <= result.last.generations
     return int(acted.sum()), result.last.ledger.taken
 
 
 def beside(case: str, ours: Callable[[], Answer], theirs: Callable[[], Answer], runs: int) -> str:
-    """Tell the processor times of two programs, whose answers must agree."""
+    """Return the processor times of two programs, whose answers must agree."""
     ((agents, taken), own), ((others, also), other) = in_turn(runs, ours, theirs)
     assert agents == others, f"{agents} agents beside {others}"
     assert abs(taken - also) <= 1e-6 * also, f"{taken} N beside {also} N"
@@ -228,58 +220,18 @@ def beside(case: str, ours: Callable[[], Answer], theirs: Callable[[], Answer], 
 
 def squares(sides: str = "20 100 300 1000") -> Iterator[str]:
     """Compare plates of so many cells a side."""
-    end = 10_000
     for cells in map(int, sides.split()):
         scene, loads = square(cells)
         runs = 15 if cells <= 100 else 5 if cells <= 300 else 3
-
-        def by_hand(cells: int = cells, loads: Loads = loads) -> Answer:
-            return PlainModel(cells, loads).run(end)
-
-        def rows(cells: int = cells, loads: Loads = loads) -> Answer:
-            return plain_rows(cells, loads, end)
-
-        def kaju(scene: Scene = scene, **how: Any) -> Answer:
-            return of_kaju(scene, end, **how)
-
-        objects = partial(kaju, engine="agents")
+        by_hand, rows = partial(plain_model, cells, loads), partial(plain_rows, cells, loads)
+        objects = partial(of_kaju, scene, engine="agents")
         yield beside(f"{cells}², objects / plain Mesa", objects, by_hand, min(runs, 7))
         if cells == 100:
             own = partial(objects, material_agent=Own)
             yield beside(f"{cells}², own take and emissions / plain Mesa", own, by_hand, 7)
-        arrays = partial(kaju, engine="arrays")
+        arrays = partial(of_kaju, scene, engine="arrays")
         yield beside(f"{cells}², arrays / plain NumPy", arrays, rows, runs)
 
 
-def large() -> Iterator[str]:
-    """Measure bodies that are full of agents, and lattices that the plain programs do not know."""
-    scene, loads = square(1000, part=1.0, force=2000.0)
-    scene = scene.replace(loads=[{"side": "top", "force": [0.0, -2000.0]}])
-    ours = partial(of_kaju, scene, 5, engine="arrays", allow_unstable=True)
-    theirs = partial(plain_rows, 1000, loads, 5)
-    yield beside("1000², pressed along its top, 5 generations", ours, theirs, 3)
-
-    def body(load: dict[str, Any], **cells: Any) -> Scene:
-        return Scene(
-            body={"cell_size": 0.01, "material": "steel"} | cells,
-            sides={"bottom": "rigid"},
-            loads=[load],
-            rule=PrescribedRule(threshold=1e-3),
-        )
-
-    cubes = body({"cell": [15, 15, 29], "force": [0.0, 0.0, -2.0]}, cells=[30] * 3)
-    hexagons = body({"cell": [50, 99], "force": [0.0, -2.0]}, cells=[100, 100], lattice="hexagon")
-    awake = body({"side": "top", "force": [0.0, -1e5]}, cells=[100_000, 10])
-    for case, described, end, runs, engine in (
-        ("30³ cubes, objects", cubes, 10_000, 3, "agents"),
-        ("100² hexagons, objects", hexagons, 10_000, 3, "agents"),
-        ("10⁶ agents awake, arrays, 10 generations", awake, 10, 1, "arrays"),
-    ):
-        job = partial(of_kaju, described, end, engine=engine, allow_unstable=True)
-        (((agents, _), seconds),) = in_turn(runs, job)
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        yield f"{case:44} {seconds:9.4f} s, {agents} agents, at most {memory:.2f} GB so far"
-
-
 if __name__ == "__main__":
-    by_name(__doc__, squares, large)
+    by_name(__doc__, squares)

@@ -1,13 +1,8 @@
-"""How far the estimated displacement error is from the true one: the factor, body by body.
+"""How far the estimated displacement error is from the true one: random plane bodies.
 
-The true error is the largest difference from an answer with a fifth of the estimated error (or
-as many agents as are allowed), at corners and middles of its agents. Run:
+    python benchmarks/displacement_error.py random --first 80 --count 60
 
-    python benchmarks/displacement_error.py bodies               # some minutes
-    python benchmarks/displacement_error.py bodies --name plate  # one body
-    python benchmarks/displacement_error.py random --first 80    # 60 random plane bodies
-
-Of random bodies the truth is that of elements of order 2 graded into every corner.
+The truth is that of elements of order 2 graded into every corner.
 """
 
 from __future__ import annotations
@@ -16,45 +11,14 @@ from collections.abc import Iterator
 
 import numpy as np
 from bounds import body_of
-from shared import by_name, nearest, of_tests
+from shared import by_name
 
-from kaju import Scene, finite_elements, solve
+from kaju import finite_elements, solve
 from kaju.errors import KajuError
-
-GOALS, SPAWNING = of_tests("goal_bodies"), of_tests("spawning_bodies").BODIES
-MADE = {body.__name__: body for body in GOALS.FLAT + GOALS.SOLID}
-MADE |= {f"{name}-2" if name in MADE else name: body for name, body in SPAWNING.items()}
-TOLERANCES = {2: (0.3, 0.2, 0.1, 0.05, 0.025), 3: (0.4, 0.3, 0.2, 0.12)}
-"""In the energy norm."""
-
-
-def factors(scene: Scene) -> Iterator[tuple[int, float, float]]:
-    """Yield agents, true error and estimate over it, for every tolerance."""
-    results = [
-        solve(scene, strategy="spawning", tolerance=tolerance)
-        for tolerance in TOLERANCES[scene.lattice.dimension]
-    ]
-    least = min(result.displacement_error_estimate for result in results)
-    asked = {"tolerance": 0.2 * least, "tolerance_at": "displacement", "most_agents": 500_000}
-    fine = nearest(scene, **asked)
-    points = np.concatenate([fine.lower + c * fine.size[:, None] for c in (0.0, 0.5, 1.0)])
-    points = points[:: max(1, fine.agents // 20_000)]
-    truth = fine.displacement_at(points)
-    for result in results:
-        off = np.linalg.norm(result.displacement_at(points) - truth, axis=1).max()
-        error = off / fine.max_displacement
-        yield result.agents, error, result.displacement_error_estimate / error
-
-
-def bodies(name: str = "") -> Iterator[str]:
-    """Tell the factors of bodies of the tests."""
-    for each in [name] if name else MADE:
-        row = [f"{n:7,} {e:8.1e} {f:5.2f}" for n, e, f in factors(MADE[each]())]
-        yield f"{each:16} {' |'.join(row)}"
 
 
 def random(first: int = 80, count: int = 60) -> Iterator[str]:
-    """Tell the factors of random bodies."""
+    """Yield the factors of random bodies."""
     found: list[float] = []
     seed = first - 1
     while len(found) < count:
@@ -83,4 +47,4 @@ def random(first: int = 80, count: int = 60) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    by_name(__doc__, bodies, random, usual=(bodies,))
+    by_name(__doc__, random)

@@ -33,11 +33,9 @@ import kaju
 from kaju.arrays import Floats, Ints
 from kaju.model.network import SpringNetwork, cut, jittered, pulled, triangular
 
-TIP = 0.18
-"""By how many spacings the tip of a cut lies beyond half of the springs that were cut."""
+TIP = 0.18  # By how many spacings the tip of a cut lies beyond half of the springs that were cut
 
-PEAK = 0.37
-"""The same, of the tip of the field in which the first spring breaks."""
+PEAK = 0.37  # The same, of the tip of the field in which the first spring breaks
 
 
 def slit(width: int, rows: int, half: float) -> tuple[SpringNetwork, float]:

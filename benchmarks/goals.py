@@ -1,8 +1,7 @@
 """Quantities that a tolerance is about: how far estimates are off, and what they save.
 
 The true value is that of an answer to a twentieth of the smallest tolerance. For every
-tolerance: agents, true relative error, the estimate over it, and the agents that the energy
-norm takes to come as near, and to stay so. Run:
+tolerance: agents, true relative error, and the estimate over it. Run:
 
     python benchmarks/goals.py                        # some minutes
     python benchmarks/goals.py tables --name plate    # one body
@@ -74,7 +73,6 @@ CASES: dict[str, list[Any]] = {
     ],
 }
 TOLERANCES = {2: (0.05, 0.02, 0.01, 0.004), 3: (0.1, 0.05, 0.02)}
-ENERGY = {2: tuple(0.5 * 0.8**k for k in range(18)), 3: tuple(0.5 * 0.8**k for k in range(9))}
 
 
 def finest(scene: Scene, quantity: Any, tolerance: float) -> tuple[Any, float]:
@@ -84,37 +82,22 @@ def finest(scene: Scene, quantity: Any, tolerance: float) -> tuple[Any, float]:
     return goal.value, goal.error_estimate / goal.relative_error
 
 
-def fewest(runs: list[tuple[int, list[Any]]], number: int, truth: Any, off: float) -> str:
-    """Return how many agents, and any more, have no larger error in a quantity."""
-    enough = "more"
-    for agents, values in reversed(runs):
-        if np.linalg.norm(values[number] - truth) > off:
-            break
-        enough = f"{agents:,}"
-    return enough
-
-
 def tables(name: str = "") -> Iterator[str]:
-    """Tell of every quantity, or those of one body, by tolerance."""
+    """Yield a row for every quantity, or for those of one body: a column for each tolerance."""
     for body in [name] if name else CASES:
         scene, quantities = getattr(of_tests("goal_bodies"), body)(), quantities_of(CASES[body])
         tolerances = TOLERANCES[scene.lattice.dimension]
-        by_energy = []
-        for tolerance in ENERGY[scene.lattice.dimension]:
-            result = solve(scene, tolerance=tolerance, strategy="spawning")
-            by_energy.append((result.agents, [result.value_of(q) for q in quantities]))
         yield f"\n{body}"
-        for number, quantity in enumerate(quantities):
+        for quantity in quantities:
             truth, scale = finest(scene, quantity, tolerances[-1] / 20)
             row = []
             for tolerance in tolerances:
                 result = solve(scene, tolerance=tolerance, tolerance_at=quantity)
                 off = float(np.linalg.norm(result.goal_values[0] - truth))
                 factor = result.goal_error_estimate * scale / off
-                others = fewest(by_energy, number, truth, off)
-                row.append(f"{result.agents:6,} {off / scale:7.1e} {factor:5.2f} {others:>7}")
-            told = " ".join(str(v) for v in described(quantity).values() if v is not None)[:44]
-            yield f"  {told:44} {' |'.join(row)}"
+                row.append(f"{result.agents:6,} {off / scale:7.1e} {factor:5.2f}")
+            name = " ".join(str(v) for v in described(quantity).values() if v is not None)[:44]
+            yield f"  {name:44} {' |'.join(row)}"
 
 
 def drawn(seed: int) -> tuple[Scene, list[Any]]:
@@ -130,7 +113,7 @@ def drawn(seed: int) -> tuple[Scene, list[Any]]:
 
 
 def random(bodies: int = 30, tolerance: float = 0.05) -> Iterator[str]:
-    """Tell how often tolerances are kept, and the truth is within the bound."""
+    """Yield how often tolerances are kept, and the truth is within the bound."""
     names = ("mean deflection", "mean stress", "deflection of a point")
     found: dict[str, list[Any]] = {name: [] for name in names}
     seed = -1

@@ -71,8 +71,7 @@ def model_of(
 
 def grown(beam: Beam, volume: float, radius: float, filter: str, steps: int) -> Floats:
     """Return what kaju grows, in the peer's shape."""
-    rule = Compliance("density" if filter == "density" else "sensitivity")
-    found = model_of(beam, volume, radius, steps, rule=rule).run(progress=False)
+    found = model_of(beam, volume, radius, steps, rule=Compliance(filter)).run(progress=False)
     return found.density[:, -beam.cells[1] :]
 
 
@@ -81,7 +80,7 @@ def designs(steps: int = 60) -> Iterator[str]:
     for name, (beam, volume, radius) in CASES.items():
         for filter in ("density", "sensitivity"):
             ours = grown(beam, volume, radius, filter, steps)
-            theirs = optimised(beam, volume, radius, "density" if filter == "density" else filter)
+            theirs = optimised(beam, volume, radius, filter)
             ratios = [judge(beam, ours) / judge(beam, theirs) for judge in (by_peer, by_kaju)]
             yield (
                 f"{name}, {filter} filter: F·u of kaju's design / the peer's "
@@ -124,11 +123,11 @@ def large(steps: int = 60) -> Iterator[str]:
             model = model_of(beam, 0.4, max(4.0 / k, 1.5), most, start=start)
             result = model.run(progress=False)
             start = np.kron(model.design.reshape(beam.cells), np.ones((2, 2)))
-        spent, told = process_time() - began, " + ".join(str(most) for _, most in courses)
+        spent, counts = process_time() - began, " + ".join(str(most) for _, most in courses)
         low, high = (2.0 * bound for bound in result.answer.energy_bounds)
         yield (
-            f"1,000 x 500, {told} steps: {spent:.1f} s, F·u {result.compliance:.2f}, proved to lie "
-            f"between {low:.2f} and {high:.2f} in {process_time() - began - spent:.1f} s more"
+            f"1,000 x 500, {counts} steps: {spent:.1f} s, F·u {result.compliance:.2f}, proved to "
+            f"lie between {low:.2f} and {high:.2f} in {process_time() - began - spent:.1f} s more"
         )
 
 
@@ -173,8 +172,8 @@ def refined() -> Iterator[str]:
     for k in (1, 2, 4, 8):
         beam, radius = Beam("cantilever", (80 * k, 50 * k), 2 * k), 2.0 * k
         result = model_of(beam, 0.4, radius, 100).run(progress=False)
-        told = "" if last is None else f", {result.compliance / last - 1.0:+.2%}"
-        yield f"{80 * k} x {50 * k}, radius {radius:g}: F·u {result.compliance:.2f}{told}"
+        change = "" if last is None else f", {result.compliance / last - 1.0:+.2%}"
+        yield f"{80 * k} x {50 * k}, radius {radius:g}: F·u {result.compliance:.2f}{change}"
         last = result.compliance
 
 

@@ -1,15 +1,9 @@
-"""True outlines: agents and processor time for a proven gap, peaks, and quadratic elements beside.
+"""True outlines: peaks of the hoop stress by tolerance, and quadratic elements beside.
 
-Rows of four bodies: agents and time for gaps of 1 % and 0.2 % of the energy, where the truth lies
-between both bounds; peaks of the hoop stress at holes by tolerance. Run:
-
-    python benchmarks/outlines.py                # gaps and peaks, half a minute
-    python benchmarks/outlines.py goals          # peaks at random holes: errors over estimates
-    python benchmarks/outlines.py price          # processor time over all steps, by tolerance
-    python benchmarks/outlines.py random --count 60    # bodies of random shapes, beside grid lines
-                                                 # too: do bounds of four grids hold one truth?
-    python benchmarks/outlines.py peer           # quadratic triangles with curved sides, by
-                                                 # scikit-fem, at the same true error
+python benchmarks/outlines.py                # peaks at holes and inclusions, half a minute
+python benchmarks/outlines.py goals          # peaks at random holes: errors over estimates
+python benchmarks/outlines.py peer           # quadratic triangles with curved sides, by
+                                             # scikit-fem, at the same true error
 """
 
 import os
@@ -18,16 +12,13 @@ from functools import partial
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before any of them is loaded
 
 import numpy as np
-from shared import by_name, nearest, timed
+from shared import by_name, timed
 
 from kaju import Scene, sampled_shape, solve
 from kaju.errors import KajuError
-from kaju.model.outline.balanced_pieces import BalancedPieces
-from kaju.model.outline.true_shapes import CutLeaves
 
 ROLLERS = {"left": "roller", "bottom": "roller"}
-LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3
-"""Work of the pressure on a quarter of the ring, exactly."""
+LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3  # Work of the pressure on a quarter of the ring, exactly
 RIGHT = [{"side": "right", "force": [1.0, 0.0]}]
 
 
@@ -92,74 +83,13 @@ def bodies():
     }
 
 
-def gaps():
-    """Tell agents and processor time for gaps of 1 % and 0.2 %."""
-    yield "body      gap asked   gap      agents  cut   seconds   bounds of twice the energy, truth"
-    for name, (body, truth) in bodies().items():
-        for gap in (0.01, 0.002):
-            answer, seconds = solved(body, 0.5 * np.sqrt(gap))
-            lower, upper = (2 * bound for bound in answer.energy_bounds)
-            within = lower < truth * (1 + 1e-5) and upper > truth * (1 - 1e-5)
-            yield (
-                f"{name:8s} {gap:8.3f} {upper / lower - 1:10.5f} {answer.agents:8d} "
-                f"{int(answer.cut.sum()):5d} {seconds:8.2f}   {lower:.5f} - {upper:.5f}  "
-                f"{truth:.5f} {'inside' if within else 'OUTSIDE'}"
-            )
-
-
-def solved(body, tolerance):
-    """Return an answer, and its processor time (s)."""
-    return timed(lambda: solve(body, tolerance=tolerance))
-
-
-def price():
-    """Tell the processor time of whole runs, and what of it is cutting: by tolerance.
-
-    Cut leaves count at each step anew, those that stay as they were as well.
-    """
-    cutting, count = [], []
-
-    def watch(owner, name):
-        known = getattr(owner, name)
-
-        def measured(*asked):
-            answer, seconds = timed(lambda: known(*asked))
-            cutting.append(seconds)
-            return answer
-
-        setattr(owner, name, measured)
-
-    watch(CutLeaves, "refined")
-    watch(BalancedPieces, "_triangulate")
-    triangulate = BalancedPieces._triangulate
-
-    def counted(self, pieces, *asked):
-        count.append((pieces.whole < 0).sum())
-        triangulate(self, pieces, *asked)
-
-    BalancedPieces._triangulate = counted
-    solve(bodies()["hole"][0], tolerance=0.1)  # loads what it needs
-    for name, (body, _) in bodies().items():
-        for tolerance in (0.05, 0.02, 0.01):
-            cutting.clear()
-            count.clear()
-            answer, seconds = solved(body, tolerance)
-            yield (
-                f"{name:8s} tolerance {tolerance:5.2f} agents {answer.agents:6d}, "
-                f"{int(answer.cut.sum()):4d} cut, {seconds:6.2f} s: "
-                f"{1e3 * seconds / answer.agents:.2f} ms an agent, "
-                f"{1e3 * seconds / sum(count):.2f} ms for each of {sum(count)} cut in all steps, "
-                f"{1e6 * sum(cutting) / sum(count):.0f} µs of it for pieces and triangles"
-            )
-
-
 WIDE = {"Kirsch": 3.0213, "ellipse": 7.0320, "soft": 2.1576}
 """Peaks in plates twenty times as wide as the hole's half, by quadratic triangles with curved
 sides: 3, 7 and Goodier's 2.149 in infinite ones."""
 
 
 def peaks():
-    """Tell peaks of the hoop stress as goals, or of the tension on an inclusion, and the truth."""
+    """Yield peaks of the hoop stress as goals, or of the tension on an inclusion, and the truth."""
     far = [{"side": "right", "force": [20.0, 0.0]}]
     flat = region("air", "hole", ellipse={"centre": [0.0, 0.0], "radii": [1.0 / 3.0, 1.0]})
     outlines = {
@@ -175,18 +105,51 @@ def peaks():
             at, estimate = {"ring": "bore", "stiff": None}.get(name, "hole"), ""
             answer, seconds = timed(partial(solve, body, tolerance, tolerance_at=at))
             if at is None:
-                told, truth = answer.outline_traction("hole")[1].max(), goodier(5.0, 0.2)[1]
+                peak, truth = answer.outline_traction("hole")[1].max(), goodier(5.0, 0.2)[1]
             else:
-                told, truth = answer.goals[0].value, WIDE.get(name, 5 / 3)
+                peak, truth = answer.goals[0].value, WIDE.get(name, 5 / 3)
                 estimate = f", estimated {answer.goals[0].relative_error:.2%}"
             yield (
                 f"{name:8s} tolerance {tolerance:5.3f} agents {answer.agents:6d} peak "
-                f"{told:8.4f} of {truth:.4f} ({told / truth - 1:+.2%}{estimate}), {seconds:.1f} s"
+                f"{peak:8.4f} of {truth:.4f} ({peak / truth - 1:+.2%}{estimate}), {seconds:.1f} s"
             )
 
 
+def random_shape(rng):
+    """Return one of eight shapes, half of them 1e-2 to 1e-8 off a line between first agents."""
+    (x, y), r = rng.uniform(0.1, 0.9, 2), 10 ** rng.uniform(-1.6, -0.6)
+    if rng.integers(2):
+        x = round(x * 8) / 8 + r + 10.0 ** -rng.uniform(2, 8)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 6)) + np.repeat([0.0, 0.1, 0.2], 2)
+    reach = r * rng.uniform(0.6, 1.3, 6)
+    lobes, flat = int(rng.integers(3, 7)), 10 ** rng.uniform(-1.5, 0)
+
+    def leaf(points):
+        away = points - [x, y]
+        return np.hypot(*away.T) - r * (0.7 + 0.25 * np.cos(lobes * np.arctan2(*away.T)))
+
+    shapes = (
+        {"disk": {"centre": [x, y], "radius": r}},
+        {"ring": {"centre": [x, y], "inner": r * rng.choice([0.3, 0.7, 0.999]), "outer": r}},
+        {"ellipse": {"centre": [x, y], "radii": [r, r * flat], "angle": rng.uniform(0, 180)}},
+        {"slot": {"ends": [[x, y], [x + r, y + r * flat]], "radius": 0.4 * r}},
+        {"rounded_box": {"box": [[x - r, y - 0.7 * r], [x + r, y + 0.7 * r]], "radius": 0.3 * r}},
+        {
+            "polygon": [
+                [x + d * np.cos(t), y + d * np.sin(t)] for d, t in zip(reach, angles, strict=True)
+            ]
+        },
+        {
+            "path": f"M{x - r} {y}C{x - r} {y + r} {x - 0.3 * r} {y + 0.2 * r} {x} {y + 0.5 * r}"
+            f"S{x + r} {y + r} {x + r} {y}Q{x} {y - 1.2 * r} {x - r} {y}z"
+        },
+        {"image": sampled_shape(leaf, (x - r, y - r), (x + r, y + r), (24, 24))},
+    )
+    return shapes[rng.integers(8)]
+
+
 def goals(count: int = 20):
-    """Tell how true errors of peaks at random holes compare with the estimated ones."""
+    """Yield how true errors of peaks at random holes compare with the estimated ones."""
     pull = [{"side": "right", "force": [1.0, 0.3]}]
     found, missed, refused = [], 0, 0
     for seed in range(count):
@@ -344,82 +307,25 @@ def elements(strip, ratio, truth, below):
 
 
 def peer():
-    """Tell the time of quadratic triangles with curved sides at the same true error.
+    """Yield the time of quadratic triangles with curved sides at the same true error.
 
     They are split as an expert would: where tractions jump, all meshes counted, as they are here.
     """
     drawn = strips()
-    solved(bodies()["hole"][0], 0.1)  # both load what they need
+    solve(bodies()["hole"][0], tolerance=0.1)  # both load what they need
     elements(drawn["hole"], 0.3, 1.303641, 0.3)
     for name, (body, truth) in bodies().items():
         for tolerance in (0.05, 0.02, 0.01):
-            answer, seconds = solved(body, tolerance)
+            answer, seconds = timed(partial(solve, body, tolerance=tolerance))
             below = (1.0 - 2 * answer.energy_bounds[0] / truth) ** 0.5
             ratio = 1 / 3 if name == "Cook" else 0.3
             (unknowns, error), theirs = timed(partial(elements, drawn[name], ratio, truth, below))
             yield (
-                f"{name:8s} tolerance {tolerance:5.2f}: true error of the displacement {below:.2e} "
-                f"in {seconds:.2f} s; quadratic triangles: {error:.2e} in {theirs:.2f} s, "
-                f"{unknowns} unknowns, nothing proved"
+                f"{name:8s} tolerance {tolerance:5.2f}: {answer.agents} agents, true error of the "
+                f"displacement {below:.2e} in {seconds:.2f} s; quadratic triangles: {error:.2e} "
+                f"in {theirs:.2f} s, {unknowns} unknowns, nothing proved"
             )
 
 
-def random_shape(rng):
-    """Return one of eight shapes, half of them 1e-2 to 1e-8 off a line between first agents."""
-    (x, y), r = rng.uniform(0.1, 0.9, 2), 10 ** rng.uniform(-1.6, -0.6)
-    if rng.integers(2):
-        x = round(x * 8) / 8 + r + 10.0 ** -rng.uniform(2, 8)
-    angles = np.sort(rng.uniform(0, 2 * np.pi, 6)) + np.repeat([0.0, 0.1, 0.2], 2)
-    reach = r * rng.uniform(0.6, 1.3, 6)
-    lobes, flat = int(rng.integers(3, 7)), 10 ** rng.uniform(-1.5, 0)
-
-    def leaf(points):
-        away = points - [x, y]
-        return np.hypot(*away.T) - r * (0.7 + 0.25 * np.cos(lobes * np.arctan2(*away.T)))
-
-    shapes = (
-        {"disk": {"centre": [x, y], "radius": r}},
-        {"ring": {"centre": [x, y], "inner": r * rng.choice([0.3, 0.7, 0.999]), "outer": r}},
-        {"ellipse": {"centre": [x, y], "radii": [r, r * flat], "angle": rng.uniform(0, 180)}},
-        {"slot": {"ends": [[x, y], [x + r, y + r * flat]], "radius": 0.4 * r}},
-        {"rounded_box": {"box": [[x - r, y - 0.7 * r], [x + r, y + 0.7 * r]], "radius": 0.3 * r}},
-        {
-            "polygon": [
-                [x + d * np.cos(t), y + d * np.sin(t)] for d, t in zip(reach, angles, strict=True)
-            ]
-        },
-        {
-            "path": f"M{x - r} {y}C{x - r} {y + r} {x - 0.3 * r} {y + 0.2 * r} {x} {y + 0.5 * r}"
-            f"S{x + r} {y + r} {x + r} {y}Q{x} {y - 1.2 * r} {x - r} {y}z"
-        },
-        {"image": sampled_shape(leaf, (x - r, y - r), (x + r, y + r), (24, 24))},
-    )
-    return shapes[rng.integers(8)]
-
-
-def random(count: int = 60):
-    """Tell how many random bodies have bounds on four grids that hold no common energy."""
-    apart, refused = 0, 0
-    load = [{"side": "right", "force": [1.0, 0.5]}]
-    for seed in range(count):
-        rng = np.random.default_rng(seed)
-        regions = [
-            region(str(rng.choice(["air", "air", "unit", "soft", "stiff"])), **random_shape(rng))
-            for _ in range(rng.integers(1, 5))
-        ]
-        bounds = []
-        try:
-            for cells, tolerance in ((8, 0.4), (12, 0.3), (16, 0.2), (8, 0.1)):
-                body = scene([1.0, 1.0], [cells, cells], regions, load, {"left": "rigid"})
-                found = nearest(body, tolerance=tolerance, most_agents=4000)
-                bounds.append(found.energy_bounds)
-        except KajuError as error:
-            yield f"body {seed} refused: {error}"
-            refused += 1
-        lower, upper = zip((0.0, np.inf), *bounds, strict=True)
-        apart += max(lower) > min(upper)
-    yield f"{count} random bodies: {refused} refused, {apart} whose bounds hold no common energy"
-
-
 if __name__ == "__main__":
-    by_name(__doc__, gaps, goals, peaks, price, peer, random, usual=(gaps, peaks))
+    by_name(__doc__, peaks, goals, peer, usual=(peaks,))

@@ -141,8 +141,8 @@ class Bench:
         runnable = export_page(plate(50), self.folder / "small.html").stat().st_size
         yield "bytes of a runnable page", f"{runnable / 1e3:.0f} kB", "260 kB"
         sizes = [path.stat().st_size / 1e3 for path in make(self.folder / "lessons")[1:]]
-        told = f"{min(sizes):.0f} to {max(sizes):.0f} kB"
-        yield f"bytes of the {len(sizes)} pages of lessons", told, "260 kB"
+        extent = f"{min(sizes):.0f} to {max(sizes):.0f} kB"
+        yield f"bytes of the {len(sizes)} pages of lessons", extent, "260 kB"
         rule = {"kind": "prescribed", "threshold": 1e-9, "accumulate": True}
         scene = plate(50, rule).replace(sides={"bottom": "rigid", "left": "rigid"})
         model = LoadModel(scene, allow_unstable=True, engine="arrays", max_generations=60)
@@ -181,7 +181,7 @@ class Bench:
                     yield f"frames a second, {cells}², {word}", f"{frames:.0f}", f"{least}"
                 page.js("page.seek(page.run.generation >> 1)")
                 back = frame_times(page, 20, "page.seek(page.g - 1)")
-                yield f"one step back, {cells}²", told(back), "32 ms"
+                yield f"one step back, {cells}²", median_and_largest(back), "32 ms"
 
     # -------------------------------------------------------------------------- certificate
 
@@ -201,7 +201,11 @@ class Bench:
                     spent.append(max([16, *page.js("events")]))
                     page.tab.keyboard.press("Home")
                     page.tab.wait_for_timeout(400)
-                yield f"certificate red after the slider, 200², {name}", told(spent), "60 ms"
+                yield (
+                    f"certificate red after the slider, 200², {name}",
+                    median_and_largest(spent),
+                    "60 ms",
+                )
 
     # ---------------------------------------------------------------------------- elasticity
 
@@ -225,7 +229,11 @@ class Bench:
                 )
                 waits.append(page.js("gap"))
             yield "elastic answer in the page, 200²", f"{median(seconds):.2f} s", "1 s"
-            yield "longest time without an answer to input meanwhile", told(waits), "100 ms"
+            yield (
+                "longest time without an answer to input meanwhile",
+                median_and_largest(waits),
+                "100 ms",
+            )
 
     # ------------------------------------------------------------------------- Python behind
 
@@ -257,14 +265,14 @@ class Bench:
                     )
                 yield (
                     f"kaju watch: click on Step, 200², ten sessions, {name}",
-                    told(spent),
+                    median_and_largest(spent),
                     "100 ms",
                 )
                 page.context.close()
 
 
-def told(milliseconds):
-    """Return times as a table tells them."""
+def median_and_largest(milliseconds):
+    """Return times as a cell of the table."""
     return f"{median(milliseconds):.0f} ms (at most {max(milliseconds):.0f})"
 
 
@@ -272,7 +280,7 @@ Part = StrEnum("Part", "every_kind bytes pictures certificate elasticity watchin
 
 
 def figures(part: Part | None = None):
-    """Tell one part of the figures, or all, as rows of a table."""
+    """Yield one part of the figures, or all, as rows of a table."""
     chromium = shutil.which("chromium")
     if chromium is None:
         sys.exit("chromium is not installed (apt-get install chromium)")

@@ -36,16 +36,17 @@ LEGEND = {0: "plain", 1: "air", 2: "stiff", 3: "soft", 4: "mild"}
 BODIES = ("plain", "hole", "L", "stiff", "soft", "both", "random")
 
 
-def press(start: float, width: float, force: tuple[float, ...] = (0.0, -2.0)) -> list[Any]:
+def press(
+    start: float, width: float, force: tuple[float, ...] = (0.0, -2.0), top: float = SIDE
+) -> list[Any]:
     """Return a load on a part of a plate's top (m, N)."""
-    return [{"region": {"box": [[start, SIDE], [start + width, SIDE]]}, "force": list(force)}]
+    return [{"region": {"box": [[start, top], [start + width, top]]}, "force": list(force)}]
 
 
 def plate(cells: int, start: float = 0.09, width: float = 0.02, side: float = SIDE) -> Scene:
     """Return a plate, clamped below and pressed on a part of its top."""
-    load = {"region": {"box": [[start, side], [start + width, side]]}, "force": [0.0, -2.0]}
     body = {"size": [side] * 2, "cells": [cells] * 2, "thickness": 2e-3, "material": "steel"}
-    return Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    return Scene(body=body, sides={"bottom": "rigid"}, loads=press(start, width, top=side))
 
 
 def priced(scene: Scene, runs: int, **how: Any) -> tuple[Any, float]:
@@ -73,7 +74,7 @@ def kinds_of(name: str, cells: int, dimension: int) -> NDArray[np.int8]:
 
 
 def bodies(cells: int = 512, dimension: int = 2, runs: int = 3) -> Iterator[str]:
-    """Tell what a cell costs beside one of a plain plate or cube, and its bound."""
+    """Yield what a cell costs beside one of a plain plate or cube, and its bound."""
     patch = [[0.04, 0.2], [0.06, 0.2]]
     if dimension == 3:
         patch = [[0.075, 0.075, 0.2], [0.125, 0.125, 0.2]]
@@ -105,8 +106,8 @@ def bodies(cells: int = 512, dimension: int = 2, runs: int = 3) -> Iterator[str]
         price = 1e6 * seconds / (cells * result.subdivision) ** dimension
         bound, first = more / seconds, first or price
         halved = "yes" if result.subdivision > 1 else "no"
-        told = f"{name:8} {price:9.3f} {price / first:6.2f} {halved:>6} {bound:6.2f}"
-        yield f"{told}  {result.summary()['method']}"
+        row = f"{name:8} {price:9.3f} {price / first:6.2f} {halved:>6} {bound:6.2f}"
+        yield f"{row}  {result.summary()['method']}"
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     yield f"at most {peak:.2f} GB held"
 
@@ -122,7 +123,7 @@ CHANGES: dict[str, Callable[[Scene], Scene]] = {
 
 
 def again(runs: int = 3) -> Iterator[str]:
-    """Tell what solving again takes beside solving afresh, and whether agents pile up."""
+    """Yield what solving again takes beside solving afresh, and whether agents pile up."""
     pierced = plate(320).with_region(disk={"centre": [0.1, 0.1], "radius": 0.03})
     for title, scene, how in (
         ("equal cells, plate with a hole", pierced, {"strategy": "uniform"}),
@@ -133,11 +134,11 @@ def again(runs: int = 3) -> Iterator[str]:
         yield f"\n{title}: {first.summary()['agents']:,} agents\n{'':18} again, afresh (ms)"
         for name, change in CHANGES.items():
             changed = change(scene)
-            ways = [
+            jobs = [
                 lambda previous=previous: solve(changed, previous=previous, **how)  # noqa: B023
                 for previous in (first, None)
             ]
-            (_, short), (_, long) = in_turn(runs, *ways)
+            (_, short), (_, long) = in_turn(runs, *jobs)
             yield f"{name:18} {1e3 * short:6.0f} {1e3 * long:6.0f}  {short / long:.2f}"
     random, result, ratio = np.random.default_rng(1), None, []
     how = {"strategy": "spawning", "tolerance": 0.02}
@@ -150,7 +151,7 @@ def again(runs: int = 3) -> Iterator[str]:
 
 
 def proofs(runs: int = 3) -> Iterator[str]:
-    """Tell what the last proof by agents of many sizes takes of their solution."""
+    """Yield what the last proof by agents of many sizes takes of their solution."""
     yield f"\n{'tolerance':>9}{'agents':>10}{'time (s)':>10}{'proof':>8}"
     for tolerance in (2e-2, 1e-2, 3e-3):
         result, whole = priced(plate(20), runs, strategy="spawning", tolerance=tolerance)
@@ -160,7 +161,7 @@ def proofs(runs: int = 3) -> Iterator[str]:
 
 
 def growth(runs: int = 3) -> Iterator[str]:
-    """Tell what a load costs on larger and larger bodies."""
+    """Yield what a load costs on larger and larger bodies."""
     yield f"\ntolerance 0.02\n{'side':>6}{'cells':>16}{'agents':>10}{'time (s)':>10}"
     for side in (1, 8, 64):
         scene = plate(20 * side, 0.1 * side, 0.01, SIDE * side)
@@ -169,7 +170,7 @@ def growth(runs: int = 3) -> Iterator[str]:
 
 
 def largest(runs: int = 3) -> Iterator[str]:
-    """Tell the largest error anywhere, also at the load's ends, where the slope is infinite."""
+    """Yield the largest error anywhere, also at the load's ends, where the slope is infinite."""
     distance, angle = np.geomspace(1e-6, 5e-3, 40), np.linspace(np.pi, 2 * np.pi, 9)
     around = distance[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     ends = [around.reshape(-1, 2) + end for end in ([0.09, SIDE], [0.11, SIDE])]
@@ -178,9 +179,9 @@ def largest(runs: int = 3) -> Iterator[str]:
     displaced = {"strategy": "spawning", "tolerance_at": "displacement"}
     true = solve(plate(20), tolerance=1.5e-4, **displaced).displacement_at(points)
     yield f"\n{'':10}{'cells':>12}{'time (s)':>10}{'error':>10}"
-    ways = [{"tolerance": t, **displaced} for t in (4e-3, 2e-3, 1e-3, 5e-4)]
-    ways += [{"strategy": "uniform", "resolution": k} for k in (16, 32, 64)]
-    for how in ways:
+    settings = [{"tolerance": t, **displaced} for t in (4e-3, 2e-3, 1e-3, 5e-4)]
+    settings += [{"strategy": "uniform", "resolution": k} for k in (16, 32, 64)]
+    for how in settings:
         result, seconds = priced(plate(20), runs, **how)
         error = np.abs(result.displacement_at(points) - true).max() / np.abs(true).max()
         yield f"{how['strategy']:10}{result.summary()['agents']:12,}{seconds:10.3f}{error:10.2e}"

@@ -27,8 +27,7 @@ def block(cells: int, *regions: dict[str, Any], outline: str = "true", **asked: 
     return kaju.Scene(body=body, materials=STEEL, **({"sides": SYMMETRIC, "loads": PULLED} | asked))
 
 
-SIZES = (8, 16, 32)
-"""Cells along an edge."""
+SIZES = (8, 16, 32)  # Cells along an edge
 
 
 def both(region: dict[str, Any], **asked: Any) -> list[tuple[Any, Any]]:
@@ -43,7 +42,7 @@ def both(region: dict[str, Any], **asked: Any) -> list[tuple[Any, Any]]:
 
 
 def ball() -> Iterator[str]:
-    """Tell energies of cells, and of fractions with their bounds (pJ)."""
+    """Yield energies of cells, and of fractions with their bounds (pJ)."""
     answers = both({"ball": {"centre": [0, 0, 0], "radius": 0.62}})
     coarse, middle, fine = (1e12 * cut.strain_energy for cut, _ in answers)
     order = log2((middle - coarse) / (fine - middle))

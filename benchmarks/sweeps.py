@@ -1,8 +1,8 @@
 """What sweeps cost: the worked plate 2000 times, in a loop and on two processes.
 
-`python benchmarks/sweeps.py prices [--runs RUNS]`, on a machine with nothing else to do. Every way
-is timed three times in turn, and the least time counts; the first sweep of a process, which waits
-until its workers have imported kaju, is told apart.
+`python benchmarks/sweeps.py prices [--runs RUNS]`, on a machine with nothing else to do. Every kind
+of run is timed three times in turn, and the least time counts; the first sweep of a process, which
+waits until its workers have imported kaju, has a row of its own.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ def sweep(runs: int, workers: int, folder: bool = False) -> None:
 
 
 def prices(runs: int = 2000) -> Iterator[str]:
-    """Tell the seconds that each way takes."""
+    """Yield the seconds that each kind of run takes."""
     loop(20)
-    ways = {
+    jobs = {
         "a loop": partial(loop, runs),
         "1 process": partial(sweep, runs, 1),
         "2 processes": partial(sweep, runs, 2),
         "2 processes, into a folder": partial(sweep, runs, 2, folder=True),
     }
-    first = timed(ways["2 processes"], perf_counter)[1]
-    spent = [seconds for _, seconds in in_turn(3, *ways.values(), clock=perf_counter)]
-    found = {"2 processes, for the first time": first} | dict(zip(ways, spent, strict=True))
-    yield "| way | s | times as fast |\n|---|---|---|"
+    first = timed(jobs["2 processes"], perf_counter)[1]
+    spent = [seconds for _, seconds in in_turn(3, *jobs.values(), clock=perf_counter)]
+    found = {"2 processes, for the first time": first} | dict(zip(jobs, spent, strict=True))
+    yield "| run | s | times as fast |\n|---|---|---|"
     for name, seconds in sorted(found.items(), key=lambda item: -item[1]):
         yield f"| {name} | {seconds:.1f} | {found['a loop'] / seconds:.2f} |"
 

@@ -7,7 +7,7 @@ python benchmarks/work_precision.py [--quick] [--resume] [--problem=plate] [--pu
 quote; a test compares them.
 
 The peers need scikit-fem (the mesh of quadratic elements), pyamg (extra amg) and pypardiso; what is
-not installed is told in its rows.
+not installed is named in its rows.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def run(
 ) -> list[Measurement]:
     """Measure all jobs and write table, picture and environment into a folder, row by row.
 
-    `quick`: small sizes only; `tell`: is told a line about each job; `resume`: keep the rows that
+    `quick`: small sizes only; `tell`: takes a line about each job; `resume`: keep the rows that
     the folder has, and measure the others.
     """
     for name in problems:
@@ -55,8 +55,8 @@ def run(
             write_csv(table, found)
             tell(_line(found[-1]))
     conditions = environment()
-    told = f"{ratios(found)}\n\n{measured_on(conditions)}\n"
-    (folder / "work_precision.md").write_text(told, encoding="utf-8")
+    words = f"{ratios(found)}\n\n{measured_on(conditions)}\n"
+    (folder / "work_precision.md").write_text(words, encoding="utf-8")
     (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")
     draw(found, folder / "work_precision.png")
     return found

@@ -46,10 +46,8 @@ REASONS = {
     ),
 }
 """Why trials are refused, and how that is told."""
-TOO_SMALL = 3
-"""So many times an estimate the true error has to be to be counted."""
-OFTEN = 6
-"""So many reasons are told in the document."""
+TOO_SMALL = 3  # So many times an estimate the true error has to be to be counted
+OFTEN = 6  # So many reasons are told in the document
 
 
 def outcomes_of(table: Path) -> list[Outcome]:

@@ -1,16 +1,15 @@
-"""What can be seen in a lesson's runs: the words in which its claims and answers are written.
+"""The words in which the claims and answers of lessons are written.
 
-Where the rule runs these are the methods of `Seen`: ``cut(3)`` is the force through the third
-row, ``p[1].cut(3)`` that of the second preset. Rows count from the top, from 1; cells are
+Where the rule runs, `PLANE` has them: ``cut(3)`` is the force through the third row,
+``p[1].cut(3)`` that of the second preset. Rows count from the top, from 1; cells are
 (column, row) from the lower left; forces are in newtons, widths in cells, displacements in
-nanometres. Of recorded lessons, `recorded` has the words.
+nanometres. Of lessons that show recorded runs, `RECORDED` has the words.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, cached_property, partial
-from itertools import pairwise
+from functools import cached_property, partial
 from math import ceil, log, sqrt
 from typing import Any
 
@@ -21,20 +20,22 @@ from numpy.typing import NDArray
 import kaju
 from kaju.model.network import triangular
 
-DOWN = 2
-"""Place of the downward direction among the four of a square cell."""
+Words = dict[str, Callable[..., Any]]
+DOWN = 2  # place of the downward direction among the four of a square cell
+ARITHMETIC = {"log": log, "sqrt": sqrt, "ceil": ceil}
 
 
 class Seen:
-    """A plane scene of squares under a load from above, run and solved as far as somebody looks."""
+    """A plane scene of squares under a load from above, run and solved when first asked for."""
 
     def __init__(self, scene: kaju.Scene) -> None:
         self.scene = scene
+        self.certificate = kaju.stability(scene)
 
-    @cached_property
-    def certificate(self) -> Any:
-        """Return what is known before the run."""
-        return kaju.stability(self.scene)
+    def __getattr__(self, word: str) -> Callable[..., Any]:
+        if word not in PLANE:
+            raise AttributeError(word)
+        return partial(PLANE[word], self)
 
     @cached_property
     def run(self) -> kaju.TransferResult:
@@ -46,226 +47,45 @@ class Seen:
         """Return the answer of elasticity on the same cells."""
         return kaju.solve(self.scene, strategy="uniform")
 
-    def with_(self, **rule: Any) -> Seen:
-        """Return the same body with other numbers of its rule."""
-        return Seen(self.scene.with_overrides({f"rule.{k}": v for k, v in rule.items()}))
-
-    def put_on(self) -> float:
-        """Return force that presses on the body (N)."""
-        return float(np.abs(self.scene.applied().force[:, 1].sum()))
-
-    def cells(self) -> int:
-        """Return cells of the body that are no air."""
-        return int((self.scene.rasterise() >= 0).sum())
-
-    def stable(self) -> bool:
-        """Return whether every load ends."""
-        return self.certificate.stable
-
-    def verdict(self) -> str:
-        """Return the sentence of the certificate."""
-        return self.certificate.verdict
-
-    def radius(self) -> float:
-        """Return how many times more load there is after a generation, at most."""
-        return self.certificate.upper
-
-    def generations(self) -> int:
-        """Return generations until all is at rest."""
-        return self.run.last.generations
-
-    def agents(self) -> int:
-        """Return agents that have woken in the end."""
-        return len(self.run.last.cells)
-
-    def woken(self, generation: int) -> list[int]:
-        """Return the agents of each row that are awake after a generation."""
-        stage = self.run.last
-        return self._rows(stage.cells[stage.spawn_step <= generation])
-
-    def rows(self) -> list[int]:
-        """Return the agents of each row, from the top."""
-        return self._rows(self.run.last.cells)
-
-    def _rows(self, cells: NDArray[Any]) -> list[int]:
-        return [int(n) for n in np.bincount(self._top - cells[:, 1])] if len(cells) else []
+    @property
+    def stage(self) -> Any:
+        """Return the last stage of the rule's run."""
+        return self.run.last
 
     @property
-    def _top(self) -> int:
+    def top(self) -> int:
+        """Return the number of the uppermost row, counted from the ground."""
         return int(self.scene.lattice.shape[1]) - 1
 
-    def depth(self) -> int:
-        """Return rows that a load reached."""
-        return len(self.rows())
+    def by_row(self, cells: NDArray[Any]) -> list[int]:
+        """Return how many of the cells each row has, from the top to the last that has any."""
+        return np.bincount(self.top - cells[:, 1]).tolist() if len(cells) else []
 
-    def narrows(self) -> bool:
-        """Return whether no row has more agents than the row above it."""
-        rows = self.rows()
-        return all(below <= above for above, below in pairwise(rows))
+    def only_load(self, generation: int) -> tuple[int, float, bool]:
+        """Return the row, size and pull (or push) of the only load taken in a generation."""
+        history = self.stage.history
+        (place,) = np.flatnonzero(history.generation == generation)
+        row = self.stage.cells[history.agent[place], 1]
+        return int(row), float(history.load[place]), bool(history.pull[place])
 
-    def _load(self, generation: int) -> tuple[int, float, bool]:
-        """Return where the only load of a generation is taken: row, size, whether it pulls."""
-        history = self.run.last.history
-        (row,) = np.flatnonzero(history.generation == generation)
-        place = int(self.run.last.cells[history.agent[row], 1])
-        return place, float(history.load[row]), bool(history.pull[row])
-
-    def load_at(self, generation: int) -> int:
-        """Return row, from the ground, in which the only load of a generation is taken."""
-        return self._load(generation)[0]
-
-    def load_in(self, generation: int) -> float:
-        """Return size of the only load of a generation (N)."""
-        return self._load(generation)[1]
-
-    def pull_in(self, generation: int) -> bool:
-        """Return whether the only load of a generation is a pull."""
-        return self._load(generation)[2]
-
-    def first_red(self) -> float:
-        """Return smallest share ahead, in hundredths, with which loads do not die out."""
-        keep, _, aside = self.scene.rule.alpha
-        steps = (n / 100 for n in range(100))
-        return next(a for a in steps if not self.with_(alpha=(keep, a, aside)).stable())
-
-    def derived(self) -> list[float]:
-        """Return what an elastic agent hands on: ahead, back, and to two sides."""
-        shares = kaju.ElasticRule().shares(self.scene.cell_materials[0], 2)
-        return [shares.forward, shares.backward, shares.friction, shares.friction]
-
-    def pulls(self) -> bool:
-        """Return whether any load pulls."""
-        return bool(self.run.last.pulled.any())
-
-    def first_pull(self) -> int:
-        """Return generation in which a pull is taken first."""
-        history = self.run.last.history
-        return int(history.generation[history.pull].min())
-
-    def tip(self) -> int:
-        """Return which way the loaded cell moves: 1 up, -1 down."""
-        return int(np.sign(self.tip_moves()))
-
-    def tip_moves(self) -> float:
-        """Return displacement of the loaded cell (nm), upwards."""
-        top = self.scene.applied().cells[:1]
-        return float(1e9 * self.run.displacement_at(self.scene.lattice.centres(top))[0, 1])
-
-    def _moves(self, result: Any, *cell: int) -> float:
-        moved = result.displacement_at(self.scene.lattice.centres(np.array([cell])))
-        return float(1e9 * np.linalg.norm(moved))
-
-    def moved(self, column: int, row: int) -> float:
-        """Return how far a cell moves by the rule."""
-        return self._moves(self.run, column, row)
-
-    def elastic_moved(self, column: int, row: int) -> float:
-        """Return how far a cell moves in elasticity."""
-        return self._moves(self.elastic, column, row)
-
-    def doubles_in_elasticity(self) -> bool:
-        """Return whether half of the load moves all cells half as far in elasticity."""
-        force = self.scene.applied().force[0]
-        half = Seen(self.scene.with_overrides({"loads.0.force": (0.5 * force).tolist()}))
-        centres = self.scene.lattice.centres(self.run.last.cells)
-        whole, halved = (s.elastic.displacement_at(centres) for s in (self, half))
-        return bool(np.allclose(whole, 2.0 * halved, rtol=1e-9, atol=0.0))
-
-    def _grid(self, values: NDArray[Any]) -> NDArray[Any]:
+    def on_grid(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values of agents as an array [column, row], 0 where nobody woke."""
         grid = np.zeros(self.scene.lattice.shape)
-        grid[tuple(self.run.last.cells.T)] = values
+        grid[tuple(self.stage.cells.T)] = values
         return grid
 
-    def taken(self, column: int, row: int) -> float:
-        """Return load that a cell has taken in all (N)."""
-        return float(self._grid(self.run.last.taken.sum(axis=1))[column, row])
+    def movement(self, result: Any, *cell: int) -> NDArray[Any]:
+        """Return the displacement (nm) of a cell's centre."""
+        return 1e9 * result.displacement_at(self.scene.lattice.centres(np.array([cell])))[0]
 
-    def kept(self, column: int, row: int) -> float:
-        """Return what of it the cell keeps along the vertical (N)."""
-        return float(self._grid(self.run.last.kept[:, 1])[column, row])
-
-    def shadow(self) -> float:
-        """Return downward load in the middle of the bottom row over that row's mean."""
-        row = self._grid(self.run.last.taken[:, DOWN] - self.run.last.pulled[:, DOWN])[:, 0]
-        return float(row[len(row) // 2] / row.mean()) if row.any() else 0.0
-
-    def even_ground(self) -> bool:
-        """Return whether no cell of the bottom row takes 3 % more or less than that row's mean."""
-        row = self._grid(self.run.last.taken.sum(axis=1))[:, 0]
-        return bool((np.abs(row / row.mean() - 1.0) < 0.03).all())
-
-    def largest(self) -> float:
-        """Return largest load taken by an agent (N)."""
-        return float(self.run.last.taken.sum(axis=1).max(initial=0.0))
-
-    def largest_at(self) -> list[int]:
-        """Return the cell of the largest load taken."""
-        stage = self.run.last
-        return [int(i) for i in stage.cells[stage.taken.sum(axis=1).argmax()]]
-
-    def returned(self) -> float:
-        """Return what air and walls have given back in all (N)."""
-        return float(self.run.last.returned.sum())
-
-    def at_ground(self) -> float:
-        """Return what has been handed to the ground (N)."""
-        return float(self.run.reactions.get("bottom", [0.0, 0.0])[1])
-
-    def ground_share(self) -> float:
-        """Return what has been handed to the ground, as a share of what was put on."""
-        return self.at_ground() / float(-self.scene.applied().force[:, 1].sum())
-
-    def _profile(self, result: Any, row: int) -> NDArray[Any]:
-        """Return the squeeze (Pa, pressing is positive) of each cell of a row."""
+    def width(self, result: Any, row: int) -> float:
+        """Return the half width (cells) of the pressure along a row."""
         columns = np.arange(self.scene.lattice.shape[0])
-        cells = np.stack([columns, np.full_like(columns, self._top + 1 - row)], axis=1)
+        cells = np.stack([columns, np.full_like(columns, self.top + 1 - row)], axis=1)
         inside = self.scene.kinds(cells) >= 0
-        squeeze = np.zeros(len(cells))
-        squeeze[inside] = -result.stress_at(self.scene.lattice.centres(cells[inside]))[:, 1, 1]
-        return squeeze
-
-    def cuts(self) -> list[float]:
-        """Return the forces (N) through all rows by the rule, from the top."""
-        return [round(force, 6) for force in self.run.cuts("y").carried[::-1].tolist()]
-
-    def elastic_cuts(self) -> list[float]:
-        """Return the same by elasticity."""
-        return [float(force) for force in self.elastic.cuts("y").carried[::-1]]
-
-    def cut(self, row: int) -> float:
-        """Return force (N) through a row by the rule."""
-        return self.cuts()[row - 1]
-
-    def elastic_cut(self, row: int) -> float:
-        """Return the same by elasticity."""
-        return self.elastic_cuts()[row - 1]
-
-    def elastic_cuts_kept(self) -> bool:
-        """Return whether every cut carries the load by elasticity, to a billionth."""
-        return bool(np.allclose(self.elastic_cuts(), self.put_on(), rtol=1e-9, atol=0.0))
-
-    def half_width(self, row: int) -> float:
-        """Return where the squeeze of a row has fallen to half of its largest, in cells (rule)."""
-        return half_width(self._profile(self.run, row))
-
-    def elastic_half_width(self, row: int) -> float:
-        """Return the same by elasticity."""
-        return half_width(self._profile(self.elastic, row))
-
-    def straight(self, rows: list[int], root: bool = False, elastic: bool = False) -> float:
-        """Return how straight half widths lie over the depth, or over its root: 1 is a line."""
-        depth = np.array(rows) - 0.5
-        found = [self.elastic_half_width(r) if elastic else self.half_width(r) for r in rows]
-        return float(np.corrcoef(np.sqrt(depth) if root else depth, found)[0, 1])
-
-    def widening(self) -> float:
-        """Return standard width of the downward loads in row 33 over that in row 9."""
-        down = self._grid(self.run.last.taken[:, DOWN] - self.run.last.pulled[:, DOWN])
-        return _spread(down[:, self._top - 32]) / _spread(down[:, self._top - 8])
-
-    def misfit(self) -> float:
-        """Return distance of the displacement from elasticity's: 1 is no better than nothing."""
-        return float(kaju.compare(self.run, self.elastic).displacement.misfit)
+        pressure = np.zeros(len(cells))
+        pressure[inside] = -result.stress_at(self.scene.lattice.centres(cells[inside]))[:, 1, 1]
+        return half_width(pressure)
 
 
 def half_width(profile: NDArray[Any]) -> float:
@@ -285,21 +105,113 @@ def half_width(profile: NDArray[Any]) -> float:
     return float(np.mean(widths))
 
 
-def _spread(load: NDArray[Any]) -> float:
-    place = np.arange(len(load))
-    middle = (load * place).sum() / load.sum()
-    return float(np.sqrt((load * (place - middle) ** 2).sum() / load.sum()))
+def _first_red(seen: Seen) -> float:
+    """Return the smallest share ahead, in hundredths, with which loads do not die out."""
+    keep, _, aside = seen.scene.rule.alpha
+    steps = (n / 100 for n in range(100))
+    return next(a for a in steps if not seen.with_(alpha=(keep, a, aside)).stable())
+
+
+def _doubles_in_elasticity(seen: Seen) -> bool:
+    """Return whether half of the load moves all cells half as far in elasticity."""
+    force = seen.scene.applied().force[0]
+    half = Seen(seen.scene.with_overrides({"loads.0.force": (0.5 * force).tolist()}))
+    centres = seen.scene.lattice.centres(seen.stage.cells)
+    whole, halved = (one.elastic.displacement_at(centres) for one in (seen, half))
+    return bool(np.allclose(whole, 2.0 * halved, rtol=1e-9, atol=0.0))
+
+
+def _shadow(seen: Seen) -> float:
+    """Return the downward load in the middle of the bottom row over that row's mean."""
+    row = seen.on_grid(seen.stage.taken[:, DOWN] - seen.stage.pulled[:, DOWN])[:, 0]
+    return float(row[len(row) // 2] / row.mean()) if row.any() else 0.0
+
+
+def _even_ground(seen: Seen) -> bool:
+    """Return whether every cell of the bottom row takes the row's mean within 3 %."""
+    row = seen.on_grid(seen.stage.taken.sum(axis=1))[:, 0]
+    return bool((np.abs(row / row.mean() - 1.0) < 0.03).all())
+
+
+def _straight(seen: Seen, rows: list[int], root: bool = False, elastic: bool = False) -> float:
+    """Return how straight half widths lie over the depth, or over its root: 1 is a line."""
+    depth = np.array(rows) - 0.5
+    widths = [seen.elastic_half_width(r) if elastic else seen.half_width(r) for r in rows]
+    return float(np.corrcoef(np.sqrt(depth) if root else depth, widths)[0, 1])
+
+
+PLANE: Words = {
+    # the body, its load and its certificate
+    "put_on": lambda seen: float(np.abs(seen.scene.applied().force[:, 1].sum())),
+    "cells": lambda seen: int((seen.scene.rasterise() >= 0).sum()),  # that are no air
+    "with_": lambda seen, **rule: Seen(
+        seen.scene.with_overrides({f"rule.{name}": value for name, value in rule.items()})
+    ),
+    "stable": lambda seen: seen.certificate.stable,
+    "verdict": lambda seen: seen.certificate.verdict,
+    "radius": lambda seen: seen.certificate.upper,  # growth of the load in a generation, at most
+    "first_red": _first_red,
+    "derived": lambda seen: _four_shares(kaju.ElasticRule(), seen.scene.cell_materials[0]),
+    # agents and generations
+    "generations": lambda seen: seen.stage.generations,
+    "agents": lambda seen: len(seen.stage.cells),
+    "woken": lambda seen, generation: seen.by_row(
+        seen.stage.cells[seen.stage.spawn_step <= generation]
+    ),
+    "rows": lambda seen: seen.by_row(seen.stage.cells),
+    "depth": lambda seen: len(seen.rows()),
+    "narrows": lambda seen: seen.rows() == sorted(seen.rows(), reverse=True),
+    # loads
+    "load_at": lambda seen, generation: seen.only_load(generation)[0],  # row, from the ground
+    "load_in": lambda seen, generation: seen.only_load(generation)[1],
+    "pull_in": lambda seen, generation: seen.only_load(generation)[2],
+    "pulls": lambda seen: bool(seen.stage.pulled.any()),
+    "first_pull": lambda seen: int(
+        seen.stage.history.generation[seen.stage.history.pull].min()  # its generation
+    ),
+    "taken": lambda seen, column, row: float(
+        seen.on_grid(seen.stage.taken.sum(axis=1))[column, row]
+    ),
+    "largest": lambda seen: float(seen.stage.taken.sum(axis=1).max(initial=0.0)),
+    "largest_at": lambda seen: seen.stage.cells[seen.stage.taken.sum(axis=1).argmax()].tolist(),
+    "shadow": _shadow,
+    "even_ground": _even_ground,
+    "returned": lambda seen: float(seen.stage.returned.sum()),  # by air and walls
+    "at_ground": lambda seen: float(seen.run.reactions.get("bottom", [0.0, 0.0])[1]),
+    "ground_share": lambda seen: seen.at_ground() / float(-seen.scene.applied().force[:, 1].sum()),
+    # displacements
+    "tip_moves": lambda seen: float(  # the loaded cell, upwards
+        seen.movement(seen.run, *seen.scene.applied().cells[0])[1]
+    ),
+    "tip": lambda seen: int(np.sign(seen.tip_moves())),
+    "moved": lambda seen, *cell: float(np.linalg.norm(seen.movement(seen.run, *cell))),
+    "elastic_moved": lambda seen, *cell: float(np.linalg.norm(seen.movement(seen.elastic, *cell))),
+    "doubles_in_elasticity": _doubles_in_elasticity,
+    "misfit": lambda seen: float(kaju.compare(seen.run, seen.elastic).displacement.misfit),
+    # forces through rows, and how wide the pressure is
+    "cuts": lambda seen: seen.run.cuts("y").carried[::-1].round(6).tolist(),
+    "elastic_cuts": lambda seen: seen.elastic.cuts("y").carried[::-1].tolist(),
+    "cut": lambda seen, row: seen.cuts()[row - 1],
+    "elastic_cut": lambda seen, row: seen.elastic_cuts()[row - 1],
+    "elastic_cuts_kept": lambda seen: bool(
+        np.allclose(seen.elastic_cuts(), seen.put_on(), rtol=1e-9, atol=0.0)
+    ),
+    "half_width": lambda seen, row: seen.width(seen.run, row),
+    "elastic_half_width": lambda seen, row: seen.width(seen.elastic, row),
+    "straight": _straight,
+}
+
+
+def _four_shares(rule: kaju.ElasticRule, material: Any) -> list[float]:
+    """Return what an elastic agent hands on: ahead, back, and to two sides."""
+    shares = rule.shares(material, 2)
+    return [shares.forward, shares.backward, shares.friction, shares.friction]
 
 
 def words_of(seen: list[Seen], preset: int = 0) -> dict[str, Any]:
     """Return the words for a lesson in which the rule runs, said of one of its presets."""
-    told = [name for name, of in vars(Seen).items() if name[0] != "_" and callable(of)]
-    words = {name: getattr(seen[preset], name) for name in told}
+    words = {word: partial(measure, seen[preset]) for word, measure in PLANE.items()}
     return words | {"p": seen, "scene": lambda: seen[preset].scene} | ARITHMETIC
-
-
-ARITHMETIC = {"log": log, "sqrt": sqrt, "ceil": ceil}
-"""What every lesson may reckon with."""
 
 
 def recorded(name: str) -> dict[str, Any]:
@@ -308,32 +220,29 @@ def recorded(name: str) -> dict[str, Any]:
     return {"run": run} | RECORDED[name](run) | ARITHMETIC
 
 
-def _many_sizes(run: Callable[..., Any]) -> dict[str, Any]:
+def _largest_steps(result: Any) -> NDArray[Any]:
+    """Return the largest displacement of a node (m) at every record."""
+    return np.linalg.norm(result.displacement, axis=2).max(axis=1)
+
+
+def _many_sizes(run: Callable[..., Any]) -> Words:
     def size_near(x: float, y: float, page: str = "") -> float:
         away = np.abs(run(page).middle - [x, y]).max(axis=1) - 0.5 * run(page).size
         return float(run(page).size[away <= away.min() + 1e-9].min())
 
-    def near(distance: float) -> Any:
+    def near(distance: float) -> NDArray[Any]:
         return np.linalg.norm(run().middle - [0.105, 0.2], axis=1) < distance
-
-    @cache
-    def course() -> list[tuple[int, float]]:
-        return [(step.agents, step.error) for step in run().generations]
 
     return {
         "size_near": size_near,
         "near_share": lambda distance: float(near(distance).mean()),
         "near_area": lambda distance: float((run().size[near(distance)] ** 2).sum() / 0.2**2),
-        "counts": lambda: [agents for agents, _ in course()],
-        "errors": lambda: [error for _, error in course()],
+        "counts": lambda: [step.agents for step in run().generations],
+        "errors": lambda: [step.error for step in run().generations],
     }
 
 
-def _lattice(run: Callable[..., Any]) -> dict[str, Any]:
-    def course(page: str = "") -> list[float]:
-        size = np.linalg.norm(run(page).displacement, axis=2).max(axis=1)
-        return [float(step) for step in size]
-
+def _lattice(run: Callable[..., Any]) -> Words:
     def buckles_at(width: int, force: float) -> float:
         try:
             kaju.solve(triangular(width, force=force))
@@ -342,9 +251,8 @@ def _lattice(run: Callable[..., Any]) -> dict[str, Any]:
         return 1.0
 
     def pulled_across(number: int) -> bool:
-        result = run()
-        most = np.argsort(result.tension[-1])[-number:]
-        ends = result.network.positions[result.network.springs[most]]
+        most = np.argsort(run().tension[-1])[-number:]
+        ends = run().network.positions[run().network.springs[most]]
         return bool(np.allclose(ends[:, 0, 1], ends[:, 1, 1]))
 
     def pressed_nodes() -> set[int]:
@@ -356,7 +264,7 @@ def _lattice(run: Callable[..., Any]) -> dict[str, Any]:
         return bool(set(ends.tolist()) & pressed_nodes())
 
     return {
-        "course": course,
+        "course": lambda page="": _largest_steps(run(page)).tolist(),
         "gives": lambda page="": float(run(page).largest_displacement()[1]),
         "pressed": lambda: int((run().tension[-1] < 0.0).sum()),
         "pulled": lambda: int((run().tension[-1] > 0.0).sum()),
@@ -367,40 +275,31 @@ def _lattice(run: Callable[..., Any]) -> dict[str, Any]:
     }
 
 
-def _noodle(run: Callable[..., Any]) -> dict[str, Any]:
+def _noodle(run: Callable[..., Any]) -> Words:
     def dent(time: float, page: str = "") -> float:
         """Return the largest displacement at a time, in millimetres."""
-        size = np.linalg.norm(run(page).displacement, axis=2).max(axis=1)
-        return float(1e3 * np.interp(time, run(page).times, size))
+        return float(1e3 * np.interp(time, run(page).times, _largest_steps(run(page))))
 
     return {"dent": dent}
 
 
-def _bridges(run: Callable[..., Any]) -> dict[str, Any]:
-    def compliance(page: str = "", step: int = -1) -> float:
-        """Return the compliance after a step, in millijoules."""
-        return float(1e3 * run(page).compliances[step])
-
-    def tie(page: str = "") -> float:
-        """Return the mean density between the feet, in the middle third of the lowest row."""
-        return float(run(page).density[16:31, 1].mean())
-
+def _bridges(run: Callable[..., Any]) -> Words:
     return {
-        "compliance": compliance,
-        "tie": tie,
+        "compliance": lambda page="", step=-1: float(1e3 * run(page).compliances[step]),  # mJ
+        # the mean density between the feet, in the middle third of the lowest row
+        "tie": lambda page="": float(run(page).density[16:31, 1].mean()),
         "top": lambda x, page="": float(run(page).density[x, -1]),
         "filled": lambda page="": 100.0 * float(run(page).volumes[-1]),
         "steps": lambda page="": run(page).steps,
     }
 
 
-def _cracks(run: Callable[..., Any]) -> dict[str, Any]:
+def _cracks(run: Callable[..., Any]) -> Words:
     def at_the_tip(page: str = "", half: float = 0.02) -> bool:
         """Return whether the first spring broke within two spacings of a tip."""
-        result = run(page)
-        nodes = result.network.positions
-        place = nodes[result.network.springs[result.broken[0]]].mean(axis=0)
-        from_middle = np.abs(place - 0.5 * nodes.max(axis=0))
+        network, first = run(page).network, run(page).broken[0]
+        place = network.positions[network.springs[first]].mean(axis=0)
+        from_middle = np.abs(place - 0.5 * network.positions.max(axis=0))
         return bool(np.linalg.norm(from_middle - [half, 0.0]) < 0.02)
 
     return {
@@ -413,15 +312,14 @@ def _cracks(run: Callable[..., Any]) -> dict[str, Any]:
         "first": lambda page="": float(run(page).force[0]),
         "largest": lambda page="": int(run(page).avalanche_sizes.max()),
         "books": lambda: bool(np.allclose(run().work, run().stored + run().released, rtol=1e-6)),
-        "left": lambda page="": float(run(page).stored[-1]),
     }
 
 
-def _round_hole(run: Callable[..., Any]) -> dict[str, Any]:
+def _round_hole(run: Callable[..., Any]) -> Words:
     radius, width, pull = 0.01, 0.1, 1e7
 
-    def middle(page: str = "") -> NDArray[Any]:
-        return run(page).lower + 0.5 * run(page).size[:, None]
+    def middle() -> NDArray[Any]:
+        return run().lower + 0.5 * run().size[:, None]
 
     def far() -> float:
         """Return the stress of the agent in the upper right corner, in megapascals."""
@@ -462,38 +360,29 @@ def _round_hole(run: Callable[..., Any]) -> dict[str, Any]:
     }
 
 
-def _two_answers(run: Callable[..., Any]) -> dict[str, Any]:
-    @cache
-    def answer(cells: int) -> Any:
-        return run(f"{cells}")
-
-    def widths() -> list[float]:
-        pairs = (answer(n).energy_bounds for n in (10, 20, 40, 80))
-        return [upper - lower for lower, upper in pairs]
+def _two_answers(run: Callable[..., Any]) -> Words:
+    def bounds() -> NDArray[Any]:
+        """Return the lower and upper bounds on ever smaller cells, shape (2, 4)."""
+        return np.transpose([run(f"{cells}").energy_bounds for cells in (10, 20, 40, 80)])
 
     def nested() -> bool:
-        lower, upper = zip(*(answer(n).energy_bounds for n in (10, 20, 40, 80)), strict=True)
-        return list(lower) == sorted(lower) and list(upper) == sorted(upper, reverse=True)
-
-    def corner() -> list[float]:
-        return [run(f"corner-{n}").error_bound for n in (16, 32, 64)]
-
-    def bar_is_exact() -> bool:
-        lower, upper = run("bar").energy_bounds
-        return bool(upper - lower < 1e-6 * lower)
+        closer = np.diff(bounds(), axis=1)
+        return bool((closer[0] >= 0.0).all() and (closer[1] <= 0.0).all())
 
     return {
-        "low": lambda cells: 1e9 * answer(cells).energy_bounds[0],
-        "high": lambda cells: 1e9 * answer(cells).energy_bounds[1],
-        "error": lambda cells: answer(cells).error_bound,
-        "widths": widths,
+        "low": lambda cells: 1e9 * run(f"{cells}").energy_bounds[0],
+        "high": lambda cells: 1e9 * run(f"{cells}").energy_bounds[1],
+        "error": lambda cells: run(f"{cells}").error_bound,
+        "widths": lambda: np.diff(bounds(), axis=0)[0].tolist(),
         "nested": nested,
-        "corner": corner,
-        "bar_is_exact": bar_is_exact,
+        "corner": lambda: [run(f"corner-{cells}").error_bound for cells in (16, 32, 64)],
+        "bar_is_exact": lambda: bool(
+            np.diff(run("bar").energy_bounds)[0] < 1e-6 * run("bar").energy_bounds[0]
+        ),
     }
 
 
-RECORDED = {
+RECORDED: dict[str, Callable[[Callable[..., Any]], Words]] = {
     "agents-of-many-sizes": _many_sizes,
     "a-lattice-bends": _lattice,
     "a-noodle-remembers": _noodle,
@@ -502,4 +391,3 @@ RECORDED = {
     "how-things-break": _cracks,
     "a-round-hole": _round_hole,
 }
-"""Words of the lessons that show recorded runs."""

@@ -25,8 +25,7 @@ from kaju.model.study.finite_elements import (
     surroundings,
 )
 
-DIRECT = 60_000
-"""Up to this many unknowns are factorised."""
+DIRECT = 60_000  # Up to this many unknowns are factorised
 RESIDUAL = 1e-11
 
 

@@ -17,10 +17,8 @@ from .methods import METHODS, Sized
 from .problems import PROBLEMS
 
 REPEATS = 3
-LONG = 10.0
-"""A job that takes longer than this (s) is run once."""
-PATIENCE = 200.0
-"""A job that takes longer than this (s) is given up."""
+LONG = 10.0  # A job that takes longer than this (s) is run once
+PATIENCE = 200.0  # A job that takes longer than this (s) is given up
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 ALONE = {
     **os.environ,
@@ -38,21 +36,14 @@ class Measurement:
 
     problem: str
     method: str
-    division: int
-    """Parts into which every edge of the picture's cells was split."""
-    cells: int
-    """Cells, agents or elements of the body."""
-    seconds: float | None = None
-    """Median processor time (s); None if there is no answer."""
-    memory: float | None = None
-    """Peak above what was in use before (MB)."""
-    max_error: float | None = None
-    l2_error: float | None = None
-    """As shares of the largest true displacement."""
-    runs: int = 0
-    """How many runs the median is of."""
-    failure: str = ""
-    """Why there is no answer."""
+    division: int  # Parts into which every edge of the picture's cells was split
+    cells: int  # Cells, agents or elements of the body
+    seconds: float | None = None  # Median processor time (s); None if there is no answer
+    memory: float | None = None  # Peak above what was in use before (MB)
+    max_error: float | None = None  # As a share of the largest true displacement
+    l2_error: float | None = None  # The same, root mean square
+    runs: int = 0  # How many runs the median is of
+    failure: str = ""  # Why there is no answer
 
 
 def jobs(quick: bool, problems: tuple[str, ...] = ()) -> Iterator[tuple[str, str, int]]:
@@ -65,7 +56,7 @@ def jobs(quick: bool, problems: tuple[str, ...] = ()) -> Iterator[tuple[str, str
 
 
 def in_a_fresh_process(problem: str, method: str, division: int) -> Measurement:
-    """Measure a job in a process of its own; whatever goes wrong there is told."""
+    """Measure a job in a process of its own; whatever goes wrong there is its `failure`."""
     nothing = Measurement(problem, method, division, cells_of(problem, division))
     missing = METHODS[method].missing
     if missing:
@@ -85,15 +76,15 @@ def in_a_fresh_process(problem: str, method: str, division: int) -> Measurement:
 
 def cells_of(problem: str, division: int) -> int:
     """Return the number of cells of a problem's body."""
-    described = PROBLEMS[problem]
-    return int(described.picture.sum() * division**described.dimension)
+    body = PROBLEMS[problem]
+    return int(body.picture.sum() * division**body.dimension)
 
 
 def measure(problem: str, method: str, division: int) -> Measurement:
     """Measure a job in this process: warm up, run, compare with the truth."""
-    described, way = PROBLEMS[problem], METHODS[method]
-    way.prepare(described, min(way.divisions[problem]))()()
-    job = way.prepare(described, division)
+    body, compared = PROBLEMS[problem], METHODS[method]
+    compared.prepare(body, min(compared.divisions[problem]))()()  # compiles and imports
+    job = compared.prepare(body, division)
     before = _peak()
     times: list[float] = []
     while len(times) < (1 if times and times[0] > LONG else REPEATS):
@@ -101,7 +92,7 @@ def measure(problem: str, method: str, division: int) -> Measurement:
         answer = job()
         times.append(time.process_time() - began)
     memory = _peak() - before
-    max_error, l2_error = described.error(answer())
+    max_error, l2_error = body.error(answer())
     cells = answer.parts if isinstance(answer, Sized) else cells_of(problem, division)
     seconds = statistics.median(times)
     return Measurement(

@@ -1,7 +1,7 @@
-"""The ways to an answer that are compared: agents, kaju's solver, finite elements.
+"""The methods that are compared: agents, kaju's solver, finite elements.
 
 Each takes a problem and how often the picture's cells are split, and answers with a function that
-looks the displacements at the problem's points up. What is timed starts from the description and
+looks up the displacements at the problem's points. What is timed starts from the description and
 ends with the displacements of the whole body: cells or mesh, assembly, set-up, solution.
 """
 
@@ -20,37 +20,30 @@ from . import bilinear, quadratic
 from .problems import Problem
 from .sparse import Solver
 
-Answer = Callable[[], Floats]
-"""Looks the displacements at the problem's points up."""
+Answer = Callable[[], Floats]  # Looks up the displacements at the problem's points
 Prepare = Callable[[Problem, int], Callable[[], Answer]]
 
 WAVE_TOLERANCE = 2e-4
 """Agents rest when the loads left are this share, in energy: below the error of their grids."""
 FIT_EVALUATIONS = 300
-SPAWNED = 0.4
-"""Tolerance of agents that spawn, times the division."""
-ESTIMATED = 1.6
-"""Estimated error at which quadratic elements end, times the division."""
+SPAWNED = 0.4  # Tolerance of agents that spawn, times the division
+ESTIMATED = 1.6  # Estimated error at which quadratic elements end, times the division
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to an answer."""
+    """A method, and what it is measured on."""
 
     name: str
-    title: str
-    """For files and for people."""
+    title: str  # For files and for people
     prepare: Prepare
     """Takes problem and division and returns the job, a function without arguments, that is timed.
     The job returns a function that looks the answer up."""
     divisions: Mapping[str, tuple[int, ...]]
     """By problem, into how many parts every edge of the picture's cells is split."""
-    quick: int
-    """Cells of the largest body in a short look."""
-    style: tuple[str, str, str]
-    """Colour, marker and line in the picture."""
-    needs: tuple[str, ...] = ()
-    """Packages that must be installed."""
+    quick: int  # Cells of the largest body in a short look
+    style: tuple[str, str, str]  # Colour, marker and line in the picture
+    needs: tuple[str, ...] = ()  # Packages that must be installed
 
     @property
     def missing(self) -> tuple[str, ...]:

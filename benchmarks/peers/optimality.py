@@ -116,13 +116,13 @@ def _pardiso() -> Callable[[Any, Floats], Floats]:
     from pypardiso import PyPardisoSolver
 
     solver = PyPardisoSolver(mtype=2)
-    known = False
+    analysed = False
 
     def solve(matrix: sp.csr_array, load: Floats) -> Floats:
-        nonlocal known
+        nonlocal analysed
         upper = sp.csr_matrix(sp.triu(matrix, format="csr"))
-        solver.set_phase(23 if known else 13)
-        known = True
+        solver.set_phase(23 if analysed else 13)
+        analysed = True
         return np.asarray(solver._call_pardiso(upper, load[:, None].copy(order="F"))).ravel()
 
     return solve

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from kaju import Scene
 from kaju.arrays import Flags, Floats
 from kaju.model.study.reference import Reference
-
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
-
 
 _PIXELS = """
 ....................
@@ -49,20 +46,15 @@ class Problem:
     """A body of cells on rigid ground, pressed on part of its top."""
 
     name: str
-    title: str
-    """For files and for people."""
-    picture: Flags
-    """Which cells are material, indexed [x, y(, z)]."""
-    edge: float
-    """Edge of the picture's cells (m)."""
-    youngs_modulus: float
+    title: str  # For files and for people
+    picture: Flags  # Which cells are material, indexed [x, y(, z)]
+    edge: float  # Edge of the picture's cells (m)
+    youngs_modulus: float  # (Pa)
     poissons_ratio: float
-    thickness: float
-    """SI units; the thickness counts in two dimensions."""
+    thickness: float  # (m), of plane bodies
     patch: tuple[tuple[float, ...], tuple[float, ...]]
     """Lower and upper corner (m) of the loaded part of the top."""
-    force: float
-    """Total force (N), downwards."""
+    force: float  # Total force (N), downwards
 
     @property
     def dimension(self) -> int:
@@ -76,12 +68,15 @@ class Problem:
 
     def scene(self, division: int, kind: Literal["elastic", "prescribed"] = "elastic") -> Scene:
         """Return the body with every cell of the picture split `division` times per axis."""
-        from kaju.model.scene import Scene
-
         top = [0.0] * (self.dimension - 1) + [-self.force]
         body: dict[str, object] = {"thickness": self.thickness} if self.dimension == 2 else {}
         described = {
-            "materials": {"solid": self._material},
+            "materials": {
+                "solid": {
+                    "youngs_modulus": self.youngs_modulus,
+                    "poissons_ratio": self.poissons_ratio,
+                }
+            },
             "sides": {"bottom": "rigid"},
             "loads": [{"region": {"box": [list(p) for p in self.patch]}, "force": top}],
             "rule": {"kind": kind},
@@ -121,10 +116,6 @@ class Problem:
         across = (middles[:, :-1] > lower[:-1] - near) & (middles[:, :-1] < upper[:-1] + near)
         at_top = np.abs(middles[:, -1] + 0.5 * size - lower[-1]) < near
         return np.asarray(across.all(axis=1) & at_top)
-
-    @property
-    def _material(self) -> dict[str, float]:
-        return {"youngs_modulus": self.youngs_modulus, "poissons_ratio": self.poissons_ratio}
 
     def truth(self) -> Reference:
         """Return the true displacements at `points`."""

@@ -25,10 +25,8 @@ from kaju.arrays import Flags, Floats, Ints
 from .problems import Problem
 from .sparse import Solver, assembled, solved
 
-MARKED = 0.6
-"""The triangles with the largest η² that hold this share of the sum are refined."""
-MOST = 400_000
-"""Triangles at which it ends."""
+MARKED = 0.6  # The triangles with the largest η² that hold this share of the sum are refined
+MOST = 400_000  # Triangles at which it ends
 SIDES = ((0, 1), (1, 2), (0, 2))
 """Corners of the sides, as scikit-fem numbers them; behind every side's middle is a node."""
 GAUSS = ((1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))
@@ -62,12 +60,9 @@ class QuadraticAnswer:
     """Displacements on a mesh."""
 
     mesh: Any
-    displacement: Floats
-    """Of the vertices, then of the middles of sides (m). Shape (nodes, 2)."""
-    energy: float
-    """Strain energy (J)."""
-    squares: Floats
-    """η² (J). Shape (triangles,)."""
+    displacement: Floats  # Of the vertices, then of the middles of sides (m). Shape (nodes, 2)
+    energy: float  # Strain energy (J)
+    squares: Floats  # η² (J). Shape (triangles,)
 
     @property
     def error_estimate(self) -> float:

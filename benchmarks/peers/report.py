@@ -25,8 +25,7 @@ from .problems import PROBLEMS
 
 PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "pypardiso")
 
-TARGETS = (1e-2, 1e-3, 2e-4)
-"""Largest errors at which times are compared."""
+TARGETS = (1e-2, 1e-3, 2e-4)  # Largest errors at which times are compared
 
 
 def environment() -> dict[str, str]:
@@ -101,10 +100,10 @@ def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
     target = 2e-4
     ours = cost_at(target, _of(plate, "multigrid"))
     theirs = {words: cost_at(target, _of(plate, name)) for name, words in PEERS.items()}
-    told = [f"{w} {t / ours:.2g} times as long" for w, t in theirs.items() if ours and t]
+    ratios_of_peers = [f"{w} {t / ours:.2g} times as long" for w, t in theirs.items() if ours and t]
     readme = (
         "On that plate, with the load spread over 20 mm, at a largest error of 2e-4, `solve` took "
-        f"{1e3 * (ours or 0.0):.0f} ms; {', '.join(told)} "
+        f"{1e3 * (ours or 0.0):.0f} ms; {', '.join(ratios_of_peers)} "
         "([how it was measured](docs/work-precision.md))."
     )
     return fill(readme, 100, break_on_hyphens=False), ratios(found)
@@ -112,8 +111,8 @@ def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
 
 def measured_on(conditions: dict[str, str]) -> str:
     """Name the machine and the versions."""
-    told = "; ".join(f"{name} {value}" for name, value in conditions.items())
-    return fill(f"Measured on: {told}.", 100, break_on_hyphens=False)
+    pairs = "; ".join(f"{name} {value}" for name, value in conditions.items())
+    return fill(f"Measured on: {pairs}.", 100, break_on_hyphens=False)
 
 
 def ratios(found: Sequence[Measurement]) -> str:

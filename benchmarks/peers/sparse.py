@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from kaju.arrays import Floats, Ints
-from kaju.factors import rigid_motions
+from kaju.factors import factors_of, rigid_motions
 
 Solver = Literal["pardiso", "superlu", "pyamg"]
 RESIDUAL = 1e-6
@@ -38,11 +38,7 @@ def solved(matrix: Any, right: Floats, places: Floats, solver: Solver) -> Floats
     if solver == "pardiso":
         return by_pardiso(matrix, right)
     if solver == "superlu":
-        from scipy.sparse.linalg import splu
-
-        options = {"SymmetricMode": True}
-        ordered = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": options}
-        return splu(matrix.tocsc(), **ordered).solve(right)
+        return factors_of(matrix).solve(right)
     import pyamg
 
     d = places.shape[1]

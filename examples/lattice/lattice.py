@@ -5,8 +5,6 @@ Run `run.py` for the pictures; MODEL.md tells what there is to see.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
@@ -15,33 +13,19 @@ from kaju import NetworkResult, SpringNetwork, solve
 from kaju.errors import SupportError
 from kaju.model.network import triangular
 
-FORCE = 0.1
-"""From above and from below (N), for springs of 1 N/m and 1 m."""
+FORCE = 0.1  # From above and from below (N), for springs of 1 N/m and 1 m
 
-SHAPES = ((5, 9), (9, 5), (17, 17))
-"""Nodes in a long row, and rows: tall, wide, and large."""
+SHAPES = ((5, 9), (9, 5), (17, 17))  # Nodes in a long row, and rows: tall, wide, and large
 
-NODES = (3, 5, 9, 17, 33)
-"""Rows of nodes that make up the same body, ever closer together."""
+NODES = (3, 5, 9, 17, 33)  # Rows of nodes that make up the same body, ever closer together
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """What is in the dough, and what it does to the springs.
+RECIPES = {"more water": 0.7, "plain": 1.0, "with salt": 1.3}
+"""What is in the dough, and the factor by which it changes the stiffness of the springs.
 
-    An assumption, to have something to compare: more water makes a noodle softer, salt makes it
-    firmer (it draws the gluten together). The factors are chosen, not measured.
-    """
-
-    name: str
-    stiffness: float
-
-
-RECIPES = (
-    Recipe("more water", 0.7),
-    Recipe("plain", 1.0),
-    Recipe("with salt", 1.3),
-)
+An assumption, to have something to compare: more water makes a noodle softer, salt makes it
+firmer (it draws the gluten together). The factors are chosen, not measured.
+"""
 
 
 def pressed(width: int, rows: int, stiffness: float = 1.0) -> NetworkResult:
@@ -68,20 +52,17 @@ def connections(network: SpringNetwork) -> NDArray[np.int64]:
 def free_motions(network: SpringNetwork) -> int:
     """Return in how many ways the nodes can move, all held ones let go, at no force.
 
-    By the numbers of the stiffness matrix of small displacements: K d dᵀ for each spring of
-    direction d, on the diagonal of both its nodes, and −K d dᵀ between them.
+    By the rank of the compatibility matrix, which has a row for each spring: how its length
+    grows with small displacements of its two nodes.
     """
-    count = network.positions.size
-    stiffness = np.zeros((count, count))
-    for (first, second), strength in zip(network.springs, network.stiffness, strict=True):
-        way = network.positions[first] - network.positions[second]
-        block = strength * np.outer(way, way) / float(way @ way)
-        one, other = (slice(2 * node, 2 * node + 2) for node in (first, second))
-        stiffness[one, one] += block
-        stiffness[other, other] += block
-        stiffness[one, other] -= block
-        stiffness[other, one] -= block
-    return int(count - np.linalg.matrix_rank(stiffness, hermitian=True))
+    first, second = network.springs.T
+    along = network.positions[second] - network.positions[first]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    growth = np.zeros((len(along), *network.positions.shape))
+    growth[np.arange(len(along)), first] = -along
+    growth[np.arange(len(along)), second] = along
+    rank = np.linalg.matrix_rank(growth.reshape(len(along), -1))
+    return int(network.positions.size - rank)
 
 
 def without_supports(width: int = 5) -> str:

@@ -68,15 +68,12 @@ def more_nodes(path: Path | None) -> dict[str, Any]:
         nodes = [told["nodes"] for told in found.values()]
         left.semilogx(nodes, [1e3 * told["tip"] for told in found.values()], "o-", color="#0b5394")
         right.loglog(nodes, [t["largest_strain"] for t in found.values()], "s-", color="#b2340b")
-        left.set_ylabel("tip gives by (mm)")
-        right.set_ylabel("largest strain of a spring")
-        left.set_ylim(bottom=0.0)
+        left.set(ylabel="tip gives by (mm)", ylim=(0.0, None))
+        right.set(ylabel="largest strain of a spring")
         for axes in (left, right):
             axes.set_xlabel("nodes of the same body")
             axes.grid(color="#dddddd", lw=0.5)
-        figure.tight_layout()
-        figure.savefig(path / "more_nodes.png", dpi=110)
-        plt.close(figure)
+        _save(figure, path / "more_nodes.png")
     return {str(rows): told for rows, told in found.items()}
 
 
@@ -88,11 +85,8 @@ def matrix(path: Path | None) -> dict[str, Any]:
         figure, axes = plt.subplots(figsize=(4.6, 4.8))
         axes.imshow(joined, cmap="Greys", interpolation="nearest")
         axes.set_title("Which nodes are joined: 1 is black", fontsize=10, loc="left")
-        axes.set_xlabel("node")
-        axes.set_ylabel("node")
-        figure.tight_layout()
-        figure.savefig(path / "matrix.png", dpi=110)
-        plt.close(figure)
+        axes.set(xlabel="node", ylabel="node")
+        _save(figure, path / "matrix.png")
     return {
         "nodes": len(joined),
         "springs": int(joined.sum()) // 2,
@@ -103,17 +97,23 @@ def matrix(path: Path | None) -> dict[str, Any]:
 
 def recipes(path: Path | None) -> dict[str, Any]:
     """Press lattices of softer and firmer springs, and draw how far they give."""
-    tips = {recipe.name: pressed(5, 5, recipe.stiffness) for recipe in RECIPES}
-    told = {name: round(result.largest_displacement()[1], 6) for name, result in tips.items()}
+    told = {
+        name: round(pressed(5, 5, stiffness).largest_displacement()[1], 6)
+        for name, stiffness in RECIPES.items()
+    }
     if path is not None:
         figure, axes = plt.subplots(figsize=(4.6, 3.2))
         axes.bar(list(told), [1e3 * tip for tip in told.values()], color="#c8963e", width=0.6)
         axes.set_ylabel("tip gives by (mm)")
         axes.set_title("Water and salt as spring constants (assumed)", fontsize=10, loc="left")
-        figure.tight_layout()
-        figure.savefig(path / "recipes.png", dpi=110)
-        plt.close(figure)
+        _save(figure, path / "recipes.png")
     return told
+
+
+def _save(figure: Any, path: Path) -> None:
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Any]:

@@ -4,8 +4,7 @@ import numpy as np
 
 from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene, ThreeElement
 
-SECONDS = 0.5
-"""A generation lasts so long."""
+SECONDS = 0.5  # A generation lasts so long
 ELEMENT = ThreeElement(K_f=1.0, D_f=2.0, D_d=40.0)
 """In units of the cell's own stiffness, so that K_f = 1 is Young's modulus."""
 

@@ -34,9 +34,8 @@ def force_over_time(bites: dict[str, Bite], path: Path) -> None:
     for name, bite in bites.items():
         upper.plot(bite.times, bite.force, color=COLOURS[name], label=name)
         lower.plot(bite.times, 1e3 * bite.dent, color=COLOURS[name])
-    upper.set_ylabel("force between the teeth (N)")
-    lower.set_ylabel("loss of height (mm)")
-    lower.set_xlabel("time (s)")
+    upper.set(ylabel="force between the teeth (N)")
+    lower.set(ylabel="loss of height (mm)", xlabel="time (s)")
     upper.set_ylim(top=1.35 * upper.get_ylim()[1])  # room for the legend over the curves
     upper.legend(frameon=False, loc="upper right", ncols=2)
     _save(figure, path)
@@ -68,10 +67,7 @@ def nodes_and_material(by_rows: dict[int, dict[str, Bite]], path: Path) -> None:
         stays = [100.0 * bite.dent[-1] / HEIGHT for bite in bites]
         right.plot(rows, stays, "o-", color=colour)
     for axes, label in ((left, "peak force (N)"), (right, "dent that stays (% of height)")):
-        axes.set_xlabel("rows of nodes")
-        axes.set_ylabel(label)
-        axes.set_ylim(bottom=0.0)
-        axes.set_xticks(rows)
+        axes.set(xlabel="rows of nodes", ylabel=label, ylim=(0.0, None), xticks=rows)
     left.legend(frameon=False, fontsize=8)
     _save(figure, path)
 
@@ -99,10 +95,8 @@ def _lattice(axes: Any, bite: Bite, record: int) -> None:
     network, moved = bite.network, bite.displacement[record]
     at = 1e3 * (network.positions + moved)
     strain = spring_geometry(network, moved).elongation / network.initial_length
-    lines = LineCollection(list(at[network.springs]), cmap="coolwarm", linewidths=1.2)
-    lines.set_array(strain)
-    lines.set_clim(-STRAIN_SHOWN, STRAIN_SHOWN)
-    axes.add_collection(lines)
+    look = {"cmap": "coolwarm", "clim": (-STRAIN_SHOWN, STRAIN_SHOWN), "linewidths": 1.2}
+    axes.add_collection(LineCollection(list(at[network.springs]), array=strain, **look))
     middle, half = float(1e3 * network.positions[:, 0].mean()), 0.5e3 * TOOTH
     if bite.force[record] > 0.0:
         for nodes, outward in zip(bitten(network), (1.0, -1.0), strict=True):
@@ -110,9 +104,8 @@ def _lattice(axes: Any, bite: Bite, record: int) -> None:
             teeth_x = [middle - half, middle + half, middle + 0.6 * half, middle - 0.6 * half]
             teeth_y = [edge, edge, edge + 0.9 * outward, edge + 0.9 * outward]
             axes.fill(teeth_x, teeth_y, color="0.75")
-    axes.set_xlim(at[:, 0].min() - 0.3, at[:, 0].max() + 0.3)
-    axes.set_ylim(-1.2, 1e3 * HEIGHT + 1.2)
-    axes.set_aspect("equal")
+    across = at[:, 0].min() - 0.3, at[:, 0].max() + 0.3
+    axes.set(xlim=across, ylim=(-1.2, 1e3 * HEIGHT + 1.2), aspect="equal")
     axes.set_axis_off()
 
 

@@ -8,8 +8,7 @@ from kaju import LoadModel, PrescribedRule, Scene, plot
 
 OUTER, INNER = 0.10, 0.07
 """Radii of the tyre's section (m), seen from behind."""
-WEIGHT = 300.0
-"""What the rim presses down (N), on the lower half of its ring."""
+WEIGHT = 300.0  # What the rim presses down (N), on the lower half of its ring
 
 
 def scene(sideways=0.0, cells=41):

@@ -40,7 +40,7 @@ def legend(ax):
     return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
-def test_every_agent_is_one_tile_in_the_colour_of_its_spawn_step():
+def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_step():
     ax = axes_of(plate(), "agents")
     assert len(drawn(ax, "material agents")) == 34
     assert len(drawn(ax, "free boundary agents")) == 4
@@ -48,18 +48,11 @@ def test_every_agent_is_one_tile_in_the_colour_of_its_spawn_step():
     assert sorted(part(ax, "material agents").get_array()) == sorted(plate().last.spawn_step)
     assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
     assert legend(ax) == ["steel", "rigid", "free boundary agent"]
-
-
-def test_agents_lie_where_their_cells_are():
-    tiles = drawn(axes_of(plate(), "agents"), "material agents")
-    centres = np.array([tile[:4].mean(axis=0) for tile in tiles])
+    centres = np.array([tile[:4].mean(axis=0) for tile in drawn(ax, "material agents")])
     expected = plate().scene.lattice.centres(plate().last.cells)
     order = [np.lexsort(points.round(9).T) for points in (centres, expected)]
     np.testing.assert_allclose(centres[order[0]], expected[order[1]], atol=1e-12)
-
-
-def test_the_applied_force_ends_on_the_face_it_presses():
-    (arrow,) = drawn(axes_of(plate(), "agents"), "forces")
+    (arrow,) = drawn(ax, "forces")  # it ends on the face it presses
     np.testing.assert_allclose(arrow[0], [0.105, 0.2])
     assert (arrow[:, 1] >= 0.2).all()
 
@@ -99,17 +92,14 @@ def test_a_run_in_which_nothing_happens_says_so():
     assert "nothing happens" in notes(axes_of(quiet, "stages", quantity_shown="displacement"))
 
 
-def test_the_magnification_is_round_and_stated():
-    ax = axes_of(plate(), "deformed")
+def test_the_deformed_grid_sinks_by_magnification_times_displacement():
+    """The magnification is round, and stated."""
+    result = plate()
+    by_hand = axes_of(result, "deformed", magnification=1234.0)
+    assert "×1\u202f234;" in notes(by_hand)
+    ax = axes_of(result, "deformed")
     assert "deformation shown ×1\u202f000\u202f000;" in notes(ax)
     assert len(drawn(ax, "moved")) == 400
-    by_hand = axes_of(plate(), "deformed", magnification=1234.0)
-    assert "×1\u202f234;" in notes(by_hand)
-
-
-def test_the_deformed_grid_sinks_by_magnification_times_displacement():
-    result = plate()
-    ax = axes_of(result, "deformed", magnification=1e6)
     lowest = min(tile[:, 1].min() for tile in drawn(ax, "moved"))
     assert lowest == 0.0
     top = max(drawn(ax, "moved"), key=lambda tile: tile[:4].mean(axis=0) @ [0.0, 1.0])
@@ -131,6 +121,8 @@ def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load():
     first = axes_of(result, "loads", generation=1)
     (arrow,) = drawn(first, "loads taken")
     assert arrow[0][1] < 0.195  # it points down from the middle of the loaded cell
+    with pytest.raises(ParameterError, match="1 to 8, got 9"):
+        axes_of(result, "loads", generation=9)
 
 
 def test_pulls_and_pushes_can_be_told_apart():
@@ -160,11 +152,6 @@ def test_agents_that_are_pulled_are_marked():
     assert len(drawn(ax, "pulled agents")) == pulled.sum() > 0
     assert "took more pulls than pushes" in legend(ax)
     assert "took more pulls than pushes" not in legend(axes_of(plate(), "agents"))
-
-
-def test_only_generations_that_were_can_be_shown():
-    with pytest.raises(ParameterError, match="1 to 8, got 9"):
-        axes_of(plate(), "loads", generation=9)
 
 
 def test_the_load_path_has_the_edges_of_the_graph():
@@ -227,20 +214,15 @@ def test_a_cut_shows_one_layer_and_says_which(cube):
     assert len(drawn(ax, "material agents")) == (cube.last.cells[:, 1] == 5).sum()
     assert "section at y = 550 mm" in notes(ax)
     assert ax.get_ylabel() == "z (m)"
-
-
-def test_a_plane_between_two_layers_shows_the_one_above():
+    # between two layers it shows the one above
     for place, layer in ((0.5, 5), (0.3, 3), (0.0, 0), (1.0, 9)):
         assert section_of(CUBE, cut={"y": place}).cut == (1, layer)
 
 
 @pytest.mark.parametrize("cut", [{"y": 1.01}, {"y": -0.1}, {"w": 1}, {"y": "a"}, {"x": 1, "y": 1}])
-def test_a_cut_must_lie_in_the_body(cube, cut):
+def test_a_cut_must_lie_in_a_body_of_cubes(cube, cut):
     with pytest.raises(ParameterError, match="cut"):
         plot(cube, "agents", cut=cut)
-
-
-def test_a_plane_body_cannot_be_cut():
     with pytest.raises(ParameterError, match="only bodies of cubes"):
         plot(plate(), "agents", cut={"y": 1})
 

@@ -17,7 +17,7 @@ from plates import plate
 
 import kaju
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
-from kaju.model.network.spring_lattices import triangular
+from kaju.model.network import triangular
 from kaju.view.deformed import loading
 
 COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}

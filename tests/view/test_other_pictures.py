@@ -9,7 +9,7 @@ from plates import plate
 
 from kaju import plot, solve
 from kaju.errors import ParameterError
-from kaju.model.network.spring_lattices import face_centred, triangular
+from kaju.model.network import face_centred, triangular
 from kaju.view import plot_all
 from kaju.view.style import arrow_polygons
 from kaju.view.units import Scale, grouped, quantity, round_down, scale_for, times

@@ -1,7 +1,5 @@
 """Films of stored runs: GIF, WebP, MP4, frames with alpha, GLB with morph targets, VTK series."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -43,10 +41,8 @@ def run() -> kaju.TransferResult:
 
 @pytest.fixture(scope="module")
 def cube() -> kaju.TransferResult:
-    rule = {"threshold": 0.05}
-    return kaju.LoadModel(
-        plate([3] * 3, [1, 1, 2], [0.0, 0.0, -1.0], material="oak", rule=rule)
-    ).run()
+    of = {"material": "oak", "rule": {"threshold": 0.05}}
+    return kaju.LoadModel(plate([3] * 3, [1, 1, 2], [0.0, 0.0, -1.0], **of)).run()
 
 
 def durations(path: Path) -> list[int]:
@@ -173,6 +169,7 @@ class Glb:
 
 
 def test_the_last_target_is_the_magnified_displacement(run, tmp_path) -> None:
+    """Of squares that are two triangles each."""
     glb = Glb(kaju.animate(run, tmp_path / "run.glb", magnification=5e4))
     assert glb.about["asset"]["extras"]["magnification"] == 5e4
     assert len(glb.rest()) == 6 * 5
@@ -182,10 +179,6 @@ def test_the_last_target_is_the_magnified_displacement(run, tmp_path) -> None:
     eps = 1e-9
     own = run.displacement_at(np.array([[eps, 0.04 - eps]]))[0]
     np.testing.assert_allclose(glb.targets()[-1][top, :2], 5e4 * own, rtol=1e-5, atol=1e-12)
-
-
-def test_squares_are_two_triangles_each(run, tmp_path) -> None:
-    glb = Glb(kaju.animate(run, tmp_path / "run.glb"))
     triangles = glb.rest()[glb.corners().reshape(-1, 3)][..., :2].astype(np.float64)
     a, b, c = triangles.transpose(1, 0, 2)
     area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])

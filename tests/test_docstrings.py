@@ -9,6 +9,11 @@ import kaju
 NAMES = [name for name in kaju.__all__ if not name.startswith("_")]
 
 
+def test_a_name_that_is_none_is_told():
+    with pytest.raises(AttributeError, match="no attribute 'Scnee'"):
+        _ = kaju.Scnee
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_example_of_a_public_name_runs(name):
     found = doctest.DocTestFinder(recurse=False).find(getattr(kaju, name), name, globs={})

@@ -4,28 +4,20 @@ import json
 
 import pytest
 from plates import plate
-from typer.testing import CliRunner
 
 from kaju import LoadModel, PrescribedRule, load_scene
-from kaju.__main__ import app
 from kaju.errors import ParameterError
-
-PLATE = plate([6, 6], [3, 5], rule=PrescribedRule(threshold=0.02)).to_toml()
 
 
 @pytest.fixture
 def scene(tmp_path):
     path = tmp_path / "plate.toml"
-    path.write_text(PLATE)
+    path.write_text(plate([6, 6], [3, 5], rule=PrescribedRule(threshold=0.02)).to_toml())
     return path
 
 
-def fit(*words):
-    return CliRunner().invoke(app, ["fit", *map(str, words)], catch_exceptions=False)
-
-
-def test_it_writes_the_fitted_scene_and_tells_what_it_gained(scene, tmp_path):
-    told = fit(scene, "--runs", 60, "--out", tmp_path, "--json")
+def test_it_writes_the_fitted_scene_and_tells_what_it_gained(typed, scene, tmp_path):
+    told = typed("fit", scene, "--runs", 60, "--out", tmp_path, "--json")
     assert told.exit_code == 0
     figures = json.loads(told.stdout)
     assert [row["quantity"] for row in figures["misfits"]] == ["displacement", "stress"]
@@ -34,20 +26,19 @@ def test_it_writes_the_fitted_scene_and_tells_what_it_gained(scene, tmp_path):
     assert list(fitted.rule.alpha) == figures["alpha"]
     assert fitted.rule.threshold == 0.02
     with pytest.raises(ParameterError, match="exists already"):
-        fit(scene, "--out", tmp_path)
+        typed("fit", scene, "--out", tmp_path)
 
 
-def test_it_comes_close_to_a_stored_result(scene, tmp_path):
+def test_it_comes_close_to_a_stored_result(typed, scene, tmp_path):
     made = load_scene(scene, {"rule.alpha": [0.3, 0.6, 0.15], "rule.beta": 0.9})
     stored = LoadModel(made).run().save(tmp_path / "made.npz")
-    told = fit(
-        scene, "--reference", stored, "--runs", 200, "--weigh", "displacement=1", "--out", tmp_path
-    )
+    options = ["--runs", 200, "--weigh", "displacement=1", "--out", tmp_path]
+    told = typed("fit", scene, "--reference", stored, *options)
     before, after = (float(word) for word in told.stdout.splitlines()[2].split()[-2:])
     assert after < 0.3 * before
 
 
 @pytest.mark.parametrize("weigh", ["stress", "stress=much", "pressure=1"])
-def test_wrong_weights_are_named(scene, weigh):
+def test_wrong_weights_are_named(typed, scene, weigh):
     with pytest.raises(ParameterError, match=r"weigh|quantity"):
-        fit(scene, "--weigh", weigh)
+        typed("fit", scene, "--weigh", weigh)

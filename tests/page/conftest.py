@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from live_pages import BrowserPage
 
+import kaju
 import kaju.view.page
 
 PAGE = Path(kaju.view.page.__file__).parent
@@ -71,27 +72,35 @@ class Opened(BrowserPage):
         )
         self.until("page?.drawn > 0 && (!page.touchable || page.over)")
 
-    def at(self, cell):
-        """Where a cell's middle is in the window."""
-        self.js("page.draw()")
-        box = self.tab.locator("canvas").first.bounding_box()
-        x, y = self.js(f"page.view.at(...page.view.centre({list(cell)}))")
-        return box["x"] + x, box["y"] + y
-
-    def click(self, cell):
-        self.tab.mouse.click(*self.at(cell))
+    def check_open_to_everybody(self, width, **options):
+        """No violation of what axe knows, nothing beside the window."""
+        axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+        found = axe.run(self.tab, **options)["violations"]
+        assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+        assert self.js("document.documentElement.scrollWidth") <= width
 
 
 @pytest.fixture
 def opened(chromium):
-    """Open a page: opened(path, width=..., height=..., dark=..., language=...)."""
-    contexts = []
+    """Open a page: opened(path, width=..., height=..., dark=..., language=...).
+
+    It asks for nothing but itself and says nothing to the console.
+    """
+    pages = []
 
     def open_page(path, **options):
-        page = Opened(chromium, Path(path), **options)
-        contexts.append(page.context)
-        return page
+        pages.append((Opened(chromium, Path(path), **options), Path(path).as_uri()))
+        return pages[-1][0]
 
     yield open_page
-    for context in contexts:
-        context.close()
+    for page, _ in pages:
+        page.context.close()
+    for page, address in pages:
+        assert page.messages == []
+        assert {request.partition("#")[0] for request in page.requests} == {address}
+
+
+@pytest.fixture
+def shown(opened, tmp_path):
+    """Open the page of something: shown(scene or model or result, options of its export)."""
+    return lambda of, **options: opened(kaju.export_page(of, tmp_path / "page.html", **options))

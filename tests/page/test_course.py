@@ -102,13 +102,8 @@ class ByKeys(ByMouse):
             assert at != key
             across = here is not None and here[0] != cell[0]
             more = here is not None and here[not across] < cell[not across]
-            press(
-                ("ArrowRight" if more else "ArrowLeft")
-                if across
-                else "ArrowUp"
-                if more
-                else "ArrowDown"
-            )
+            arrows = ("ArrowLeft", "ArrowRight") if across else ("ArrowDown", "ArrowUp")
+            press(arrows[more])
         press("Enter")
 
     def key(self, cell):
@@ -173,12 +168,9 @@ def hold(pupil, name):
             pupil.press(tab.locator(".foot button.main"))
     assert page.js("page.lesson.questions.every((q) => page.lesson.answered(q))")
     assert tab.locator(".steps .done").count() == len(STEPS) - 1
-    assert page.requests == [tab.url]
-    assert page.messages == []
     tab.reload()
     page.until("page?.drawn > 0")
     assert page.js("page.lesson.questions.every((q) => page.lesson.answered(q))")
-    assert page.messages == []
 
 
 @pytest.mark.parametrize("name", ORDER)

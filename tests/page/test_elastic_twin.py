@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from page_scenes import SIDES, described
 from plates import plate as pressed
 
 import kaju
 from kaju.errors import SceneError
-from kaju.view.page.scene_data import scene_data
 
 ANSWER = """
 import { elasticAnswer } from "./elastic.js";
@@ -37,12 +37,6 @@ MATERIALS = {
     "soft": {"youngs_modulus": 3e8, "poissons_ratio": 0.45},
     "foam": {"youngs_modulus": 5e7, "poissons_ratio": -0.2},
 }
-SIDES = ["left", "right", "bottom", "top"]
-
-
-def described(scene):
-    data, columns = scene_data(scene)
-    return {"scene": data, "cells": columns["cells"].ravel().tolist()}
 
 
 def random_scene(rng):
@@ -56,7 +50,7 @@ def random_scene(rng):
     if rng.random() < 0.3:
         kinds[:] = 1
     sides = {}
-    for name in SIDES:
+    for name in SIDES[2]:
         choice = rng.random()
         sides[name] = "free"
         if choice < 0.15:
@@ -75,7 +69,7 @@ def random_scene(rng):
         force = (rng.normal(size=2) * rng.choice([0.0, 1.0, 100.0], size=2)).tolist()
         load = {"cell": cell, "force": force}
         if rng.random() < 0.8:
-            load["side"] = str(rng.choice(SIDES))
+            load["side"] = str(rng.choice(SIDES[2]))
         if any(force):
             loads.append(load)
     return kaju.Scene(
@@ -151,26 +145,18 @@ def plate(cells, **changes):
 
 
 def test_large_and_nearly_incompressible_bodies_agree(node):
-    rubber = {"body": {"size": [0.2, 0.2], "cells": [40, 40], "material": "gum", "plane": "strain"}}
-    rubber |= {"materials": {"gum": {"youngs_modulus": 1e6, "poissons_ratio": 0.49}}}
-    rubber["body"] |= {"thickness": 0.002}
-    given = [plate(90), plate(40, **rubber)]
+    gum = {"youngs_modulus": 1e6, "poissons_ratio": 0.49}
+    given = [plate(90), plate(40, material="gum", plane="strain", materials={"gum": gum})]
     for scene, answer in zip(given, node(ANSWER, list(map(described, given))), strict=True):
         compare(scene, answer, within=1e-9)
 
 
 def test_a_body_held_by_nothing_is_refused_in_words(node):
-    answers = node(
-        ANSWER,
-        [
-            described(plate(6, sides={"left": "roller", "right": "roller"})),
-            described(kaju.load_scene("examples/honeycomb.toml")),
-            described(kaju.load_scene("examples/cube.toml")),
-        ],
-    )
-    assert "held by nothing" in answers[0]["error"]
-    assert "squares" in answers[1]["error"]
-    assert "squares" in answers[2]["error"]
+    loose = plate(6, sides={"left": "roller", "right": "roller"})
+    others = [kaju.load_scene(f"examples/{name}.toml") for name in ("honeycomb", "cube")]
+    refused = node(ANSWER, [described(scene) for scene in (loose, *others)])
+    for answer, word in zip(refused, ("held by nothing", "squares", "squares"), strict=True):
+        assert word in answer["error"]
 
 
 def test_iterations_do_not_grow_with_the_body(node):

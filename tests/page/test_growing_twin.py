@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from page_scenes import described
+from plates import plate
 
 import kaju
-from kaju.view.page.scene_data import scene_data
 
 GROW = """
 import { grown } from "./growing.js";
@@ -28,24 +29,17 @@ tell(spent);
 """
 
 
-def described(scene, rule="compliance", **growth):
-    data, columns = scene_data(scene)
+def growing(scene, rule="compliance", **growth):
+    told = described(scene)
     usual = {"rule": rule, "volume": 0.4, "radius": 1.8, "steps": 12, "at_rest": 0.0}
-    data["growth"] = usual | {"tolerance": 1e-10} | growth
-    return {"scene": data, "cells": columns["cells"].ravel().tolist()}
+    told["scene"]["growth"] = usual | {"tolerance": 1e-10} | growth
+    return told
 
 
-def model(told, scene, **options):
-    growth = told["scene"]["growth"]
-    return kaju.GrowthModel(
-        scene,
-        volume=growth["volume"],
-        filter_radius=growth["radius"],
-        most_steps=growth["steps"],
-        at_rest=growth["at_rest"],
-        tolerance=growth["tolerance"],
-        **options,
-    )
+def model(told, scene):
+    growth = dict(told["scene"]["growth"])
+    radius, steps = growth.pop("radius"), growth.pop("steps")
+    return kaju.GrowthModel(scene, filter_radius=radius, most_steps=steps, **growth)
 
 
 def bridge(nx=20, ny=9):
@@ -67,22 +61,16 @@ def bridge(nx=20, ny=9):
 
 
 def clamped(**changes):
-    return kaju.Scene(
-        **{
-            "body": {"cells": [16, 10], "cell_size": 0.01, "material": "steel", "plane": "strain"},
-            "sides": {"left": "rigid"},
-            "loads": [{"cell": [15, 4], "force": [0.0, -1.0]}],
-        }
-        | changes
-    )
+    usual = {"sides": {"left": "rigid"}, "plane": "strain"}
+    return plate([16, 10], [15, 4], [0.0, -1.0], **usual | changes)
 
 
 @pytest.mark.parametrize("scene", [bridge(), clamped()], ids=["bridge", "clamped"])
 @pytest.mark.parametrize("rule", ["compliance", "remodelling"])
 def test_every_step_is_that_of_kaju(node, scene, rule):
-    told = described(scene, rule, steps=12 if rule == "compliance" else 60)
+    told = growing(scene, rule, steps=12 if rule == "compliance" else 60)
     (steps,) = node(GROW, [told])
-    result = model(told, scene, rule=rule).run()
+    result = model(told, scene).run()
     assert [step["outcome"] for step in steps] == [""] * result.steps + ["end"]
     np.testing.assert_allclose([s["compliance"] for s in steps], result.compliances, rtol=1e-6)
     np.testing.assert_allclose([s["volume"] for s in steps], result.volumes, rtol=1e-6)
@@ -91,7 +79,7 @@ def test_every_step_is_that_of_kaju(node, scene, rule):
 
 
 def test_both_come_to_rest_at_the_same_step(node):
-    told = described(clamped(), at_rest=0.05, steps=100)
+    told = growing(clamped(), at_rest=0.05, steps=100)
     (steps,) = node(GROW, [told])
     result = model(told, clamped()).run()
     assert result.outcome.startswith("at rest")
@@ -100,7 +88,7 @@ def test_both_come_to_rest_at_the_same_step(node):
 
 
 def test_loose_equations_lose_hardly_any_compliance(node):
-    told = [described(clamped(), tolerance=t) for t in (1e-2, 1e-10)]
+    told = [growing(clamped(), tolerance=t) for t in (1e-2, 1e-10)]
     loose, tight = (steps[-1]["compliance"] for steps in node(GROW, told))
     assert loose == pytest.approx(tight, rel=1e-3)
 
@@ -108,15 +96,13 @@ def test_loose_equations_lose_hardly_any_compliance(node):
 def test_what_cannot_grow_is_refused_in_words(node):
     moved = clamped(sides={"left": "rigid", "right": {"displacement": [1e-6, 0.0]}}, loads=[])
     scenes = [clamped(loads=[]), moved, clamped(sides={"left": "roller"})]
-    refused = [steps["error"] for steps in node(GROW, [described(scene) for scene in scenes])]
+    refused = [steps["error"] for steps in node(GROW, [growing(scene) for scene in scenes])]
     assert ["without a load" in refused[0], "moved" in refused[1] or "load" in refused[1]] == [1, 1]
     assert "held by nothing" in refused[2]
 
 
 @pytest.mark.slow
 def test_a_step_of_2400_cells_takes_less_than_40_ms(node):
-    body = {"cells": [60, 40], "cell_size": 0.01, "material": "steel"}
-    scene = clamped(body=body, loads=[{"cell": [59, 20], "force": [0.0, -1.0]}])
-    spent = node(TIME, described(scene, steps=40, tolerance=1e-2))
-    print(f"{np.mean(spent[1:]):.1f} ms a step")
+    scene = plate([60, 40], [59, 20], [0.0, -1.0], sides={"left": "rigid"})
+    spent = node(TIME, growing(scene, steps=40, tolerance=1e-2))
     assert np.mean(spent[1:]) < 40.0

@@ -57,10 +57,8 @@ def test_a_model_that_has_not_begun_stays_so():
     model = LoadModel(Scene(**PLATE), material_agent=Leaky)
     header, columns = told(page_in(model._repr_html_()))
     assert (header["kind"], model.generation) == ("recorded", 0)
-    assert (
-        len(columns["offset"])
-        == 1 + LoadModel(model.scene, material_agent=Leaky).run().last.generations
-    )
+    run = LoadModel(model.scene, material_agent=Leaky).run()
+    assert len(columns["offset"]) == 1 + run.last.generations
     elastic = kaju.ElasticModel(Scene(**PLATE, rule={"kind": "elastic"}))
     assert told(page_in(elastic._repr_html_()))[0]["along"] == "step"
     assert elastic.generation == 0
@@ -86,14 +84,13 @@ def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium,
     document, _ = HTMLExporter().from_filename(str(saved))
     shown = tmp_path / "lesson.html"
     shown.write_text(document, encoding="utf-8")
-    context = chromium.new_context(offline=True)
-    tab = context.new_page()
-    tab.goto(shown.as_uri(), wait_until="domcontentloaded")
-    frame = tab.frame_locator("iframe[title=kaju]")
-    frame.locator(".count").get_by_text("Generation 8 of 8").wait_for()
-    frame.get_by_role("button", name="Back").first.click()
-    frame.locator(".count").get_by_text("Generation 7 of 8").wait_for()
-    context.close()
+    with chromium.new_context(offline=True) as context:
+        tab = context.new_page()
+        tab.goto(shown.as_uri(), wait_until="domcontentloaded")
+        frame = tab.frame_locator("iframe[title=kaju]")
+        frame.locator(".count").get_by_text("Generation 8 of 8").wait_for()
+        frame.get_by_role("button", name="Back").first.click()
+        frame.locator(".count").get_by_text("Generation 7 of 8").wait_for()
 
 
 def test_a_widget_answers_what_its_page_asks(monkeypatch):

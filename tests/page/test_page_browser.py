@@ -9,6 +9,7 @@ import pandas
 import pytest
 from page_scenes import Leaky
 from plates import PLATE
+from plates import plate as pressed
 
 import kaju
 from kaju import LoadModel, Scene
@@ -20,15 +21,6 @@ def plate(tmp_path_factory):
     return kaju.export_page(Scene(**PLATE), path, title="A plate")
 
 
-def test_a_page_asks_for_itself_only_and_says_nothing_to_the_console(opened, plate):
-    page = opened(plate)
-    page.tab.get_by_role("button", name="Play").click()
-    page.tab.wait_for_timeout(300)
-    assert page.requests == [plate.as_uri()]
-    assert page.messages == []
-    assert page.tab.title() == "A plate"
-
-
 def test_the_content_policy_lets_no_other_script_run(opened, plate):
     page = opened(plate)
     page.js(
@@ -37,16 +29,19 @@ def test_the_content_policy_lets_no_other_script_run(opened, plate):
     )
     assert page.js("globalThis.intruder") is None
     assert page.js("fetch('data:,x').then(() => 'fetched', () => 'refused')") == "refused"
+    page.messages.clear()
 
 
-def test_a_runnable_page_is_small_and_gives_the_reference_numbers(opened, plate):
+def test_a_runnable_page_is_small_asks_for_itself_and_gives_the_reference_numbers(opened, plate):
     assert plate.stat().st_size < 260_000
     page = opened(plate)
     assert page.js("[page.run.generation, page.run.agents]") == [8, 34]
-    assert page.tab.locator(".count").inner_text() == "Generation 8 of 8"
-    assert (
-        page.tab.locator(".verdict").inner_text().lower() == "every load ends within 8 generations"
-    )
+    assert page.text(".count") == "Generation 8 of 8"
+    assert page.text(".verdict").lower() == "every load ends within 8 generations"
+    page.press("Play")
+    page.tab.wait_for_timeout(300)
+    assert page.requests == [plate.as_uri()]
+    assert page.tab.title() == "A plate"
 
 
 class Stubborn(Leaky):
@@ -60,14 +55,11 @@ class Stubborn(Leaky):
         return 2.0 * super().shortening(axis) + 1e-9 * self.squeezed.get(axis, 0.0) ** 2
 
 
-def test_what_own_agents_did_is_known_at_every_generation(opened, tmp_path):
+def test_what_own_agents_did_is_known_at_every_generation(shown):
     """Their numbers, shape and load path are those of a model stopped there."""
-    plate = PLATE | {"sides": {"bottom": "rigid", "right": "roller"}}
-    plate["loads"] = [{"cell": [10, 19], "force": [1.5, -2.0]}]
-    scene = Scene(**plate)
-    page = opened(
-        kaju.export_page(LoadModel(scene, material_agent=Stubborn), tmp_path / "own.html")
-    )
+    loads = [{"cell": [10, 19], "force": [1.5, -2.0]}]
+    scene = Scene(**PLATE | {"sides": {"bottom": "rigid", "right": "roller"}, "loads": loads})
+    page = shown(LoadModel(scene, material_agent=Stubborn))
     model = LoadModel(scene, material_agent=Stubborn)
     for generation in (1, 4, 9):
         model.run(until=lambda model, g=generation: model.generation >= g)
@@ -91,20 +83,15 @@ def test_what_own_agents_did_is_known_at_every_generation(opened, tmp_path):
             np.testing.assert_allclose(told, wanted[awake], rtol=1e-6, atol=1e-7, err_msg=name)
         moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
         size = np.abs(result.displacement).max()
-        np.testing.assert_allclose(
-            np.transpose(moved), result.displacement[awake], atol=1e-6 * size
-        )
+        wanted = result.displacement[awake]
+        np.testing.assert_allclose(np.transpose(moved), wanted, atol=1e-6 * size)
     page.js("(page.seek(4), page.look.deformed = true, page.draw())")
-    assert "magnified" in page.tab.locator(".cap").first.inner_text()
-    late = opened(
-        kaju.export_page(LoadModel(scene, material_agent=Stubborn).run(), tmp_path / "r.html")
-    )
+    assert "magnified" in page.text(".cap")
+    late = shown(LoadModel(scene, material_agent=Stubborn).run())
     story = f"page.storyOf({keys[0]})"
     assert late.js(f"(page.seek(4), {story}.passed)") is None
-    assert late.js(f"(page.seek(Infinity), {story}.kept)") == pytest.approx(
-        np.abs(model.run().last.kept[0]).sum(), rel=1e-6
-    )
-    assert [*page.messages, *late.messages] == []
+    kept = np.abs(model.run().last.kept[0]).sum()
+    assert late.js(f"(page.seek(Infinity), {story}.kept)") == pytest.approx(kept, rel=1e-6)
 
 
 def test_scrubbing_shows_what_playing_shows(opened, plate):
@@ -121,28 +108,21 @@ def test_scrubbing_shows_what_playing_shows(opened, plate):
         assert page.js(picture) == played[generation]
 
 
-def test_clicked_agents_tell_the_numbers_of_the_table(opened, tmp_path):
+def test_clicked_agents_tell_the_numbers_of_the_table(shown):
     """With a finer threshold, and a wall that gives loads back."""
     wall = PLATE | {"sides": {"bottom": "rigid", "right": "rigid"}}
     wall["loads"] = [{"cell": [16, 19], "force": [0.4, -2.0]}]
     scene = Scene(**wall, rule={"kind": "prescribed", "threshold": 0.001})
     result = LoadModel(scene).run()
-    page = opened(kaju.export_page(scene, tmp_path / "wall.html"))
+    page = shown(scene)
     table = result.to_dataframe()
     for row, agent in table.iloc[:: len(table) // 12].iterrows():
-        check_story(page, agent, result.last, row)
-
-
-def check_story(page, agent, stage, row):
-    """Click an agent; what its story tells is what the table says of it."""
-    page.click((agent.cell_x, agent.cell_y))
-    page.js("page.draw()")
-    told = page.tab.locator(".story data").evaluate_all("list => list.map(d => Number(d.value))")
-    taken = [agent[f"taken_{name}"] for name in ("-x", "+x", "-y", "+y")]
-    expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
-    expected += [*(p for p in stage.passed[row] if p), agent.dropped]
-    assert told[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
-    assert f"in generation {agent.spawn_step} by" in page.tab.locator(".story").inner_text()
+        page.click((agent.cell_x, agent.cell_y))
+        taken = [agent[f"taken_{name}"] for name in ("-x", "+x", "-y", "+y")]
+        expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
+        expected += [*(p for p in result.last.passed[row] if p), agent.dropped]
+        assert page.told()[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
+        assert f"in generation {agent.spawn_step} by" in page.text(".story")
 
 
 def saved(page, tmp_path, name):
@@ -180,7 +160,6 @@ def test_pictures_films_and_tables_are_taken_away(opened, plate, tmp_path):
     for column in ("taken_-x", "taken_+x", "taken_-y", "taken_+y", "dropped"):
         np.testing.assert_allclose(table[column], wanted[column], rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(table["kept"], 0.5 * wanted.filter(like="taken_").sum(axis=1))
-    assert page.messages == []
 
 
 def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
@@ -205,40 +184,32 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
     assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-12)
 
 
-def test_a_cube_that_is_clicked_is_the_foremost_that_is_shown(opened, tmp_path):
-    body = {"size": [0.04, 0.04, 0.04], "cells": [4, 4, 4], "material": "steel"}
-    loads = [{"side": "top", "force": [0.0, 0.0, -50.0]}]
-    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=loads)
-    page = opened(kaju.export_page(scene, tmp_path / "cubes.html"))
+def test_a_cube_that_is_clicked_is_the_foremost_that_is_shown(shown):
+    page = shown(pressed([4] * 3, None, loads=[{"side": "top", "force": [0.0, 0.0, -50.0]}]))
     page.js("page.look.cut.axis = -1")
     for cell in ((2, 1, 3), (1, 2, 3)):
-        page.js("page.draw()")
-        box = page.tab.locator("canvas").first.bounding_box()
-        x, y = page.js(f"page.view.point([{cell[0]} + 0.5, {cell[1]} + 0.5, 4])")  # its top
-        page.tab.mouse.click(box["x"] + x, box["y"] + y)
+        x, y = page.spot(f"page.view.point([{cell[0]} + 0.5, {cell[1]} + 0.5, 4])")  # its top
+        page.tab.mouse.click(x, y)
         assert page.js("page.run.lattice.cell(page.picked)") == list(cell)
     picked = page.js("page.picked")
     page.tab.mouse.down()
-    page.tab.mouse.move(box["x"] + x + 60, box["y"] + y)
+    page.tab.mouse.move(x + 60, y)
     page.tab.mouse.up()
     assert page.js("page.picked") == picked  # turned, not clicked
 
 
-def test_presets_load_by_one_click_and_everything_goes_back(opened, plate, tmp_path):
+def test_presets_load_by_one_click_and_everything_goes_back(opened, shown, plate):
     page = opened(plate)
-    page.tab.get_by_role("button", name="A finer threshold").click()
+    page.press("A finer threshold", exact=False)
     page.until("page.run.generation === 11 && page.run.agents === 85")
-    page.tab.get_by_role("button", name="Make it blow up").click()
+    page.press("Make it blow up", exact=False)
     page.until("page.run.grown")
     assert "bad" in page.tab.locator(".verdict").get_attribute("class")
-    page.tab.get_by_role("button", name="As it was").click()
+    page.press("As it was", exact=False)
     page.until("page.run.generation === 8 && page.run.agents === 34")
     hole = Scene(**PLATE).with_region(disk={"centre": [0.1, 0.1], "radius": 0.03})
-    own = kaju.export_page(
-        Scene(**PLATE), tmp_path / "own.html", presets={"A hole": (hole, "Where does it go?")}
-    )
-    page = opened(own)
-    page.tab.get_by_role("button", name="A hole").click()
+    page = shown(Scene(**PLATE), presets={"A hole": (hole, "Where does it go?")})
+    page.press("A hole", exact=False)
     assert page.js("page.run.kinds[page.run.lattice.key([10, 10])]") == -1
 
 
@@ -248,7 +219,7 @@ def test_the_certificate_turns_red_at_once(opened, plate):
     assert "bad" in page.tab.locator(".verdict").get_attribute("class")
     expected = kaju.stability(Scene(**PLATE, rule={"kind": "prescribed", "accumulate": True}))
     told = expected.verdict.replace(" (accumulate = false)", "")
-    assert page.tab.locator(".verdict").inner_text().lower() == told.lower()
+    assert page.text(".verdict").lower() == told.lower()
     slider = page.tab.get_by_role("slider", name="α₂ passed ahead")
     milliseconds = page.js(
         "await (async () => { const s = [...page.root.querySelectorAll('input[type=range]')]"
@@ -261,23 +232,16 @@ def test_the_certificate_turns_red_at_once(opened, plate):
     assert milliseconds < 250
 
 
-EVERYBODY = [
-    (1280, False, "ja-JP"),
-    (420, True, "de-DE"),
-    *(
-        pytest.param(*window, marks=pytest.mark.slow)
-        for window in itertools.product((1280, 420), (False, True), ("en-GB", "de-DE", "ja-JP"))
-    ),
-]
+SLOW = itertools.product((1280, 420), (False, True), ("en-GB", "de-DE", "ja-JP"))
+EVERYBODY = [(1280, False, "ja-JP"), (420, True, "de-DE")]
+EVERYBODY += [pytest.param(*window, marks=pytest.mark.slow) for window in SLOW]
+HEIGHT = {1280: 720, 420: 800}
 
 
 @pytest.mark.parametrize(("width", "dark", "language"), EVERYBODY)
 def test_the_page_is_open_to_everybody(opened, plate, width, dark, language):
-    height = {1280: 720, 420: 800}[width]
-    page = opened(plate, width=width, height=height, dark=dark, language=language)
-    for tab in page.tab.get_by_role("tab").all():
-        tab.click()
-        check_open_to_everybody(page, width)
+    page = opened(plate, width=width, height=HEIGHT[width], dark=dark, language=language)
+    check_every_tab(page, width)
 
 
 @pytest.mark.parametrize(
@@ -288,44 +252,36 @@ def test_recorded_pages_are_open_to_everybody(opened, tmp_path, width, dark):
     spawned = kaju.SpawningModel(Scene(**PLATE), tolerance=0.3)
     for name, of in {"own": own, "spawned": spawned}.items():
         path = kaju.export_page(of, tmp_path / f"{name}.html", title="Kept", text="What is it?")
-        page = opened(path, width=width, height={1280: 720, 420: 800}[width], dark=dark)
+        page = opened(path, width=width, height=HEIGHT[width], dark=dark)
         box = page.tab.locator("canvas").first.bounding_box()
         page.tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.3 * box["height"])
-        for tab in page.tab.get_by_role("tab").all():
-            tab.click()
-            check_open_to_everybody(page, width)
+        check_every_tab(page, width)
 
 
-def check_open_to_everybody(page, width):
+CLIPPED = """[...page.root.querySelectorAll('button, select, label, h1, .verdict')]
+  .filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth)
+  .map((e) => e.outerHTML.slice(0, 80))"""
+
+
+def check_every_tab(page, width):
     """No violation of WCAG A and AA, nothing clipped, nothing beside the window."""
-    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
-    rules = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
-    found = axe.run(page.tab, options={"runOnly": rules})["violations"]
-    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
-    assert page.js("document.documentElement.scrollWidth") <= width
-    clipped = page.js(
-        "[...page.root.querySelectorAll('button, select, label, h1, .verdict')]"
-        ".filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth)"
-        ".map((e) => e.outerHTML.slice(0, 80))"
-    )
-    assert clipped == []
+    for tab in page.tab.get_by_role("tab").all():
+        tab.click()
+        rules = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+        page.check_open_to_everybody(width, options={"runOnly": rules})
+        assert page.js(CLIPPED) == []
 
 
-def test_the_command_writes_a_page_of_a_scene_and_of_a_result(tmp_path, pytestconfig):
-    from typer.testing import CliRunner
-
-    from kaju.__main__ import app
-
-    scene = str(pytestconfig.rootpath / "examples" / "plate.toml")
-    run = CliRunner().invoke
+def test_the_command_writes_a_page_of_a_scene_and_of_a_result(typed, tmp_path, pytestconfig):
+    scene = pytestconfig.rootpath / "examples" / "plate.toml"
     page = tmp_path / "plate.html"
-    assert run(app, ["page", scene, "--out", str(page)]).exit_code == 0
+    assert typed("page", scene, "--out", page).exit_code == 0
     assert "<title>Plate</title>" in page.read_text()
-    again = run(app, ["page", scene, "--out", str(page)])
-    assert "exists already" in str(again.exception)
+    with pytest.raises(kaju.KajuError, match="exists already"):
+        typed("page", scene, "--out", page)
     LoadModel(Scene(**PLATE)).run().save(tmp_path / "result.npz")
-    of_result = ["page", str(tmp_path), "--out", str(tmp_path / "r.html"), "--title", "Mine"]
-    assert run(app, of_result).exit_code == 0
+    of_result = ["--out", tmp_path / "r.html", "--title", "Mine"]
+    assert typed("page", tmp_path, *of_result).exit_code == 0
     assert "<title>Mine</title>" in (tmp_path / "r.html").read_text()
 
 

@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from page_scenes import described, random_scenes
 from plates import PLATE
 
 import kaju
@@ -16,12 +17,11 @@ def scene():
 
 
 @pytest.fixture
-def twin(opened, scene, tmp_path):
-    page = opened(kaju.export_page(scene, tmp_path / "plate.html"))
-    page.tab.get_by_role("button", name="Elasticity").click()
+def twin(shown, scene):
+    page = shown(scene)
+    page.press("Elasticity")
     page.until("page.elastic.answer")
-    yield page
-    assert page.messages == []
+    return page
 
 
 def both(page, show):
@@ -42,34 +42,31 @@ def test_both_answers_are_drawn_with_one_quantity_scale_and_magnification(twin):
             assert rule["quantity"] == name
             told = twin.js("page.twin.line.textContent")
             assert (f"{rule['factor']:,}".replace(",", " ") in told) == (shape == "true")
-    twin.tab.get_by_role("button", name="Side by side").click()
+    twin.press("Side by side")
     rule, elastic = both(twin, "move")
     assert rule["factor"] == elastic["factor"] > 0
 
 
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_both_ways_of_looking_are_open_to_everybody(opened, scene, tmp_path, dark):
-    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
     path = kaju.export_page(scene, tmp_path / "plate.html")
     page = opened(path, width=768, dark=dark, language="de-DE")
     for mode in ("twin", "cuts"):
         page.js(f"page.setMode('{mode}')")
         page.until("page.elastic.answer")
         page.js("page.draw()")
-        found = axe.run(page.tab)["violations"]
-        assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
-        assert page.js("document.documentElement.scrollWidth") <= 768
+        page.check_open_to_everybody(768)
 
 
-def fields(result, axis=1):
+def fields(result):
     """Squeezes along and across (N) of every cell of an answer."""
     lattice = result.scene.lattice
     cells = np.argwhere(np.ones(lattice.shape, dtype=bool))
     stress = result.stress_at(lattice.centres(cells))
     area = lattice.cell_size * result.scene.thickness
     return cells, {
-        "along": -stress[:, axis, axis] * area,
-        "across": -stress[:, 1 - axis, 1 - axis] * area,
+        "along": -stress[:, 1, 1] * area,
+        "across": -stress[:, 0, 0] * area,
         "stress": np.abs(np.diagonal(stress, axis1=1, axis2=2)).max(axis=1),
     }
 
@@ -81,7 +78,7 @@ def test_the_ruler_reads_what_python_reads(twin, scene):
         for show in ("along", "across", "stress"):
             both(twin, show)
             for axis, at in ((0, 16), (1, 10)):
-                twin.js(f"(page.look.twin.ruler = {{ axis: {axis}, at: {at} }})")
+                twin.js(f"page.look.twin.ruler = {{ axis: {axis}, at: {at} }}")
                 twin.js("(page.refresh(), page.draw())")
                 data = read_csv(twin)
                 column = next(k for k in data[0] if k.startswith(name))
@@ -99,7 +96,7 @@ def read_csv(page, name="Save CSV"):
         " URL.createObjectURL = (blob) => { blob.text().then((text) => { page.handed = text; });"
         " URL.createObjectURL = url; return url(blob); }; })()"
     )
-    page.tab.get_by_role("button", name=name, exact=True).click()
+    page.press(name)
     page.until("page.handed")
     return list(csv.DictReader(page.js("page.handed").splitlines()))
 
@@ -138,8 +135,8 @@ def test_what_has_the_focus_keeps_it_when_a_bar_is_built_anew(twin):
 
 
 def test_the_divider_moves_after_an_undo(twin):
-    twin.tab.get_by_role("button", name="Shape", exact=True).click()
-    twin.tab.get_by_role("button", name="Undo", exact=True).click()
+    twin.press("Shape")
+    twin.press("Undo")
     assert not twin.js("page.look.deformed")
     for key, split in (("Home", 0), ("ArrowRight", 1), ("End", 20)):
         twin.tab.locator(".divider").press(key)
@@ -154,8 +151,8 @@ def test_what_a_lesson_does_not_say_of_the_twin_is_as_usual(twin):
     assert twin.js("page.twin.handle.hidden") is False
 
 
-def test_from_one_field_of_a_load_to_the_next(opened, scene, tmp_path):
-    page = opened(kaju.export_page(scene, tmp_path / "plate.html"))
+def test_from_one_field_of_a_load_to_the_next(shown, scene):
+    page = shown(scene)
     page.tab.get_by_role("tab", name="Draw").click()
     page.tab.locator("canvas").first.focus()
     page.tab.keyboard.press("l")
@@ -167,24 +164,18 @@ def test_from_one_field_of_a_load_to_the_next(opened, scene, tmp_path):
     assert page.js("page.scene.loads[0].force[0]") > 0.0
     assert angle.input_value() == "-89°"
     strength.fill("1 N")
-    page.tab.get_by_role("button", name="Delete this load").click()
+    page.press("Delete this load")
     assert page.js("page.scene.loads") == []
-    assert page.messages == []
 
 
 def test_half_widths_lie_where_straight_lines_fall_to_half(node):
-    told = node(
-        'import { halfWidth } from "./answer.js";'
-        "tell(data.map(([at, values]) => halfWidth(at, values)));",
-        [
-            [[0, 1, 2, 3, 4], [0, 2, 4, 1, 0]],  # falls to 2 at 1 and at 2 + 2/3
-            [[0, 1, 2], [3, 4, 3]],  # nowhere
-            [[0, 1], [0, 0]],
-        ],
-    )
-    assert (told[0]["low"], told[0]["high"]) == pytest.approx((1.0, 2.0 + 2.0 / 3.0))
-    assert told[0]["width"] == pytest.approx(0.5 * (1.0 + 2.0 / 3.0))
-    assert told[1:] == [None, None]
+    falls = [[0, 1, 2, 3, 4], [0, 2, 4, 1, 0]]  # to 2 at 1 and at 2 + 2/3
+    nowhere = [[0, 1, 2], [3, 4, 3]]
+    script = 'import { halfWidth } from "./answer.js"; tell(data.map((line) => halfWidth(...line)))'
+    told, *others = node(script, [falls, nowhere, [[0, 1], [0, 0]]])
+    assert (told["low"], told["high"]) == pytest.approx((1.0, 2.0 + 2.0 / 3.0))
+    assert told["width"] == pytest.approx(0.5 * (1.0 + 2.0 / 3.0))
+    assert others == [None, None]
 
 
 BODIES = {
@@ -202,10 +193,10 @@ BODIES = {
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_cuts_are_those_of_python(name, opened, tmp_path):
+def test_cuts_are_those_of_python(name, shown):
     scene = Scene(**PLATE | BODIES[name])
-    page = opened(kaju.export_page(scene, tmp_path / "body.html"))
-    page.tab.get_by_role("button", name="Equilibrium").click()
+    page = shown(scene)
+    page.press("Equilibrium")
     page.until("page.elastic.answer")
     rows = read_csv(page, "CSV")
     numbers = {k: np.array([float(row[k] or "nan") for row in rows]) for k in rows[0]}
@@ -215,7 +206,6 @@ def test_cuts_are_those_of_python(name, opened, tmp_path):
     np.testing.assert_allclose(numbers["rule (N)"], rule.carried, atol=1e-12 * load)
     np.testing.assert_allclose(numbers["needed (N)"], rule.balance, atol=1e-12 * load)
     np.testing.assert_allclose(numbers["elasticity (N)"], elastic.carried, atol=2e-12 * load)
-    assert page.messages == []
 
 
 LEDGER = """
@@ -225,16 +215,8 @@ tell(data.map(({ scene, cells }) => new Twin(scene, Int16Array.from(cells)).run(
 
 
 def test_every_newton_along_the_load_is_on_its_way_ended_or_handed_over(node):
-    from page_scenes import random_scenes
-
-    from kaju.view.page.scene_data import scene_data
-
     scenes = [scene for scene, _ in random_scenes(40, seed=11)]
-    given = []
-    for scene in [Scene(**PLATE), *scenes]:
-        data, columns = scene_data(scene)
-        given.append({"scene": data, "cells": columns["cells"].ravel().tolist()})
-    plate, *others = node(LEDGER, given)
+    plate, *others = node(LEDGER, [described(scene) for scene in [Scene(**PLATE), *scenes]])
     assert [row["way"] for row in plate["rows"]] == pytest.approx(
         [2.0, 2.0, 2.0, 2.0, 1.875, 1.0, 0.21875, 0.015625, 0.0]
     )
@@ -246,20 +228,19 @@ def test_every_newton_along_the_load_is_on_its_way_ended_or_handed_over(node):
 
 
 def test_the_part_with_the_load_says_what_is_missing(twin):
-    twin.tab.get_by_role("button", name="Equilibrium").click()
+    twin.press("Equilibrium")
     twin.js("page.draw()")
-    text = twin.tab.locator(".cards").inner_text()
+    text = twin.text(".cards")
     assert "does not keep equilibrium" in text
     assert "687.5 mN hold it up" in text
     assert "1.313 N missing" in text
     twin.tab.locator("canvas").first.focus()
     twin.tab.keyboard.press("Shift+ArrowUp")
     twin.js("page.draw()")
-    assert "1 N hold it up" in twin.tab.locator(".cards").inner_text()
-    x, y = twin.at((2, 17))
-    twin.tab.mouse.move(x, y)
+    assert "1 N hold it up" in twin.text(".cards")
+    twin.tab.mouse.move(*twin.at((2, 17)))
     twin.tab.mouse.down()
     twin.tab.mouse.move(*twin.at((2, 14)))
     twin.tab.mouse.up()
     twin.js("page.draw()")
-    assert "125 mN hold it up" in twin.tab.locator(".cards").inner_text()
+    assert "125 mN hold it up" in twin.text(".cards")

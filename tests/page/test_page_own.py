@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_scenes import Leaky
+from page_scenes import Leaky, described
 from plates import plate as pressed
 
 import kaju
@@ -20,7 +20,6 @@ from kaju.view.page.export import packed_page
 from kaju.view.page.live import LiveRun, scene_from
 from kaju.view.page.own import acting_controls
 from kaju.view.page.packing import unpack
-from kaju.view.page.scene_data import scene_data
 
 
 def plate(**given):
@@ -86,16 +85,18 @@ def first_only(waiting):
     return waiting[:1]
 
 
-OWN = {
-    **{
-        kind.__name__: {"material_agent": kind}
-        for kind in (Greedy, Leaky, Narrow, Soft, Calm, Curious)
-    },
-    **{kind.__name__: {"boundary_agents": {"free": kind}} for kind in (Absorbing, Weak, Mirror)},
-    "Sand": {"boundary_agents": {"rigid": Sand}},
-    "Ice": {"boundary_agents": {"roller": Ice}},
-    "first_only": {"order": first_only},
-}
+AGENTS = (Greedy, Leaky, Narrow, Soft, Calm, Curious)
+BOUNDARIES = {Absorbing: "free", Weak: "free", Mirror: "free", Sand: "rigid", Ice: "roller"}
+OWN = {kind.__name__: {"material_agent": kind} for kind in AGENTS}
+OWN |= {own.__name__: {"boundary_agents": {kind: own}} for own, kind in BOUNDARIES.items()}
+OWN["first_only"] = {"order": first_only}
+
+
+def check_own(page, name, head):
+    """Of whom a page says that its agents are, with their source."""
+    assert page.text(".mode") == f"a recorded run · agents of your own: {name}"
+    page.tab.get_by_role("tab", name="Source").click()
+    assert head in page.text("pre")
 
 
 @pytest.mark.parametrize("name", OWN)
@@ -110,19 +111,16 @@ def test_what_is_overridden_is_recorded_and_named(name):
 
 
 @pytest.mark.parametrize("name", ["Soft", "Ice", "first_only"])
-def test_a_page_moves_cells_as_python_does(name, opened, tmp_path):
+def test_a_page_moves_cells_as_python_does(name, shown):
     model = LoadModel(plate(), **OWN[name])
-    page = opened(kaju.export_page(model, tmp_path / "own.html", exact=True))
-    assert page.tab.locator(".mode").inner_text() == f"a recorded run · agents of your own: {name}"
-    page.tab.get_by_role("tab", name="Source").click()
-    assert f" {name}(" in page.tab.locator("pre").inner_text()
+    page = shown(model, exact=True)
+    check_own(page, name, f" {name}(")
     result = model.again(model.scene).run()
     page.js("page.seek(Infinity)")
     keys = result.scene.lattice.key(result.last.cells).tolist()
     moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
     size = np.abs(result.displacement).max()
     np.testing.assert_allclose(np.transpose(moved), result.displacement, atol=1e-12 * size)
-    assert page.messages == []
 
 
 def test_what_overrides_nothing_is_the_standard_rule():
@@ -130,17 +128,18 @@ def test_what_overrides_nothing_is_the_standard_rule():
     assert "own" not in unpack(packed_page(LoadModel(plate())))[0]
 
 
-@pytest.mark.parametrize(
-    ("agent", "acting"),
-    [
-        (MaterialAgent, ["alpha1", "alpha2", "alpha3", "beta", "nu", "modulus", "gamma"]),
-        (Leaky, ["alpha1", "beta", "nu", "modulus", "gamma"]),
-        (Narrow, ["alpha1", "alpha2", "beta", "nu", "modulus", "gamma"]),
-    ],
-)
-def test_controls_that_do_nothing_are_not_offered(agent, acting):
+ACTING = {
+    MaterialAgent: ["alpha1", "alpha2", "alpha3"],
+    Leaky: ["alpha1"],
+    Narrow: ["alpha1", "alpha2"],
+}
+
+
+@pytest.mark.parametrize("agent", ACTING)
+def test_controls_that_do_nothing_are_not_offered(agent):
     found = acting_controls(LoadModel(plate(), engine="agents", material_agent=agent))
-    assert [name for name in found if name not in ("accumulate", "sense")] == acting
+    acting = [name for name in found if name not in ("accumulate", "sense")]
+    assert acting == [*ACTING[agent], "beta", "nu", "modulus", "gamma"]
 
 
 def test_a_live_page_is_told_whose_agents_and_which_controls():
@@ -163,15 +162,15 @@ def test_three_hundred_materials_keep_their_numbers(node, tmp_path):
         loads=[{"cell": [count - 1, 0], "force": [0.0, -1.0]}],
         rule={"kind": "prescribed", "threshold": 0.01},
     )
-    data, columns = scene_data(scene)
-    cells = columns["cells"].ravel()
+    told = described(scene)
+    data, cells = told["scene"], told["cells"]
     assert sorted(cells) == list(range(count))
-    np.testing.assert_array_equal(scene_from(data, cells).rasterise(), scene.rasterise())
+    np.testing.assert_array_equal(scene_from(data, np.array(cells)).rasterise(), scene.rasterise())
     kind, toml = node(
         'import { Twin } from "./rule.js"; import { tomlOf } from "./scene.js";'
         "const run = new Twin(data.scene, Int16Array.from(data.cells)).run();"
         "tell([run.kinds[run.lattice.key([299, 0])], tomlOf(data.scene, data.cells)]);",
-        {"scene": data, "cells": cells.tolist()},
+        told,
     )
     assert kind == count - 1
     (tmp_path / "many.toml").write_text(toml, encoding="utf-8")
@@ -213,10 +212,8 @@ def last_only(waiting):
     return waiting[-1:]
 
 
-FACES = {
-    **{kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Narrowed, Twice)},
-    "last_only": {"order": last_only},
-}
+FACES = {kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Narrowed, Twice)}
+FACES["last_only"] = {"order": last_only}
 
 
 def faces(**own):
@@ -243,12 +240,9 @@ def test_faces_of_ones_own_are_named_and_move_as_they_did(name, begun):
     np.testing.assert_allclose(left, abs(agents.left), rtol=1e-5, atol=1e-9)
 
 
-def test_a_page_says_whose_faces_it_shows(opened, tmp_path):
+def test_a_page_says_whose_faces_it_shows(shown):
     assert "own" not in unpack(packed_page(faces()))[0]
-    page = opened(kaju.export_page(faces(face_agent=Stiff), tmp_path / "own.html"))
-    assert page.tab.locator(".mode").inner_text() == "a recorded run · agents of your own: Stiff"
-    page.tab.get_by_role("tab", name="Source").click()
-    assert "class Stiff(FaceAgent)" in page.tab.locator("pre").inner_text()
+    page = shown(faces(face_agent=Stiff))
+    check_own(page, "Stiff", "class Stiff(FaceAgent)")
     for word in ("Elasticity", "Equilibrium"):
         assert not page.tab.get_by_role("button", name=word, exact=True).count()
-    assert page.messages == []

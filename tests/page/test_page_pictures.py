@@ -1,9 +1,11 @@
 """Runs that are replayed as pictures: what is shown is what was computed."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 import kaju
 from kaju import ElasticModel, History, LoadModel, Scene, SpawningModel, ThreeElement, creep, solve
@@ -13,26 +15,27 @@ from kaju.view.page.export import packed_page
 from kaju.view.page.motion_data import motion_data
 from kaju.view.page.packing import unpack
 
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [5, 9], "force": [0.0, -2.0]}],
-}
+
+def plate(force=(0.0, -2.0), **changes):
+    return pressed([10, 10], [5, 9], force, size=[0.2, 0.2], thickness=0.002, **changes)
 
 
+@cache
 def elastic_agents():
     rule = {"kind": "elastic", "order": "wave", "threshold": 0.02}
-    return ElasticModel(Scene(**PLATE, rule=rule)).run()
+    return ElasticModel(plate(rule=rule)).run()
 
 
 def spawned():
-    return SpawningModel(Scene(**PLATE), tolerance=0.1).run()
+    return SpawningModel(plate(), tolerance=0.1).run()
 
 
+@cache
 def network():
     return triangular(5, force=0.2).load_in_increments(10)
 
 
+@cache
 def noodle():
     history = History().ramp(1.0, 1.0).hold(2.0).release().hold(20.0)
     law = ThreeElement(K_f=1.0, D_f=1.0, D_d=20.0)
@@ -40,12 +43,12 @@ def noodle():
 
 
 def answer():
-    return solve(Scene(**PLATE))
+    return solve(plate())
 
 
+@cache
 def grown():
-    scene = Scene(**PLATE | {"loads": [{"cell": [5, 9], "force": [1.0, -2.0]}]})
-    return kaju.GrowthModel(scene, rule="stress", volume=0.4, most_steps=9).run()
+    return kaju.GrowthModel(plate((1.0, -2.0)), rule="stress", volume=0.4, most_steps=9).run()
 
 
 def test_springs_stand_where_the_network_put_them():
@@ -132,14 +135,15 @@ def test_creep_is_shown_at_its_times():
     assert [curve["title"] for curve in header["curves"]][:2] == ["Displacement", "Tension"]
 
 
+@cache
 def cracked():
     """A plate whose cells break."""
     sides = {"bottom": "rigid", "top": {"displacement": [0.0, 1e-5]}}
-    scene = Scene(**PLATE | {"sides": sides, "loads": []})
-    scene = scene.with_region(box=[[0.0, 0.1], [0.04, 0.12]])
+    scene = plate(sides=sides, loads=[]).with_region(box=[[0.0, 0.1], [0.04, 0.12]])
     return kaju.FractureModel(scene, strength=1e6, scatter=0.2, seed=1).run()
 
 
+@cache
 def torn():
     """A net whose springs break."""
     network = pulled(jittered(7, 7), displacement=0.1)
@@ -149,11 +153,11 @@ def torn():
 def plate_with_a_hole(**changes):
     """A plate with a round hole in its middle, of true outline, pulled to the right."""
     hole = {"disk": {"centre": [0.1, 0.1], "radius": 0.031}, "material": "air", "name": "bore"}
-    body = PLATE["body"] | {"regions": [hole | {"outline": "true"}]}
     pulled = {"sides": {"left": "rigid"}, "loads": [{"side": "right", "force": [1e3, 0.0]}]}
-    return Scene(**pulled | {"body": body} | changes)
+    return plate(regions=[hole | {"outline": "true"}], **pulled | changes)
 
 
+@cache
 def outlined():
     return solve(plate_with_a_hole(), tolerance=0.1)
 
@@ -161,25 +165,18 @@ def outlined():
 @pytest.mark.parametrize(
     "make", [elastic_agents, spawned, network, noodle, answer, grown, cracked, torn, outlined]
 )
-def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
-    path = kaju.export_page(make(), tmp_path / "run.html", title=make.__name__)
-    page = opened(path)
-    assert page.tab.locator(".mode").inner_text() == "a recorded run"
+def test_every_kind_plays_without_a_word_to_the_console(shown, make):
+    page = shown(make(), title=make.__name__)
+    assert page.text(".mode") == "a recorded run"
     last = page.js("page.run.generation")
     picture = "(page.draw(), page.canvas.toDataURL())"
     page.js("page.seek(0)")
     first = page.js(picture)
     page.tab.keyboard.press("End")
     assert page.js(f"page.g === {last} && {picture}") != first
-    box = page.tab.locator("canvas").first.bounding_box()
-    x, y = page.js("page.view.point(page.middle(0))")
     if page.js("page.there(0)"):
-        page.tab.mouse.click(box["x"] + x, box["y"] + y)
-        page.js("page.draw()")
-        told = page.tab.locator(".story data").first.get_attribute("value")
-        assert float(told) == page.js("page.value(0, page.colours[0])")
-    assert page.requests == [path.as_uri()]
-    assert page.messages == []
+        page.tab.mouse.click(*page.spot("page.view.point(page.middle(0))"))
+        assert page.told()[0] == page.js("page.value(0, page.colours[0])")
 
 
 def test_outlines_are_curves_that_the_agents_move():
@@ -218,8 +215,8 @@ PAINTED = """(() => {
 })()"""
 
 
-def test_an_answer_at_rest_is_told_once_and_shown_in_shares(opened, tmp_path):
-    page = opened(kaju.export_page(answer(), tmp_path / "run.html"))
+def test_an_answer_at_rest_is_told_once_and_shown_in_shares(shown):
+    page = shown(answer())
     shares = page.js("page.at")
     assert shares == pytest.approx(np.linspace(0.0, 1.0, 21))
     stress, far = page.js("(page.goTo(20), [page.value(3), page.farthest()])")
@@ -228,15 +225,16 @@ def test_an_answer_at_rest_is_told_once_and_shown_in_shares(opened, tmp_path):
         assert shown == pytest.approx([shares[frame] * stress, shares[frame] * far])
 
 
-def test_agents_cut_by_an_outline_spawn_one_generation_after_another(opened, tmp_path):
+THERE = "Array.from({ length: page.count }, (_, i) => page.there(i))"
+
+
+def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
     result = solve(plate_with_a_hole(), tolerance=0.04)
-    page = opened(kaju.export_page(result, tmp_path / "run.html"))
+    page = shown(result)
     assert len(result.generations) == page.js("page.at.length") > 1
     for number, found in enumerate(result.generations):
         page.js(f"page.goTo({number})")
-        there = page.js(
-            "Array.from({length: page.count}, (_, i) => i).filter((i) => page.there(i))"
-        )
+        there = np.flatnonzero(page.js(THERE)).tolist()
         assert len(there) == found.agents
         points, parts = page.js("[[...page.points], [...page.parts]]")
         corner = np.reshape(points, (-1, 2))[np.reshape(parts, (-1, 4))[there, 0]]
@@ -247,8 +245,8 @@ def test_agents_cut_by_an_outline_spawn_one_generation_after_another(opened, tmp
         assert page.js("page.farthest()") == pytest.approx(far, rel=0.02)
 
 
-def test_outlines_cut_what_is_painted(opened, tmp_path):
-    page = opened(kaju.export_page(outlined(), tmp_path / "run.html"))
+def test_outlines_cut_what_is_painted(shown):
+    page = shown(outlined())
     page.js("(page.forces.splice(0), page.set('deformed', false), page.draw())")
     assert page.js(PAINTED) == pytest.approx(1 - np.pi * 0.031**2 / 0.04, abs=0.01)
 
@@ -270,30 +268,20 @@ def test_a_rule_keeps_the_cells_of_true_outlines_and_says_so():
     place, force = (np.array([arrow[key] for arrow in forces]) for key in ("place", "force"))
     total = 1e5 * 2 * np.pi * 0.031 * 0.002
     assert np.hypot(*force.T).sum() == pytest.approx(total, rel=0.01)
-    assert ((place - 0.1) * force).sum(axis=1) == pytest.approx(
-        0.031 * np.hypot(*force.T), rel=0.01
-    )
+    outwards = ((place - 0.1) * force).sum(axis=1)
+    assert outwards == pytest.approx(0.031 * np.hypot(*force.T), rel=0.01)
 
 
 def test_solids_within_true_outlines_are_shown_as_the_cells_that_count():
     void = {"ball": {"centre": [0.5, 0.5, 0.5], "radius": 0.3}, "material": "air"}
-    scene = Scene(
-        body={
-            "size": [1.0, 1.0, 1.0],
-            "cells": [6, 6, 6],
-            "material": "steel",
-            "regions": [void | {"outline": "true"}],
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, 0.0, -6.0]}],
-    )
-    result = solve(scene)
+    loads = [{"side": "top", "force": [0.0, 0.0, -6.0]}]
+    regions = [void | {"outline": "true"}]
+    result = solve(pressed([6] * 3, None, size=[1.0] * 3, regions=regions, loads=loads))
     header, columns = motion_data(result)
     assert columns["parts"].size == 8 * result.agents
     assert columns["moved"].size == columns["points"].size
-    assert np.sum([arrow["force"] for arrow in header["forces"]], axis=0) == pytest.approx(
-        [0.0, 0.0, -6.0]
-    )
+    force = np.sum([arrow["force"] for arrow in header["forces"]], axis=0)
+    assert force == pytest.approx([0.0, 0.0, -6.0])
 
 
 def test_a_body_that_grew_is_told_step_by_step():
@@ -312,71 +300,59 @@ def test_a_body_that_grew_is_told_step_by_step():
     np.testing.assert_allclose(columns["value density"][0], result.cells, atol=1.0 / 512.0 + 1e-7)
 
 
-def test_what_breaks_is_there_until_then(opened, tmp_path):
-    for result, name in ((cracked(), "stress"), (torn(), "tension")):
-        header, columns = motion_data(result)
-        frames = result.standing + 1
-        assert header["at"] == list(range(frames))
-        borne = columns[f"value {name}"].reshape(frames, -1)
-        for count in (0, 1, frames - 1):
-            left = next(result.replayed([count]))
-            largest = result.factor_after(count) * left.borne()
-            np.testing.assert_allclose(borne[count], largest, atol=4e-3 * np.abs(largest).max())
-        assert np.all(borne[-1][result.broken[: frames - 1]] == 0.0)
-        page = opened(kaju.export_page(result, tmp_path / "run.html"))
-        for g in (0, 3, frames - 1):
-            page.js(f"page.goTo({g})")
-            there = np.array(page.js("Array.from({ length: page.count }, (_, i) => page.there(i))"))
-            assert np.flatnonzero(~there).tolist() == sorted(result.broken[:g].tolist())
-        far = [
-            page.js(f"(page.goTo({g}), page.magnification() * page.farthest() / page.extent)")
-            for g in (0, frames - 1)
-        ]
-        assert far == pytest.approx([far[0], far[0]])
-        curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement (m)"]
-        assert curve["course"]
-        assert curve["at"][1:] == result.displacement[: len(curve["at"]) - 1].tolist()
+@pytest.mark.parametrize(("broken", "name"), [(cracked, "stress"), (torn, "tension")])
+def test_what_breaks_is_there_until_then(shown, broken, name):
+    result = broken()
+    header, columns = motion_data(result)
+    frames = result.standing + 1
+    assert header["at"] == list(range(frames))
+    borne = columns[f"value {name}"].reshape(frames, -1)
+    for count in (0, 1, frames - 1):
+        left = next(result.replayed([count]))
+        largest = result.factor_after(count) * left.borne()
+        np.testing.assert_allclose(borne[count], largest, atol=4e-3 * np.abs(largest).max())
+    assert np.all(borne[-1][result.broken[: frames - 1]] == 0.0)
+    page = shown(result)
+    far = {}
+    for g in (0, 3, frames - 1):
+        there = np.array(page.js(f"(page.goTo({g}), {THERE})"))
+        assert np.flatnonzero(~there).tolist() == sorted(result.broken[:g].tolist())
+        far[g] = page.js("page.magnification() * page.farthest() / page.extent")
+    assert far[frames - 1] == pytest.approx(far[0])
+    curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement (m)"]
+    assert curve["course"]
+    assert curve["at"][1:] == result.displacement[: len(curve["at"]) - 1].tolist()
 
 
-def test_cubes_that_are_hardly_filled_do_not_hide_the_others(opened, tmp_path):
-    scene = Scene(
-        body={"cells": [8, 4, 4], "cell_size": 0.01, "material": "steel"},
-        sides={"left": "rigid"},
-        loads=[{"region": {"box": [[0.06, 0, 0], [0.08, 0.02, 0.02]]}, "force": [0, 0, -1.0]}],
-    )
+def test_cubes_that_are_hardly_filled_do_not_hide_the_others(shown):
+    load = {"region": {"box": [[0.06, 0, 0], [0.08, 0.02, 0.02]]}, "force": [0, 0, -1.0]}
+    scene = pressed([8, 4, 4], None, sides={"left": "rigid"}, loads=[load])
     result = kaju.GrowthModel(scene, volume=0.3, filter_radius=1.0, most_steps=10).run()
-    page = opened(kaju.export_page(result, tmp_path / "run.html"))
-    shown = page.js("Array.from({ length: page.count }, (_, i) => page.there(i))")
+    there = np.array(shown(result).js(THERE))
     sure = np.abs(result.cells - 0.5) > 0.01
-    np.testing.assert_array_equal(np.array(shown)[sure], (result.cells > 0.5)[sure])
-    assert page.messages == []
+    np.testing.assert_array_equal(there[sure], (result.cells > 0.5)[sure])
 
 
 def test_sixty_generations_of_2500_cells_stay_below_a_megabyte_and_a_half(tmp_path):
-    scene = Scene(
-        body={"size": [0.2, 0.2], "cells": [50, 50], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid", "left": "rigid"},
-        loads=[{"side": "top", "force": [0.0, -2.0]}],
-        rule={"kind": "prescribed", "threshold": 1e-9, "accumulate": True},
-    )
+    changes = {
+        "sides": {"bottom": "rigid", "left": "rigid"},
+        "loads": [{"side": "top", "force": [0.0, -2.0]}],
+        "rule": {"kind": "prescribed", "threshold": 1e-9, "accumulate": True},
+    }
+    scene = pressed([50, 50], None, size=[0.2, 0.2], thickness=0.002, **changes)
     options = {"allow_unstable": True, "engine": "arrays", "max_generations": 60}
-    model = LoadModel(scene, **options)
-    result = model.run()
+    result = LoadModel(scene, **options).run()
     assert result.last.generations == 60
     path = kaju.export_page(result, tmp_path / "run.html")
     assert 300_000 < path.stat().st_size < 1_500_000
 
 
 def jelly(rule):
+    law = {"K_f": 1e4, "D_f": 1e4, "D_d": 2e5}
+    soft = {"youngs_modulus": 1e4, "poissons_ratio": 0.45, "rheology": law}
     return Scene(
         body={"size": [0.1, 0.05], "cells": [8, 4], "thickness": 0.1, "material": "jelly"},
-        materials={
-            "jelly": {
-                "youngs_modulus": 1e4,
-                "poissons_ratio": 0.45,
-                "rheology": {"K_f": 1e4, "D_f": 1e4, "D_d": 2e5},
-            }
-        },
+        materials={"jelly": soft},
         sides={"bottom": "rigid"},
         loads=[{"region": {"box": [[0.04, 0.05], [0.06, 0.05]]}, "force": [0.0, -1.0]}],
         history={"steps": [{"ramp": 1.0, "duration": 0.1}, {"hold": 2.0}]},
@@ -391,10 +367,8 @@ def test_a_creeping_body_tells_strain_and_stress_at_its_times(rule):
     frames, cells = len(header["at"]), 32
     assert header["along"] == "s"
     assert set(header["colours"]) == {"strain", "stress"}
-    assert [curve["title"] for curve in header["curves"]][2:] == [
-        "Largest strain",
-        "Largest stress",
-    ]
+    titles = [curve["title"] for curve in header["curves"]]
+    assert titles[2:] == ["Largest strain", "Largest stress"]
     stress = columns["value stress"].reshape(frames, cells)
     strain = columns["value strain"].reshape(frames, cells)
     last = np.abs(np.linalg.eigvalsh(result.stress(-1))).max(axis=-1)
@@ -413,8 +387,8 @@ def test_strain_is_how_corners_move_apart():
     strain = columns["value strain"].reshape(len(header["at"]), -1)
     moved = columns["moved"].reshape(len(header["at"]), -1, 2)
     shortened = np.abs(moved[..., 1]).max(axis=1) / 0.05
-    np.testing.assert_allclose(strain.min(axis=1), shortened, rtol=1e-4, atol=1e-9)
-    np.testing.assert_allclose(strain.max(axis=1), shortened, rtol=1e-4, atol=1e-9)
+    for extreme in (strain.min(axis=1), strain.max(axis=1)):
+        np.testing.assert_allclose(extreme, shortened, rtol=1e-4, atol=1e-9)
 
 
 def test_one_element_is_a_bar_with_its_curves():

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from page_scenes import random_scenes
+from page_scenes import described, random_scenes
+from plates import plate
 
 from kaju import LoadModel, PrescribedRule, Scene, stability
-from kaju.view.page.scene_data import scene_data
 
 RUN = """
 import { Twin, certifying } from "./rule.js";
@@ -35,11 +35,6 @@ tell(data.map(({ scene, cells, stage }) => {
 """
 
 
-def described(scene, stage):
-    data, columns = scene_data(scene)
-    return {"scene": data, "cells": columns["cells"].ravel().tolist(), "stage": stage}
-
-
 def at_stage(scene, stage):
     """Run one stage only, stopped as the twin is."""
     model = LoadModel(scene, engine="arrays", allow_unstable=True, max_generations=40)
@@ -52,7 +47,7 @@ def at_stage(scene, stage):
 @pytest.fixture(scope="module", params=[40, pytest.param(300, marks=pytest.mark.slow)])
 def pairs(node, request):
     scenes = random_scenes(request.param, seed=7)
-    mine = node(RUN, [described(scene, stage) for scene, stage in scenes])
+    mine = node(RUN, [described(scene, stage=stage) for scene, stage in scenes])
     results = [at_stage(scene, stage) for scene, stage in scenes]
     return list(zip(results, mine, strict=True))
 
@@ -122,13 +117,9 @@ def test_the_certificate_is_that_of_stability(pairs):
 @pytest.mark.parametrize("accumulate", [False, True])
 def test_a_load_exactly_at_the_threshold_ends(node, accumulate):
     rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), beta=1.0, threshold=0.125, accumulate=accumulate)
-    scene = Scene(
-        body={"cells": [9, 9], "cell_size": 0.01, "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [4, 8], "force": [0.0, -1.0]}, {"cell": [1, 4], "force": [0.125, 0.0]}],
-        rule=rule,
-    )
-    (twin,) = node(RUN, [described(scene, 1)])
+    loads = [{"cell": [4, 8], "force": [0.0, -1.0]}, {"cell": [1, 4], "force": [0.125, 0.0]}]
+    scene = plate([9, 9], None, thickness=0.002, loads=loads, rule=rule)
+    (twin,) = node(RUN, [described(scene, stage=1)])
     last = LoadModel(scene, max_generations=40, allow_unstable=True).run().last
     assert sorted(twin["keys"]) == sorted(scene.lattice.key(last.cells).tolist())
     assert sum(twin["taken"]) == last.taken.sum()
@@ -137,6 +128,6 @@ def test_a_load_exactly_at_the_threshold_ends(node, accumulate):
 
 def test_the_worked_plate(node, pytestconfig):
     scene = Scene.from_toml((pytestconfig.rootpath / "examples/plate.toml").read_text())
-    (twin,) = node(RUN, [described(scene, 20)])
+    (twin,) = node(RUN, [described(scene, stage=20)])
     assert (twin["generations"], len(twin["keys"]), len(twin["walls"])) == (8, 34, 4)
     assert sum(twin["taken"]) == pytest.approx(12.879375, abs=1e-9)

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import zlib
-from contextlib import contextmanager
+from contextlib import ExitStack, closing
 from http.client import HTTPConnection
 from itertools import pairwise
 from statistics import median
@@ -20,6 +20,7 @@ import pytest
 from live_pages import BrowserPage, asked, serving, session
 from page_scenes import random_scenes
 from plates import PLATE
+from plates import plate as pressed
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import kaju
@@ -42,13 +43,17 @@ def changed(scene, generation=0, stage=1, **rule):
     data, columns = scene_data(scene)
     data["rule"] |= rule
     cells = base64.b64encode(columns["cells"].tobytes()).decode()
-    return json.dumps(
-        {"type": "scene", "scene": data, "cells": cells, "generation": generation, "stage": stage}
-    )
+    message = {"type": "scene", "scene": data, "cells": cells}
+    return json.dumps(message | {"generation": generation, "stage": stage})
 
 
 def told(run, message):
     return unpack(run.answer(message if isinstance(message, str) else json.dumps(message)))
+
+
+def steps(generations, **others):
+    """The message of a page that is played on."""
+    return {"type": "step", "generations": generations} | others
 
 
 def history(answers, name=""):
@@ -82,7 +87,7 @@ def test_answers_are_the_history_of_the_run(engine):
     run = LiveRun(scene, lambda asked: LoadModel(asked, engine=engine))
     answers = [told(run, {"type": "hello"})]
     while not answers[-1][0]["at_rest"]:
-        answers.append(told(run, {"type": "step", "generations": 2}))
+        answers.append(told(run, steps(2)))
     last, lattice = LoadModel(scene).run().last, scene.lattice
     key, wanted = lattice.key(last.cells), last.history
     states = key[wanted.agent] * 4 + wanted.direction
@@ -95,10 +100,9 @@ def test_answers_are_the_history_of_the_run(engine):
     order = {k: row for row, k in enumerate(key)}
     rows = [order[k] for k in born]
     spawn = np.concatenate([columns["spawn"] for _, columns in answers])
+    woken = np.concatenate([columns["woken"] for _, columns in answers])
     np.testing.assert_array_equal(spawn, last.spawn_step[rows])
-    np.testing.assert_array_equal(
-        np.concatenate([columns["woken"] for _, columns in answers]), last.woken_by[rows]
-    )
+    np.testing.assert_array_equal(woken, last.woken_by[rows])
     for name, wanted in (("passed", last.passed[rows]), ("dropped", last.dropped[rows, None])):
         amounts = np.zeros(wanted.shape)
         for _, place, amount in history(answers, f"{name} "):
@@ -160,9 +164,9 @@ def test_elasticity_is_answered_by_cell():
         ("{", "is not JSON"),
         ("[1]", "a table is needed"),
         ({"type": "import os"}, "no message 'import os'"),
-        ({"type": "step", "generations": 0}, "generations"),
-        ({"type": "step", "generations": 1e99}, "generations"),
-        ({"type": "step", "generations": True}, "generations"),
+        (steps(0), "generations"),
+        (steps(1e99), "generations"),
+        (steps(True), "generations"),
         ({"type": "scene"}, "scene: a table"),
         (changed(plate(), threshold=-1.0), "threshold"),
         (changed(plate(), threshold="1"), "threshold"),
@@ -173,7 +177,7 @@ def test_elasticity_is_answered_by_cell():
 )
 def test_what_is_no_question_is_refused_and_changes_nothing(message, complaint):
     run = LiveRun(plate())
-    told(run, {"type": "step", "generations": 2})
+    told(run, steps(2))
     header, columns = told(run, message)
     assert complaint in header["error"]
     assert not columns
@@ -200,7 +204,7 @@ def test_a_scene_can_name_no_file(tmp_path):
 
 def test_agents_that_fail_are_reported_with_what_they_did_before(caplog):
     run = LiveRun(plate(), LoadModel(plate(), material_agent=Tired).again)
-    header, columns = told(run, {"type": "step", "generations": 9})
+    header, columns = told(run, steps(9))
     assert header["error"] == "ValueError: I am tired"
     assert len(columns["offset"]) - 1 == run.model.generation
     assert "I am tired" in caplog.text
@@ -217,11 +221,10 @@ class Slow(FaceAgent):
         return 0.5 * asked
 
 
-def elastic(order="multilevel", size=8, **options):
-    body = {"size": [0.1, 0.1], "cells": [size, size], "thickness": 0.002, "material": "steel"}
+def elastic(order="multilevel", **options):
     rule = {"kind": "elastic", "order": order, "tolerance": 1e-2, **options}
-    loads = [{"cell": [size // 2, size - 1], "force": [1.0, -2.0]}]
-    return Scene(body=body, sides={"bottom": "rigid"}, loads=loads, rule=rule)
+    body = {"size": [0.1, 0.1], "thickness": 0.002, "rule": rule}
+    return pressed([8, 8], [4, 7], [1.0, -2.0], **body)
 
 
 @pytest.mark.parametrize("order", ["multilevel", "wave", "largest first"])
@@ -232,7 +235,7 @@ def test_frames_are_the_steps_of_elastic_agents(order):
     assert (header["fresh"], header["at"]) == (True, [0.0])
     total = 0
     for generations in (1, 3, 2):
-        header, columns = told(run, {"type": "step", "generations": generations})
+        header, columns = told(run, steps(generations))
         left = columns["value load_left"].reshape(generations, faces)
         taken = columns["value load_taken"].reshape(generations, faces)
         moved = columns["moved"].reshape(generations, faces, 2)
@@ -255,7 +258,7 @@ def test_what_lies_across_a_face_moves_with_its_neighbours():
     """At the end faces move as the answer says they do, along and across."""
     run, model = sessions_of(elastic(tolerance=1e-9))(), ElasticModel(elastic(tolerance=1e-9))
     answer = model.run().result
-    while not (last := told(run, {"type": "step", "generations": 64}))[0]["at_rest"]:
+    while not (last := told(run, steps(64)))[0]["at_rest"]:
         pass
     middle = model.table.positions(0)
     moved = last[1]["moved"].reshape(-1, len(middle), 2)[-1]
@@ -266,7 +269,7 @@ def test_what_lies_across_a_face_moves_with_its_neighbours():
 
 def test_many_steps_make_a_frame_where_a_page_asks_for_it():
     run = sessions_of(elastic("largest first"))()
-    header, columns = told(run, {"type": "step", "generations": 3, "every": 16})
+    header, columns = told(run, steps(3, every=16))
     assert header["at"] == [16.0, 32.0, 48.0]
     assert len(columns["value load_left"]) % 3 == 0
     assert len(header["curves"][0]["at"]) == 48
@@ -275,7 +278,7 @@ def test_many_steps_make_a_frame_where_a_page_asks_for_it():
 def test_elastic_agents_of_ones_own_are_watched():
     model = ElasticModel(elastic("wave"), face_agent=Slow)
     run = sessions_of(model)()
-    told(run, {"type": "step", "generations": 4})
+    told(run, steps(4))
     assert isinstance(next(iter(run.model.agents)), Slow)
     assert model.generation == 0
     header, columns = told(run, {"type": "scene"})
@@ -286,23 +289,17 @@ def test_elastic_agents_of_ones_own_are_watched():
 # ------------------------------------------------------------------------------- the server
 
 
-def running(of=None, **options):
-    return serving(of or plate(), **options)
-
-
 @pytest.fixture(scope="module")
 def port():
-    with running() as found:
+    with serving(plate()) as found:
         yield found
 
 
 def get(port, path, **headers):
-    connection = HTTPConnection("127.0.0.1", port)
-    connection.request("GET", path, headers=headers)
-    answer = connection.getresponse()
-    text = answer.read().decode()
-    connection.close()
-    return answer, text
+    with closing(HTTPConnection("127.0.0.1", port)) as connection:
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        return answer, answer.read().decode()
 
 
 def test_the_page_may_talk_to_its_server_only(port):
@@ -338,30 +335,27 @@ def test_localhost_is_this_machine_too(port):
 
 def test_sessions_do_not_see_each_other(port):
     with session(port) as one, session(port) as other:
-        asked(one, {"type": "step", "generations": 5})
+        asked(one, steps(5))
         _, columns = asked(other, {"type": "step"})
         assert columns["load"].tolist() == [2.0]
         header, _ = asked(one, changed(plate(), generation=2, stage=4, threshold=1e-4))
         assert header["fresh"]
-        header, _ = asked(other, {"type": "step", "generations": 9})
+        header, _ = asked(other, steps(9))
         assert header["at_rest"]
         assert header["outcome"] == "at rest after 8 generations"
 
 
 def test_one_that_fails_hurts_nobody():
-    with (
-        running(LoadModel(plate(), material_agent=Tired)) as port,
-        session(port) as one,
-        session(port) as other,
-    ):
-        assert "tired" in asked(one, {"type": "step", "generations": 9})[0]["error"]
+    of = LoadModel(plate(), material_agent=Tired)
+    with serving(of) as port, session(port) as one, session(port) as other:
+        assert "tired" in asked(one, steps(9))[0]["error"]
         assert "error" not in asked(other, {"type": "step"})[0]
         assert "is not JSON" in asked(one, "\x00")[0]["error"]
         assert asked(one, {"type": "hello"})[0]["fresh"]
 
 
 def test_idle_sessions_are_dropped():
-    with running(idle=0.3) as port, session(port) as websocket:
+    with serving(plate(), idle=0.3) as port, session(port) as websocket:
         assert asked(websocket, {"type": "hello"})[0]["fresh"]
         with pytest.raises(ConnectionClosed, match="load the page again") as closed:
             websocket.recv(timeout=120)
@@ -379,7 +373,7 @@ def test_there_is_an_end_to_sessions(port, monkeypatch):
 
 
 def test_who_does_not_know_the_token_stays_out():
-    with running(token="secret") as port:
+    with serving(plate(), token="secret") as port:
         for path in ("/", "/?token=guess", "/?token=", "/?token=%ff"):
             answer, text = get(port, path)
             assert answer.status == 403
@@ -404,8 +398,7 @@ def test_frames_and_numbers_that_no_page_sends_get_an_answer(port):
         for number in ("9" * 400, "9" * 5000, "1e999", "NaN", "-Infinity", "1" + "0" * 320):
             text = f'{{"type": "step", "generations": {number}}}'
             assert "is not JSON" in asked(websocket, text)[0]["error"]
-        told = asked(websocket, {"type": "step", "generations": 10**200})[0]["error"]
-        assert "a whole number from 1 to 10000" in told
+        assert "a whole number from 1 to 10000" in asked(websocket, steps(10**200))[0]["error"]
 
 
 def test_what_creeps_is_played_from_its_start_to_its_last_time():
@@ -413,7 +406,7 @@ def test_what_creeps_is_played_from_its_start_to_its_last_time():
     dough = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
     model = kaju.CreepModel(dough, history, times=[0, 1, 5, 10])
     model.run(1)
-    with running(model) as port:
+    with serving(model) as port:
         _, page = get(port, "/")
     data = re.search(r'id="kaju-data"[^>]*>([^<]+)<', page)[1]
     shown, _ = unpack(base64.b64decode(data))
@@ -429,30 +422,18 @@ def test_what_cannot_be_watched_is_told():
         kaju.watch(plate(), 99999, browser=False)
 
 
-@contextmanager
-def ten_sessions(port):
-    opened = [session(port) for _ in range(10)]
-    try:
-        yield opened
-    finally:
-        for websocket in opened:
-            websocket.close()
-
-
 @pytest.mark.slow
 def test_a_click_is_answered_at_once_on_forty_thousand_cells():
     """Median of 20 steps with ten sessions open, of which one fails; processor time of all."""
-    scene = Scene(
-        body={"size": [0.2, 0.2], "cells": [200, 200], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, -400.0]}],
-        rule=PrescribedRule(alpha=(0.5, 0.6, 0.12), threshold=1e-5, accumulate=True),
-    )
-    with running(scene) as port, ten_sessions(port) as sessions:
+    rule = PrescribedRule(alpha=(0.5, 0.6, 0.12), threshold=1e-5, accumulate=True)
+    body = {"size": [0.2, 0.2], "thickness": 0.002, "rule": rule}
+    scene = pressed([200, 200], None, loads=[{"side": "top", "force": [0.0, -400.0]}], **body)
+    with serving(scene) as port, ExitStack() as open_sessions:
+        sessions = [open_sessions.enter_context(session(port)) for _ in range(10)]
         for websocket in sessions:
             asked(websocket, {"type": "hello"})
         assert "error" in asked(sessions[0], "no message")[0]
-        asked(sessions[1], {"type": "step", "generations": 30})
+        asked(sessions[1], steps(30))
         spent = []
         for number in range(20):
             began = time.process_time()
@@ -467,12 +448,9 @@ def test_a_click_is_answered_at_once_on_forty_thousand_cells():
 
 
 def test_the_command_serves_until_it_is_interrupted():
-    started = subprocess.Popen(
-        [sys.executable, "-m", "kaju", "watch", "--port", "0", "--no-browser"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    words = [sys.executable, "-m", "kaju", "watch", "--port", "0", "--no-browser"]
+    pipe = subprocess.PIPE
+    started = subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True)
     try:
         address = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", started.stdout.readline())[0]
         with urlopen(address) as answer:  # the server listens before it says so
@@ -488,55 +466,56 @@ def test_the_command_serves_until_it_is_interrupted():
 
 @pytest.fixture
 def watched(chromium):
-    """Open the page of a server: watched(port)."""
-    pages = []
+    """Open the page of a server of something, which says nothing to the console."""
+    with ExitStack() as servers:
+        pages = []
 
-    def watch(port):
-        pages.append(BrowserPage(chromium, f"http://127.0.0.1:{port}/"))
-        return pages[-1]
+        def watch(of):
+            port = servers.enter_context(serving(of))
+            page = BrowserPage(chromium, f"http://127.0.0.1:{port}/")
+            servers.callback(page.context.close)
+            pages.append(page)
+            page.until("page.g === 1")
+            return page
 
-    yield watch
+        yield watch
     for page in pages:
-        page.context.close()
+        assert page.messages == []
+
+
+TOTAL = "page.sums.taken.sum.reduce((a, b) => a + b)"
 
 
 def test_a_browser_steps_plays_and_changes_what_python_computes(watched):
-    with running() as port:
-        page = watched(port)
-        page.until("page.g === 1")
-        page.tab.keyboard.press("ArrowRight")
-        page.until("page.g === 2")
-        page.tab.get_by_role("button", name="Play").click()
-        page.until("page.run.atRest && page.g === 8")
-        last = LoadModel(plate()).run().last
-        assert page.js("page.run.agents") == len(last.cells)
-        assert page.js("page.sums.taken.sum.reduce((a, b) => a + b)") == pytest.approx(
-            last.ledger.taken, rel=1e-6
-        )
-        page.js("page.change(() => { page.scene.rule.threshold = 0.001; })")
-        page.until("page.run.atRest && page.run.agents === 85")
-        assert "11 generations" in page.js("page.parts.verdict.textContent")
-        assert page.messages == []
+    page = watched(plate())
+    page.tab.keyboard.press("ArrowRight")
+    page.until("page.g === 2")
+    page.press("Play")
+    page.until("page.run.atRest && page.g === 8")
+    last = LoadModel(plate()).run().last
+    assert page.js("page.run.agents") == len(last.cells)
+    assert page.js(TOTAL) == pytest.approx(last.ledger.taken, rel=1e-6)
+    page.js("page.change(() => { page.scene.rule.threshold = 0.001; })")
+    page.until("page.run.atRest && page.run.agents === 85")
+    assert "11 generations" in page.js("page.parts.verdict.textContent")
 
 
 def test_a_browser_tells_during_the_run_what_own_agents_did(watched):
     scene = Scene(**PLATE)
-    with running(LoadModel(scene, material_agent=Tired)) as port:
-        page = watched(port)
-        page.until("page.g === 1")
-        page.js("page.seek(2)")
-        page.until("page.g === 2")
-        model = LoadModel(scene, material_agent=Tired)
-        model.run(until=lambda model: model.generation == 2)
-        key, last = plate().lattice.key(np.array([[10, 19]]))[0], model.result().last
-        story = page.js(f"page.storyOf({key})")
-        assert story["passed"] == pytest.approx(last.passed[0].tolist(), rel=1e-6)
-        assert story["kept"] == pytest.approx(abs(last.kept[0]).sum(), rel=1e-6)
-        total = "page.sums.passed.sum.reduce((a, b) => a + b)"
-        assert page.js(total) == pytest.approx(last.passed.sum(), rel=1e-6)
-        assert page.js(f"(page.seek(1), {total})") == pytest.approx(last.passed[0].sum(), rel=1e-6)
-        page.tab.keyboard.press("End")
-        page.until("page.parts.verdict.textContent.includes('I am tired')")
+    page = watched(LoadModel(scene, material_agent=Tired))
+    page.js("page.seek(2)")
+    page.until("page.g === 2")
+    model = LoadModel(scene, material_agent=Tired)
+    model.run(until=lambda model: model.generation == 2)
+    key, last = plate().lattice.key(np.array([[10, 19]]))[0], model.result().last
+    story = page.js(f"page.storyOf({key})")
+    assert story["passed"] == pytest.approx(last.passed[0].tolist(), rel=1e-6)
+    assert story["kept"] == pytest.approx(abs(last.kept[0]).sum(), rel=1e-6)
+    total = TOTAL.replace("taken", "passed")
+    assert page.js(total) == pytest.approx(last.passed.sum(), rel=1e-6)
+    assert page.js(f"(page.seek(1), {total})") == pytest.approx(last.passed[0].sum(), rel=1e-6)
+    page.tab.keyboard.press("End")
+    page.until("page.parts.verdict.textContent.includes('I am tired')")
 
 
 class Wearing(MaterialAgent):
@@ -559,14 +538,8 @@ def test_parameters_of_own_agents_are_told_and_changed_in_a_message():
     own = unpack(run.opening())[0]["own"]
     by_name = {parameter["name"]: parameter for parameter in own["parameters"]}
     assert by_name["spared"]["whole"]
-    assert by_name["wear"] == {
-        "name": "wear",
-        "label": "wear of what it hands on",
-        "low": 0.0,
-        "high": 1.0,
-        "whole": False,
-        "value": 0.1,
-    }
+    wear = {"name": "wear", "label": "wear of what it hands on", "low": 0.0, "high": 1.0}
+    assert by_name["wear"] == wear | {"whole": False, "value": 0.1}
     message = json.loads(changed(plate(), generation=40, stage=4))
     for wear in (0.0, 0.4):
         told(run, message | {"parameters": {"wear": wear, "spared": 1}})
@@ -578,80 +551,60 @@ def test_parameters_of_own_agents_are_told_and_changed_in_a_message():
 
 def test_a_slider_of_a_parameter_runs_the_agents_anew(watched):
     scene = Scene(**PLATE)
-    with running(LoadModel(scene, material_agent=Wearing)) as port:
-        page = watched(port)
-        page.until("page.g === 1")
-        page.tab.keyboard.press("End")
-        page.until("page.run.atRest && page.g === page.run.generation")
-        field = page.tab.get_by_role("textbox", name="wear of what it hands on")
-        field.fill("0.5")
-        field.press("Enter")
-        last = LoadModel(scene, material_agent=Wearing, wear=0.5).run().last
-        page.until(f"page.run.atRest && page.run.agents === {len(last.cells)}")
-        total = "(page.seek(Infinity), page.sums.taken.sum.reduce((a, b) => a + b))"
-        assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-6)
-        page.tab.get_by_role("button", name="Undo").click()
-        first = LoadModel(scene, material_agent=Wearing).run().last
-        page.until(f"page.run.atRest && page.run.agents === {len(first.cells)}")
-        assert page.messages == []
+    page = watched(LoadModel(scene, material_agent=Wearing))
+    page.tab.keyboard.press("End")
+    page.until("page.run.atRest && page.g === page.run.generation")
+    field = page.tab.get_by_role("textbox", name="wear of what it hands on")
+    field.fill("0.5")
+    field.press("Enter")
+    last = LoadModel(scene, material_agent=Wearing, wear=0.5).run().last
+    page.until(f"page.run.atRest && page.run.agents === {len(last.cells)}")
+    assert page.js(f"(page.seek(Infinity), {TOTAL})") == pytest.approx(last.ledger.taken, rel=1e-6)
+    page.press("Undo")
+    first = LoadModel(scene, material_agent=Wearing).run().last
+    page.until(f"page.run.atRest && page.run.agents === {len(first.cells)}")
 
 
 def test_a_browser_steps_elastic_agents_and_goes_back(watched):
-    with running(elastic()) as port:
-        page = watched(port)
-        page.until("page.g === 1")
-        for g in (2, 3, 4):
-            page.tab.keyboard.press("ArrowRight")
-            page.until(f"page.g === {g}")
-        page.until("page.drawn > 3")
-        seen = page.js("(page.draw(), page.canvas.toDataURL())")
-        page.tab.keyboard.press("ArrowLeft")
-        assert page.js("page.at[page.g]") == 3
-        assert page.js("(page.draw(), page.canvas.toDataURL())") != seen
-        page.tab.keyboard.press("End")
-        page.until("page.run.atRest && page.g === page.run.generation")
-        model = ElasticModel(elastic())
-        run = model.run()
-        assert page.js("page.at.at(-1)") == model.generation
-        number = run.agents.number[0]
-        box = page.tab.locator("canvas").first.bounding_box()
-        x, y = page.js(f"page.view.point(page.middle({number}))")
-        page.tab.mouse.click(box["x"] + x, box["y"] + y)
-        page.js("page.draw()")
-        told = page.tab.locator(".story data").evaluate_all("l => l.map(d => Number(d.value))")
-        left, taken, _, born = told
-        assert (left, taken) == pytest.approx(
-            (abs(run.agents.left[0]), run.agents.taken[0]), rel=1e-5
-        )
-        assert born == run.agents.spawn_step[0]
-        assert page.js("page.parts.verdict.textContent") == run.outcome
-        assert page.messages == []
+    page = watched(elastic())
+    for g in (2, 3, 4):
+        page.tab.keyboard.press("ArrowRight")
+        page.until(f"page.g === {g}")
+    page.until("page.drawn > 3")
+    seen = page.js("(page.draw(), page.canvas.toDataURL())")
+    page.tab.keyboard.press("ArrowLeft")
+    assert page.js("page.at[page.g]") == 3
+    assert page.js("(page.draw(), page.canvas.toDataURL())") != seen
+    page.tab.keyboard.press("End")
+    page.until("page.run.atRest && page.g === page.run.generation")
+    model = ElasticModel(elastic())
+    run = model.run()
+    assert page.js("page.at.at(-1)") == model.generation
+    page.tab.mouse.click(*page.spot(f"page.view.point(page.middle({run.agents.number[0]}))"))
+    left, taken, _, born = page.told()
+    assert left == pytest.approx(abs(run.agents.left[0]), rel=1e-5)
+    assert taken == pytest.approx(run.agents.taken[0], rel=1e-5)
+    assert born == run.agents.spawn_step[0]
+    assert page.js("page.parts.verdict.textContent") == run.outcome
 
 
 def test_frames_that_are_too_many_are_thinned_and_steps_double(watched):
-    with running(elastic("largest first")) as port:
-        page = watched(port)
-        page.until("page.g === 1")
-        page.js("(page.channel.most = 30 * page.count * 4, page.seek(Infinity))")
-        page.until("page.at.at(-1) > 200 && page.channel.every > 1")
-        steps = page.js("page.at")
-        assert len(steps) <= 100
-        assert steps == sorted(steps)
-        assert steps[0] == 0
+    page = watched(elastic("largest first"))
+    page.js("(page.channel.most = 30 * page.count * 4, page.seek(Infinity))")
+    page.until("page.at.at(-1) > 200 && page.channel.every > 1")
+    at = page.js("page.at")
+    assert len(at) <= 100
+    assert at == sorted(at)
+    assert at[0] == 0
 
 
 def test_python_answers_with_elasticity_for_cubes(watched):
-    body = {"size": [0.04, 0.04, 0.04], "cells": [4, 4, 4], "material": "steel"}
-    loads = [{"side": "top", "force": [0.0, 0.0, -50.0]}]
-    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=loads)
-    with running(scene) as port:
-        page = watched(port)
-        page.until("page.g === 1")
-        page.tab.get_by_role("button", name="Elasticity").click()
-        page.until("page.elastic.answer || page.elastic.why", 120)
-        solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()), strategy="uniform")
-        key = scene.lattice.key(np.array([[1, 2, 3]]))[0]
-        at = page.js(f"page.elastic.answer.displacement.map((u) => u[{key}])")
-        assert at == pytest.approx(solved.cells().displacement[1, 2, 3], rel=1e-9)
-        assert "on average they differ by" in page.js("(page.draw(), page.parts.cards.innerText)")
-        assert page.messages == []
+    scene = pressed([4] * 3, None, loads=[{"side": "top", "force": [0.0, 0.0, -50.0]}])
+    page = watched(scene)
+    page.press("Elasticity")
+    page.until("page.elastic.answer || page.elastic.why", 120)
+    solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()), strategy="uniform")
+    key = scene.lattice.key(np.array([[1, 2, 3]]))[0]
+    at = page.js(f"page.elastic.answer.displacement.map((u) => u[{key}])")
+    assert at == pytest.approx(solved.cells().displacement[1, 2, 3], rel=1e-9)
+    assert "on average they differ by" in page.js("(page.draw(), page.parts.cards.innerText)")

@@ -44,6 +44,33 @@ class BrowserPage:
             assert time.monotonic() < end, f"not in {seconds} s: {expression}"
             self.tab.wait_for_timeout(10)
 
+    def spot(self, expression):
+        """Where a point of the picture is in the window."""
+        self.js("page.draw()")
+        box = self.tab.locator("canvas").first.bounding_box()
+        x, y = self.js(expression)
+        return box["x"] + x, box["y"] + y
+
+    def at(self, cell):
+        """Where a cell's middle is in the window."""
+        return self.spot(f"page.view.at(...page.view.centre({list(cell)}))")
+
+    def click(self, cell):
+        self.tab.mouse.click(*self.at(cell))
+
+    def press(self, name, exact=True):
+        """Press a button."""
+        self.tab.get_by_role("button", name=name, exact=exact).click()
+
+    def text(self, selector):
+        """What a part of the page says."""
+        return self.tab.locator(selector).first.inner_text()
+
+    def told(self):
+        """The numbers of the story of what was clicked."""
+        self.js("page.draw()")
+        return self.tab.locator(".story data").evaluate_all("l => l.map((d) => Number(d.value))")
+
 
 @contextmanager
 def serving(of, **options):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from kaju import Coefficients, KajuError, MaterialAgent, PrescribedRule, Scene
+from kaju.view.page.scene_data import scene_data
 
 SIDES = {
     2: ["left", "right", "bottom", "top"],
@@ -69,6 +70,12 @@ def _rule(rng, dimension, fixed):
         "materials": own,
     }
     return PrescribedRule(**_coefficients(rng, dimension), **settings | fixed)
+
+
+def described(scene, **others):
+    """Return what a script is given of a scene."""
+    data, columns = scene_data(scene)
+    return {"scene": data, "cells": columns["cells"].ravel().tolist()} | others
 
 
 class Leaky(MaterialAgent):

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from artists import axes_of, drawn, part
 from PIL import Image
 from plates import plate as pressed
 
-from kaju import ElasticModel, ElasticRule, Scene, animate, compare, load_result, plot, solve
+from kaju import ElasticModel, ElasticRule, animate, compare, load_result, plot, solve
 from kaju.errors import ParameterError
 
 
@@ -54,8 +55,8 @@ def test_a_stored_run_is_the_same(run, tmp_path):
     assert stored.certificate == run.certificate
     for name in ("level", "position", "left", "taken"):
         np.testing.assert_array_equal(getattr(stored.agents, name), getattr(run.agents, name))
-    np.testing.assert_array_equal(stored.moments.left, run.moments.left)
-    np.testing.assert_array_equal(stored.moments.displacement, run.moments.displacement)
+    for name in ("left", "displacement"):
+        np.testing.assert_array_equal(getattr(stored.moments, name), getattr(run.moments, name))
     points = np.array([[0.045, 0.075], [0.01, 0.02]])
     np.testing.assert_array_equal(stored.displacement_at(points), run.displacement_at(points))
     assert stored.to_dataframe().equals(run.to_dataframe())
@@ -67,8 +68,7 @@ def test_it_is_compared_like_any_answer():
 
 
 def test_a_picture_shows_every_agent_of_a_level_as_a_diamond(run):
-    ax = plot(run, "agents").axes[0]
-    (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
+    agents = part(axes_of(run, "agents"), "face agents")
     finest = run.agents.level == 0
     assert len(agents.get_paths()) == finest.sum()
     middles = [path.vertices[:4].mean(axis=0) for path in agents.get_paths()]
@@ -79,9 +79,8 @@ def test_a_picture_shows_every_agent_of_a_level_as_a_diamond(run):
 def test_parents_are_drawn_twice_as_large():
     run = ElasticModel(plate("multilevel", threshold=0.02)).run()
     for level, edge in ((0, 0.01), (1, 0.02)):
-        ax = plot(run, "agents", level=level).axes[0]
-        (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
-        assert np.ptp(agents.get_paths()[0].vertices[:, 0]) == pytest.approx(edge)
+        first, *_ = drawn(axes_of(run, "agents", level=level), "face agents")
+        assert np.ptp(first[:, 0]) == pytest.approx(edge)
     with pytest.raises(ParameterError, match="levels 0 to"):
         plot(run, "agents", level=9)
 
@@ -110,14 +109,9 @@ def test_the_film_shows_in_every_frame_who_has_acted_since_the_last():
 
 
 def test_agents_in_space_are_shown_in_a_layer():
-    scene = Scene(
-        body={"cell_size": 0.1, "cells": [4, 4, 4], "material": "rubber"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "pressure": 100.0}],
-        rule=ElasticRule(order="multilevel", tolerance=1e-2),
-    )
-    run = ElasticModel(scene).run()
-    ax = plot(run, "agents", cut={"y": 0.15}).axes[0]
-    (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
+    body = {"cell_size": 0.1, "material": "rubber", "loads": [{"side": "top", "pressure": 100.0}]}
+    rule = ElasticRule(order="multilevel", tolerance=1e-2)
+    run = ElasticModel(pressed([4] * 3, None, rule=rule, **body)).run()
+    agents = drawn(axes_of(run, "agents", cut={"y": 0.15}), "face agents")
     layer = np.isclose(run.agents.position[:, 1], 0.15) & (run.agents.axis != 1)
-    assert len(agents.get_paths()) == np.sum(layer & (run.agents.level == 0)) > 0
+    assert len(agents) == np.sum(layer & (run.agents.level == 0)) > 0

@@ -1,9 +1,8 @@
-"""Films for makers: WebP, MP4, frames with alpha, GLB with morph targets, VTK series."""
-
-from __future__ import annotations
+"""Films of stored runs: GIF, WebP, MP4, frames with alpha, GLB with morph targets, VTK series."""
 
 import json
 import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,49 +10,108 @@ import imageio_ffmpeg
 import meshio
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
+from plates import plate
 
 import kaju
-from kaju.errors import ParameterError, ResultFileError
-from kaju.model.network.spring_lattices import triangular
+from kaju.errors import MissingExtraError, ParameterError, ResultFileError
+from kaju.model.network import triangular
+from kaju.view.deformed import loading
 
 COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 
 
-def block(rule: dict[str, object] | kaju.PrescribedRule | None = None) -> kaju.Scene:
-    return kaju.Scene(
-        body={"cell_size": 0.01, "cells": [5, 4], "thickness": 0.002, "material": "oak"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 3], "force": [0.0, -3.0]}],
-        rule=rule or kaju.PrescribedRule(threshold=0.1),
-    )
-
-
-def cube() -> kaju.Scene:
-    return kaju.Scene(
-        body={"cell_size": 0.01, "cells": [3, 3, 3], "material": "oak"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [1, 1, 2], "force": [0.0, 0.0, -1.0]}],
-        rule=kaju.PrescribedRule(threshold=0.05),
-    )
+def block(threshold: float = 0.1, steps: int = 1) -> kaju.Scene:
+    of = {"thickness": 0.002, "material": "oak", "rule": {"threshold": threshold}}
+    return plate([5, 4], [2, 3], [0.0, -3.0], steps=steps, **of)
 
 
 def soft() -> kaju.Scene:
-    clay = {"youngs_modulus": 1e5, "poissons_ratio": 0.4}
-    clay |= {"rheology": {"K_f": 1e5, "D_f": 1e5, "D_d": 1e6}}
-    return kaju.Scene(
-        body={"cell_size": 0.01, "cells": [4, 3], "thickness": 0.01, "material": "clay"},
-        materials={"clay": clay},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 2], "force": [0.0, -1.0]}],
-        rule=kaju.ElasticRule(),
-    )
+    law = {"K_f": 1e5, "D_f": 1e5, "D_d": 1e6}
+    clay = {"youngs_modulus": 1e5, "poissons_ratio": 0.4, "rheology": law}
+    of = {"thickness": 0.01, "material": "clay", "materials": {"clay": clay}}
+    return plate([4, 3], [2, 2], [0.0, -1.0], rule=kaju.ElasticRule(), **of)
 
 
 @pytest.fixture(scope="module")
 def run() -> kaju.TransferResult:
-    return kaju.LoadModel(block()).run()
+    return kaju.LoadModel(block(steps=3)).run()
+
+
+@pytest.fixture(scope="module")
+def cube() -> kaju.TransferResult:
+    of = {"material": "oak", "rule": {"threshold": 0.05}}
+    return kaju.LoadModel(plate([3] * 3, [1, 1, 2], [0.0, 0.0, -1.0], **of)).run()
+
+
+def durations(path: Path) -> list[int]:
+    with Image.open(path) as film:
+        return [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
+
+
+def test_there_is_a_frame_before_and_one_for_each_generation(run, tmp_path, coarse) -> None:
+    shown = durations(kaju.animate(run, tmp_path / "spawning.gif", fps=4.0, hold=2.0))
+    assert shown == [250] * run.last.generations + [2250]
+
+
+def test_stages_and_increments_have_a_frame_each(run, tmp_path, coarse) -> None:
+    assert len(durations(kaju.animate(run, tmp_path / "stages.gif", "stages"))) == 4
+    loaded = triangular(3).solve(5)
+    assert len(durations(kaju.animate(loaded, tmp_path / "network.gif"))) == 6
+
+
+def test_cubes_are_animated_in_space_and_in_sections(cube, tmp_path, coarse) -> None:
+    for name, options in {"space": {}, "cut": {"cut": {"x": 0.015}}}.items():
+        film = kaju.animate(cube, tmp_path / f"{name}.gif", **options)
+        assert len(durations(film)) == cube.last.generations + 1
+
+
+def test_a_run_in_which_nothing_happens_is_one_frame(tmp_path, coarse) -> None:
+    quiet = kaju.LoadModel(block(threshold=9.0)).run()
+    assert len(durations(kaju.animate(quiet, tmp_path / "quiet.gif", hold=0.0))) == 1
+
+
+def test_an_elastic_body_takes_its_load_evenly(tmp_path, coarse) -> None:
+    options = {"fps": 10.0, "hold": 0.0, "bare": True}
+    film = kaju.animate(kaju.solve(block()), tmp_path / "loading.gif", **options)
+    assert durations(film) == [100] * 25
+
+
+def test_a_quiet_first_stage_does_not_hide_the_others() -> None:
+    """Below γ nothing moves; the magnification is that of the stages that do."""
+    reel = loading(kaju.LoadModel(block(threshold=1.2, steps=3)).run())
+    reel.show(3)
+    assert "deformation shown" in reel.notes.get_text()
+    assert "shown ×1;" not in f"{reel.notes.get_text()};"
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("film.avi", {}, "ends in .gif, .webp, .mp4, .glb, .pvd"),
+        ("film.gif", {"fps": 0.0}, "fps"),
+        ("film.gif", {"fps": float("nan")}, "fps"),
+        ("film.gif", {"hold": -1.0}, "hold"),
+        ("film.gif", {"what": "generation"}, "did you mean 'generations'"),
+        ("film.glb", {"magnification": 0.0}, "magnification"),
+    ],
+)
+def test_what_cannot_be_is_refused(run, tmp_path, name, options, message) -> None:
+    with pytest.raises(ParameterError, match=message):
+        kaju.animate(run, tmp_path / name, **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_has_no_frames_is_refused(tmp_path) -> None:
+    crept = kaju.creep(kaju.ThreeElement(1.0, 1.0, 1.0), kaju.History().hold(1.0))
+    with pytest.raises(ParameterError, match="no such animation 'mesh' of a CreepResult"):
+        kaju.animate(crept, tmp_path / "still.glb")
+
+
+def test_a_missing_folder_is_told(run, tmp_path, coarse) -> None:
+    with pytest.raises(ResultFileError, match="cannot be written"):
+        kaju.animate(run, tmp_path / "nowhere" / "film.gif")
 
 
 class Glb:
@@ -111,6 +169,7 @@ class Glb:
 
 
 def test_the_last_target_is_the_magnified_displacement(run, tmp_path) -> None:
+    """Of squares that are two triangles each."""
     glb = Glb(kaju.animate(run, tmp_path / "run.glb", magnification=5e4))
     assert glb.about["asset"]["extras"]["magnification"] == 5e4
     assert len(glb.rest()) == 6 * 5
@@ -120,10 +179,6 @@ def test_the_last_target_is_the_magnified_displacement(run, tmp_path) -> None:
     eps = 1e-9
     own = run.displacement_at(np.array([[eps, 0.04 - eps]]))[0]
     np.testing.assert_allclose(glb.targets()[-1][top, :2], 5e4 * own, rtol=1e-5, atol=1e-12)
-
-
-def test_squares_are_two_triangles_each(run, tmp_path) -> None:
-    glb = Glb(kaju.animate(run, tmp_path / "run.glb"))
     triangles = glb.rest()[glb.corners().reshape(-1, 3)][..., :2].astype(np.float64)
     a, b, c = triangles.transpose(1, 0, 2)
     area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
@@ -131,8 +186,8 @@ def test_squares_are_two_triangles_each(run, tmp_path) -> None:
     assert len(area) == 2 * 20
 
 
-def test_of_cubes_only_the_outside_is_kept(tmp_path) -> None:
-    glb = Glb(kaju.animate(kaju.LoadModel(cube()).run(), tmp_path / "cube.glb"))
+def test_of_cubes_only_the_outside_is_kept(cube, tmp_path) -> None:
+    glb = Glb(kaju.animate(cube, tmp_path / "cube.glb"))
     triangles = glb.rest()[glb.corners().reshape(-1, 3)].astype(np.float64)
     assert len(triangles) == 6 * 9 * 2
     assert len(glb.rest()) == 4**3 - 2**3
@@ -176,25 +231,17 @@ def test_creep_has_a_target_for_every_time(tmp_path) -> None:
     glb = Glb(kaju.animate(crept, tmp_path / "creep.glb", "times", magnification=1.0))
     sizes = [float(np.abs(target).max()) for target in glb.targets()]
     assert len(sizes) == 3
-    np.testing.assert_allclose(
-        np.array(sizes) / sizes[-1], crept.growth[1:] / crept.growth[-1], rtol=1e-5
-    )
+    wanted = crept.growth[1:] / crept.growth[-1]
+    np.testing.assert_allclose(np.array(sizes) / sizes[-1], wanted, rtol=1e-5)
     with Image.open(kaju.animate(crept, tmp_path / "creep.gif")) as film:
         assert film.n_frames == 4
-
-
-def test_a_magnification_must_magnify(run, tmp_path) -> None:
-    with pytest.raises(ParameterError, match="magnification"):
-        kaju.animate(run, tmp_path / "run.glb", magnification=0.0)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_series_holds_true_displacements(run, tmp_path) -> None:
     listed = kaju.animate(run, tmp_path / "a & b.pvd")
     entries = ElementTree.parse(listed).getroot().findall("./Collection/DataSet")
-    assert [float(entry.attrib["timestep"]) for entry in entries] == list(
-        range(run.last.generations + 1)
-    )
+    times = [float(entry.attrib["timestep"]) for entry in entries]
+    assert times == list(range(run.last.generations + 1))
     last = meshio.read(tmp_path / entries[-1].attrib["file"])
     assert len(last.cells_dict["quad"]) == 20
     taken = last.cell_data["load_taken"][0]
@@ -225,8 +272,7 @@ def test_frames_have_no_background_and_one_size(run, tmp_path) -> None:
     assert alpha[0].max() == 0 or alpha[0].min() == 0
     assert (alpha[alpha.shape[0] // 2] > 240).mean() > 0.5  # the body
     # The camera stays: what no agent and no arrow has touched is the same in every frame.
-    same = np.all([np.array_equal(picture[-8:], pictures[0][-8:]) for picture in pictures])
-    assert same
+    assert all(np.array_equal(picture[-8:], pictures[0][-8:]) for picture in pictures)
 
 
 def test_webp_and_gif_show_the_same_frames(run, tmp_path) -> None:
@@ -245,11 +291,15 @@ def test_an_mp4_needs_no_program_on_path(run, tmp_path, monkeypatch) -> None:
     program = imageio_ffmpeg.get_ffmpeg_exe()
     monkeypatch.setenv("PATH", str(tmp_path))
     film = kaju.animate(run, tmp_path / "run.mp4", fps=4.0, hold=0.5)
-    told = subprocess.run(
-        [program, "-i", str(film), "-map", "0:v", "-f", "null", "-"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stderr
+    words = [program, "-i", str(film), "-map", "0:v", "-f", "null", "-"]
+    told = subprocess.run(words, capture_output=True, text=True, check=True).stderr
     assert "h264" in told
     assert f"frame={run.last.generations + 1 + 2:5d}".replace(" ", "") in told.replace(" ", "")
+
+
+def test_an_mp4_needs_ffmpeg(run, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingExtraError, match="ffmpeg"):
+        kaju.animate(run, tmp_path / "film.mp4")
+    assert not list(tmp_path.iterdir())

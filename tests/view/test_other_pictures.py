@@ -1,50 +1,28 @@
 """Pictures of elastic results and of spring networks, and the words that go with numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
+from artists import axes_of, drawn, notes, part
+from plates import plate
 
+from kaju import plot, solve
 from kaju.errors import ParameterError
-from kaju.model.elastic.solve import solve
-from kaju.model.network.spring_lattices import face_centred, triangular
-from kaju.model.scene import Scene
-from kaju.view import plot, plot_all
-from kaju.view.network_plots import plot_network
+from kaju.model.network import face_centred, triangular
+from kaju.view import plot_all
 from kaju.view.style import arrow_polygons
 from kaju.view.units import Scale, grouped, quantity, round_down, scale_for, times
 
-BLOCK = """
-[body]
-cells = [8, 6]
-cell_size = 0.01
-material = "oak"
-[sides]
-bottom = "rigid"
-[[loads]]
-side = "top"
-pressure = 1e5
-"""
-
-
-def part(figure, name: str):
-    (found,) = (part for part in figure.axes[0].collections if part.get_gid() == name)
-    return found
-
 
 def test_an_elastic_result_is_drawn_on_the_cells_that_were_solved() -> None:
-    result = solve(Scene.from_toml(BLOCK))
+    """And as agents of one size."""
+    result = solve(plate([8, 6], None, material="oak", loads=[{"side": "top", "pressure": 1e5}]))
     cells = np.count_nonzero(result.cells().body)
-    assert len(part(plot(result, "deformed"), "moved").get_paths()) == cells
-    field = part(plot(result, "von_mises"), "map")
+    assert len(drawn(axes_of(result, "deformed"), "moved")) == cells
+    field = part(axes_of(result, "von_mises"), "map")
     assert field.get_array().max() == pytest.approx(np.nanmax(result.von_mises))
-
-
-def test_equal_cells_are_drawn_as_agents_of_one_size() -> None:
-    result = solve(Scene.from_toml(BLOCK))
-    agents = part(plot(result, "agents"), "agents")
+    agents = part(axes_of(result, "agents"), "agents")
     assert len(agents.get_paths()) == result.agents
     assert np.all(agents.get_array() == 0)
     with pytest.raises(ParameterError, match="there is deformed, displacement"):
@@ -53,22 +31,20 @@ def test_equal_cells_are_drawn_as_agents_of_one_size() -> None:
 
 def test_the_springs_of_a_network_are_coloured_by_tension() -> None:
     result = triangular(5).solve(4)
-    figure = plot(result)
-    springs = part(figure, "springs")
+    springs = part(axes_of(result), "springs")
     assert len(springs.get_segments()) == len(result.network.springs)
     assert springs.get_array().tolist() == result.tension[-1].tolist()
     assert springs.norm.vmin == -springs.norm.vmax
-    strains = part(plot(result, colour="strain", record=2), "springs")
+    strains = part(axes_of(result, colour="strain", record=2), "springs")
     assert strains.get_array().tolist() == result.strain(2).tolist()
 
 
 def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
     result = triangular(5, force=0.3).solve(4)
-    figure = plot(result)
-    segments = np.array(part(figure, "springs").get_segments())
+    ax = axes_of(result)
+    segments = np.array(part(ax, "springs").get_segments())
     np.testing.assert_allclose(segments, result.positions()[result.network.springs])
-    notes = [text.get_text() for text in figure.axes[0].texts]
-    assert any("deformation shown ×1" in text for text in notes)
+    assert "deformation shown ×1" in notes(ax)
 
 
 def test_networks_in_space_and_all_pictures_of_networks(tmp_path) -> None:
@@ -81,7 +57,7 @@ def test_one_stage_is_drawn_beside_what_is_proportional() -> None:
     stages = {name: np.tile(getattr(net, name), (2, 1, 1)) for name in ("forces", "displacements")}
     twice = dataclasses.replace(net, **stages)
     for network, beside in ((net, True), (twice, False)):
-        lines = plot(network.solve(2), "response").axes[0].lines
+        lines = axes_of(network.solve(2), "response").lines
         assert any(line.get_label() == "proportional" for line in lines) == beside
 
 
@@ -90,7 +66,7 @@ def test_one_stage_is_drawn_beside_what_is_proportional() -> None:
 )
 def test_what_a_network_does_not_know_is_refused(options) -> None:
     with pytest.raises(ParameterError, match=next(iter(options))):
-        plot_network(triangular(3).solve(2), **options)
+        plot(triangular(3).solve(2), **options)
 
 
 def test_arrows_end_at_their_heads_and_keep_their_length() -> None:

@@ -1,224 +1,170 @@
 """What the pictures show, told by the artists in them."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import cache
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
+from artists import axes_of, drawn, notes, part
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from plates import plate as plate_of
 
+from kaju import LoadModel, Scene, plot
 from kaju.errors import ParameterError, ResultFileError
-from kaju.model.scene import Scene
-from kaju.model.transfer.load_model import LoadModel
-from kaju.model.transfer.transfer_result import TransferResult
-from kaju.view import PICTURES, plot, plot_all
-from kaju.view.agents import plot_agents, spawning
-from kaju.view.deformed import plot_deformed
-from kaju.view.load_plots import plot_loads
+from kaju.view import PICTURES, plot_all
+from kaju.view.agents import spawning
 from kaju.view.section import section_of
 from kaju.view.style import FORCE, PULL
 
-CUBE = plate_of([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[1.0] * 3).to_toml()
+CUBE = plate_of([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[1.0] * 3)
 
-HEXAGONS = plate_of([9, 8], [4, 7], lattice="hexagon", material="oak").to_toml()
 
-DRAWN = """
-[body]
-cell_size = 0.01
-drawing = '''
-####
-#.##
-oooo
-===='''
-[legend]
-"#" = "rubber"
-"o" = "oak"
-"." = "air"
-"=" = "rigid"
-[[loads]]
-cell = [2, 3]
-force = [0.0, -2.0]
-[rule]
-threshold = 0.1
-"""
+def plate_scene(threshold=0.01, steps=1, force=(0.0, -2.0), **rule):
+    own = {"rule": {"threshold": threshold, **rule}, "thickness": 0.002}
+    return plate_of([20, 20], [10, 19], force, steps=steps, size=[0.2, 0.2], **own)
 
 
 @cache
-def plate_toml(threshold: float, steps: int) -> str:
-    rule, size = {"threshold": threshold}, [0.2, 0.2]
-    plate = plate_of([20, 20], [10, 19], steps=steps, size=size, thickness=0.002, rule=rule)
-    return plate.to_toml()
+def plate(*args):
+    return LoadModel(plate_scene(*args)).run()
 
 
-def run(toml: str) -> TransferResult:
-    return LoadModel(Scene.from_toml(toml)).run()
+@pytest.fixture(scope="module")
+def cube():
+    return LoadModel(CUBE).run()
 
 
-def plate(threshold: float = 0.01, steps: int = 1) -> TransferResult:
-    return run(plate_toml(threshold, steps))
-
-
-def drawn(ax: Axes, name: str) -> list[np.ndarray]:
-    """The polygons of the collection called `name`."""
-    found = [part for part in ax.collections if part.get_gid() == name]
-    assert len(found) == 1, [part.get_gid() for part in ax.collections]
-    return [path.vertices for path in found[0].get_paths()]
-
-
-def notes(ax: Axes) -> str:
-    return " ".join(text.get_text() for text in ax.texts if text.get_gid() == "notes")
-
-
-def legend(ax: Axes) -> list[str]:
+def legend(ax):
     return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
-def test_every_agent_is_one_tile_in_the_colour_of_its_spawn_step() -> None:
-    ax = plot_agents(plate())
+def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_step():
+    ax = axes_of(plate(), "agents")
     assert len(drawn(ax, "material agents")) == 34
     assert len(drawn(ax, "free boundary agents")) == 4
     assert len(drawn(ax, "material steel")) == 400
-    agents = next(part for part in ax.collections if part.get_gid() == "material agents")
-    assert sorted(agents.get_array()) == sorted(plate().last.spawn_step)
+    assert sorted(part(ax, "material agents").get_array()) == sorted(plate().last.spawn_step)
     assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
     assert legend(ax) == ["steel", "rigid", "free boundary agent"]
-
-
-def test_agents_lie_where_their_cells_are() -> None:
-    tiles = drawn(plot_agents(plate()), "material agents")
-    centres = np.array([tile[:4].mean(axis=0) for tile in tiles])
+    centres = np.array([tile[:4].mean(axis=0) for tile in drawn(ax, "material agents")])
     expected = plate().scene.lattice.centres(plate().last.cells)
     order = [np.lexsort(points.round(9).T) for points in (centres, expected)]
     np.testing.assert_allclose(centres[order[0]], expected[order[1]], atol=1e-12)
-
-
-def test_the_applied_force_ends_on_the_face_it_presses() -> None:
-    (arrow,) = drawn(plot_agents(plate()), "forces")
+    (arrow,) = drawn(ax, "forces")  # it ends on the face it presses
     np.testing.assert_allclose(arrow[0], [0.105, 0.2])
     assert (arrow[:, 1] >= 0.2).all()
 
 
-def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form() -> None:
-    tall = plate(threshold=1e-7)
-    ax = plot_agents(tall)
-    ground = next(part for part in ax.collections if part.get_gid() == "support rigid")
-    assert ground.get_hatch() == "////"
+def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form():
+    tall = plate(1e-7)
+    ax = axes_of(tall, "agents")
+    assert part(ax, "support rigid").get_hatch() == "////"
     rigid = drawn(ax, "rigid boundary agents")
     assert len(rigid) == (tall.last.boundary_kind == -2).sum() > 0
     assert len(rigid[0]) == 4  # a closed triangle
     assert len(drawn(ax, "free boundary agents")[0]) == 21
 
 
-def test_materials_are_told_apart_without_colour() -> None:
-    ax = plot_agents(run(DRAWN))
-    hatches = {
-        part.get_gid(): part.get_hatch()
-        for part in ax.collections
-        if str(part.get_gid()).startswith("material ") and part.get_gid() != "material agents"
-    }
-    assert set(hatches) == {"material rubber", "material oak"}
-    assert len(set(hatches.values())) == 2
+def test_materials_are_told_apart_without_colour():
+    scene = Scene.from_drawing(
+        "####\n#.##\noooo\n====",
+        legend={"#": "rubber", "o": "oak", ".": "air", "=": "rigid"},
+        cell_size=0.01,
+        loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
+        rule={"threshold": 0.1},
+    )
+    ax = axes_of(LoadModel(scene).run(), "agents")
+    named = {str(one.get_gid()) for one in ax.collections}
+    own = {"material agents", "material rubber", "material oak"}
+    assert {name for name in named if name.startswith("material ")} == own
+    assert part(ax, "material rubber").get_hatch() != part(ax, "material oak").get_hatch()
     assert len(drawn(ax, "material rubber")) == 7
 
 
-def test_a_run_in_which_nothing_happens_says_so() -> None:
-    quiet = plate(threshold=5.0, steps=3)
+def test_a_run_in_which_nothing_happens_says_so():
+    quiet = plate(5.0, 3)
     for what in ("agents", "loads", "load_path"):
-        assert "nothing happens" in notes(plot(quiet, what).axes[0])
-    assert "nothing has moved" in notes(plot(quiet, "deformed").axes[0])
-    assert "no cell has taken a load" in notes(plot(quiet, "von_mises").axes[0])
-    assert "nothing happens" in notes(plot(quiet, "stages", quantity_shown="displacement").axes[0])
+        assert "nothing happens" in notes(axes_of(quiet, what))
+    assert "nothing has moved" in notes(axes_of(quiet, "deformed"))
+    assert "no cell has taken a load" in notes(axes_of(quiet, "von_mises"))
+    assert "nothing happens" in notes(axes_of(quiet, "stages", quantity_shown="displacement"))
 
 
-def test_the_magnification_is_round_and_stated() -> None:
-    ax = plot_deformed(plate())
+def test_the_deformed_grid_sinks_by_magnification_times_displacement():
+    """The magnification is round, and stated."""
+    result = plate()
+    by_hand = axes_of(result, "deformed", magnification=1234.0)
+    assert "×1\u202f234;" in notes(by_hand)
+    ax = axes_of(result, "deformed")
     assert "deformation shown ×1\u202f000\u202f000;" in notes(ax)
     assert len(drawn(ax, "moved")) == 400
-    by_hand = plot_deformed(plate(), magnification=1234.0)
-    assert "×1\u202f234;" in notes(by_hand)
-
-
-def test_the_deformed_grid_sinks_by_magnification_times_displacement() -> None:
-    result = plate()
-    ax = plot_deformed(result, magnification=1e6)
     lowest = min(tile[:, 1].min() for tile in drawn(ax, "moved"))
     assert lowest == 0.0
     top = max(drawn(ax, "moved"), key=lambda tile: tile[:4].mean(axis=0) @ [0.0, 1.0])
     assert top[:, 1].max() == pytest.approx(0.2, abs=1e-4)
-    colours = next(part for part in ax.collections if part.get_gid() == "moved").get_array()
-    assert colours.max() == pytest.approx(result.summary()["max_displacement"])
+    largest = result.summary()["max_displacement"]
+    assert part(ax, "moved").get_array().max() == pytest.approx(largest)
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_magnification_must_be_positive(wrong: float) -> None:
+def test_a_magnification_must_be_positive(wrong):
     with pytest.raises(ParameterError, match="magnification"):
-        plot_deformed(plate(), magnification=wrong)
+        axes_of(plate(), "deformed", magnification=wrong)
 
 
-def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load() -> None:
+def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load():
     result = plate()
-    ax = plot_loads(result)
+    ax = axes_of(result, "loads")
     assert len(drawn(ax, "loads taken")) == np.count_nonzero(result.last.taken)
-    first = plot_loads(result, generation=1)
+    first = axes_of(result, "loads", generation=1)
     (arrow,) = drawn(first, "loads taken")
     assert arrow[0][1] < 0.195  # it points down from the middle of the loaded cell
+    with pytest.raises(ParameterError, match="1 to 8, got 9"):
+        axes_of(result, "loads", generation=9)
 
 
-def test_pulls_and_pushes_can_be_told_apart() -> None:
-    result = LoadModel(Scene.from_toml(plate_toml(0.01, 1) + "sense = true")).run()
+def test_pulls_and_pushes_can_be_told_apart():
+    result = LoadModel(plate_scene(sense=True)).run()
     stage = result.last
-    ax = plot_loads(result)
-    (arrows,) = [part for part in ax.collections if part.get_gid() == "loads taken"]
+    ax = axes_of(result, "loads")
     pushes, pulls = (np.count_nonzero(of) for of in (stage.taken - stage.pulled, stage.pulled))
-    colours = arrows.get_facecolors()
-    assert len(colours) == pushes + pulls
+    assert len(part(ax, "loads taken").get_facecolors()) == pushes + pulls
     assert pulls > 0
     words = ["push: goes on along its arrow", "pull: goes on against its arrow"]
     assert [entry for entry in legend(ax) if "arrow" in entry] == words
-    assert not any("arrow" in entry for entry in legend(plot_loads(plate())))
+    assert not any("arrow" in entry for entry in legend(axes_of(plate(), "loads")))
     film = spawning(result)
     film.show(stage.generations)
-    (moving,) = [
-        part for part in film.figure.axes[0].collections if part.get_gid() == "loads taken"
-    ]
+    moving = part(film.figure.axes[0], "loads taken")
     last = stage.history.generation == stage.generations
     shown = {to_hex(colour) for colour in moving.get_facecolors()}
     assert shown == {PULL if pull else FORCE for pull in stage.history.pull[last]}
     assert words[1] in legend(film.figure.axes[0])
 
 
-def test_agents_that_are_pulled_are_marked() -> None:
-    scene = plate_toml(0.01, 1).replace("-2.0", "2.0") + "sense = true"
-    stage = (result := LoadModel(Scene.from_toml(scene)).run()).last
+def test_agents_that_are_pulled_are_marked():
+    result = LoadModel(plate_scene(force=(0.0, 2.0), sense=True)).run()
+    stage = result.last
     pulled = stage.pulled.sum(axis=1) > (stage.taken - stage.pulled).sum(axis=1)
-    ax = plot_agents(result)
+    ax = axes_of(result, "agents")
     assert len(drawn(ax, "pulled agents")) == pulled.sum() > 0
     assert "took more pulls than pushes" in legend(ax)
-    assert "took more pulls than pushes" not in legend(plot_agents(plate()))
+    assert "took more pulls than pushes" not in legend(axes_of(plate(), "agents"))
 
 
-def test_only_generations_that_were_can_be_shown() -> None:
-    with pytest.raises(ParameterError, match="1 to 8, got 9"):
-        plot_loads(plate(), generation=9)
-
-
-def test_the_load_path_has_the_edges_of_the_graph() -> None:
+def test_the_load_path_has_the_edges_of_the_graph():
     result = plate()
-    ax = plot(result, "load_path").axes[0]
+    ax = axes_of(result, "load_path")
     assert len(drawn(ax, "edges")) == result.load_path().number_of_edges()
     (free,) = (line for line in ax.lines if line.get_gid() == "free nodes")
     assert len(free.get_xdata()) == 4
 
 
-def test_maps_have_units_and_signed_ones_are_centred() -> None:
+def test_maps_have_units_and_signed_ones_are_centred():
     figure = plot(plate(), "stress")
-    field = next(part for part in figure.axes[0].collections if part.get_gid() == "map")
+    field = part(figure.axes[0], "map")
     assert field.norm.vmin == -field.norm.vmax
     assert figure.axes[1].get_ylabel() == "stress σyy (kPa)"
     assert plot(plate(), "displacement").axes[1].get_ylabel() == "displacement (nm)"
@@ -226,8 +172,8 @@ def test_maps_have_units_and_signed_ones_are_centred() -> None:
         plot(plate(), "stress", component="yx")
 
 
-def test_stages_show_load_against_displacement_and_agents() -> None:
-    result = plate(steps=20)
+def test_stages_show_load_against_displacement_and_agents():
+    result = plate(0.01, 20)
     left, right = plot(result, "stages").axes
     curve = next(line for line in left.lines if line.get_label() == "load transfer")
     assert len(curve.get_xdata()) == 21
@@ -238,9 +184,9 @@ def test_stages_show_load_against_displacement_and_agents() -> None:
     assert left.get_xlabel() == "sum of the applied loads (N)"
 
 
-def test_the_bars_of_the_ledger_balance() -> None:
-    ax = plot(plate(), "ledger").axes[0]
-    rows: dict[int, float] = {}
+def test_the_bars_of_the_ledger_balance():
+    ax = axes_of(plate(), "ledger")
+    rows = {}
     for bar in ax.patches:
         row = round(bar.get_y() + 0.5 * bar.get_height())
         rows[row] = rows.get(row, 0.0) + bar.get_width()
@@ -248,67 +194,60 @@ def test_the_bars_of_the_ledger_balance() -> None:
     assert rows[0] == pytest.approx(plate().last.ledger.emitted + 2.0)
 
 
-def test_hexagons_have_six_corners() -> None:
-    ax = plot_agents(run(HEXAGONS))
-    tiles = drawn(ax, "material agents")
-    assert len(tiles) == len(run(HEXAGONS).last.cells)
+def test_hexagons_have_six_corners():
+    hexagons = LoadModel(plate_of([9, 8], [4, 7], lattice="hexagon", material="oak")).run()
+    tiles = drawn(axes_of(hexagons, "agents"), "material agents")
+    assert len(tiles) == len(hexagons.last.cells)
     assert {len(tile) for tile in tiles} == {7}  # closed
 
 
-def test_cubes_show_only_faces_that_nothing_hides() -> None:
-    figure = plot(run(CUBE))
-    (agents,) = (part for part in figure.axes[0].collections if part.get_gid() == "material agents")
-    cells = {tuple(cell) for cell in run(CUBE).last.cells.tolist()}
+def test_cubes_show_only_faces_that_nothing_hides(cube):
+    agents = part(axes_of(cube), "material agents")
+    cells = {tuple(cell) for cell in cube.last.cells.tolist()}
     steps = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
     bare = sum(tuple(np.add(cell, step)) not in cells for cell in cells for step in steps)
     assert len(agents.get_facecolor()) == bare
 
 
-def test_a_cut_shows_one_layer_and_says_which() -> None:
-    ax = plot(run(CUBE), "agents", cut={"y": 0.55}).axes[0]
-    assert len(drawn(ax, "material agents")) == (run(CUBE).last.cells[:, 1] == 5).sum()
+def test_a_cut_shows_one_layer_and_says_which(cube):
+    ax = axes_of(cube, "agents", cut={"y": 0.55})
+    assert len(drawn(ax, "material agents")) == (cube.last.cells[:, 1] == 5).sum()
     assert "section at y = 550 mm" in notes(ax)
     assert ax.get_ylabel() == "z (m)"
-
-
-def test_a_plane_between_two_layers_shows_the_one_above() -> None:
+    # between two layers it shows the one above
     for place, layer in ((0.5, 5), (0.3, 3), (0.0, 0), (1.0, 9)):
-        assert section_of(Scene.from_toml(CUBE), cut={"y": place}).cut == (1, layer)
+        assert section_of(CUBE, cut={"y": place}).cut == (1, layer)
 
 
 @pytest.mark.parametrize("cut", [{"y": 1.01}, {"y": -0.1}, {"w": 1}, {"y": "a"}, {"x": 1, "y": 1}])
-def test_a_cut_must_lie_in_the_body(cut: dict[str, int]) -> None:
+def test_a_cut_must_lie_in_a_body_of_cubes(cube, cut):
     with pytest.raises(ParameterError, match="cut"):
-        plot(run(CUBE), "agents", cut=cut)
-
-
-def test_a_plane_body_cannot_be_cut() -> None:
+        plot(cube, "agents", cut=cut)
     with pytest.raises(ParameterError, match="only bodies of cubes"):
         plot(plate(), "agents", cut={"y": 1})
 
 
-def test_a_giant_body_is_cropped_to_its_agents_and_says_so() -> None:
-    giant = plate_toml(1e-3, 1)
-    giant = giant.replace("[20, 20]", "[1000000, 1000000]").replace("[0.2, 0.2]", "[1e4, 1e4]")
-    giant = giant.replace("[10, 19]", "[500000, 999999]")
-    ax = plot_agents(run(giant))
-    assert len(drawn(ax, "material agents")) == len(run(giant).last.cells)
+def test_a_giant_body_is_cropped_to_its_agents_and_says_so():
+    fine = {"thickness": 0.002, "rule": {"threshold": 1e-3}}
+    giant = LoadModel(plate_of([1_000_000] * 2, [500_000, 999_999], **fine)).run()
+    ax = axes_of(giant, "agents")
+    assert len(drawn(ax, "material agents")) == len(giant.last.cells)
     assert "of 1\u202f000\u202f000 × 1\u202f000\u202f000 cells" in notes(ax)
     assert ax.get_xlabel() == "x − 5 km (mm)"
-    whole = plot(run(giant), "scene").axes[0]
+    whole = axes_of(giant, "scene")
     assert len(drawn(whole, "material steel")) < 100_000
 
 
-def test_too_many_cells_are_drawn_as_blocks() -> None:
-    wide = plate_toml(1e-3, 1).replace("[20, 20]", "[600, 600]")
-    scene = run(wide.replace("[0.2, 0.2]", "[6.0, 6.0]").replace("[10, 19]", "[300, 599]"))
-    ax = plot_agents(scene, crop=False)
+def test_too_many_cells_are_drawn_as_blocks():
+    fine = {"thickness": 0.002, "rule": {"threshold": 1e-3}}
+    wide = LoadModel(plate_of([600, 600], [300, 599], **fine)).run()
+    ax = axes_of(wide, "agents", crop=False)
     assert "each tile stands for 3 × 3 cells" in notes(ax)
-    blocks = {tuple(cell) for cell in (scene.last.cells // 3).tolist()}
+    blocks = {tuple(cell) for cell in (wide.last.cells // 3).tolist()}
     assert len(drawn(ax, "material agents")) == len(blocks)
 
 
-def test_gathering_adds_up_and_keeps_extremes() -> None:
+def test_gathering_adds_up_and_keeps_extremes():
     section = section_of(plate().scene, most_across=10)
     cells = np.array([[0, 0], [1, 1], [2, 0], [99, 0]])
     tiles, total = section.gather(cells, np.array([1.0, 2.0, 4.0, 8.0]), "sum")
@@ -318,7 +257,7 @@ def test_gathering_adds_up_and_keeps_extremes() -> None:
     assert least.tolist() == [1.0, 4.0]
 
 
-def test_a_picture_goes_into_given_axes() -> None:
+def test_a_picture_goes_into_given_axes():
     figure = Figure()
     left, right = figure.subplots(1, 2)
     assert plot(plate(), "agents", left) is figure
@@ -327,39 +266,39 @@ def test_a_picture_goes_into_given_axes() -> None:
     assert tuple(figure.get_size_inches()) == tuple(Figure().get_size_inches())
 
 
-def test_an_unknown_picture_is_refused_with_a_suggestion() -> None:
+def test_an_unknown_picture_is_refused_with_a_suggestion():
     with pytest.raises(ParameterError, match=r"'agent' of a TransferResult .did you mean 'agents'"):
         plot(plate(), "agent")
     with pytest.raises(ParameterError, match="there is scene"):
         plot(plate().scene, "agents")
 
 
-@pytest.mark.parametrize("toml", [plate_toml(0.01, 3), CUBE])
-def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, toml: str) -> None:
+@pytest.mark.parametrize("scene", [plate_scene(steps=3), CUBE])
+def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, scene):
     monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
-    paths = plot_all(run(toml), tmp_path)
+    result = LoadModel(scene).run()
+    paths = plot_all(result, tmp_path)
     assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
     assert {path.name for path in paths} <= set(PICTURES)
     assert paths[0].name == "agents.png"
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths)
-    assert ((tmp_path / "stages.png") in paths) == (len(run(toml).stages) > 1)
+    assert ((tmp_path / "stages.png") in paths) == (len(result.stages) > 1)
 
 
-def test_pictures_need_a_directory(tmp_path) -> None:
+def test_pictures_need_a_directory(tmp_path):
     with pytest.raises(ResultFileError, match="no such directory"):
         plot_all(plate(), tmp_path / "nowhere")
 
 
-def test_views_load_no_drawing_library_and_never_pyplot(tmp_path) -> None:
+def test_views_load_no_drawing_library_and_never_pyplot(tmp_path):
     code = (
         "import sys, kaju.view\n"
         "assert 'matplotlib' not in sys.modules\n"
         "import kaju.view.picture_files; kaju.view.picture_files.RESOLUTION = 40\n"
         "from kaju.view import plot_all\n"
-        "from kaju.model.transfer.load_model import LoadModel\n"
-        "from kaju.model.scene import Scene\n"
-        f"plot_all(LoadModel(Scene.from_toml({plate_toml(0.1, 2)!r})).run(), "
-        f"{str(tmp_path)!r})\n"
+        "from kaju import LoadModel, Scene\n"
+        f"scene = Scene.from_toml({plate_scene(0.1, 2).to_toml()!r})\n"
+        f"plot_all(LoadModel(scene).run(), {str(tmp_path)!r})\n"
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)

@@ -1,7 +1,10 @@
 """Pictures that say what is there: weights in the body, hatching beside it, units, the ground."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from artists import axes_of, drawn
 from PIL import Image
 
 from kaju import LoadModel, Scene, load_scene, plot
@@ -13,24 +16,16 @@ FRAME = "#######\n" + 5 * "#.....#\n"
 
 
 def frame(**others):
-    return Scene.from_drawing(
-        FRAME,
-        legend={"#": "steel", ".": "air"},
-        cell_size=0.01,
-        sides={"bottom": "rigid"},
-        **others,
-    ).refine(4)
-
-
-def drawn(ax, name):
-    return [c for c in ax.collections if c.get_gid() == name]
+    legend, ground = {"#": "steel", ".": "air"}, {"bottom": "rigid"}
+    scene = Scene.from_drawing(FRAME, legend=legend, cell_size=0.01, sides=ground, **others)
+    return scene.refine(4)
 
 
 def test_a_weight_is_shown_inside_the_body():
     scene = frame(gravity=[0.0, -9.81])
-    (arrows,) = drawn(plot(scene).axes[0], "forces")
-    tails = np.array([path.vertices[:, 1].max() for path in arrows.get_paths()])
-    middles = np.array([path.vertices[:, 0].mean() for path in arrows.get_paths()])
+    arrows = drawn(axes_of(scene), "forces")
+    tails = np.array([arrow[:, 1].max() for arrow in arrows])
+    middles = np.array([arrow[:, 0].mean() for arrow in arrows])
     points = np.stack([middles, tails - 1e-4], axis=1)
     assert len(points) > 3
     assert np.all(scene.kinds(scene.lattice.locate(points)) >= 0)
@@ -39,8 +34,7 @@ def test_a_weight_is_shown_inside_the_body():
 
 
 def test_ground_is_hatched_only_where_the_body_stands():
-    (ground,) = drawn(plot(frame()).axes[0], "support rigid")
-    reached = np.concatenate([path.vertices[:, 0] for path in ground.get_paths()])
+    reached = np.concatenate(drawn(axes_of(frame()), "support rigid"))[:, 0]
     assert not np.any((reached > 0.0151) & (reached < 0.0549))
     assert reached.min() < 0.001
     assert reached.max() > 0.069
@@ -83,12 +77,11 @@ def test_smoothed_images_take_the_nearest_colour(smoothed):
     colours = np.array([[255, 255, 255], [140, 123, 107], [0, 0, 0]], dtype=float)
     pixels = np.asarray(Image.open(path).convert("RGB"), dtype=float)[::-1].transpose(1, 0, 2)
     nearest = np.linalg.norm(pixels[:, :, None] - colours, axis=3).argmin(axis=2)
-    np.testing.assert_array_equal(scene.rasterise() >= 0, nearest == 1)
-    assert (
-        (scene.rasterise() >= 0) == (true[::-1].transpose(1, 0, 2)[:, :, 0] == 140)
-    ).mean() > 0.9
+    solid = scene.rasterise() >= 0
+    np.testing.assert_array_equal(solid, nearest == 1)
+    assert (solid == (true[::-1].transpose(1, 0, 2)[:, :, 0] == 140)).mean() > 0.9
     assert Scene.from_toml(scene.to_toml()) == scene
-    assert (scene.refine(2).rasterise() >= 0).sum() == 4 * (scene.rasterise() >= 0).sum()
+    assert (scene.refine(2).rasterise() >= 0).sum() == 4 * solid.sum()
 
 
 def test_nearest_colours_belong_to_images():
@@ -97,14 +90,10 @@ def test_nearest_colours_belong_to_images():
 
 
 def test_the_huge_cube_of_its_page_is_pressed_on_top():
-    from pathlib import Path
-
-    text = (Path(__file__).parents[2] / "examples" / "cube.md").read_text()
+    examples = Path(__file__).parents[2] / "examples"
+    text = (examples / "cube.md").read_text()
     words = text.partition("Make the body huge:")[2].partition("How much")[0].split()
     changes = [word.strip("`.").partition("=") for word in words if "=" in word]
-    scene = load_scene(
-        Path(__file__).parents[2] / "examples" / "cube.toml",
-        {key: value for key, _, value in changes},
-    )
+    scene = load_scene(examples / "cube.toml", {key: value for key, _, value in changes})
     run = LoadModel(scene).run()
     assert len(run.last.cells) == 60

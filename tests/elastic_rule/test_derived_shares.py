@@ -6,9 +6,9 @@ from elastic_scenes import block, plate, ragged
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kaju import ElasticRule, PrescribedRule, Shares
+from kaju import ElasticRule, Material, PrescribedRule, Shares
 from kaju.agents.elastic_rule import moduli_of
-from kaju.agents.materials import LIBRARY, Material
+from kaju.agents.materials import LIBRARY
 from kaju.errors import ParameterError
 from kaju.model.elastic.relaxation.push_table import PushTable
 

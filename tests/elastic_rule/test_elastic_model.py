@@ -17,11 +17,8 @@ from elastic_scenes import (
 from hypothesis import given, settings
 from plates import PLATE_TEXT
 
-from kaju import load_result
-from kaju.agents.face_agent import FaceAgent
+from kaju import ElasticModel, FaceAgent, Scene, load_result
 from kaju.errors import SceneError, SupportError
-from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-from kaju.model.scene import Scene
 
 ORDERS = ["wave", "largest first", "multilevel"]
 

@@ -15,7 +15,7 @@ from elastic_scenes import (
 )
 from hypothesis import given, settings
 
-from kaju.model.scene import Scene
+from kaju import Scene
 from kaju.model.scene.cell_types import AIR
 
 ORDERS = ["wave", "largest first", "multilevel"]

@@ -5,13 +5,11 @@ import pytest
 from elastic_scenes import block, drawn, plate, ragged, run, scenes
 from hypothesis import given, reject, settings
 
-from kaju import ElasticRule
-from kaju.agents.materials import LIBRARY, Material
+from kaju import ElasticModel, ElasticRule, Material, Scene
+from kaju.agents.materials import LIBRARY
 from kaju.errors import SceneError, StabilityError
-from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.elastic.relaxation.push_stability import certify_waves
 from kaju.model.elastic.relaxation.push_table import PushTable
-from kaju.model.scene import Scene
 
 STEEL = LIBRARY["steel"]
 

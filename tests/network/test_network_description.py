@@ -4,8 +4,9 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from kaju import SpringNetwork
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.network import SpringNetwork, triangular
+from kaju.model.network import triangular
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 RING = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]]

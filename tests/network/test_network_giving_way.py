@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from kaju import SpringNetwork
 from kaju.errors import BucklingError, ConvergenceError, MechanismError
-from kaju.model.network import SpringNetwork, random_geometric, triangular
+from kaju.model.network import random_geometric, triangular
 from kaju.model.network.network_result import inverted_triangles, triangles
 
 

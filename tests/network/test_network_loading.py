@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kaju import SpringNetwork
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network import (
-    SpringNetwork,
     face_centred,
     load_in_increments,
     random_geometric,

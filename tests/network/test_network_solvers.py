@@ -5,15 +5,9 @@ import sys
 import numpy as np
 import pytest
 
+from kaju import SpringNetwork
 from kaju.errors import BucklingError, MissingExtraError
-from kaju.model.network import (
-    Assembler,
-    SpringNetwork,
-    face_centred,
-    square_braced,
-    tangent_solver,
-    triangular,
-)
+from kaju.model.network import Assembler, face_centred, square_braced, tangent_solver, triangular
 from kaju.model.network.linear import (
     DirectSolver,
     MultigridSolver,

@@ -5,8 +5,7 @@ import pytest
 from PIL import Image
 from plates import plate
 
-from kaju.agents.rules import PrescribedRule
-from kaju.model.scene import Scene
+from kaju import PrescribedRule, Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 PLATE = """

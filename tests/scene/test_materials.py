@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from kaju.agents.materials import LIBRARY, Material, material
+from kaju import Material, material
+from kaju.agents.materials import LIBRARY
 from kaju.errors import ParameterError
 
 

@@ -3,8 +3,8 @@
 import pytest
 from plates import PLATE_TEXT
 
+from kaju import Scene, load_scene
 from kaju.errors import SceneError
-from kaju.model.scene import Scene, load_scene
 
 PLATE = PLATE_TEXT + "steps = 20\n"
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kaju.errors import KajuError, ParameterError, SceneError
-from kaju.model.scene import Scene
+from kaju import KajuError, Scene
+from kaju.errors import ParameterError, SceneError
 
 
 def plate(*loads, cells=(4, 3), **body):

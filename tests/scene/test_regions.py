@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from plates import plate as pressed
 
+from kaju import Scene
 from kaju.errors import SceneError
-from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID
 from kaju.model.scene.resolved_body import grid
 

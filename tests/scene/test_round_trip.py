@@ -7,11 +7,16 @@ from hypothesis import strategies as st
 from PIL import Image
 from plates import plate
 
-from kaju import Coefficients, ElasticRule, PrescribedRule
-from kaju.agents.materials import Material
+from kaju import (
+    Coefficients,
+    ElasticRule,
+    Material,
+    PrescribedRule,
+    Scene,
+    ThreeElement,
+    load_scene,
+)
 from kaju.errors import SceneError, SceneFileError
-from kaju.model.rheology.element import ThreeElement
-from kaju.model.scene import Scene, load_scene
 
 share = st.floats(0.0, 0.6)
 rules = st.one_of(

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from kaju.errors import KajuError, SceneError, SceneFileError
-from kaju.model.scene import Body, LoadTable, Region, Scene, SideCondition
+from kaju import KajuError, Scene
+from kaju.errors import SceneError, SceneFileError
+from kaju.model.scene import Body, LoadTable, Region, SideCondition
 
 BODY = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"}
 GIVEN = {"sides": {"bottom": "rigid"}, "loads": [{"cell": [10, 19], "force": [0, -2]}]}

@@ -2,8 +2,8 @@
 
 import pytest
 
+from kaju import Scene
 from kaju.errors import SceneError, SupportError
-from kaju.model.scene import Scene
 
 LEGEND = {"#": "steel", ".": "air", "=": "rigid"}
 

@@ -3,8 +3,14 @@
 import networkx as nx
 import pytest
 
-from kaju import LoadModel, PrescribedRule, Scene
-from kaju.agents.boundary_agent import FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent
+from kaju import (
+    FreeBoundaryAgent,
+    LoadModel,
+    PrescribedRule,
+    RigidBoundaryAgent,
+    RollerBoundaryAgent,
+    Scene,
+)
 from kaju.model.transfer.agent_engine import AgentEngine
 
 LEFT, RIGHT, DOWN, UP = range(4)

@@ -8,8 +8,7 @@ import pytest
 from mesa import DataCollector
 from plates import plate as pressed
 
-from kaju import FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter
-from kaju.errors import KajuError
+from kaju import FreeBoundaryAgent, KajuError, LoadModel, MaterialAgent, Parameter
 
 
 def plate(**more):

@@ -8,16 +8,17 @@ import pytest
 from plates import plate
 
 from kaju import (
+    Emission,
     FreeBoundaryAgent,
     KajuError,
     Lattice,
+    Load,
     LoadModel,
     MaterialAgent,
     RigidBoundaryAgent,
+    Squares,
     load_result,
 )
-from kaju.agents.shares import Emission, Load
-from kaju.model.scene.lattices import Squares
 
 
 def scene(lattice="square"):

@@ -11,6 +11,7 @@ from strategies import EXAMPLES, Triangles
 from kaju import (
     ElasticModel,
     ElasticRule,
+    KajuError,
     Lattice,
     LoadModel,
     Material,
@@ -26,7 +27,7 @@ from kaju import (
     stability,
     watch,
 )
-from kaju.errors import KajuError, ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError
 from kaju.view.page.export import packed_page
 
 STRAIGHT = Material("straight", youngs_modulus=1e9, poissons_ratio=0.0)

@@ -4,6 +4,7 @@ import pytest
 from plates import plate
 
 from kaju import (
+    KajuError,
     LoadModel,
     MaterialAgent,
     Parameter,
@@ -11,7 +12,7 @@ from kaju import (
     RigidBoundaryAgent,
     load_result,
 )
-from kaju.errors import KajuError, ParameterError
+from kaju.errors import ParameterError
 
 
 class Hardening(MaterialAgent):

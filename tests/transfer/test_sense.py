@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from kaju import LoadModel, PrescribedRule, Scene, compare, fit_rule, solve
-from kaju.agents.elastic_rule import ElasticRule
+from kaju import ElasticRule, LoadModel, PrescribedRule, Scene, compare, fit_rule, solve
 
 ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
 STRAIGHT = PrescribedRule(alpha=(0.5, 0.8, 0.0), beta=1.0, threshold=0.05, sense=True)

@@ -204,9 +204,8 @@ def test_the_scene_file_says_it():
     assert Scene.from_toml(text).rule.sense
     literal = Scene.from_toml(text.replace("sense = true", "sense = false"))
     assert not literal.rule.sense
-    said = plate(2.0, sense=False).replace(
-        loads=[{"cell": [10, 19], "force": [0, 2], "sense": "push"}]
-    )
+    load = {"cell": [10, 19], "force": [0.0, 2.0], "sense": "push"}
+    said = plate(2.0).replace(loads=[load])
     assert Scene.from_toml(said.to_toml()) == said
 
 

@@ -134,9 +134,7 @@ REFUSED = {
     "gives back a number": gives(0.5),
     "gives back a word": gives("all"),
     "air gives back more": wall(
-        lambda self, load, arm: load._replace(magnitude=2.0 * load.magnitude),
-        FreeBoundaryAgent,
-        "free",
+        lambda self, load, arm: Load(load.direction, 2 * load.magnitude), FreeBoundaryAgent, "free"
     ),
     "order a word": {"order": "random"},
     "order chooses nobody": {"order": lambda agents: []},
@@ -207,23 +205,17 @@ def test_what_could_not_be_read_again_is_not_saved(number, tmp_path):
 
 
 class Acts(LoadModel):
-    """Lets agents act in an order of Mesa's own."""
-
     def step(self):
         self.agents.shuffle_do("step")
 
 
 class Twice(LoadModel):
-    """Asks twice for the usual step."""
-
     def step(self):
         super().step()
         super().step()
 
 
 class Idle(LoadModel):
-    """Lets nobody act."""
-
     def step(self):
         pass
 

@@ -72,9 +72,8 @@ def test_the_certificate_is_right_for_any_mix_of_materials(scene):
 
 
 def test_undamped_waves_are_refused_with_the_reason_and_the_remedy():
-    with pytest.raises(StabilityError, match=r"waves would grow by a factor of up to 1\.9.*"):
-        ElasticModel(plate(order="wave", share=1.0))
-    with pytest.raises(StabilityError, match=r"set share \(ω\) below 0\.68"):
+    told = r"(?s)waves would grow by a factor of up to 1\.9.*set share \(ω\) below 0\.68"
+    with pytest.raises(StabilityError, match=told):
         ElasticModel(plate(order="wave", share=1.0))
 
 

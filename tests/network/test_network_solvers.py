@@ -110,10 +110,9 @@ def test_factors_name_the_direction_that_gives_way(matrix, weak):
 def test_a_hundred_thousand_nodes_come_into_balance():
     lattice = triangular(317)
     height = lattice.positions[:, 1]
-    forces = np.zeros_like(lattice.positions)
-    forces[height == height.max(), 1] = -0.001
-    bottom = height == 0.0
-    network = SpringNetwork.build(lattice.positions, lattice.springs, held=bottom, forces=forces)
+    how = {"held": height == 0.0, "forces": np.zeros_like(lattice.positions)}
+    how["forces"][height == height.max(), 1] = -0.001
+    network = SpringNetwork.build(lattice.positions, lattice.springs, **how)
     direct, iterated = (network.solve(1, method=method) for method in ("direct", "multigrid"))
     assert direct.residual.max() < 1e-12
     assert iterated.residual.max() < 1e-12

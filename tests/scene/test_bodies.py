@@ -114,31 +114,18 @@ def test_cubes_from_a_file_of_codes(tmp_path):
 
 
 def test_an_image_is_read_by_its_colours(tmp_path):
-    pixels = np.array(
-        [
-            [[0, 0, 0, 0], [255, 0, 0, 255], [0, 0, 0, 0]],
-            [[255, 0, 0, 255], [255, 0, 0, 255], [18, 52, 86, 255]],
-        ],
-        dtype=np.uint8,
-    )
+    clear, red, blue = [0, 0, 0, 0], [255, 0, 0, 255], [18, 52, 86, 255]
+    pixels = np.array([[clear, red, clear], [red, red, blue]], dtype=np.uint8)
     Image.fromarray(pixels).save(tmp_path / "body.png")
-    scene = Scene.from_image(
-        tmp_path / "body.png",
-        legend={"transparent": "air", "red": "rubber", "#123456": "rigid"},
-        cell_size=0.01,
-    )
+    legend = {"transparent": "air", "red": "rubber", "#123456": "rigid"}
+    scene = Scene.from_image(tmp_path / "body.png", legend=legend, cell_size=0.01)
     assert scene.rasterise().T[::-1].tolist() == [[AIR, 0, AIR], [0, 0, RIGID]]
 
 
 def test_numpy_numbers_are_numbers():
-    scene = plate(
-        np.array([4, 2]),
-        (np.int64(1), 1),
-        np.array([0.0, -1.0]),
-        steps=np.int32(3),
-        size=np.array([0.2, 0.1]),
-        thickness=np.float64(0.01),
-    )
+    sizes = {"size": np.array([0.2, 0.1]), "thickness": np.float64(0.01)}
+    cell, force = (np.int64(1), 1), np.array([0.0, -1.0])
+    scene = plate(np.array([4, 2]), cell, force, steps=np.int32(3), **sizes)
     assert scene.lattice.shape == (4, 2)
     assert scene.loads[0].force == (0.0, -1.0)
     assert scene.stages == 3
@@ -152,12 +139,8 @@ def test_a_material_may_have_a_base():
 
 
 def test_a_giant_plate_costs_nothing_until_it_is_asked():
-    scene = plate(
-        [10**6, 10**6],
-        [500_000, 10**6 - 1],
-        cell_size=1e-5,
-        regions=[{"disk": {"centre": [5.0, 5.0], "radius": 1.0}, "material": "air"}],
-    )
+    hole = {"disk": {"centre": [5.0, 5.0], "radius": 1.0}, "material": "air"}
+    scene = plate([10**6] * 2, [500_000, 10**6 - 1], cell_size=1e-5, regions=[hole])
     assert scene.kinds([[500_000, 500_000], [0, 0], [500_000, 10**6 - 1]]).tolist() == [AIR, 0, 0]
     assert scene.applied().cells.tolist() == [[500_000, 10**6 - 1]]
     with pytest.raises(ValueError, match=r"1000000 x 1000000 cells are more than the 2e"):

@@ -68,8 +68,9 @@ def test_cells_no_load_reached_stay_where_they_are():
 def test_a_gap_in_a_line_separates_runs():
     """Above the hole the line has no rigid end of its own, so its middle stays."""
     loads = [{"cell": [0, row], "force": [0.0, -2.0]} for row in (4, 1)]
-    how = OF | {"legend": {"#": "jelly", ".": "air"}, "rule": KEPT}
-    result = LoadModel(loaded("##\n##\n.#\n##\n##", *loads, **how)).run()
+    how = {"thickness": T, "materials": {"jelly": JELLY}, "legend": {"#": "jelly", ".": "air"}}
+    scene = loaded("##\n##\n.#\n##\n##", *loads, cell_size=H, rule=KEPT, **how)
+    result = LoadModel(scene).run()
     moved = of_cells(result, result.displacement)
     squeeze = 0.5 * 2.0 / (H * T * E) * H
     assert moved[0, 1][1] == pytest.approx(-0.5 * squeeze)

@@ -6,9 +6,9 @@ from elastic_scenes import block, plate, ragged
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kaju import ElasticRule, PrescribedRule, Shares
+from kaju import ElasticRule, Material, PrescribedRule, Shares
 from kaju.agents.elastic_rule import moduli_of
-from kaju.agents.materials import LIBRARY, Material
+from kaju.agents.materials import LIBRARY
 from kaju.errors import ParameterError
 from kaju.model.elastic.relaxation.push_table import PushTable
 
@@ -34,17 +34,12 @@ def test_what_is_taken_is_passed_on_whole(ratio, shape):
     assert 2.0 < shares.growth <= 2.0 * dimension
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_formulas_of_the_largest_eigenvalue_in_the_plane(plane):
+@pytest.mark.parametrize(("dimension", "plane"), [(2, "stress"), (2, "strain"), (3, None)])
+def test_formulas_of_the_largest_eigenvalue(dimension, plane):
     stretch, lateral, shear = moduli_of(STEEL.youngs_modulus, STEEL.poissons_ratio, plane)
-    expected = 2 + 2 * (lateral + shear) / (stretch + shear)
-    assert ElasticRule.shares(STEEL, 2, plane).growth == pytest.approx(expected, rel=1e-14)
-
-
-def test_formula_of_the_largest_eigenvalue_in_space():
-    stretch, lateral, shear = moduli_of(STEEL.youngs_modulus, STEEL.poissons_ratio, None)
-    expected = 2 + 4 * (lateral + shear) / (stretch + 2 * shear)
-    assert ElasticRule.shares(STEEL, 3).growth == pytest.approx(expected, rel=1e-14)
+    across = dimension - 1
+    expected = 2 + 2 * across * (lateral + shear) / (stretch + across * shear)
+    assert ElasticRule.shares(STEEL, dimension, plane).growth == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize("make", [plate, lambda: block((5, 5, 5))])
@@ -63,13 +58,12 @@ def test_an_agent_inside_hands_out_exactly_these_shares(make):
     step = (position[row.coords[1]] - position[number]) / scene.lattice.cell_size
     for target, share, offset in zip(row.coords[1], row.data, step, strict=True):
         if axis[target] != 0:
-            assert share == pytest.approx(np.prod(np.sign(offset[offset != 0])) * shares.poisson)
-        elif offset[0] > 0.5:
-            assert share == pytest.approx(shares.forward)
-        elif offset[0] < -0.5:
-            assert share == pytest.approx(shares.backward)
+            expected = np.prod(np.sign(offset[offset != 0])) * shares.poisson
+        elif abs(offset[0]) > 0.5:
+            expected = shares.forward if offset[0] > 0.0 else shares.backward
         else:
-            assert share == pytest.approx(shares.friction)
+            expected = shares.friction
+        assert share == pytest.approx(expected)
 
 
 def test_every_agent_passes_on_all_it_takes_and_pulls_as_much_as_it_pushes_across():

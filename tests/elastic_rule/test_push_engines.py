@@ -7,10 +7,9 @@ import pytest
 from elastic_scenes import block, plate, ragged, run, run_random, scenes
 from hypothesis import given, settings
 
-from kaju.agents.boundary_agent import FreeBoundaryAgent
-from kaju.agents.face_agent import FaceAgent, SupportAgent
+from kaju import ElasticModel, FaceAgent, FreeBoundaryAgent
+from kaju.agents.face_agent import SupportAgent
 from kaju.errors import ParameterError
-from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
 from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
 from kaju.model.scene.cell_types import AIR

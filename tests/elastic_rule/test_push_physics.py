@@ -9,21 +9,17 @@ from elastic_scenes import (
     energy_norm,
     plate,
     ragged,
+    relative_error,
     run,
     run_random,
     scenes,
 )
 from hypothesis import given, settings
+from plates import loaded
 
-from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 
 ORDERS = ["wave", "largest first", "multilevel"]
-
-
-def relative_error(model):
-    truth = direct_solution(model)
-    return energy_norm(model, displacement(model) - truth) / energy_norm(model, truth)
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -79,12 +75,9 @@ def test_above_a_large_threshold_the_load_rests_before_it_reaches_the_ground():
 
 
 def test_a_pushed_wall_strains_the_body_without_any_load():
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [4, 3], "material": "steel"},
-        sides={"left": {"displacement": [1e-6, 0.0]}, "right": "roller", "bottom": "roller"},
-        rule={"kind": "elastic", "tolerance": 1e-10},
-    )
-    model, result = run(scene)
+    sides = {"left": {"displacement": [1e-6, 0.0]}, "right": "roller", "bottom": "roller"}
+    rule = {"kind": "elastic", "tolerance": 1e-10}
+    model, result = run(loaded([4, 3], sides=sides, rule=rule))
     np.testing.assert_allclose(result.displacement[0][0], 1e-6, rtol=1e-12)
     assert relative_error(model) < 1e-9
     np.testing.assert_allclose(result.reaction, 0.0, atol=1e-6 * result.ledger.turnover)

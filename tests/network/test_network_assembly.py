@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from kaju.model.network import Assembler, SpringNetwork, face_centred, random_geometric, triangular
+from kaju import SpringNetwork
+from kaju.model.network import Assembler, face_centred, random_geometric, triangular
 
 
 def looped(network, displacement, tension, stiffness):

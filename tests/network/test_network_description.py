@@ -4,8 +4,9 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from kaju import SpringNetwork
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.network import SpringNetwork, triangular
+from kaju.model.network import triangular
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 RING = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]]
@@ -29,14 +30,8 @@ def test_the_load_path_runs_evenly_through_its_stages():
     forces = np.zeros((2, 4, 2))
     forces[0, 2], forces[1, 2] = (4.0, 0.0), (0.0, 8.0)
     network = square(forces=forces)
-    for stage, expected in (
-        (0.0, (0, 0)),
-        (0.25, (1, 0)),
-        (1.0, (4, 0)),
-        (1.5, (2, 4)),
-        (2, (0, 8)),
-    ):
-        assert network.force_at(stage)[2].tolist() == list(expected)
+    path = {0.0: [0, 0], 0.25: [1, 0], 1.0: [4, 0], 1.5: [2, 4], 2: [0, 8]}
+    assert {stage: network.force_at(stage)[2].tolist() for stage in path} == path
 
 
 @pytest.mark.parametrize(
@@ -80,13 +75,6 @@ def test_loads_that_disagree_in_stages_are_refused():
         square(forces=np.zeros((2, 4, 2)), displacements=np.zeros((3, 4, 2)))
 
 
-def ladder():
-    graph = nx.triangular_lattice_graph(2, 3)
-    for node in ((0, 0), (2, 0)):
-        graph.nodes[node]["held"] = True
-    return graph
-
-
 def test_attributes_of_a_graph_are_read_node_by_node():
     graph = nx.Graph()
     graph.add_node("foot", pos=(0, 0, 0), held=True)
@@ -100,13 +88,9 @@ def test_attributes_of_a_graph_are_read_node_by_node():
 
 
 def test_supports_and_loads_may_come_beside_the_graph():
-    network = SpringNetwork.from_graph(
-        nx.triangular_lattice_graph(2, 3),
-        stiffness=1.0,
-        rest_length=None,
-        held=[(0, 0), (1, 0)],
-        force={(0, 1): (0.0, -1.0)},
-    )
+    given = {"held": [(0, 0), (1, 0)], "force": {(0, 1): (0.0, -1.0)}}
+    graph = nx.triangular_lattice_graph(2, 3)
+    network = SpringNetwork.from_graph(graph, stiffness=1.0, rest_length=None, **given)
     assert network.held.all(axis=1).sum() == 2
     assert network.forces[0, network.node((0, 1))].tolist() == [0.0, -1.0]
 
@@ -162,11 +146,9 @@ def test_what_a_graph_lacks_is_named(kind, message):
         SpringNetwork.from_graph(spoil(kind), held=[(0, 0)])
 
 
-def test_a_loop_of_a_graph_is_refused():
+def test_loops_and_unknown_nodes_of_a_graph_are_refused():
     with pytest.raises(SceneError, match="joins a node to itself"):
         SpringNetwork.from_graph(spoil("loop"), rest_length=None, held=[(0, 0)])
-
-
-def test_an_unknown_node_is_named():
+    given = {"held": [(0, 0), (2, 0)], "force": {(9, 9): (0, 1)}}
     with pytest.raises(SceneError, match=r"no node \(9, 9\)"):
-        SpringNetwork.from_graph(ladder(), stiffness=1.0, rest_length=None, force={(9, 9): (0, 1)})
+        SpringNetwork.from_graph(spoil("nothing"), rest_length=None, **given)

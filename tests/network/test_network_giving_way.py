@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from kaju import SpringNetwork
 from kaju.errors import BucklingError, ConvergenceError, MechanismError
-from kaju.model.network import SpringNetwork, random_geometric, triangular
+from kaju.model.network import random_geometric, triangular
 from kaju.model.network.network_result import inverted_triangles, triangles
 
 
@@ -135,13 +136,9 @@ def test_triangles_are_found_once():
 
 
 def test_a_triangle_pulled_through_its_base_is_reported():
-    network = SpringNetwork.build(
-        [[0, 0], [2, 0], [1, 1]],
-        [[0, 1], [1, 2], [2, 0]],
-        held=[1, 1, 1],
-        displacements=[[0, 0], [0, 0], [0, -3]],
-        names="abc",
-    )
+    corners, sides = [[0, 0], [2, 0], [1, 1]], [[0, 1], [1, 2], [2, 0]]
+    moved = [[0, 0], [0, 0], [0, -3]]
+    network = SpringNetwork.build(corners, sides, held=[1] * 3, displacements=moved, names="abc")
     result = network.solve(30)
     assert result.triangles_turned_over(9) == []
     assert [set(corners) for corners in result.triangles_turned_over()] == [{"a", "b", "c"}]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from kaju import NetworkModel, SpringNetwork
 from kaju.errors import BucklingError, ParameterError
-from kaju.model.network import SpringNetwork, triangular
-from kaju.model.network.network_model import NetworkModel
+from kaju.model.network import triangular
 
 
 def test_a_step_is_an_increment():

@@ -4,11 +4,11 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from kaju import NetworkResult, Result, SpringNetwork
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.network import NetworkResult, SpringNetwork, triangular
+from kaju.model.network import triangular
 from kaju.model.network.graphs import decoded, encoded
 from kaju.model.results.archive import write_archive
-from kaju.model.results.result import Result
 
 
 @pytest.fixture(scope="module")

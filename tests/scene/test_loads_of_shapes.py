@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plates import loaded
 
 from kaju import Scene, solve
 from kaju.errors import SceneError
@@ -10,18 +11,8 @@ SIZE = 0.01
 HOLE = {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.041}}
 
 
-def plate(*loads, regions=(), cells=(20, 20), **others):
-    return Scene(
-        **{
-            "body": {
-                "cell_size": SIZE, "cells": list(cells), "thickness": 0.5, "material": "steel",
-                "regions": list(regions),
-            },
-            "sides": {"bottom": "rigid"},
-            "loads": list(loads),
-        }
-        | others
-    )  # fmt: skip
+def plate(*loads, cells=(20, 20), **others):
+    return loaded(list(cells), *loads, cell_size=SIZE, thickness=0.5, **others)
 
 
 def middles(scene):
@@ -30,9 +21,10 @@ def middles(scene):
     return scene.lattice.centres(applied.cells) + 0.5 * SIZE * normal
 
 
+RING = {"centre": [0.1, 0.1], "inner": 0.03, "outer": 0.05}
 SHAPES = {
     "disk": {"disk": {"centre": [0.1, 0.1], "radius": 0.05}},
-    "ring": {"ring": {"centre": [0.1, 0.1], "inner": 0.03, "outer": 0.05}},
+    "ring": {"ring": RING},
     "polygon": {"polygon": [[0.05, 0.05], [0.15, 0.05], [0.15, 0.15], [0.05, 0.15]]},
 }
 
@@ -60,14 +52,9 @@ def test_a_hole_under_pressure_is_lames_problem():
     outer = {"material": "steel", "disk": {"centre": [0.1, 0.1], "radius": 0.1}}
     inner = {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.04}}
     base = {"material": "rigid", "box": [[0.098, 0.0], [0.102, 0.004]]}
-    scene = Scene(
-        body={
-            "cell_size": 0.002, "cells": [100, 100], "thickness": 1.0, "material": "air",
-            "regions": [outer, inner, base],
-        },
-        loads=[{"region": {"disk": {"centre": [0.1, 0.1], "radius": 0.05}}, "pressure": 1e6}],
-        rule={"kind": "elastic"},
-    )  # fmt: skip
+    load = {"region": SHAPES["disk"], "pressure": 1e6}
+    how = {"cell_size": 0.002, "sides": {}, "rule": {"kind": "elastic"}}
+    scene = loaded([100, 100], load, material="air", regions=[outer, inner, base], **how)
     points = np.array([[0.1 + 0.07, 0.1], [0.1 - 0.07, 0.1]])
     found = []
     for finer in (1, 2):
@@ -137,11 +124,7 @@ def test_a_couple_bends_a_bar_as_a_beam():
 
 
 def test_a_couple_in_space_turns_about_its_axis():
-    scene = Scene(
-        body={"cell_size": 0.1, "cells": [4, 4, 6], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "couple": [1.0, -2.0, 5.0]}],
-    )
+    scene = loaded([4, 4, 6], {"side": "top", "couple": [1.0, -2.0, 5.0]}, cell_size=0.1)
     applied = scene.applied()
     arm = scene.lattice.centres(applied.cells)
     arm = arm - arm.mean(axis=0)
@@ -152,10 +135,8 @@ def test_a_couple_in_space_turns_about_its_axis():
 @pytest.mark.parametrize("strategy", ["uniform", "spawning"])
 def test_a_side_moved_across_itself_lets_the_body_slide(strategy):
     """Squeezed between rollers: a state of uniform stress, whatever the width does."""
-    scene = plate(
-        cells=(8, 12), rule={"kind": "elastic"},
-        sides={"bottom": "roller", "left": "roller", "top": {"displacement": ["free", -1.2e-5]}},
-    )  # fmt: skip
+    sides = {"bottom": "roller", "left": "roller", "top": {"displacement": ["free", -1.2e-5]}}
+    scene = plate(cells=(8, 12), rule={"kind": "elastic"}, sides=sides)
     how = {"tolerance": 0.05} if strategy == "spawning" else {}
     answer = solve(scene, strategy=strategy, **how)
     moved = answer.displacement_at(np.array([[0.08, 0.12], [0.04, 0.06]]))
@@ -171,10 +152,7 @@ def test_a_side_moved_across_itself_lets_the_body_slide(strategy):
         ({"region": {"ball": {"centre": [0.1] * 3, "radius": 0.1}}, "pressure": 1.0}, "three dim"),
         ({"region": SHAPES["disk"], "pressure": 1.0}, "no middle of a free face"),
         ({"region": {"disk": {"centre": [0.1], "radius": 0.1}}, "pressure": 1.0}, "2 coordinates"),
-        (
-            {"region": {"ring": {"centre": [0.1, 0.1], "inner": 0.2, "outer": 0.1}}, "couple": 1.0},
-            "must be below outer",
-        ),
+        ({"region": {"ring": RING | {"inner": 0.2}}, "couple": 1.0}, "must be below outer"),
         ({"side": "top", "force": [0.0, 1.0], "couple": 1.0}, "not both"),
         ({"side": "top", "couple": 0.0}, "couple: is zero"),
         ({"side": "top", "couple": [1.0, 2.0, 3.0]}, "one number"),
@@ -182,7 +160,7 @@ def test_a_side_moved_across_itself_lets_the_body_slide(strategy):
         ({"side": "top", "couple": 1.0, "pressure_slope": [1.0, 0.0]}, "belongs to a pressure"),
         ({"side": "top", "pressure": 1.0, "pressure_slope": [1.0]}, "should have 2 numbers"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_act_is_refused(load, told):
     with pytest.raises(SceneError, match=told):
         plate(load)

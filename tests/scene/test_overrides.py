@@ -3,8 +3,8 @@
 import pytest
 from plates import PLATE_TEXT
 
+from kaju import Scene, load_scene
 from kaju.errors import SceneError
-from kaju.model.scene import Scene, load_scene
 
 PLATE = PLATE_TEXT + "steps = 20\n"
 
@@ -29,8 +29,8 @@ def test_values_are_read_as_toml_writes_them():
 
 
 def test_what_is_no_toml_is_a_text():
-    assert changed(body__material="rubber").cell_materials[0].name == "rubber"
-    assert changed(body__material='"rubber"').cell_materials[0].name == "rubber"
+    for word in ("rubber", '"rubber"'):
+        assert changed(body__material=word).cell_materials[0].name == "rubber"
     assert changed(sides__left="roller").side_condition("left").kind == "roller"
 
 
@@ -49,11 +49,7 @@ def test_items_of_lists_and_new_tables():
     [
         ("rule.treshold", "1", r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
         ("bodi.cells", "1", r"bodi: unknown key \(did you mean 'body'\?\)"),
-        (
-            "loads.1.steps",
-            "1",
-            "loads.1: loads is a list; its items are 0 to 0, there is no item '1'",
-        ),
+        ("loads.1.steps", "1", "loads.1: loads is a list; its items are 0 to 0, .* no item '1'"),
         ("loads.first.steps", "1", "loads.first: loads is a list; .* there is no item 'first'"),
         ("loads.-1.steps", "1", "there is no item '-1'"),
         ("loads.0.steps.0", "1", "loads.0.steps.0: loads.0.steps is 20, which has no parts"),
@@ -62,6 +58,8 @@ def test_items_of_lists_and_new_tables():
         ("", "1", "is not a key path"),
         ("loads.0.steps", "many", "loads.0.steps: must be a whole number, got 'many'"),
         ("rule.threshold", "nan", "rule.threshold: must be finite, got nan"),
+        # one value cannot smuggle in another
+        ("loads.0.steps", "1\nother = 2", "loads.0.steps: must be a whole number"),
     ],
 )
 def test_paths_and_values_that_cannot_be(key, value, told):
@@ -69,17 +67,10 @@ def test_paths_and_values_that_cannot_be(key, value, told):
         Scene.from_toml(PLATE).with_overrides({key: value})
 
 
-def test_one_value_cannot_smuggle_in_another():
-    with pytest.raises(SceneError, match=r"loads.0.steps: must be a whole number"):
-        changed(loads__0__steps="1\nother = 2")
-
-
 def test_a_file_may_be_mended_while_it_is_read(tmp_path):
     path = tmp_path / "plate.toml"
     path.write_text(PLATE.replace("steps = 20", "steps = 0"))
-    with pytest.raises(
-        SceneError, match=r"plate.toml: line 11: loads.0.steps: must be above 0, got 0"
-    ):
+    with pytest.raises(SceneError, match=r"plate.toml: line 11: loads.0.steps: must be above 0"):
         load_scene(path)
     assert load_scene(path, {"loads.0.steps": "2"}).stages == 2
 

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plates import loaded
 
-from kaju.errors import KajuError, ParameterError, SceneError
-from kaju.model.scene import Scene
+from kaju import KajuError, Scene
+from kaju.errors import ParameterError, SceneError
 
 
 def plate(*loads, cells=(4, 3), **body):
-    return Scene(
-        body={"cells": cells, "cell_size": 0.1, "material": "steel", **body},
-        sides={"bottom": "rigid"},
-        loads=list(loads),
-    )
+    return loaded(cells, *loads, cell_size=0.1, **body)
 
 
 def resultant(scene):
@@ -30,16 +27,11 @@ def test_a_plate_keeps_its_size():
     fine = plate().refine(3)
     assert fine.lattice.shape == (12, 9)
     assert np.allclose(fine.lattice.extent, plate().lattice.extent, rtol=1e-15)
-    sized = Scene(
-        body={"size": [0.2, 0.2], "cells": [20, 20], "material": "ice"}, sides={"top": "rigid"}
-    )
-    assert sized.refine(2).body.size == (0.2, 0.2)
+    assert loaded([20, 20], size=[0.2, 0.2]).refine(2).body.size == (0.2, 0.2)
 
 
 def test_pictures_repeat_their_cells():
-    scene = Scene.from_drawing(
-        "#.\n##", legend={"#": "ice", ".": "air"}, cell_size=0.1, sides={"bottom": "rigid"}
-    )
+    scene = loaded("#.\n##")
     expected = np.kron(scene.rasterise(), np.ones((3, 3), dtype=int))
     assert np.array_equal(scene.refine(3).rasterise(), expected)
     assert scene.refine(2).refine(3) == scene.refine(6)

@@ -5,25 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from plates import loaded
 from plates import plate as pressed
 
 from kaju.errors import SceneError
-from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID
 from kaju.model.scene.resolved_body import grid
 
 
 def plate(*regions, cells=(8, 8), **body):
-    return Scene(
-        body={
-            "cells": cells,
-            "cell_size": 1.0,
-            "material": "steel",
-            "allow_floating": True,
-            **body,
-        },
-        regions=list(regions),
-    )
+    free = {"sides": {}, "allow_floating": True}
+    return loaded(cells, cell_size=1.0, regions=list(regions), **free, **body)
 
 
 def picture(scene):
@@ -136,15 +128,14 @@ def test_a_mirrored_region_fills_the_mirrored_cells(shape):
         other = {"disk": {**shape["disk"], "centre": mirrored(shape["disk"]["centre"])}}
     else:
         other = {"polygon": [mirrored(corner) for corner in shape["polygon"]]}
+    corners = [{"box": [[x, 0], [x + 1, 1]], "material": "ice"} for x in (0, 7)]
     try:
-        one = plate({**shape, "material": "rigid"}, {"box": [[0, 0], [1, 1]], "material": "ice"},
-                    {"box": [[7, 0], [8, 1]], "material": "ice"})  # fmt: skip
+        one = plate({**shape, "material": "rigid"}, *corners)
     except ValueError:
         with pytest.raises(ValueError, match=r"no extent|outside|no cell's centre"):
             plate({**other, "material": "rigid"})
         return
-    two = plate({**other, "material": "rigid"}, {"box": [[0, 0], [1, 1]], "material": "ice"},
-                {"box": [[7, 0], [8, 1]], "material": "ice"})  # fmt: skip
+    two = plate({**other, "material": "rigid"}, *corners)
     assert np.array_equal(one.rasterise(), two.rasterise()[::-1])
 
 

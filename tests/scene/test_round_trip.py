@@ -5,13 +5,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from plates import plate
+from plates import loaded, plate
 
-from kaju import Coefficients, ElasticRule, PrescribedRule
-from kaju.agents.materials import Material
+from kaju import (
+    Coefficients,
+    ElasticRule,
+    Material,
+    PrescribedRule,
+    Scene,
+    ThreeElement,
+    load_scene,
+)
 from kaju.errors import SceneError, SceneFileError
-from kaju.model.rheology.element import ThreeElement
-from kaju.model.scene import Scene, load_scene
 
 share = st.floats(0.0, 0.6)
 rules = st.one_of(
@@ -179,9 +184,7 @@ def test_images_and_arrays_are_found_beside_the_scene(tmp_path):
 @pytest.mark.parametrize("shape", [(200, 150), (2, 3, 4)])
 def test_a_large_array_is_saved_beside_the_scene(tmp_path, shape):
     codes = np.arange(np.prod(shape)).reshape(shape) % 2
-    scene = Scene.from_array(
-        codes, legend={0: "ice", 1: "rigid"}, cell_size=0.1, allow_floating=True
-    )
+    scene = Scene.from_array(codes, legend={0: "ice", 1: "rigid"}, cell_size=0.1)
     with pytest.raises(SceneError, match=r"body.array: is too large, or has too many axes"):
         scene.to_toml()
     scene.save(tmp_path / "scene.toml")
@@ -192,11 +195,7 @@ def test_a_large_array_is_saved_beside_the_scene(tmp_path, shape):
 
 def test_a_region_image_is_found_from_the_new_place(tmp_path):
     painted(tmp_path)
-    scene = Scene(
-        body={"cells": [4, 3], "cell_size": 0.1, "material": "oak"},
-        regions=[{"image": {"file": tmp_path / "body.png"}, "material": "cork"}],
-        sides={"bottom": "rigid"},
-    )
+    scene = loaded([4, 3], regions=[{"image": {"file": tmp_path / "body.png"}, "material": "cork"}])
     (tmp_path / "inner").mkdir()
     scene.save(tmp_path / "inner" / "scene.toml")
     assert '"../body.png"' in (tmp_path / "inner" / "scene.toml").read_text()
@@ -233,12 +232,8 @@ def test_an_archive_needs_no_image_beside_it(tmp_path):
     pixels = np.full((4, 6, 3), 255, dtype=np.uint8)
     pixels[1:3, 2:4] = 0
     Image.fromarray(pixels).save(tmp_path / "hole.png")
-    scene = plate(
-        [6, 4],
-        [0, 3],
-        [0.0, -1.0],
-        regions=[{"image": {"file": tmp_path / "hole.png"}, "material": "air"}],
-    )
+    hole = {"image": {"file": tmp_path / "hole.png"}, "material": "air"}
+    scene = plate([6, 4], [0, 3], [0.0, -1.0], regions=[hole])
     text, arrays = scene.to_archive()
     (tmp_path / "hole.png").unlink()
     again = Scene.from_archive(text, arrays)

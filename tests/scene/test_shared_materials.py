@@ -1,6 +1,7 @@
 """A file of materials for several scenes, and errors that name the line of a key."""
 
 import pytest
+from plates import loaded
 
 from kaju import Scene, load_scene
 from kaju.errors import SceneError, SceneFileError
@@ -55,15 +56,12 @@ def test_scenes_share_a_file_of_materials(folder):
 
 
 def test_python_takes_the_file_too(folder):
-    parts = {
-        "body": {"cell_size": 0.01, "cells": [2, 2], "material": "agar"},
-        "sides": {"bottom": "rigid"},
-    }
-    for path in (folder / "lab.toml", str(folder / "lab.toml")):
-        assert Scene(materials=path, **parts).cell_materials[0].youngs_modulus == 30e3
     other_scene = folder / "other.toml"
     other_scene.write_text("[materials.agar]\nyoungs_modulus = 1e3\npoissons_ratio = 0.3\n[body]\n")
-    assert Scene(materials=other_scene, **parts).cell_materials[0].youngs_modulus == 1e3
+    lab = folder / "lab.toml"
+    for path, modulus in ((lab, 30e3), (str(lab), 30e3), (other_scene, 1e3)):
+        scene = loaded([2, 2], material="agar", materials=path)
+        assert scene.cell_materials[0].youngs_modulus == modulus
 
 
 def test_single_values_of_shared_materials_can_be_changed(folder):
@@ -76,10 +74,7 @@ def test_single_values_of_shared_materials_can_be_changed(folder):
     [
         (LAB.replace("0.49", "0.9"), r"lab.toml: line 4: agar.poissons_ratio: must lie"),
         (LAB.replace("30e3", "'soft'"), r"lab.toml: line 3: agar.youngs_modulus: must be a number"),
-        (
-            LAB.replace("base", "bass"),
-            r"line 7: stiff steel.bass: unknown key .*did you mean 'base'",
-        ),
+        (LAB.replace("base", "bass"), r"line 7: stiff steel.bass: .*did you mean 'base'"),
         ("x = 1\n", "must hold a table for each material"),
         ("[agar\n", "not valid TOML.*line 1"),
         (None, "lab.toml: cannot be read: No such file"),

@@ -91,6 +91,12 @@ def displacement(model):
     return model.state.levels[0].displacement
 
 
+def relative_error(model):
+    """Error of a run's field, as a share of the direct solution, in the norm of energy."""
+    truth = direct_solution(model)
+    return energy_norm(model, displacement(model) - truth) / energy_norm(model, truth)
+
+
 @st.composite
 def scenes(draw, order=None):
     """Small drawn bodies with feet on the ground, pressed on at random."""

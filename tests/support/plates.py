@@ -20,14 +20,22 @@ bottom = "rigid"
 cell = [10, 19]
 force = [0.0, -2.0]
 """
+LEGEND = {"#": "steel", "a": "steel", "b": "rubber", ".": "air", "=": "rigid"}
 _OF_THE_BODY = {"size", "cell_size", "thickness", "plane", "lattice", "regions", "allow_floating"}
+_OF_THE_BODY |= {"material", "gravity"}
 
 
-def plate(cells, cell, force=(0.0, -2.0), *, steps=1, side=None, material="steel", **changes):
+def loaded(cells, *loads, **changes):
+    """Equal cells on rigid ground under any loads, 10 mm wide unless told; a text is a drawing."""
+    drawing = {"body": {"drawing": cells}, "legend": LEGEND}
+    parts = drawing if isinstance(cells, str) else {"body": {"cells": cells, "material": "steel"}}
+    parts["body"] |= {key: changes.pop(key) for key in _OF_THE_BODY & changes.keys()}
+    if "size" not in parts["body"]:
+        parts["body"].setdefault("cell_size", 0.01)
+    return Scene(**parts | {"sides": {"bottom": "rigid"}, "loads": list(loads)} | changes)
+
+
+def plate(cells, cell, force=(0.0, -2.0), *, steps=1, side=None, **changes):
     """Equal cells on rigid ground, 10 mm wide unless told, and a force on one of them."""
-    body = {"cells": cells, "material": material}
-    body |= {key: changes.pop(key) for key in _OF_THE_BODY & changes.keys()}
-    if "size" not in body:
-        body.setdefault("cell_size", 0.01)
     load = {"cell": cell, "force": force, "steps": steps} | ({} if side is None else {"side": side})
-    return Scene(**{"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | changes)
+    return loaded(cells, load, **changes)

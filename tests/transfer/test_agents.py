@@ -2,30 +2,28 @@
 
 import networkx as nx
 import pytest
+from plates import loaded
 
-from kaju import LoadModel, PrescribedRule, Scene
-from kaju.agents.boundary_agent import FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent
-from kaju.model.transfer.agent_engine import AgentEngine
+from kaju import (
+    FreeBoundaryAgent,
+    LoadModel,
+    PrescribedRule,
+    RigidBoundaryAgent,
+    RollerBoundaryAgent,
+)
 
 LEFT, RIGHT, DOWN, UP = range(4)
 
 
 def row_of(letters, sides, rule, cell=(1, 0), force=(-2.0, 0.0)):
-    scene = Scene(
-        body={"cell_size": 0.01, "drawing": letters, "allow_floating": True},
-        legend={"#": "steel", ".": "air", "=": "rigid"},
-        sides=sides,
-        loads=[{"cell": cell, "force": force}],
-        rule=rule,
-    )
-    return LoadModel(scene)
+    load = {"cell": cell, "force": force}
+    return LoadModel(loaded(letters, load, sides=sides, rule=rule, allow_floating=True))
 
 
 STRAIGHT = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.3)
 
 
 def agent_at(model, column, row=0):
-    assert isinstance(model.engine, AgentEngine)
     return next(agent for agent in model.agents if agent.index == (column, row))
 
 
@@ -83,13 +81,8 @@ def test_air_and_ground_inside_the_array_are_boundaries_too():
 
 
 def test_an_agent_is_woken_by_all_that_reach_it_first():
-    rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), threshold=0.2)
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [3, 2], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [column, 1], "force": [0.0, -1.0]} for column in (0, 2)],
-        rule=rule,
-    )
+    loads = [{"cell": [column, 1], "force": [0.0, -1.0]} for column in (0, 2)]
+    scene = loaded([3, 2], *loads, rule=PrescribedRule(alpha=(0.5, 0.5, 0.25), threshold=0.2))
     for engine in ("agents", "arrays"):
         stage = LoadModel(scene, engine=engine).run().last
         middle = stage.cells.tolist().index([1, 1])

@@ -1,10 +1,10 @@
 """A model put aside half-way goes on as if it had never stopped."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
-import numpy as np
 import pytest
 from plates import plate as pressed
+from transfer_answers import ENGINES, assert_same
 
 from kaju import (
     ElasticModel,
@@ -42,18 +42,7 @@ class Felt(FreeBoundaryAgent):
         return back._replace(magnitude=self.model.random.random() * back.magnitude)
 
 
-def same(one, other):
-    for field in fields(one):
-        a, b = getattr(one, field.name), getattr(other, field.name)
-        if isinstance(a, np.ndarray):
-            np.testing.assert_array_equal(a, b)
-        elif hasattr(a, "__dataclass_fields__"):
-            same(a, b)
-        else:
-            assert a == b, field.name
-
-
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 @pytest.mark.parametrize("step", [0, 5, 19])
 def test_load_transfer_goes_on_bit_for_bit(engine, step, tmp_path):
     model = LoadModel(plate(steps=3), engine=engine)
@@ -64,7 +53,7 @@ def test_load_transfer_goes_on_bit_for_bit(engine, step, tmp_path):
     assert (again.steps, again.stage, again.generation) == (step, model.stage, model.generation)
     assert type(again.engine) is type(model.engine)
     for one, other in zip(model.run().stages, again.run().stages, strict=True):
-        same(one, other)
+        assert_same(one, other)
     assert again.datacollector.model_vars == model.datacollector.model_vars
 
 
@@ -74,7 +63,7 @@ def test_own_agents_go_on_with_the_numbers_they_drew(tmp_path):
     model.run(until=lambda model: model.steps == 4)
     path = model.save_checkpoint(tmp_path / "half.npz")
     again = LoadModel.load_checkpoint(path, **own)
-    same(model.run().last, again.run().last)
+    assert_same(model.run().last, again.run().last)
     assert model.rng.random() == again.rng.random()
     with pytest.raises(ParameterError, match="made with Scattered, got none; give"):
         LoadModel.load_checkpoint(path, boundary_agents={"free": Felt})

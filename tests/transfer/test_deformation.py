@@ -2,28 +2,22 @@
 
 import numpy as np
 import pytest
+from plates import loaded, plate
+from transfer_answers import ENGINES, of_cells
 
-from kaju import LoadModel, Material, PrescribedRule, Scene
+from kaju import LoadModel, Material, PrescribedRule
 from kaju.errors import ResultError
 
 H, T, E, NU = 0.01, 0.002, 1e9, 0.25
 JELLY = Material("jelly", E, NU)
+OF = {"cell_size": H, "thickness": T, "material": "jelly", "materials": {"jelly": JELLY}}
 ALONE = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.01)
+KEPT = PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0)
 
 
 def column(sides, load_row=4, rows=5, force=(0.0, -2.0), rule=ALONE):
-    scene = Scene(
-        body={
-            "cell_size": H,
-            "cells": [1, rows],
-            "thickness": T,
-            "material": "jelly",
-            "allow_floating": True,
-        },
-        materials={"jelly": JELLY},
-        sides=sides,
-        loads=[{"cell": [0, load_row], "force": force}],
-        rule=rule,
+    scene = plate(
+        [1, rows], [0, load_row], force, sides=sides, rule=rule, allow_floating=True, **OF
     )
     return LoadModel(scene).run()
 
@@ -44,8 +38,7 @@ def test_a_cell_is_squeezed_by_its_own_share():
 
 
 def test_both_senses_squeeze():
-    down = column({"bottom": "rigid"}, rows=40, load_row=20)
-    up = column({"bottom": "rigid"}, rows=40, load_row=20, force=(0.0, 2.0))
+    down, up = (column({"bottom": "rigid"}, 20, 40, (0.0, force)) for force in (-2.0, 2.0))
     assert down.stress[0, 1, 1] == up.stress[0, 1, 1] < 0.0
 
 
@@ -74,39 +67,21 @@ def test_cells_no_load_reached_stay_where_they_are():
 
 def test_a_gap_in_a_line_separates_runs():
     """Above the hole the line has no rigid end of its own, so its middle stays."""
-    scene = Scene(
-        body={"cell_size": H, "thickness": T, "drawing": "##\n##\n.#\n##\n##"},
-        materials={"jelly": JELLY},
-        legend={"#": "jelly", ".": "air"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [0, 4], "force": [0.0, -2.0]}, {"cell": [0, 1], "force": [0.0, -2.0]}],
-        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0),
-    )
+    loads = [{"cell": [0, row], "force": [0.0, -2.0]} for row in (4, 1)]
+    how = {"thickness": T, "materials": {"jelly": JELLY}, "legend": {"#": "jelly", ".": "air"}}
+    scene = loaded("##\n##\n.#\n##\n##", *loads, cell_size=H, rule=KEPT, **how)
     result = LoadModel(scene).run()
-    moved = {
-        tuple(c): u for c, u in zip(result.last.cells.tolist(), result.displacement, strict=True)
-    }
+    moved = of_cells(result, result.displacement)
     squeeze = 0.5 * 2.0 / (H * T * E) * H
     assert moved[0, 1][1] == pytest.approx(-0.5 * squeeze)
     # Run of two cells: the upper one's middle lies half a squeezed cell above the middle.
     assert moved[0, 4][1] == pytest.approx(-0.5 * squeeze)
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 def test_a_hexagon_pressed_along_a_normal(engine):
-    scene = Scene(
-        body={
-            "cell_size": H,
-            "cells": [5, 1],
-            "thickness": T,
-            "material": "jelly",
-            "lattice": "hexagon",
-        },
-        materials={"jelly": JELLY},
-        sides={"left": "rigid"},
-        loads=[{"cell": [4, 0], "force": [-2.0, 0.0]}],
-        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0),
-    )
+    how = OF | {"lattice": "hexagon", "sides": {"left": "rigid"}, "rule": KEPT}
+    scene = plate([5, 1], [4, 0], [-2.0, 0.0], **how)
     result = LoadModel(scene, engine=engine).run()
     area = np.sqrt(3) / 2 * H * T  # volume over the distance of the faces
     assert result.stress[0] == pytest.approx(np.diag([-1.0 / area, 0.0]))

@@ -3,18 +3,16 @@
 from dataclasses import replace
 
 import pytest
+from plates import plate
 
-from kaju import LoadModel, PrescribedRule, Scene
+from kaju import LoadModel, PrescribedRule
 from kaju.errors import StabilityError
 
 
 def sheet(alpha, beta=1.0, **rule):
-    body = {"cell_size": 0.01, "cells": [11, 12], "material": "steel", "lattice": "hexagon"}
-    return Scene(
-        body=body | {"allow_floating": True},
-        loads=[{"cell": [5, 6], "force": [1.0, 0.0]}],
-        rule=PrescribedRule(alpha, beta, threshold=1e-6, **rule),
-    )
+    rule = PrescribedRule(alpha, beta, threshold=1e-6, **rule)
+    how = {"lattice": "hexagon", "sides": {}, "allow_floating": True}
+    return plate([11, 12], [5, 6], [1.0, 0.0], rule=rule, **how)
 
 
 def test_friction_reaches_two_of_the_four_neighbours_beside():
@@ -22,14 +20,9 @@ def test_friction_reaches_two_of_the_four_neighbours_beside():
     model.step()
     model.step()
     stage = model.result().last
-    taken = [
-        (stage.cells[agent].tolist(), pytest.approx(load))
-        for number, agent, load in zip(
-            stage.history.generation, stage.history.agent, stage.history.load, strict=True
-        )
-        if number == 2
-    ]
-    assert taken == [([5, 5], 0.1), ([5, 7], 0.1)]
+    second = stage.history.generation == 2
+    assert stage.cells[stage.history.agent[second]].tolist() == [[5, 5], [5, 7]]
+    assert stage.history.load[second] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

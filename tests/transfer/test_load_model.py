@@ -1,23 +1,15 @@
 """The Mesa model: steps, stages, ends."""
 
 import numpy as np
-import pytest
 from plates import plate as pressed
+from transfer_answers import ENGINES
 
 from kaju import LoadModel, PrescribedRule
 
-ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
-
 
 def plate(steps=1, **rule):
-    return pressed(
-        [20, 20],
-        [10, 19],
-        steps=steps,
-        size=[0.2, 0.2],
-        thickness=0.002,
-        rule=PrescribedRule(**rule),
-    )
+    how = {"size": [0.2, 0.2], "thickness": 0.002, "rule": PrescribedRule(**rule)}
+    return pressed([20, 20], [10, 19], steps=steps, **how)
 
 
 @ENGINES

@@ -10,12 +10,11 @@ import weakref
 import numpy as np
 import pytest
 from plates import plate as pressed
+from transfer_answers import ENGINES
 
 from kaju import ElasticModel, ElasticRule, LoadModel, NetworkModel, PrescribedRule, SpawningModel
 from kaju.errors import ParameterError
 from kaju.model.network import triangular
-
-ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
 
 
 def plate(steps=1, rule=None, cells=20, sense=False):
@@ -27,11 +26,8 @@ def plate(steps=1, rule=None, cells=20, sense=False):
 def test_rows_of_arrays_are_no_agents_and_say_so():
     model = LoadModel(plate(), engine="arrays")
     model.run()
-    for ask in (
-        lambda: model.agents,
-        lambda: model.agents_by_type,
-        lambda: model.agent_at((10, 19)),
-    ):
+    asked = (lambda: model.agents, lambda: model.agents_by_type, lambda: model.agent_at((10, 19)))
+    for ask in asked:
         with pytest.raises(ParameterError, match="engine='agents'"):
             ask()
 

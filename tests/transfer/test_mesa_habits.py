@@ -8,8 +8,7 @@ import pytest
 from mesa import DataCollector
 from plates import plate as pressed
 
-from kaju import FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter
-from kaju.errors import KajuError
+from kaju import FreeBoundaryAgent, KajuError, LoadModel, MaterialAgent, Parameter
 
 
 def plate(**more):
@@ -149,9 +148,5 @@ def test_the_scenario_of_mesas_page():
 
 
 def test_sliders_for_solara():
-    parameters = {"scene": plate(), "material_agent": Counting, **LoadModel.sliders(Counting)}
-    chosen = {
-        name: value["value"] if isinstance(value, dict) else value
-        for name, value in parameters.items()
-    }
-    assert LoadModel(**chosen).parameters == {"songs": 1}
+    chosen = {name: slider["value"] for name, slider in LoadModel.sliders(Counting).items()}
+    assert LoadModel(plate(), material_agent=Counting, **chosen).parameters == {"songs": 1}

@@ -8,22 +8,21 @@ import pytest
 from plates import plate
 
 from kaju import (
+    Emission,
     FreeBoundaryAgent,
     KajuError,
     Lattice,
+    Load,
     LoadModel,
     MaterialAgent,
     RigidBoundaryAgent,
+    Squares,
     load_result,
 )
-from kaju.agents.shares import Emission, Load
-from kaju.model.scene.lattices import Squares
 
 
 def scene(lattice="square"):
-    return plate(
-        [4, 3], [1, 2], [0.3, -2.0], lattice=lattice, rule={"kind": "prescribed", "threshold": 0.01}
-    )
+    return plate([4, 3], [1, 2], [0.3, -2.0], lattice=lattice, rule={"threshold": 0.01})
 
 
 def material(**methods):
@@ -40,9 +39,13 @@ def each(change):
     return material(emissions=lambda self, load: tuple(change(*e) for e in usual(self, load)))
 
 
+def passes(pass_on):
+    return material(pass_on=pass_on)
+
+
 def hands(arm, load):
     """Return agents that hand a load of their own over an arm."""
-    return material(pass_on=lambda self, own: self.model.hand_over(self, arm, load))
+    return passes(lambda self, own: self.model.hand_over(self, arm, load))
 
 
 def after_take(act):
@@ -64,6 +67,7 @@ def gives(back):
     return wall(lambda self, load, arm: back)
 
 
+AHEAD = Emission(0, 0, 0.1, "push")
 REFUSED = {
     "share NaN": each(lambda a, d, s, t: (a, d, nan, t)),
     "share infinite": each(lambda a, d, s, t: (a, d, inf, t)),
@@ -89,9 +93,7 @@ REFUSED = {
     "emissions None": material(emissions=lambda self, load: None),
     "emissions a number": material(emissions=lambda self, load: 0.5),
     "emissions a word": material(emissions=lambda self, load: "ahead"),
-    "emissions without end": material(
-        emissions=lambda self, load: repeat(Emission(0, 0, 0.1, "push"))
-    ),
+    "emissions without end": material(emissions=lambda self, load: repeat(AHEAD)),
     "hands NaN": hands(0, Load(0, nan)),
     "hands infinity": hands(0, Load(0, inf)),
     "hands below 0": hands(0, Load(0, -1.0)),
@@ -108,9 +110,7 @@ REFUSED = {
     "forgets its books": after_take(lambda self, load: setattr(self, "taken", [0.0] * 4)),
     "has no material left": after_take(lambda self, load: setattr(self, "material", None)),
     "leaves": after_take(lambda self, load: self.remove()),
-    "hands over for nobody": material(
-        pass_on=lambda self, load: self.model.hand_over(None, 0, load)
-    ),
+    "hands over for nobody": passes(lambda self, load: self.model.hand_over(None, 0, load)),
     "keeps infinity": after_take(lambda self, load: setattr(self, "kept", inf)),
     "yields NaN": material(shortening=lambda self, axis: nan),
     "yields infinitely": material(shortening=lambda self, axis: inf),
@@ -134,9 +134,7 @@ REFUSED = {
     "gives back a number": gives(0.5),
     "gives back a word": gives("all"),
     "air gives back more": wall(
-        lambda self, load, arm: load._replace(magnitude=2.0 * load.magnitude),
-        FreeBoundaryAgent,
-        "free",
+        lambda self, load, arm: Load(load.direction, 2 * load.magnitude), FreeBoundaryAgent, "free"
     ),
     "order a word": {"order": "random"},
     "order chooses nobody": {"order": lambda agents: []},
@@ -161,23 +159,26 @@ def test_what_is_no_answer_is_refused_by_name(kind):
     assert (name or names[next(iter(REFUSED[kind]))]) in str(told.value)
 
 
+def forgets(agent, load):
+    MaterialAgent.pass_on(agent, load)
+    agent.passed.clear()
+
+
+def puts(agent, load):
+    near = [other for other in agent.around if isinstance(other, MaterialAgent)]
+    young = [other for other in near if other.spawn_step < 3]
+    for other in young:
+        other.put((2, 0.02), 1.0, "push", agent)
+    if not young:
+        MaterialAgent.pass_on(agent, load)
+
+
 UNBALANCED = {
     "takes without booking": material(take=lambda self, load: None),
     "books twice": after_take(lambda self, load: MaterialAgent.take(self, load)),
     "forgets what it took": after_take(lambda self, load: self.taken.clear()),
-    "forgets what it passed": material(
-        pass_on=lambda self, load: (MaterialAgent.pass_on(self, load), self.passed.clear())
-    ),
-    "puts loads into boxes": material(
-        pass_on=lambda self, load: (
-            [
-                other.put((2, 0.02), 1.0, "push", self)
-                for other in self.around
-                if isinstance(other, MaterialAgent) and other.spawn_step < 3
-            ]
-            or MaterialAgent.pass_on(self, load)
-        )
-    ),
+    "forgets what it passed": passes(forgets),
+    "puts loads into boxes": passes(puts),
     "grows": each(lambda a, d, s, t: (a, d, 3.0 * s, t)),
     "never takes": material(step=lambda self: None),
     "goes round for ever": each(lambda a, d, s, t: (a, d, 1.0 if a == d else 0.0, t)),
@@ -204,23 +205,17 @@ def test_what_could_not_be_read_again_is_not_saved(number, tmp_path):
 
 
 class Acts(LoadModel):
-    """Lets agents act in an order of Mesa's own."""
-
     def step(self):
         self.agents.shuffle_do("step")
 
 
 class Twice(LoadModel):
-    """Asks twice for the usual step."""
-
     def step(self):
         super().step()
         super().step()
 
 
 class Idle(LoadModel):
-    """Lets nobody act."""
-
     def step(self):
         pass
 

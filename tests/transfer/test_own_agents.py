@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plates import loaded, plate
+from transfer_answers import ENGINES
 
 from kaju import (
     ElasticRule,
@@ -11,19 +13,14 @@ from kaju import (
     LoadModel,
     MaterialAgent,
     PrescribedRule,
-    Scene,
     Shares,
 )
 from kaju.errors import ParameterError
 
 
 def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [1, cells], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, force]}],
-        rule=PrescribedRule(alpha=alpha, beta=1.0, threshold=threshold, **rule),
-    )
+    rule = PrescribedRule(alpha=alpha, beta=1.0, threshold=threshold, **rule)
+    return loaded([1, cells], {"side": "top", "force": [0.0, force]}, rule=rule)
 
 
 class Twice(MaterialAgent):
@@ -39,9 +36,8 @@ def test_what_an_agent_keeps_is_what_deforms_its_cell(sense):
     usual = LoadModel(column(1.0, sense=sense)).run()
     twice = LoadModel(column(1.0, sense=sense), material_agent=Twice).run()
     for name in ("strain", "stress", "displacement"):
-        np.testing.assert_allclose(
-            getattr(twice, name), 2.0 * getattr(usual, name), rtol=1e-12, atol=1e-30
-        )
+        expected = 2.0 * getattr(usual, name)
+        np.testing.assert_allclose(getattr(twice, name), expected, rtol=1e-12, atol=1e-30)
     assert twice.last.ledger.kept == pytest.approx(2.0 * usual.last.ledger.kept)
     assert twice.last.ledger.imbalance < 1e-12
 
@@ -131,11 +127,7 @@ def heaviest(agents):
 
 def test_an_order_of_ones_own():
     """One agent a step, the one with most to take; what is taken in the end is the same."""
-    scene = column(sense=True).replace(
-        body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
-        loads=[{"cell": [1, 3], "force": [0.3, -1.0]}],
-        rule=PrescribedRule(threshold=0.05, sense=True),
-    )
+    scene = plate([4, 4], [1, 3], [0.3, -1.0], rule=PrescribedRule(threshold=0.05, sense=True))
     together = LoadModel(scene, engine="agents").run().last
     model = LoadModel(scene, order=heaviest)
     alone = model.run().last
@@ -160,7 +152,7 @@ class AsElastic:
         return Shares(*(0.9 * s for s in (derived.own, derived.forward, 0.2, derived.friction, 0)))
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 def test_a_rule_of_ones_own(engine):
     scene = column(cells=3)
     model = LoadModel(scene, engine=engine, rule=AsElastic())

@@ -1,15 +1,16 @@
-"""Every hook for agents of one's own has an example that runs, is short, and pins a number."""
+"""Examples of agents of one's own: all run and pin a number, and each hook has a short one."""
 
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
+from plates import loaded
+from strategies import EXAMPLES
 
-from kaju import Cubes, LoadModel, MaterialAgent, Scene, solve
+from kaju import Cubes, LoadModel, MaterialAgent, RigidBoundaryAgent, ThreeElement, solve
 from kaju.errors import SceneError
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+WHOLE = ("absorbing_wall", "breaking", "memory", "random_shares", "tired")
 HOOKS = sorted(path.stem for path in (EXAMPLES / "own_agents").glob("*.py"))
 
 
@@ -24,6 +25,13 @@ def test_it_is_short_and_runs(name, capsys):
     assert f"`{name}.py`" in (path.parent / "README.md").read_text()
     runpy.run_path(str(path), run_name="__main__")
     assert len(capsys.readouterr().out.splitlines()) in (1, 2, 3)
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_a_whole_example_runs_as_its_folder_says(name, capsys):
+    runpy.run_path(str(EXAMPLES / name / "run.py"), run_name="__main__")
+    assert len(capsys.readouterr().out.splitlines()) >= 2
+    assert "python run.py" in (EXAMPLES / name / "README.md").read_text()
 
 
 def test_every_hook_has_one():
@@ -98,7 +106,7 @@ def test_ways_that_name_no_face_are_refused():
             return super().way(direction, form)._replace(ahead=((9, 1.0),))
 
     with pytest.raises(SceneError, match="way of Wrong: along direction 0 must name faces"):
-        Scene(body={"lattice": Wrong, "cells": [2, 2, 2], "cell_size": 0.1, "material": "oak"})
+        loaded([2, 2, 2], lattice=Wrong)
 
 
 def test_a_curve_loads_the_outer_half_of_the_ring():
@@ -113,3 +121,47 @@ def test_a_tense_muscle_gives_less_and_less():
     stretch = example("muscle/run.py")["stretch"]
     for gain, times in ((0.0, 2.0), (2.0, 1.79), (10.0, 1.44)):
         assert stretch(1.0, gain) / stretch(0.5, gain) == pytest.approx(times, abs=5e-3)
+
+
+def test_a_bundle_breaks_bar_by_bar():
+    applied, felt = example("breaking/run.py")["load_path"]()
+    passed_down = 0.95**6
+    bars = applied / 3.0
+    whole = sum(np.where(bars <= strength, bars, 0.0) for strength in (1.0, 1.5, 2.0))
+    np.testing.assert_allclose(felt, passed_down * whole, rtol=1e-12)
+    assert (np.diff(felt) < 0.0).sum() == 3
+
+
+def test_seeds_decide_where_the_load_leans():
+    run = example("random_shares/run.py")["run"]
+    one, again, other = run(1), run(1), run(2)
+    np.testing.assert_array_equal(one.last.taken, again.last.taken)
+    assert len(one.last.cells) != len(other.last.cells)
+
+
+def test_felt_absorbs_seven_tenths_of_what_reaches_it():
+    run = example("absorbing_wall/run.py")["run"]
+    hard, felt = run(RigidBoundaryAgent).last, run().last
+    assert hard.ledger.absorbed == 0.0
+    reached = felt.ledger.absorbed / 0.7
+    first = 0.9**8
+    assert reached == pytest.approx(first * (1 + 0.3 * 0.9**16), rel=1e-9)
+    assert felt.ledger.imbalance < 1e-12
+
+
+def test_a_tired_plate_sinks_further_under_the_same_stress():
+    run = example("tired/run.py")["run"]
+    fresh, tired = run(MaterialAgent), run()
+    np.testing.assert_array_equal(fresh.stress, tired.stress)
+    assert tired.displacement[:, 1].min() < 2.0 * fresh.displacement[:, 1].min() < 0.0
+
+
+def test_memory_creeps_as_the_element_does():
+    memory = example("memory/run.py")
+    ages = np.array([0.5, 1.0, 4.0])
+    element = ThreeElement(K_f=1.0, D_f=2.0, D_d=40.0)
+    exact = element.creep(force=1.0, times=ages, scheme="exact")
+    np.testing.assert_allclose(memory["compliance"](ages), exact, rtol=1e-12)
+    sunk = [memory["run"](until) for until in (200, 240, 280)]
+    assert 0.0 < sunk[0] < sunk[1] < sunk[2]
+    assert sunk[2] - sunk[1] == pytest.approx(sunk[1] - sunk[0], rel=1e-9), "a steady pace"

@@ -6,11 +6,14 @@ from zlib import decompress
 
 import numpy as np
 import pytest
+from plates import loaded, plate
 from strategies import EXAMPLES, Triangles
+from transfer_answers import ENGINES, of_cells
 
 from kaju import (
     ElasticModel,
     ElasticRule,
+    KajuError,
     Lattice,
     LoadModel,
     Material,
@@ -26,37 +29,27 @@ from kaju import (
     stability,
     watch,
 )
-from kaju.errors import KajuError, ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError
 from kaju.view.page.export import packed_page
 
 STRAIGHT = Material("straight", youngs_modulus=1e9, poissons_ratio=0.0)
+WIDENING = {"straight": Material("straight", youngs_modulus=1e9, poissons_ratio=0.3)}
 DOWN, UP = 4, 1  # 270° and 90°, of 30°, 90° ... 330°
 
 
 def sheet(cells=(5, 2), force=(0.0, -1.0), cell=(1, 1), rule=None, lattice=Triangles, **parts):
-    return Scene(
-        body={"cell_size": 0.01, "cells": cells, "material": "straight", "lattice": lattice},
-        materials={"straight": STRAIGHT},
-        loads=[{"cell": cell, "force": force}],
-        rule=rule or PrescribedRule((0.5, 0.5, 0.25), 1.0, threshold=0.1),
-        **({"sides": {"bottom": "rigid"}} | parts),
-    )
+    rule = rule or PrescribedRule((0.5, 0.5, 0.25), 1.0, threshold=0.1)
+    parts = {"material": "straight", "materials": {"straight": STRAIGHT}} | parts
+    return plate(cells, cell, force, rule=rule, lattice=lattice, **parts)
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 def test_a_case_worked_out_by_hand(engine):
     """1 N on a triangle that stands on a side: ½ ahead, ¼ to each side; on a corner: ½ and ½."""
     stage = LoadModel(sheet(), engine=engine).run().last
-    taken = {}
-    for generation, agent, direction, load in zip(
-        stage.history.generation,
-        stage.history.agent,
-        stage.history.direction,
-        stage.history.load,
-        strict=True,
-    ):
-        taken[int(generation), *stage.cells[agent].tolist(), int(direction)] = float(load)
-    assert taken == {
+    told = stage.history
+    where = np.column_stack([told.generation, stage.cells[told.agent], told.direction])
+    assert dict(zip(map(tuple, where.tolist()), told.load.tolist(), strict=True)) == {
         (1, 1, 1, DOWN): 1.0,
         (2, 1, 0, DOWN): 0.5,
         (2, 0, 1, DOWN): 0.25,
@@ -76,10 +69,7 @@ def test_a_case_worked_out_by_hand(engine):
 def test_what_is_blocked_pushes_three_quarters_out_of_each_slanted_face():
     # ν α₁ = 0.15, all of it blocked: 0.1125 N along the face's own normal.
     rule = PrescribedRule((0.5, 0.5, 0.25), 0.0, threshold=0.05)
-    scene = sheet(rule=rule).replace(
-        materials={"straight": Material("straight", youngs_modulus=1e9, poissons_ratio=0.3)}
-    )
-    model = LoadModel(scene)
+    model = LoadModel(sheet(rule=rule, materials=WIDENING))
     model.step()
     waiting = {
         agent.index: dict(agent.inbox) for agent in model.agents if isinstance(agent, MaterialAgent)
@@ -95,9 +85,8 @@ def test_what_is_blocked_pushes_three_quarters_out_of_each_slanted_face():
 
 @pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])
 def test_the_certificate_knows_what_every_triangle_sends_out(beta):
-    scene = sheet(rule=PrescribedRule((0.6, 0.3, 0.2), beta, threshold=1e-3)).replace(
-        materials={"straight": Material("straight", youngs_modulus=1e9, poissons_ratio=0.3)}
-    )
+    rule = PrescribedRule((0.6, 0.3, 0.2), beta, threshold=1e-3)
+    scene = sheet(rule=rule, materials=WIDENING)
     sent = 0.3 + 2 * 0.2 + 1.5 * (1.0 - beta) * 0.3 * 0.6
     assert stability(scene).spectral_radius == pytest.approx(sent, rel=1e-12)
 
@@ -116,7 +105,7 @@ def test_what_a_rule_sends_back_leaves_whole(lattice):
     assert model.certificate.upper == pytest.approx(0.3, rel=1e-12)
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 @pytest.mark.parametrize("sense", [False, True])
 def test_a_mirrored_scene_has_the_mirrored_answer(engine, sense):
     rule = PrescribedRule(threshold=1e-3, sense=sense)
@@ -124,13 +113,11 @@ def test_a_mirrored_scene_has_the_mirrored_answer(engine, sense):
     one = LoadModel(sheet((columns, 6), (0.7, -1.0), (2, 5), rule), engine=engine).run()
     two = LoadModel(sheet((columns, 6), (-0.7, -1.0), (columns - 3, 5), rule), engine=engine).run()
     mirror = np.array([2, 1, 0, 5, 4, 3])  # of directions
-    found = {tuple(c): t for c, t in zip(two.last.cells.tolist(), two.last.taken, strict=True)}
-    moved = {tuple(c): u for c, u in zip(two.last.cells.tolist(), two.displacement, strict=True)}
+    found, moved = of_cells(two, two.last.taken), of_cells(two, two.displacement)
     assert len(found) == len(one.last.cells) > 20
-    for (column, row), taken, shift in zip(
-        one.last.cells.tolist(), one.last.taken, one.displacement, strict=True
-    ):
-        image = columns - 1 - column, row
+    for row, (i, j) in enumerate(one.last.cells.tolist()):
+        image, shift = (columns - 1 - i, j), one.displacement[row]
+        taken = one.last.taken[row]
         np.testing.assert_allclose(found[image][mirror], taken, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(moved[image] * [-1.0, 1.0], shift, rtol=1e-9, atol=1e-20)
 
@@ -149,21 +136,17 @@ class OutlinedSquares(Lattice):
 
 @pytest.mark.parametrize("sense", [False, True])
 def test_squares_by_outline_do_what_squares_by_formula_do(sense):
-    rule = PrescribedRule(threshold=1e-3, sense=sense)
-    drawing = "######\n####.#\n#=####\n##..##\n######"
+    how = {"rule": PrescribedRule(threshold=1e-3, sense=sense)}
+    how["sides"] = {"bottom": "rigid", "left": "roller"}
+    loads = [
+        {"cell": [3, 4], "force": [0.5, 2.0]},
+        {"side": "right", "pressure": 1e4},
+        {"cell": [1, 4], "side": "top", "force": [0.0, -1.0]},
+    ]
     results = []
     for lattice in ("square", OutlinedSquares):
-        scene = Scene(
-            body={"cell_size": 0.01, "drawing": drawing, "lattice": lattice},
-            legend={"#": "steel", ".": "air", "=": "rigid"},
-            sides={"bottom": "rigid", "left": "roller"},
-            loads=[
-                {"cell": [3, 4], "force": [0.5, 2.0]},
-                {"side": "right", "pressure": 1e4},
-                {"cell": [1, 4], "side": "top", "force": [0.0, -1.0]},
-            ],
-            rule=rule,
-        )
+        drawing = "######\n####.#\n#=####\n##..##\n######"
+        scene = loaded(drawing, *loads, lattice=lattice, **how)
         assert scene.applied().force.sum() == pytest.approx(1.5 - 1e4 * 0.05)
         results.append(LoadModel(scene).run())
     formula, outline = results
@@ -252,14 +235,10 @@ def test_forces_split_between_the_two_normals_they_lie_between():
 
 def test_parts_that_touch_at_a_corner_alone_do_not_hold_each_other():
     # (2, 0) and (2, 1) share a corner: the one stands on the side whose corner the other is on.
-    drawing = "..#..\n..#.."
-    body = {"cell_size": 0.01, "drawing": drawing, "lattice": Triangles}
-    legend, sides = {"#": "steel", ".": "air"}, {"bottom": "rigid"}
-    load = [{"cell": [2, 1], "force": [0.0, -1.0]}]
+    load = {"cell": [2, 1], "force": [0.0, -1.0]}
     with pytest.raises(KajuError, match=r"1 of its 2 parts .* first the one with cell \[2, 1\]"):
-        Scene(body=body, legend=legend, sides=sides, loads=load)
-    joined = body | {"drawing": ".##..\n.##.."}
-    assert Scene(body=joined, legend=legend, sides=sides, loads=load).lattice.shape == (5, 2)
+        loaded("..#..\n..#..", load, lattice=Triangles)
+    assert loaded(".##..\n.##..", load, lattice=Triangles).lattice.shape == (5, 2)
 
 
 def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_path):
@@ -275,12 +254,8 @@ def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_pat
 
 
 def test_everything_is_drawn_and_told(tmp_path):
-    scene = sheet(
-        (9, 6),
-        cell=(4, 5),
-        rule=PrescribedRule(threshold=1e-3),
-        sides={"bottom": "rigid", "left": "roller"},
-    )
+    sides = {"bottom": "rigid", "left": "roller"}
+    scene = sheet((9, 6), cell=(4, 5), rule=PrescribedRule(threshold=1e-3), sides=sides)
     result = LoadModel(scene).run()
     for name in result.pictures:
         ax = plot(result, name)
@@ -309,6 +284,7 @@ def test_agents_live_on_a_space_whose_neighbours_share_a_face():
 def test_what_triangles_cannot_do_is_said():
     scene = sheet()
     elastic = scene.replace(rule=ElasticRule())
+    plane = {"region": {"box": [[0, 0.02], [0.03, 0.02]]}, "pressure": 1.0}
     for ask, words in (
         (lambda: solve(scene), "'triangle' has no staggered grid; take square cells"),
         (lambda: ElasticModel(elastic), "'triangle' has no staggered grid; take square cells"),
@@ -316,16 +292,8 @@ def test_what_triangles_cannot_do_is_said():
         (lambda: scene.refine(2), "squares and cubes alone .* got triangles"),
         (lambda: LoadModel(scene).run().to_vtk("x"), "squares and cubes, .* got 10 triangles"),
         (lambda: watch(scene), "a page runs no triangles.*export_page"),
-        (
-            lambda: scene.replace(body=dict(scene.body) | {"cell_size": None, "size": [0.1, 0.1]}),
-            "rows of triangles overlap; give cell_size",
-        ),
-        (
-            lambda: scene.replace(
-                loads=[{"region": {"box": [[0, 0.02], [0.03, 0.02]]}, "pressure": 1.0}]
-            ),
-            "triangles have no faces in a plane; use side",
-        ),
+        (lambda: sheet(size=[0.1, 0.1]), "rows of triangles overlap; give cell_size"),
+        (lambda: scene.replace(loads=[plane]), "triangles have no faces in a plane; use side"),
     ):
         with pytest.raises(KajuError, match=words):
             ask()
@@ -348,6 +316,14 @@ def changed(**answers):
     return type("Changed", (Triangles,), {"kind": "changed", **answers})
 
 
+def outlined(change):
+    return changed(outline=lambda self, form: change(Triangles.outline(self, form), form))
+
+
+def moved(change):
+    return changed(centres=lambda self, cells: change(Triangles.centres(self, cells)))
+
+
 @pytest.mark.parametrize(
     ("lattice", "words"),
     [
@@ -357,42 +333,15 @@ def changed(**answers):
         (Lattice, "Lattice needs centres, outline; see kaju.Lattice"),
         (changed(form=lambda self, cells: cells[:, 0] > 3), "form of Changed: must be whole"),
         (changed(forms=3), r"form of Changed: must give all of \[0, 1, 2\], gives \[0, 1\]"),
-        (
-            changed(outline=lambda self, form: Triangles.outline(self, form)[::-1]),
-            "outline of Changed: must run counter-clockwise",
-        ),
-        (
-            changed(outline=lambda self, form: (1 + form) * Triangles.outline(self, form)),
-            "outline of Changed: .* one area",
-        ),
-        (
-            changed(outline=lambda self, form: 0.5 * Triangles.outline(self, form)),
-            "outline of Changed: must be cell_size = 0.01 m long",
-        ),
-        (
-            changed(outline=lambda self, form: Triangles.outline(self, form)[:, [0, 0, 0]]),
-            "outline of Changed: must be of one shape",
-        ),
-        (
-            changed(outline=lambda self, form: Triangles.outline(self, form) + 0.02),
-            "outline of Changed: must be convex about the cell's middle",
-        ),
-        (
-            changed(centres=lambda self, cells: 1.1 * Triangles.centres(self, cells)),
-            "centres of Changed: must leave no gaps",
-        ),
-        (
-            changed(centres=lambda self, cells: Triangles.centres(self, cells) - 0.1),
-            r"centres of Changed: must begin at \(0, 0\) m",
-        ),
-        (
-            changed(centres=lambda self, cells: -Triangles.centres(self, cells)),
-            "centres of Changed: must go right",
-        ),
-        (
-            changed(centres=lambda self, cells: Triangles.centres(self, cells) ** 1.1),
-            "centres of Changed: must repeat",
-        ),
+        (outlined(lambda o, form: o[::-1]), "outline of Changed: must run counter-clockwise"),
+        (outlined(lambda o, form: (1 + form) * o), "outline of Changed: .* one area"),
+        (outlined(lambda o, form: 0.5 * o), "outline of Changed: must be cell_size = 0.01 m long"),
+        (outlined(lambda o, form: o[:, [0, 0, 0]]), "outline of Changed: must be of one shape"),
+        (outlined(lambda o, form: o + 0.02), "outline of Changed: must be convex about the cell's"),
+        (moved(lambda centres: 1.1 * centres), "centres of Changed: must leave no gaps"),
+        (moved(lambda centres: centres - 0.1), r"centres of Changed: must begin at \(0, 0\) m"),
+        (moved(lambda centres: -centres), "centres of Changed: must go right"),
+        (moved(lambda centres: centres**1.1), "centres of Changed: must repeat"),
         (
             changed(
                 form=lambda self, cells: (cells[:, 0] > 4).astype(int),

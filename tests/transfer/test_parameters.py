@@ -4,6 +4,7 @@ import pytest
 from plates import plate
 
 from kaju import (
+    KajuError,
     LoadModel,
     MaterialAgent,
     Parameter,
@@ -11,7 +12,7 @@ from kaju import (
     RigidBoundaryAgent,
     load_result,
 )
-from kaju.errors import KajuError, ParameterError
+from kaju.errors import ParameterError
 
 
 class Hardening(MaterialAgent):
@@ -49,40 +50,24 @@ def test_numbers_of_the_rule_are_keywords():
     )
 
 
-def test_a_declared_number_acts_and_is_told(tmp_path):
-    three, six = hardening().run(), hardening(loads=6).run()
+def test_a_declared_number_acts_and_is_told_in_summary_file_and_columns(tmp_path):
+    model = hardening(loads=6)
+    three, six = hardening().run(), model.run()
     assert three.displacement == pytest.approx(2.0 * six.displacement, rel=1e-12)
     assert six.summary()["parameters"] == {"loads": 6, "softly": False}
     assert load_result(six.save(tmp_path / "six.npz")).parameters == six.parameters
-
-
-def test_a_declared_number_is_a_column():
-    model = hardening(loads=4)
-    model.run()
     frame = model.datacollector.get_model_vars_dataframe()
-    assert set(frame["loads"]) == {4}
+    assert set(frame["loads"]) == {6}
     assert len(frame) == model.steps
 
 
 def test_a_declared_number_is_a_slider():
+    loads = {"type": "SliderInt", "value": 3, "label": "loads before it hardens"}
+    part = {"type": "SliderFloat", "value": 0.3, "label": "what it gives back of each newton"}
     assert LoadModel.sliders(Hardening, Felt) == {
-        "loads": {
-            "type": "SliderInt",
-            "value": 3,
-            "label": "loads before it hardens",
-            "min": 1,
-            "max": 10,
-            "step": 1,
-        },
+        "loads": loads | {"min": 1, "max": 10, "step": 1},
         "softly": {"type": "Checkbox", "value": False, "label": "whether it hardens softly"},
-        "part": {
-            "type": "SliderFloat",
-            "value": 0.3,
-            "label": "what it gives back of each newton",
-            "min": 0.0,
-            "max": 1.0,
-            "step": 0.01,
-        },
+        "part": part | {"min": 0.0, "max": 1.0, "step": 0.01},
     }
 
 

@@ -2,19 +2,15 @@
 
 import numpy as np
 import pytest
-from plates import PLATE
+from plates import PLATE, plate
+from transfer_answers import ENGINES, of_cells
 
 from kaju import LoadModel, PrescribedRule, Scene
 
-CUBE = {
-    "body": {"size": [0.1, 0.1, 0.1], "cells": [10, 10, 10], "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [5, 5, 9], "force": [0.0, 0.0, -2.0]}],
-}
 DOWN = 2
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 @pytest.mark.parametrize(
     ("threshold", "generations", "agents", "boundary", "taken", "column"),
     [
@@ -38,9 +34,10 @@ def test_the_plate(engine, threshold, generations, agents, boundary, taken, colu
         assert set(down) == set(range(12, 20)), "eight cells of the column are reached"
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 def test_the_cube(engine):
-    stage = LoadModel(Scene(**CUBE), engine=engine).run().last
+    cube = plate([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[0.1] * 3)
+    stage = LoadModel(cube, engine=engine).run().last
     assert stage.generations == 8
     assert len(stage.cells) == 60
     assert len(stage.boundary_cells) == 4
@@ -49,11 +46,8 @@ def test_the_cube(engine):
 
 def test_one_step_of_the_rule_by_hand():
     """Of 2 N, 1 N goes ahead, 0.5 N to each side downwards and 0.15 N to each side outwards."""
-    model = LoadModel(Scene(**PLATE, rule=PrescribedRule(threshold=0.4)))
-    stage = model.run().last
-    table = {
-        tuple(cell): taken for cell, taken in zip(stage.cells.tolist(), stage.taken, strict=True)
-    }
+    result = LoadModel(Scene(**PLATE, rule=PrescribedRule(threshold=0.4))).run()
+    table = of_cells(result, result.last.taken)
     assert table[10, 19].tolist() == [0, 0, 2.0, 0]
     assert table[10, 18].tolist() == [0, 0, 1.0, 0]
     assert table[9, 19].tolist() == table[11, 19].tolist() == [0, 0, 0.5, 0]

@@ -2,44 +2,34 @@
 
 import numpy as np
 import pytest
+from plates import loaded
+from transfer_answers import ENGINES, of_cells
 
-from kaju import LoadModel, PrescribedRule, Scene, compare, fit_rule, solve
-from kaju.agents.elastic_rule import ElasticRule
+from kaju import ElasticRule, LoadModel, PrescribedRule, Scene, compare, fit_rule, solve
 
-ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
 STRAIGHT = PrescribedRule(alpha=(0.5, 0.8, 0.0), beta=1.0, threshold=0.05, sense=True)
 DOWN, UP = 2, 3
 
 
-def column(force, rule=STRAIGHT, cells=4, **side):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [1, cells], "material": "steel", "allow_floating": True},
-        sides={"bottom": "rigid"} | side,
-        loads=[{"side": "top", "force": [0.0, force]}],
-        rule=rule,
-    )
+def column(force, rule=STRAIGHT, cells=4, bottom="rigid"):
+    sides, load = {"bottom": bottom}, {"side": "top", "force": [0.0, force]}
+    return loaded([1, cells], load, sides=sides, rule=rule, allow_floating=True)
 
 
 def plate(force, sense=True, threshold=1e-2, **load):
-    return Scene(
-        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [10, 19], "force": [0.0, force], **load}],
-        rule=PrescribedRule(threshold=threshold, sense=sense),
-    )
+    rule = PrescribedRule(threshold=threshold, sense=sense)
+    return loaded([20, 20], {"cell": [10, 19], "force": [0.0, force]} | load, **THIN, rule=rule)
 
 
-def by_cell(result, name="displacement"):
-    values = getattr(result, name)
-    return dict(zip(map(tuple, result.last.cells.tolist()), values.tolist(), strict=True))
+THIN = {"size": [0.2, 0.2], "thickness": 0.002}
 
 
-def assert_negative(pulled, pushed, names=("displacement", "stress", "strain")):
-    for name in names:
-        one, other = by_cell(pulled, name), by_cell(pushed, name)
+def assert_negative(pulled, pushed):
+    for name in ("displacement", "stress", "strain"):
+        one, other = (of_cells(result, getattr(result, name)) for result in (pulled, pushed))
         assert one.keys() == other.keys()
         for cell, value in one.items():
-            np.testing.assert_allclose(value, -np.array(other[cell]), rtol=1e-12, atol=1e-30)
+            np.testing.assert_allclose(value, -other[cell], rtol=1e-12, atol=1e-30)
 
 
 @ENGINES
@@ -77,13 +67,9 @@ def test_supports_answer_what_reached_them(engine):
 
 @ENGINES
 def test_rollers_answer_across_and_punches_by_their_own_name(engine):
-    scene = Scene(
-        body={"cell_size": 0.01, "drawing": "aaa\naa=\naaa"},
-        legend={"a": "steel", "=": "rigid"},
-        sides={"left": "roller", "bottom": "free"},
-        loads=[{"cell": [1, 1], "force": [3.0, -1.0], "sense": "push"}],
-        rule=PrescribedRule((0.5, 0.5, 0.2), 0.5, 0.02),
-    )
+    load, rule = {"cell": [1, 1], "force": [3.0, -1.0]}, PrescribedRule((0.5, 0.5, 0.2), 0.5, 0.02)
+    sides = {"left": "roller", "bottom": "free"}
+    scene = loaded("aaa\naa=\naaa", load | {"sense": "push"}, sides=sides, rule=rule)
     result = LoadModel(scene, engine=engine).run()
     stage = result.last
     punch = (stage.boundary_cells == [2, 1]).all(axis=1)
@@ -126,18 +112,10 @@ def test_pulling_the_plate_is_pushing_it_with_the_other_sign(engine, load):
 @pytest.mark.parametrize("accumulate", [False, True])
 def test_the_mirror_holds_on_other_lattices(engine, lattice, accumulate):
     def run(sign):
-        scene = Scene(
-            body={
-                "cell_size": 0.01,
-                "thickness": 0.01,
-                "drawing": "aaaaaa\naa.aab\naa=aaa",
-                "lattice": lattice,
-            },
-            legend={"a": "steel", "b": "rubber", ".": "air", "=": "rigid"},
-            sides={"bottom": "roller", "left": "rigid"},
-            loads=[{"cell": [3, 2], "side": "top", "force": [0.0, -2.0 * sign]}],
-            rule=PrescribedRule((0.5, 0.4, 0.1), 0.5, 1e-2, accumulate, sense=True),
-        )
+        load = {"cell": [3, 2], "side": "top", "force": [0.0, -2.0 * sign]}
+        rule = PrescribedRule((0.5, 0.4, 0.1), 0.5, 1e-2, accumulate, sense=True)
+        how = {"sides": {"bottom": "roller", "left": "rigid"}, "thickness": 0.01, "rule": rule}
+        scene = loaded("aaaaaa\naa.aab\naa=aaa", load, lattice=lattice, **how)
         return LoadModel(scene, engine=engine).run()
 
     pushed, pulled = run(1.0), run(-1.0)
@@ -155,9 +133,8 @@ def test_what_comes_back_from_an_end(engine, side, sense, direction):
     scene = column(-1.0, rule, cells=1, bottom=side)
     stage = LoadModel(scene, engine=engine).run().last
     assert stage.generations == 2
-    came_back = stage.history.load[stage.history.generation == 2]
-    assert came_back.tolist() == [0.8]
     last = stage.history.generation == 2
+    assert stage.history.load[last].tolist() == [0.8]
     assert stage.history.direction[last].tolist() == [direction]
     assert stage.history.pull[last].tolist() == [sense == "pull"]
     stretched = stage.kept[0, 1]
@@ -177,13 +154,11 @@ def test_an_agent_tells_pushes_from_pulls():
 
 @ENGINES
 def test_a_stretched_cell_pulls_its_neighbours_inwards(engine):
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [3, 1], "material": "steel", "allow_floating": True},
-        loads=[{"cell": [1, 0], "side": "top", "force": [0.0, 1.0]}],
-        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=0.0, threshold=0.1, sense=True),
-    )
-    stage = LoadModel(scene, engine=engine).run().last
-    pulled = dict(zip(map(tuple, stage.cells.tolist()), stage.pulled.tolist(), strict=True))
+    load = {"cell": [1, 0], "side": "top", "force": [0.0, 1.0]}
+    rule = PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=0.0, threshold=0.1, sense=True)
+    scene = loaded([3, 1], load, sides={}, allow_floating=True, rule=rule)
+    result = LoadModel(scene, engine=engine).run()
+    pulled = of_cells(result, result.last.pulled.tolist())
     assert pulled[1, 0] == [0, 0, 0, 1.0]
     assert pulled[0, 0] == [0, 0.15, 0, 0], "the force on the left cell points right, inwards"
     assert pulled[2, 0] == [0.15, 0, 0, 0]
@@ -206,12 +181,7 @@ def test_a_stretched_cell_pulls_its_neighbours_inwards(engine):
     ],
 )
 def test_which_forces_pull(load, pulls):
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [5, 5], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[load],
-        rule=PrescribedRule(threshold=0.01, sense=True),
-    )
+    scene = loaded([5, 5], load, rule=PrescribedRule(threshold=0.01, sense=True))
     model = LoadModel(scene, engine="arrays")
     model.step()
     assert model.result().last.history.pull.all() == pulls
@@ -223,8 +193,7 @@ def test_which_forces_pull(load, pulls):
 
 @ENGINES
 def test_stages_know_the_sense(engine):
-    scene = plate(2.0).replace(loads=[{"cell": [10, 19], "force": [0.0, 2.0], "steps": 4}])
-    result = LoadModel(scene, engine=engine).run()
+    result = LoadModel(plate(2.0, steps=4), engine=engine).run()
     assert [stage.pulled.sum() > 0.0 for stage in result.stages] == [True] * 4
     assert_negative(result, LoadModel(plate(-2.0), engine=engine).run())
 
@@ -235,20 +204,15 @@ def test_the_scene_file_says_it():
     assert Scene.from_toml(text).rule.sense
     literal = Scene.from_toml(text.replace("sense = true", "sense = false"))
     assert not literal.rule.sense
-    said = plate(2.0, **{}).replace(
-        loads=[{"cell": [10, 19], "force": [0.0, 2.0], "sense": "push"}]
-    )
+    load = {"cell": [10, 19], "force": [0.0, 2.0], "sense": "push"}
+    said = plate(2.0).replace(loads=[load])
     assert Scene.from_toml(said.to_toml()) == said
 
 
 def test_a_fit_knows_the_sense():
     """Pulled, the literal rule moves the wrong way, and no coefficients can mend that."""
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [5, 5], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, 2.0]}],
-        rule=PrescribedRule(threshold=1e-2, sense=True),
-    )
+    rule, load = PrescribedRule(threshold=1e-2, sense=True), {"side": "top", "force": [0.0, 2.0]}
+    scene = loaded([5, 5], load, thickness=0.002, rule=rule)
     reference = solve(scene.replace(rule=ElasticRule()))
     literal = LoadModel(scene.replace(rule=PrescribedRule(threshold=1e-2))).run()
     assert compare(literal, reference).displacement.misfit > 1.0

@@ -74,20 +74,13 @@ def test_the_operator_does_what_a_generation_does():
     """T applied to the loads of one generation gives those of the next."""
     scene = Scene(**TWO, rule=PrescribedRule(beta=0.2, threshold=1e-9))
     operator = transfer_operator(scene, Transfer(scene))
-    history = LoadModel(scene, engine="arrays").run().last
-    everywhere = np.indices(scene.lattice.shape).reshape(2, -1).T
-    body = everywhere[scene.kinds(everywhere) >= 0].tolist()
-    number = {tuple(cell): row for row, cell in enumerate(body)}
-    loads = np.zeros((4, len(body) * 4))
-    record = history.history
-    for generation in range(4):
-        now = record.generation == generation + 1
-        for agent, direction, load in zip(
-            record.agent[now], record.direction[now], record.load[now], strict=True
-        ):
-            cell = tuple(history.cells[agent].tolist())
-            loads[generation, number[cell] * 4 + direction] = load
-    for generation in range(3):
+    stage = LoadModel(scene, engine="arrays").run().last
+    record = stage.history
+    number = np.cumsum(scene.rasterise().ravel() >= 0) - 1  # of the cells that are body
+    cell = number[np.ravel_multi_index(stage.cells[record.agent].T, scene.lattice.shape)]
+    loads = np.zeros((record.generation.max() + 1, operator.shape[0]))
+    loads[record.generation, 4 * cell + record.direction] = record.load
+    for generation in range(1, 4):
         np.testing.assert_allclose(operator @ loads[generation], loads[generation + 1], atol=1e-7)
 
 

@@ -2,32 +2,29 @@
 
 import numpy as np
 import pytest
+from plates import loaded
+from transfer_answers import ENGINES, of_cells
 
-from kaju import LoadModel, PrescribedRule, Scene
+from kaju import LoadModel, PrescribedRule
 
 RULE = PrescribedRule(threshold=1e-3)
 
 
 def run(drawing, loads, sides, engine, rule=RULE):
-    scene = Scene(
-        body={"cell_size": 0.01, "thickness": 0.01, "drawing": drawing, "allow_floating": True},
-        legend={"#": "steel", ".": "air", "=": "rigid"},
-        loads=[{"cell": cell, "force": force} for cell, force in loads],
-        sides=sides,
-        rule=rule,
-    )
+    loads = [{"cell": cell, "force": force} for cell, force in loads]
+    how = {"thickness": 0.01, "allow_floating": True}
+    scene = loaded(drawing, *loads, sides=sides, rule=rule, **how)
     return LoadModel(scene, engine=engine).run()
 
 
 def as_table(result):
-    rows = zip(result.last.cells.tolist(), result.last.taken, result.last.spawn_step, strict=True)
-    return {tuple(cell): [*taken, step] for cell, taken, step in rows}
+    return of_cells(result, np.column_stack([result.last.taken, result.last.spawn_step]))
 
 
 BODY = "######\n####.#\n#=####\n##..##\n######"
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@ENGINES
 @pytest.mark.parametrize("accumulate", [False, True])
 def test_a_turned_scene_has_a_turned_result(engine, accumulate):
     alpha = (0.5, 0.4, 0.1)
@@ -36,13 +33,8 @@ def test_a_turned_scene_has_a_turned_result(engine, accumulate):
     grid = np.array([list(line) for line in BODY.splitlines()])
     turned = "\n".join("".join(line) for line in np.rot90(grid))  # counter-clockwise
     rows = len(grid)
-    second = run(
-        turned,
-        [((rows - 1 - 4, 3), (2.0, 0.5))],
-        {"right": "rigid", "bottom": "roller"},
-        engine,
-        rule,
-    )
+    load, sides = ((rows - 1 - 4, 3), (2.0, 0.5)), {"right": "rigid", "bottom": "roller"}
+    second = run(turned, [load], sides, engine, rule)
     expected = {}
     for (column, row), (left, right, down, up, step) in as_table(first).items():
         expected[rows - 1 - row, column] = [up, down, left, right, step]
@@ -51,11 +43,10 @@ def test_a_turned_scene_has_a_turned_result(engine, accumulate):
     for cell, values in expected.items():
         np.testing.assert_allclose(found[cell], values, rtol=1e-12, atol=1e-15)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    by_cell = dict(zip(map(tuple, second.last.cells.tolist()), second.displacement, strict=True))
-    for (column, row), moved in zip(first.last.cells.tolist(), first.displacement, strict=True):
-        np.testing.assert_allclose(
-            by_cell[rows - 1 - row, column], turn @ moved, rtol=1e-9, atol=1e-22
-        )
+    by_cell = of_cells(second, second.displacement)
+    for (column, row), moved in of_cells(first, first.displacement).items():
+        there = by_cell[rows - 1 - row, column]
+        np.testing.assert_allclose(there, turn @ moved, rtol=1e-9, atol=1e-22)
 
 
 def test_each_load_by_itself_is_superposition():

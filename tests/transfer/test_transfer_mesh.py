@@ -5,21 +5,15 @@ import numpy as np
 import pytest
 from plates import plate
 
-from kaju import LoadModel, Scene
+from kaju import LoadModel
 from kaju.errors import ResultError
 
 
-def run(dimension, **body):
+def run(dimension):
     cells = [6] * dimension
     force = [0.0] * (dimension - 1) + [-2.0]
     hole = {"material": "air", "box": [[0.0] * dimension, [0.021] * dimension]}
-    return LoadModel(
-        Scene(
-            body={"cell_size": 0.01, "cells": cells, "material": "steel", "regions": [hole]} | body,
-            sides={"bottom": "rigid"},
-            loads=[{"cell": [3] * (dimension - 1) + [5], "force": force}],
-        )
-    ).run()
+    return LoadModel(plate(cells, [3] * (dimension - 1) + [5], force, regions=[hole])).run()
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

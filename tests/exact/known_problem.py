@@ -13,17 +13,24 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from kaju import Scene
+from kaju import ElasticResult, Scene
 from kaju.model.elastic.cell_agents import CellAgents
-from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.solve import solve
 from kaju.model.elastic.solver import solve_problem
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 MATERIAL = "elastic"
 SECOND_ORDER = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+
+
+def moduli_of(youngs_modulus, poissons_ratio, plane):
+    """Return C₁₁ and C₁₂ (Pa)."""
+    if plane == "stress":
+        stretch = youngs_modulus / (1 - poissons_ratio**2)
+        return stretch, poissons_ratio * stretch
+    unit = youngs_modulus / ((1 + poissons_ratio) * (1 - 2 * poissons_ratio))
+    return (1 - poissons_ratio) * unit, poissons_ratio * unit
 
 
 def traction_loads(scene, side, stress):
@@ -148,16 +155,11 @@ class KnownProblem(ABC):
         """μ (Pa)."""
         return self.youngs_modulus / (2 * (1 + self.poissons_ratio))
 
-    def moduli(self):
-        """Return C₁₁, C₁₂ and μ (Pa)."""
-        constants = np.array([self.youngs_modulus]), np.array([self.poissons_ratio])
-        return [float(modulus[0]) for modulus in moduli_of(*constants, self.plane)]
-
     def hooke(self, strain):
         """Return the stress tensors (Pa) of strain tensors, shape (n, dimension, dimension)."""
-        _, lateral, shear = self.moduli()
+        _, lateral = moduli_of(self.youngs_modulus, self.poissons_ratio, self.plane)
         trace = np.trace(strain, axis1=1, axis2=2)[:, None, None]
-        return lateral * trace * np.eye(strain.shape[1]) + 2 * shear * strain
+        return lateral * trace * np.eye(strain.shape[1]) + 2 * self.shear_modulus * strain
 
     def _scene(self, size, cell_size, *, sides=None, loads=(), regions=()):
         """Return a block of one material with holes, its exact boundary values included."""

@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from .known_problem import KnownProblem, grid_points
+from .known_problem import KnownProblem, grid_points, moduli_of
 
 EXACT = {"displacement": (inf, inf), "stress": (inf, inf)}
 DISPLACEMENT = {"displacement": (inf, inf)}
@@ -84,8 +84,9 @@ class ConfinedCompression(UniformCompression):
         return (*beside, "bottom")
 
     def _stretch(self):
+        stretch, _ = moduli_of(self.youngs_modulus, self.poissons_ratio, self.plane)
         strain = np.zeros(self.dimension)
-        strain[-1] = -self.pressure / self.moduli()[0]
+        strain[-1] = -self.pressure / stretch
         return strain
 
 

@@ -43,13 +43,9 @@ def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
     size = [edge * n for n in shape]
 
     def energy(*ends):
-        middle = [{"region": {"box": box}, "pressure": 1e3} for box in ends]
-        scene = Scene(
-            body={"cells": shape, "cell_size": edge, "material": "stuff"},
-            materials=STUFF,
-            sides={"left": "rigid"},
-            loads=middle,
-        )
+        loads = [{"region": {"box": box}, "pressure": 1e3} for box in ends]
+        held = {"material": "stuff", "materials": STUFF, "sides": {"left": "rigid"}}
+        scene = plate(shape, None, cell_size=edge, loads=loads, **held)
         return finite_elements(scene, elements="boxes", order=2).strain_energy
 
     low, high = [size[0]] + [0.0] * (d - 1), size
@@ -60,12 +56,10 @@ def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
 @pytest.mark.parametrize("ratio", [0.3, 0.4999])
 def test_bar_of_bricks_under_tension(ratio):
     """u = σ/E (x, −νy, −νz) on three rollers, also where ν is nearly ½."""
-    scene = Scene(
-        body={"cells": [4, 2, 2], "cell_size": 0.1, "material": "a"},
-        materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": ratio}},
-        sides={"left": "roller", "front": "roller", "bottom": "roller"},
-        loads=[{"side": "right", "pressure": -1e3}],
-    )
+    materials = {"a": {"youngs_modulus": 1e6, "poissons_ratio": ratio}}
+    sides = dict.fromkeys(("left", "front", "bottom"), "roller")
+    pulled = {"sides": sides, "loads": [{"side": "right", "pressure": -1e3}]}
+    scene = plate([4, 2, 2], None, cell_size=0.1, material="a", materials=materials, **pulled)
     answer = solve_bricks(scene, ((0, 4), (), (1,)), 2)
     assert answer.energy == pytest.approx(1e3**2 / 2e6 * 0.016, rel=1e-9)
     points = np.array([[0.4, 0.2, 0.2], [0.13, 0.07, 0.0]])

@@ -4,42 +4,43 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plates import plate as plate_of
 
 from kaju import (
+    ElasticModel,
     ElasticRule,
     LoadModel,
     PrescribedRule,
     Reference,
-    Scene,
     compare,
     load_scene,
     solve,
 )
 from kaju.errors import ParameterError, ResultError, ResultFileError
-from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.study.compare import load_answer
 
-ROOT = Path(__file__).parent.parent.parent
-DATA = ROOT / "tests" / "data"
-
-
+ROOT = Path(__file__).parents[2]
 SMALL_HOLE = {"disk": {"centre": [0.035, 0.035], "radius": 0.006}, "material": "air"}
-BODY = {"size": [0.08, 0.08], "cells": [8, 8], "thickness": 0.002, "material": "steel"}
 
 
-def plate(cells=8, **changes):
+def plate(cells=(8, 8), force=(0.0, -2.0), **changes):
     """A square plate of 80 mm pressed over the whole of its top."""
-    described = {
-        "body": BODY | {"cells": [cells, cells]},
-        "sides": {"bottom": "rigid"},
-        "loads": [{"side": "top", "force": [0.0, -2.0]}],
-    }
-    return Scene(**(described | changes))
+    usual = {"size": [0.08, 0.08], "thickness": 0.002, "loads": [{"side": "top", "force": force}]}
+    return plate_of(list(cells), None, **usual | changes)
+
+
+BLOCK = plate_of(
+    [4, 4, 4], None, size=[0.1, 0.1, 0.1], loads=[{"side": "top", "force": [1.0, 0.0, -2.0]}]
+)
+
+
+def middles(result):
+    return result.grid.lattice.centres(np.argwhere(result.cells().body))
 
 
 @pytest.fixture(scope="module")
 def elements():
-    return Reference.load(DATA / "plate_finite_elements.npz")
+    return Reference.load(ROOT / "tests/data/plate_finite_elements.npz")
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +60,8 @@ def test_a_result_agrees_with_itself():
 
 def test_errors_are_shares_of_the_largest_value_of_the_reference():
     result = solve(plate())
-    points = result.grid.lattice.centres(np.argwhere(result.cells().body))
+    points = middles(result)
     true = result.displacement_at(points)
-    size = np.linalg.norm(true, axis=1).max()
     shift = np.zeros_like(true)
     shift[5] = [3e-12, 4e-12]
     found = compare(result, Reference(points, true + shift, 2.0 * result.stress_at(points)))
@@ -76,43 +76,37 @@ def test_errors_are_shares_of_the_largest_value_of_the_reference():
     np.testing.assert_allclose(found.stress.component("yy").ratio, 0.5)
 
 
-def test_the_energy_norm_is_that_of_the_strain_energy():
-    for scene in (
-        plate(),
-        plate(body=BODY | {"plane": "strain"}),
-        Scene(
-            body={"size": [0.1, 0.1, 0.1], "cells": [4, 4, 4], "material": "steel"},
-            sides={"bottom": "rigid"},
-            loads=[{"side": "top", "force": [1.0, 0.0, -2.0]}],
-        ),
-    ):
-        result = solve(scene)
-        points = result.grid.lattice.centres(np.argwhere(result.cells().body))
-        strain = result.strain
-        unit = np.broadcast_to(np.eye(points.shape[1]), strain.shape)
-        found = compare(result, Reference(points, result.displacement_at(points), unit))
-        kappa = _compliance_of_pressure(scene)
-        stored = np.einsum("nij,nij->", result.stress_at(points), strain)
-        cross = np.einsum("nii->", strain)
-        whole = stored - 2.0 * cross + len(points) * kappa
-        assert found.energy_error == pytest.approx(np.sqrt(whole / (len(points) * kappa)), rel=1e-6)
-
-
-def _compliance_of_pressure(scene):
-    """σ:ε of σ = 1 Pa along every axis of the plane (of space)."""
-    E, nu = scene.cell_materials[0].youngs_modulus, scene.cell_materials[0].poissons_ratio
-    if scene.plane is None:
-        return 3.0 * (1.0 - 2.0 * nu) / E
-    return 2.0 * ((1.0 - nu) if scene.plane == "stress" else (1.0 + nu) * (1.0 - 2.0 * nu)) / E
+@pytest.mark.parametrize(
+    ("scene", "compliance"),
+    [
+        (plate(), lambda E, nu: 2.0 * (1.0 - nu) / E),
+        (plate(plane="strain"), lambda E, nu: 2.0 * (1.0 + nu) * (1.0 - 2.0 * nu) / E),
+        (BLOCK, lambda E, nu: 3.0 * (1.0 - 2.0 * nu) / E),
+    ],
+    ids=["stress", "strain", "space"],
+)
+def test_the_energy_norm_is_that_of_the_strain_energy(scene, compliance):
+    """`compliance`: σ:ε of σ = 1 Pa along every axis of the plane (of space)."""
+    result = solve(scene)
+    points, strain = middles(result), result.strain
+    unit = np.broadcast_to(np.eye(points.shape[1]), strain.shape)
+    found = compare(result, Reference(points, result.displacement_at(points), unit))
+    steel = scene.cell_materials[0]
+    kappa = compliance(steel.youngs_modulus, steel.poissons_ratio)
+    stored = np.einsum("nij,nij->", result.stress_at(points), strain)
+    whole = stored - 2.0 * np.einsum("nii->", strain) + len(points) * kappa
+    assert found.energy_error == pytest.approx(np.sqrt(whole / (len(points) * kappa)), rel=1e-6)
 
 
 def test_resolutions_meet_in_the_middles_of_the_larger_cells():
-    coarse, fine = solve(plate()), solve(plate(32))
+    coarse, fine = solve(plate()), solve(plate([32, 32]))
     there, back = compare(coarse, fine), compare(fine, coarse)
     np.testing.assert_array_equal(there.points, back.points)
     assert len(there.points) == 64
     assert 0.0 < there.displacement.max_error < 0.05
-    assert compare(fine, solve(plate(64))).displacement.max_error < there.displacement.max_error
+    assert (
+        compare(fine, solve(plate([64, 64]))).displacement.max_error < there.displacement.max_error
+    )
 
 
 def test_the_worked_plate_against_finite_elements(worked, elements):
@@ -145,13 +139,10 @@ def test_profiles_take_the_references_own_points_on_the_line(worked, elements):
 
 
 def test_profiles_between_results_leave_holes_out():
-    scene = plate(
-        body={"drawing": "######\n##..##\n##..##\n######", "cell_size": 0.01},
-        legend={"#": "steel", ".": "air"},
-    )
-    profile = compare(solve(scene), solve(scene, resolution=2)).along(
-        (0.0, 0.025), (0.06, 0.025), 61
-    )
+    hole = {"box": [[0.02, 0.01], [0.04, 0.03]], "material": "air"}
+    scene = plate([6, 4], size=[0.06, 0.04], regions=[hole])
+    found = compare(solve(scene), solve(scene, resolution=2))
+    profile = found.along((0.0, 0.025), (0.06, 0.025), 61)
     assert len(profile.points) == 42
     assert not ((profile.points[:, 0] > 0.0201) & (profile.points[:, 0] < 0.0399)).any()
 
@@ -167,12 +158,13 @@ def test_a_line_beside_the_body_is_refused():
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (plate(body=BODY | {"size": [0.08, 0.06], "cells": [8, 6]}), "one reaches to"),
-        (plate(body=BODY | {"thickness": 0.003}), "in thickness: 0.002 and 0.003 m"),
-        (plate(body=BODY | {"plane": "strain"}), "plane stress, the other in plane strain"),
-        (plate(body=BODY | {"material": "aluminium"}), "by what is at"),
-        (plate(body=BODY | {"regions": [SMALL_HOLE]}), "by what is at"),
-        (plate(loads=[{"side": "top", "force": [0.0, -1.0]}]), "loads differ: .*-2.* and .*-1"),
+        (plate([8, 6], size=[0.08, 0.06]), "one reaches to"),
+        (plate(thickness=0.003), "in thickness: 0.002 and 0.003 m"),
+        (plate(plane="strain"), "plane stress, the other in plane strain"),
+        (plate(material="aluminium"), "by what is at"),
+        (plate(regions=[SMALL_HOLE]), "by what is at"),
+        (plate(force=[0.0, -1.0]), "loads differ: .*-2.* and .*-1"),
+        (BLOCK, "2 dimensions and one in 3"),
     ],
 )
 def test_different_bodies_and_loads_are_told_apart(other, message):
@@ -180,25 +172,10 @@ def test_different_bodies_and_loads_are_told_apart(other, message):
         compare(solve(plate()), solve(other))
 
 
-def test_a_plate_is_no_block():
-    block = Scene(
-        body={"size": [0.1, 0.1, 0.1], "cells": [2, 2, 2], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, 0.0, -2.0]}],
-    )
-    with pytest.raises(ResultError, match="2 dimensions and one in 3"):
-        compare(solve(plate()), solve(block))
-
-
 def test_slanted_surfaces_may_differ_by_the_steps_of_the_cells():
     """A round hole has other cells at every resolution, and is one body all the same."""
-
     hole = {"disk": {"centre": [0.04, 0.045], "radius": 0.02}, "material": "air"}
-
-    def disk(cells):
-        return plate(body=BODY | {"cells": [cells, cells], "regions": [hole]})
-
-    found = compare(solve(disk(8)), solve(disk(32)))
+    found = compare(*(solve(plate([n, n], regions=[hole])) for n in (8, 32)))
     assert 45 < len(found.points) < 56
     assert found.displacement.max_error < 0.2
 
@@ -234,7 +211,7 @@ def test_a_reference_never_guesses():
 
 
 def test_components_are_known_by_name():
-    found = compare(solve(plate()), solve(plate(16)))
+    found = compare(solve(plate()), solve(plate([16, 16])))
     assert found.displacement.component("y").values.shape == (64,)
     for name in ("z", "yy", ""):
         with pytest.raises(ResultError, match="component"):

@@ -9,7 +9,7 @@ from plates import plate
 from kaju import LoadModel, compare, solve
 from kaju.errors import ParameterError, ResultFileError
 
-DATA = Path(__file__).parent.parent / "data"
+ELEMENTS = Path(__file__).parents[1] / "data" / "plate_finite_elements.npz"
 
 
 @pytest.fixture
@@ -22,9 +22,10 @@ def stored(tmp_path):
     return tmp_path, results
 
 
-def test_folders_of_runs_are_compared(stored, typed):
+def test_folders_of_runs_are_compared_and_nothing_is_replaced_unasked(stored, typed):
     folder, results = stored
-    done = typed("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
+    words = ("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
+    done = typed(*words)
     assert done.exit_code == 0
     assert "prescribed rule against elasticity, 64 points" in done.output
     found = json.loads((folder / "errors" / "comparison.json").read_text())
@@ -32,11 +33,6 @@ def test_folders_of_runs_are_compared(stored, typed):
     for name in ("error_displacement.png", "error_stress.png"):
         assert (folder / "errors" / name).stat().st_size > 5_000
 
-
-def test_nothing_is_replaced_unasked(stored, typed):
-    folder, _ = stored
-    words = ("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
-    typed(*words)
     with pytest.raises(ResultFileError, match="--force"):
         typed(*words)
     assert typed(*words, "--force").exit_code == 0
@@ -44,8 +40,7 @@ def test_nothing_is_replaced_unasked(stored, typed):
 
 def test_scenes_and_references_in_the_wrong_place_are_refused(stored, typed):
     folder, _ = stored
-    reference = DATA / "plate_finite_elements.npz"
     with pytest.raises(ParameterError, match=r"run it first \(kaju run plate.toml\)"):
         typed("compare", folder / "run", "plate.toml")
     with pytest.raises(ParameterError, match="name it second"):
-        typed("compare", reference, folder / "run")
+        typed("compare", ELEMENTS, folder / "run")

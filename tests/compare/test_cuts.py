@@ -12,8 +12,7 @@ def plate(**given):
     return pressed([20, 20], [10, 19], size=[0.2, 0.2], thickness=0.002, **given)
 
 
-def elastic(tolerance=1e-12):
-    return {"kind": "elastic", "tolerance": tolerance}
+HEXAGONS = pressed([5, 4], [2, 3], lattice="hexagon")
 
 
 def test_the_rule_carries_ever_less_of_two_newtons():
@@ -53,29 +52,21 @@ def test_elasticity_carries_all_of_it_at_every_cut(how):
 
 
 def test_no_layer_ends_within_an_agent():
-    cells = {"cells": [64, 64], "cell_size": 0.01, "material": "steel"}
-    scene = Scene(
-        body=cells, sides={"bottom": "rigid"}, loads=[{"cell": [32, 63], "force": [0.0, -2.0]}]
-    )
-    answer = solve(scene, strategy="spawning", tolerance=0.3)
+    answer = solve(pressed([64, 64], [32, 63]), strategy="spawning", tolerance=0.3)
     assert answer.size.max() == pytest.approx(0.08)
     assert answer.cuts().at == pytest.approx(0.08 * np.arange(8) + 0.04)
 
 
 def test_agents_of_the_elastic_rule_come_to_equilibrium():
-    far, near = (
-        ElasticModel(plate(rule=elastic(t)), engine="arrays").run().cuts() for t in (1e-2, 1e-12)
-    )
+    rules = [{"kind": "elastic", "tolerance": tolerance} for tolerance in (1e-2, 1e-12)]
+    far, near = (ElasticModel(plate(rule=r), engine="arrays").run().cuts() for r in rules)
     assert np.abs(near.missing).max() < 1e-10 < np.abs(far.missing).max()
 
 
 def test_a_shear_force_goes_through_every_cut_of_a_cantilever():
-    scene = plate(
-        body={"cell_size": 0.01, "cells": [12, 4], "thickness": 0.002, "material": "steel"},
-        sides={"left": "rigid"},
-        loads=[{"side": "right", "force": [0.0, -3.0]}],
-    )
-    cuts = solve(scene).cuts("x")
+    load = {"side": "right", "force": [0.0, -3.0]}
+    held = {"sides": {"left": "rigid"}, "loads": [load], "thickness": 0.002}
+    cuts = solve(pressed([12, 4], None, **held)).cuts("x")
     # The part before each cut is held, so the part beyond it says what is needed.
     np.testing.assert_allclose(cuts.needed, np.tile([0.0, -3.0], (12, 1)), atol=1e-12)
     np.testing.assert_allclose(cuts.force[:10], cuts.needed[:10], atol=1e-9)
@@ -83,22 +74,19 @@ def test_a_shear_force_goes_through_every_cut_of_a_cantilever():
     np.testing.assert_allclose(cuts.force[10:].mean(axis=0), cuts.needed[10], atol=1e-9)
 
 
-def test_weight_grows_downwards_and_hangs_from_the_top():
-    body = {"cell_size": 0.1, "cells": [3, 4], "thickness": 0.1, "material": "steel"}
-    material = {"steel": {"youngs_modulus": 2e11, "poissons_ratio": 0.3, "density": 1000.0}}
-    for side in ("bottom", "top"):
-        scene = plate(
-            body=body | {"gravity": [0.0, -10.0]},
-            sides={side: "rigid"},
-            loads=[],
-            materials=material,
-        )
-        cuts = solve(scene).cuts()
-        rows = (np.arange(4) + 0.5) * 30.0  # a row weighs 30 N
-        expected = -rows[::-1] if side == "bottom" else rows
-        np.testing.assert_allclose(cuts.force[:, 1], expected, rtol=1e-9)
-        np.testing.assert_allclose(cuts.needed[:, 1], expected, rtol=1e-12)
-        np.testing.assert_allclose(cuts.carried, rows[::-1] if side == "bottom" else rows)
+@pytest.mark.parametrize(("side", "sign"), [("bottom", -1), ("top", 1)])
+def test_weight_grows_downwards_and_hangs_from_the_top(side, sign):
+    scene = Scene(
+        body={"cell_size": 0.1, "cells": [3, 4], "thickness": 0.1, "material": "a"}
+        | {"gravity": [0.0, -10.0]},
+        materials={"a": {"base": "steel", "density": 1000.0}},
+        sides={side: "rigid"},
+    )
+    cuts = solve(scene).cuts()
+    rows = (np.arange(4) + 0.5)[::sign] * 30.0  # a row weighs 30 N
+    np.testing.assert_allclose(cuts.force[:, 1], sign * rows, rtol=1e-9)
+    np.testing.assert_allclose(cuts.needed[:, 1], sign * rows, rtol=1e-12)
+    np.testing.assert_allclose(cuts.carried, rows)
 
 
 @pytest.mark.parametrize(("side", "axis"), [("bottom", 1), ("top", 1), ("left", 0), ("right", 0)])
@@ -121,36 +109,26 @@ def test_where_supports_hold_both_parts_nothing_is_called_missing():
 
 
 def test_cubes_are_cut_across_every_axis():
-    body = {"cell_size": 0.1, "cells": [3, 4, 5], "material": "steel"}
     load = {"side": "top", "force": [0.0, 0.0, -5.0]}
-    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene)
+    result = solve(pressed([3, 4, 5], None, cell_size=0.1, loads=[load]))
     np.testing.assert_allclose(result.cuts().carried, 5.0, rtol=1e-9)
     np.testing.assert_allclose(result.cuts("x").force, 0.0, atol=5.0)
     assert [len(result.cuts(axis).at) for axis in "xyz"] == [3, 4, 5]
 
 
 def test_rows_of_hexagons_are_cut():
-    body = {"cells": [5, 4], "cell_size": 0.01, "lattice": "hexagon", "material": "steel"}
-    scene = Scene(
-        body=body, sides={"bottom": "rigid"}, loads=[{"cell": [2, 3], "force": [0.0, -2.0]}]
-    )
-    result = LoadModel(scene).run()
-    cuts = result.cuts()
-    row = result.last.cells[:, 1]
-    width = 0.01 * scene.thickness
-    np.testing.assert_allclose(
-        cuts.carried, -np.bincount(row, result.stress[:, 1, 1], minlength=4) * width
-    )
+    result = LoadModel(HEXAGONS).run()
+    upright, row = result.stress[:, 1, 1], result.last.cells[:, 1]
+    squeeze = -np.bincount(row, upright, minlength=4) * 0.01 * HEXAGONS.thickness
+    np.testing.assert_allclose(result.cuts().carried, squeeze)
+
+
+@pytest.mark.parametrize(
+    ("scene", "axis"), [(plate(), "z"), (plate(), "xy"), (plate(), 1), (HEXAGONS, "x")]
+)
+def test_cuts_that_are_none_are_refused(scene, axis):
     with pytest.raises(ParameterError, match="axis"):
-        result.cuts("x")
-
-
-def test_cuts_that_are_none_are_refused():
-    result = LoadModel(plate()).run()
-    for axis in ("z", "xy", 1):
-        with pytest.raises(ParameterError, match="axis"):
-            result.cuts(axis)
+        LoadModel(scene).run().cuts(axis)
 
 
 def test_a_table_of_cuts_names_its_units():

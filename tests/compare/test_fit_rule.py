@@ -12,7 +12,6 @@ from kaju import (
     LoadModel,
     PrescribedRule,
     Reference,
-    Scene,
     compare,
     fit_rule,
     solve,
@@ -99,19 +98,6 @@ def test_the_last_stage_alone_is_fitted_and_materials_lose_their_own_coefficient
     assert fit.misfit[0] == pytest.approx(compare(single, solve(plate())).displacement.misfit)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"quantity": "strain"}, "quantity: 'displacement' or 'stress', got 'strain'"),
-        ({"evaluations": 3}, "evaluations: 10 or more"),
-        ({"most_passed_on": 3.0}, "most_passed_on: must lie above 0 and up to 2"),
-    ],
-)
-def test_wrong_arguments_are_named(arguments, message):
-    with pytest.raises(ParameterError, match=message):
-        fit_rule(plate(), solve(plate()), **arguments)
-
-
 def test_the_elastic_rule_has_nothing_to_fit():
     with pytest.raises(ParameterError, match="its rule is 'elastic'"):
         fit_rule(plate(ElasticRule()), solve(plate()))
@@ -123,15 +109,6 @@ def test_stress_needs_a_reference_that_knows_it():
     reference = Reference(points, result.displacement_at(points))
     with pytest.raises(ParameterError, match="knows no stress"):
         fit_rule(plate(), reference, quantity="stress")
-
-
-def bar(rule=OWN):
-    return Scene(
-        body={"size": [0.04, 0.1], "cells": [4, 10], "thickness": 0.002, "material": "rubber"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, -2.0]}],
-        rule=rule,
-    )
 
 
 def test_a_fit_of_one_quantity_says_what_it_costs_the_other(fit):
@@ -159,15 +136,13 @@ def test_several_quantities_are_weighed():
 def test_several_scenes_are_fitted_together():
     """Two bodies whose references were made by one rule: it is found on both at once."""
     made = replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9)
-    scenes = [plate(), bar()]
+    load = {"side": "top", "force": [0.0, -2.0]}
+    bar = pressed([4, 10], None, thickness=0.002, material="rubber", loads=[load], rule=OWN)
+    scenes = [plate(), bar]
     references = [as_reference(LoadModel(scene.replace(rule=made)).run()) for scene in scenes]
     fit = fit_rule(scenes, references, evaluations=150)
-    assert [(row.scene, row.quantity) for row in fit.misfits] == [
-        (0, "displacement"),
-        (0, "stress"),
-        (1, "displacement"),
-        (1, "stress"),
-    ]
+    both = [(n, quantity) for n in (0, 1) for quantity in ("displacement", "stress")]
+    assert [(row.scene, row.quantity) for row in fit.misfits] == both
     assert all(row.after < 0.5 * row.before for row in fit.misfits if row.weight)
     alone = fit_rule(scenes, references, weights=[1.0, 0.0], evaluations=40)
     first = fit_rule(plate(), references[0], evaluations=40)
@@ -190,6 +165,9 @@ def test_it_ends_in_time_with_the_best_until_then():
 @pytest.mark.parametrize(
     ("scenes", "arguments", "message"),
     [
+        (1, {"quantity": "strain"}, "quantity: 'displacement' or 'stress', got 'strain'"),
+        (1, {"evaluations": 3}, "evaluations: 10 or more"),
+        (1, {"most_passed_on": 3.0}, "most_passed_on: must lie above 0 and up to 2"),
         (2, {"weights": [1.0]}, "weights: one for each of the 2 scenes"),
         (1, {"weights": [0.0]}, "weights: weights from 0 upwards, not all 0"),
         (1, {"quantity": {"displacement": -1.0}}, "quantity: weights from 0 upwards"),
@@ -198,16 +176,12 @@ def test_it_ends_in_time_with_the_best_until_then():
         (2, {"reference": []}, "reference: one for each of the 2 scenes"),
     ],
 )
-def test_wrong_weights_are_named(scenes, arguments, message):
+def test_wrong_arguments_are_named(scenes, arguments, message):
     with pytest.raises(ParameterError, match=message):
         fit_rule([plate()] * scenes, **arguments)
 
 
 def test_plane_and_space_are_fitted_apart():
-    cube = Scene(
-        body={"cell_size": 0.01, "cells": [2, 2, 2], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, 0.0, -1.0]}],
-    )
+    cube = pressed([2, 2, 2], [0, 0, 1], [0.0, 0.0, -1.0])
     with pytest.raises(ParameterError, match="all must be in the plane, or all in space"):
         fit_rule([plate(), cube])

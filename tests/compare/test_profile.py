@@ -2,31 +2,29 @@
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
-from kaju import LoadModel, Scene, solve
+from kaju import LoadModel, solve
 from kaju.errors import ResultError
 
 HOLE = {"material": "air", "box": [[0.02, 0.02], [0.06, 0.06]]}
 
 
 def plate(**body):
-    described = {"size": [0.08, 0.08], "cells": [8, 8], "thickness": 0.002, "material": "steel"}
     load = {"side": "top", "force": [0.0, -2.0]}
-    return Scene(body=described | body, sides={"bottom": "rigid"}, loads=[load])
+    return pressed([8, 8], None, thickness=0.002, loads=[load], **body)
 
 
-def answers():
-    scene = plate()
-    return [
-        solve(scene, resolution=2),
-        solve(scene, strategy="spawning", tolerance=0.2),
-        LoadModel(scene).run(),
-    ]
-
-
-@pytest.mark.parametrize("number", range(3))
-def test_every_answer_has_profiles(number):
-    result = answers()[number]
+@pytest.mark.parametrize(
+    "answer",
+    [
+        lambda scene: solve(scene, resolution=2),
+        lambda scene: solve(scene, strategy="spawning", tolerance=0.2),
+        lambda scene: LoadModel(scene).run(),
+    ],
+)
+def test_every_answer_has_profiles(answer):
+    result = answer(plate())
     table = result.profile([0.0, 0.04], [0.08, 0.04], count=9)
     np.testing.assert_allclose(table["distance (m)"], np.linspace(0.0, 0.08, 9))
     points = table[["x (m)", "y (m)"]].to_numpy()
@@ -47,10 +45,9 @@ def test_points_outside_of_the_body_are_left_out(how):
 
 
 def test_lines_that_are_none_are_refused():
-    result = answers()[0]
-    with pytest.raises(ResultError, match="profile: two different points of 2 numbers"):
-        result.profile([0.0, 0.0], [0.0, 0.0])
-    with pytest.raises(ResultError, match="two different points of 2 numbers"):
-        result.profile([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    result = solve(plate())
+    for start, end in (([0.0, 0.0], [0.0, 0.0]), ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])):
+        with pytest.raises(ResultError, match="profile: two different points of 2 numbers"):
+            result.profile(start, end)
     with pytest.raises(ResultError, match="lies in the body"):
         result.profile([1.0, 0.0], [1.0, 1.0])

@@ -11,8 +11,6 @@ from .bars import BimaterialBar, TimoshenkoCantilever
 from .eigenfields import LCorner, SaintVenantDecay
 from .half_space import Boussinesq, Cerruti, Flamant, StripLoad
 from .holes import BrazilianDisk, Kirsch, Lame
-from .known_problem import KnownProblem
-from .known_problem import Study as Study
 from .known_problem import convergence as convergence
 from .uniform_fields import (
     ConfinedCompression,
@@ -25,7 +23,7 @@ from .uniform_fields import (
     UniformCompression,
 )
 
-EXACT_PROBLEMS: tuple[type[KnownProblem], ...] = (
+EXACT_PROBLEMS = (
     UniformCompression,
     ConfinedCompression,
     PureShear,
@@ -38,7 +36,7 @@ EXACT_PROBLEMS: tuple[type[KnownProblem], ...] = (
 )
 """Problems whose solution the grid represents exactly."""
 
-CONVERGING_PROBLEMS: tuple[type[KnownProblem], ...] = (
+CONVERGING_PROBLEMS = (
     TimoshenkoCantilever,
     StripLoad,
     Flamant,

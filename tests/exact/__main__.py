@@ -6,18 +6,7 @@ displacement and stress fall, and the errors at one resolution. Run it with
     cd tests && python -m exact
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
-from . import (
-    CONVERGING_PROBLEMS,
-    EXACT_PROBLEMS,
-    KnownProblem,
-    LCorner,
-    SaintVenantDecay,
-    convergence,
-)
+from . import CONVERGING_PROBLEMS, EXACT_PROBLEMS, LCorner, SaintVenantDecay, convergence
 from .eigenfields import DECAY, EXPONENT
 
 HEAD = "| problem | order (u; σ) | error (u; σ) | cells | source |\n|---|---|---|---|---|"
@@ -31,7 +20,7 @@ SHORT = {
 """What the text below the table says of sources."""
 
 
-def exact_line(problem: KnownProblem) -> str:
+def exact_line(problem):
     """Return the line of a problem whose answer the grid represents, if it does."""
     resolution = max(problem.resolutions)
     result = problem.solve(resolution, tolerance=1e-13)
@@ -41,7 +30,7 @@ def exact_line(problem: KnownProblem) -> str:
     return converging_line(problem, (8, 16, 32))
 
 
-def converging_line(problem: KnownProblem, resolutions: tuple[int, ...] | None = None) -> str:
+def converging_line(problem, resolutions=None):
     """Return the line of a problem whose errors fall with the cells."""
     studies = convergence(problem, resolutions)
     shape = problem.scene(next(iter(studies.values())).resolutions[-1]).lattice.shape
@@ -51,7 +40,7 @@ def converging_line(problem: KnownProblem, resolutions: tuple[int, ...] | None =
     return line(problem, orders, errors, shape)
 
 
-def line(problem: KnownProblem, order: str, error: str, shape: tuple[int, ...]) -> str:
+def line(problem, order, error, shape):
     source = problem.source
     for whole, short in SHORT.items():
         source = source.replace(whole, short)
@@ -59,7 +48,7 @@ def line(problem: KnownProblem, order: str, error: str, shape: tuple[int, ...]) 
     return f"| {problem.title} | {order} | {error} | {cells} | {source} |"
 
 
-def exponents() -> Iterator[str]:
+def exponents():
     """Yield what two problems tell beside fields: how fast these grow or die away."""
     corner, strip = LCorner(), SaintVenantDecay()
     yield "| cells per metre | corner: λ | strip: γ |"
@@ -71,7 +60,7 @@ def exponents() -> Iterator[str]:
     yield f"| theory | {EXPONENT:.5f} | {DECAY.real:.5f} + {DECAY.imag:.5f}i |"
 
 
-def main() -> None:
+def main():
     print(HEAD)
     for kind in EXACT_PROBLEMS:
         print(exact_line(kind()))

@@ -1,25 +1,19 @@
 """Fields that belong to a root: of a re-entrant corner, and of a strip in balance with itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi
-from typing import ClassVar
 
 import numpy as np
 
-from kaju.arrays import Floats
-from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.scene import Scene
-
-from .known_problem import Orders
-from .potentials import Complex, PlaneProblem, Potentials, polar_points
+from .known_problem import SECOND_ORDER, grid_points
+from .potentials import PlaneProblem, Potentials, polar_points
 
 EXPONENT = 0.5444837367824639
 """Smallest positive root λ of sin(3πλ/2) = λ, the opening mode of a corner of 270°."""
 
 BISECTOR = -135.0
 """Direction from the corner into the body (degrees)."""
+CORNER_ORDERS = {"displacement": (1.0, 1.8), "stress": (1.0, 1.9)}
 
 
 @dataclass(frozen=True)
@@ -38,23 +32,23 @@ class LCorner(PlaneProblem):
 
     title = "L-corner"
     source = "Williams 1952, J. Applied Mechanics 19, 526-528"
-    orders: ClassVar[Orders] = {"displacement": (1.0, 1.8), "stress": (1.0, 1.9)}
+    orders = CORNER_ORDERS
     resolutions = (16, 32, 64, 128)
     given_sides = ("left", "bottom")
     loaded_sides = ("right", "top")
-    origin: ClassVar[tuple[float, float]] = (1.0, 1.0)
+    origin = (1.0, 1.0)
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the L, `resolution` cells per metre."""
         missing = {"material": "air", "box": [[1.0, 1.0], [2.0, 2.0]]}
-        return self._scene([2.0, 2.0], 1.0 / resolution, sides={}, regions=[missing])
+        return self._scene([2.0, 2.0], 1.0 / resolution, regions=[missing])
 
-    def points(self) -> Floats:
+    def points(self):
         """Return points on arcs round the corner."""
-        angles = (BISECTOR, BISECTOR + 45.0, BISECTOR - 45.0, BISECTOR + 90.0, BISECTOR - 90.0)
+        angles = BISECTOR + np.array([0.0, 45.0, -45.0, 90.0, -90.0])
         return polar_points((0.3, 0.5, 0.7), angles, self.origin)
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return powers of z, turned so that the bisector leads into the body."""
         power, turn = EXPONENT, np.exp(1j * np.deg2rad(BISECTOR))
         other = -self.strength * np.cos(1.5 * pi * power)
@@ -69,7 +63,7 @@ class LCorner(PlaneProblem):
             psi_1=other * first / turn**2,
         )
 
-    def exponent(self, result: ElasticResult, near: float = 0.1, far: float = 0.5) -> float:
+    def exponent(self, result, near=0.1, far=0.5):
         """Return the λ observed: one more than the power of r by which stresses fall."""
         radii = np.geomspace(near, far, 12)
         points = polar_points(tuple(radii), (BISECTOR,), self.origin)
@@ -95,28 +89,27 @@ class SaintVenantDecay(PlaneProblem):
 
     title = "Saint-Venant decay"
     source = "Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269"
-    orders: ClassVar[Orders] = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+    orders = SECOND_ORDER
     resolutions = (8, 16, 32)
     given_sides = ("right",)
     loaded_sides = ("left",)
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the strip, `resolution` cells across its upper half."""
         return self._scene([3.0, 1.0], 1.0 / resolution, sides={"bottom": "roller"})
 
-    def points(self) -> Floats:
+    def points(self):
         """Return points from a quarter to twice the half-width away from the end."""
-        x, y = np.meshgrid([0.25, 0.5, 1.0, 1.5, 2.0], [0.0, 0.25, 0.5, 0.75])
-        return np.stack([x.ravel(), y.ravel()], axis=1)
+        return grid_points([0.25, 0.5, 1.0, 1.5, 2.0], [0.0, 0.25, 0.5, 0.75])
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return the sum over the root and its conjugate."""
         terms = [self._term(z, DECAY), self._term(z, np.conj(DECAY))]
         return Potentials(*(first + second for first, second in zip(*terms, strict=True)))
 
-    def _term(self, z: Complex, root: complex) -> Potentials:
-        wave = np.asarray(0.5 * self.load * np.exp(-root * z), dtype=np.complex128)
-        shift: Complex = np.exp(2j * root) - root * (z - 2j)
+    def _term(self, z, root):
+        wave = 0.5 * self.load * np.exp(-root * z)
+        shift = np.exp(2j * root) - root * (z - 2j)
         return Potentials(
             phi=wave / root,
             phi_1=-wave,
@@ -125,7 +118,7 @@ class SaintVenantDecay(PlaneProblem):
             psi_1=wave * (shift + 1),
         )
 
-    def decay(self, result: ElasticResult) -> complex:
+    def decay(self, result):
         """Return the γ observed on the axis, by Prony's method.
 
         Samples of Re Ce^(-γx) at equal distances d obey s'' = 2 Re(q) s' - |q|² s, with

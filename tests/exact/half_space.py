@@ -5,21 +5,18 @@ as in the exact solution. In space z points out of the body; of the half plane t
 3 m of the load is solved.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from math import pi
-from typing import Any, ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.arrays import Floats
-from kaju.model.scene import Scene
+from .known_problem import SECOND_ORDER, KnownProblem, grid_points
+from .potentials import PlaneProblem, Potentials, polar_points
 
-from .known_problem import KnownProblem, Orders
-from .potentials import Complex, PlaneProblem, Potentials, polar_points
+STEP = 1e-30
+SPACE_ORDERS = {"displacement": (1.7, 2.4), "stress": (1.5, 2.6)}
 
 
 @dataclass(frozen=True)
@@ -28,13 +25,13 @@ class _HalfPlane(PlaneProblem):
 
     given_sides = ("bottom",)
     loaded_sides = ("right",)
-    origin: ClassVar[tuple[float, float]] = (0.0, 3.0)
+    origin = (0.0, 3.0)
 
     @abstractmethod
-    def _load(self, resolution: int) -> dict[str, Any]:
+    def _load(self, resolution):
         """Return the load on the edge."""
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the block, `resolution` cells per metre."""
         return self._scene(
             [3.0, 3.0], 1.0 / resolution, sides={"left": "roller"}, loads=[self._load(resolution)]
@@ -43,29 +40,27 @@ class _HalfPlane(PlaneProblem):
 
 @dataclass(frozen=True)
 class StripLoad(_HalfPlane):
-    """Uniform pressure on a strip 2 m wide.
+    """Uniform pressure (Pa) on a strip 2 m wide.
 
     Potentials are those of point forces, summed over the strip: φ' = (ip/2π) ln((z+a)/(z-a)),
     ψ = φ - zφ' (Timoshenko & Goodier, §37, by other means).
     """
 
     pressure: float = 1e6
-    """Pa."""
 
     title = "Strip load on a half plane"
     source = "Timoshenko & Goodier, Theory of Elasticity, §37"
-    orders: ClassVar[Orders] = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+    orders = SECOND_ORDER
     resolutions = (8, 16, 32)
 
-    def _load(self, resolution: int) -> dict[str, Any]:
+    def _load(self, resolution):
         return {"region": {"box": [[0.0, 3.0], [1.0, 3.0]]}, "pressure": self.pressure}
 
-    def points(self) -> Floats:
+    def points(self):
         """Return points below the strip and beside it."""
-        x, y = np.meshgrid([0.0, 0.5, 1.0, 1.5, 2.0], [1.0, 1.5, 2.0, 2.5])
-        return np.stack([x.ravel(), y.ravel()], axis=1)
+        return grid_points([0.0, 0.5, 1.0, 1.5, 2.0], [1.0, 1.5, 2.0, 2.5])
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return the potentials of the strip."""
         unit = 1j * self.pressure / (2 * pi)
         right, left = z + 1.0, z - 1.0
@@ -88,59 +83,50 @@ class Flamant(_HalfPlane):
 
     title = "Flamant's point force"
     source = "Timoshenko & Goodier, Theory of Elasticity, §36"
-    orders: ClassVar[Orders] = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+    orders = SECOND_ORDER
     resolutions = (8, 16, 32)
 
-    def _load(self, resolution: int) -> dict[str, Any]:
+    def _load(self, resolution):
         return {"cell": [0, 3 * resolution - 1], "side": "top", "force": [0.0, -self.load / 2]}
 
-    def points(self) -> Floats:
+    def points(self):
         """Return points on arcs round the force."""
         return polar_points((1.5, 2.0, 2.5), (-90.0, -70.0, -50.0, -30.0), self.origin)
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return logarithms."""
         unit = 1j * self.load / (2 * pi)
         log = unit * _log_below(z)
         return Potentials(log, unit / z, -unit / z**2, log, unit / z)
 
 
-def _log_below(z: Complex) -> Complex:
+def _log_below(z):
     """Return ln iz, continuous on the closed lower half plane and real below the origin."""
-    return np.asarray(np.log(1j * z))
-
-
-_STEP = 1e-30
+    return np.log(1j * z)
 
 
 @dataclass(frozen=True)
 class _HalfSpace(KnownProblem):
-    """A block below the surface of a half space."""
+    """A block below the surface of a half space, under a point force (N)."""
 
-    plane: Literal["stress", "strain"] | None = None
+    plane: str | None = None
     load: float = 1e6
-    """Point force (N)."""
 
-    orders: ClassVar[Orders] = {"displacement": (1.7, 2.4), "stress": (1.5, 2.6)}
+    orders = SPACE_ORDERS
     resolutions = (8, 12, 16)
     size: ClassVar[tuple[float, float, float]]
     origin: ClassVar[tuple[float, float, float]]
 
     @abstractmethod
-    def _displacement(self, place: NDArray[Any]) -> NDArray[Any]:
+    def _displacement(self, place):
         """Return 4πμ u for z into the body, shape (3, n); analytic in the place (3, n)."""
 
-    def exact_displacement(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), both of shape (n, 3)."""
-        return np.asarray(self._moved(np.asarray(points, dtype=np.float64)))
-
-    def _moved(self, points: NDArray[Any]) -> NDArray[Any]:
+    def exact_displacement(self, points):
         flip = np.array([1.0, 1.0, -1.0])
-        modulus = self.youngs_modulus / (2 * (1 + self.poissons_ratio))
         place = (flip * (points - np.asarray(self.origin))).T
-        return np.asarray(flip * self._displacement(place).T / (4 * pi * modulus))
+        return flip * self._displacement(place).T / (4 * pi * self.shear_modulus)
 
-    def exact_stress(self, points: Floats) -> Floats:
+    def exact_stress(self, points):
         """Return stress tensors (Pa) by Hooke's law.
 
         Derivatives are those of a step into the imaginary, which loses no digits
@@ -149,8 +135,8 @@ class _HalfSpace(KnownProblem):
         gradient = np.empty((len(points), 3, 3))
         for axis in range(3):
             moved = np.asarray(points, dtype=np.complex128)
-            moved[:, axis] += 1j * _STEP
-            gradient[:, :, axis] = self._moved(moved).imag / _STEP
+            moved[:, axis] += 1j * STEP
+            gradient[:, :, axis] = self.exact_displacement(moved).imag / STEP
         return self.hooke(0.5 * (gradient + gradient.transpose(0, 2, 1)))
 
 
@@ -165,28 +151,21 @@ class Boussinesq(_HalfSpace):
     title = "Boussinesq's point force"
     source = "Johnson, Contact Mechanics, §3.2"
     given_sides = ("right", "back", "bottom")
-    size: ClassVar[tuple[float, float, float]] = (1.0, 1.0, 1.0)
-    origin: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
+    size = (1.0, 1.0, 1.0)
+    origin = (0.0, 0.0, 1.0)
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the block, `resolution` cells along every edge."""
         load = {"cell": [0, 0, resolution - 1], "side": "top", "force": [0.0, 0.0, -self.load / 4]}
         sides = {"left": "roller", "front": "roller"}
         return self._scene(self.size, 1.0 / resolution, sides=sides, loads=[load])
 
-    def points(self) -> Floats:
+    def points(self):
         """Return points at least half the block's depth away from the force."""
-        return np.array(
-            [
-                [0.0, 0.0, 0.4],
-                [0.5, 0.0, 0.75],
-                [0.5, 0.5, 0.75],
-                [0.25, 0.5, 0.25],
-                [0.6, 0.6, 0.5],
-            ]
-        )
+        last = [[0.25, 0.5, 0.25], [0.6, 0.6, 0.5]]
+        return np.array([[0.0, 0.0, 0.4], [0.5, 0.0, 0.75], [0.5, 0.5, 0.75], *last])
 
-    def _displacement(self, place: NDArray[Any]) -> NDArray[Any]:
+    def _displacement(self, place):
         x, y, z = place
         rho, ratio = np.sqrt(x**2 + y**2 + z**2), self.poissons_ratio
         radial = z / rho**3 - (1 - 2 * ratio) / (rho * (rho + z))
@@ -204,10 +183,10 @@ class Cerruti(_HalfSpace):
     title = "Cerruti's point force"
     source = "Johnson, Contact Mechanics, §3.6"
     given_sides = ("left", "right", "back", "bottom")
-    size: ClassVar[tuple[float, float, float]] = (2.0, 1.0, 1.0)
-    origin: ClassVar[tuple[float, float, float]] = (1.0, 0.0, 1.0)
+    size = (2.0, 1.0, 1.0)
+    origin = (1.0, 0.0, 1.0)
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the block, `resolution` cells per metre."""
         loads = [
             {"cell": [column, 0, resolution - 1], "side": "top", "force": [self.load / 4, 0.0, 0.0]}
@@ -215,19 +194,12 @@ class Cerruti(_HalfSpace):
         ]
         return self._scene(self.size, 1.0 / resolution, sides={"front": "roller"}, loads=loads)
 
-    def points(self) -> Floats:
+    def points(self):
         """Return points at least half the block's depth away from the force."""
-        return np.array(
-            [
-                [1.0, 0.0, 0.4],
-                [1.5, 0.0, 0.75],
-                [1.5, 0.5, 0.75],
-                [0.75, 0.5, 0.25],
-                [0.4, 0.6, 0.5],
-            ]
-        )
+        last = [[0.75, 0.5, 0.25], [0.4, 0.6, 0.5]]
+        return np.array([[1.0, 0.0, 0.4], [1.5, 0.0, 0.75], [1.5, 0.5, 0.75], *last])
 
-    def _displacement(self, place: NDArray[Any]) -> NDArray[Any]:
+    def _displacement(self, place):
         x, y, z = place
         rho, free = np.sqrt(x**2 + y**2 + z**2), 1 - 2 * self.poissons_ratio
         deep = rho + z

@@ -6,19 +6,17 @@ is off by a share of a cell that changes from one resolution to the next: the er
 from the hole falls with about the first power of the cell size, unsteadily.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import hypot, pi
-from typing import Any, ClassVar
 
 import numpy as np
 
-from kaju.arrays import Floats
-from kaju.model.scene import Scene
+from .known_problem import MATERIAL
+from .potentials import PlaneProblem, Potentials, polar_points
 
-from .known_problem import Orders
-from .potentials import Complex, PlaneProblem, Potentials, polar_points
+STAIR = {"displacement": (0.7, 1.4), "stress": (0.7, 1.5)}
+CENTRE = {"stress": (1.6, 2.3)}
+RADIUS = 1.0
 
 
 @dataclass(frozen=True)
@@ -36,27 +34,27 @@ class BrazilianDisk(PlaneProblem):
 
     title = "Brazilian disk, centre"
     source = "Timoshenko & Goodier, Theory of Elasticity, §41"
-    orders: ClassVar[Orders] = {"stress": (1.6, 2.3)}
+    orders = CENTRE
     resolutions = (16, 24, 32, 48, 64)
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return a quarter of the disk, `resolution` cells per radius."""
-        n = resolution
         outside = {"material": "air", "box": [[0.0, 0.0], [1.0, 1.0]]}
-        disk = {"material": "elastic", "disk": {"centre": [0.0, 0.0], "radius": 1.0}}
+        load = {"cell": [0, resolution - 1], "side": "top", "force": [0.0, -self.load / 2]}
+        disk = {"material": MATERIAL, "disk": {"centre": [0.0, 0.0], "radius": 1.0}}
         return self._scene(
             [1.0, 1.0],
-            1.0 / n,
+            1.0 / resolution,
             sides={"left": "roller", "bottom": "roller"},
-            loads=[{"cell": [0, n - 1], "side": "top", "force": [0.0, -self.load / 2]}],
+            loads=[load],
             regions=[outside, disk],
         )
 
-    def points(self) -> Floats:
+    def points(self):
         """Return the centre and points a quarter of the radius away."""
         return np.array([[0.0, 0.0], [0.25, 0.0], [0.0, 0.25], [0.2, 0.2]])
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return the sum of the two forces and of the uniform tension."""
         tension = self.load / (2 * pi)
         above, below = self._force(z), self._force(-z)
@@ -68,7 +66,7 @@ class BrazilianDisk(PlaneProblem):
             psi_1=above.psi_1 + below.psi_1,
         )
 
-    def _force(self, z: Complex) -> Potentials:
+    def _force(self, z):
         """Return the potentials of the upper force, on the half plane below y = 1."""
         unit, down = 1j * self.load / (2 * pi), z - 1j
         log = unit * np.log(1 + 1j * z)
@@ -81,10 +79,6 @@ class BrazilianDisk(PlaneProblem):
         )
 
 
-STAIR: Orders = {"displacement": (0.7, 1.4), "stress": (0.7, 1.5)}
-RADIUS = 1.0
-
-
 @dataclass(frozen=True)
 class _Hole(PlaneProblem):
     """A quarter of a plate, 3 m wide, with a hole of radius 1 m in its middle."""
@@ -93,19 +87,13 @@ class _Hole(PlaneProblem):
     resolutions = (8, 12, 16, 20, 24, 32, 48)
     loaded_sides = ("right", "top")
 
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the plate, `resolution` cells per radius."""
         hole = {"material": "air", "disk": {"centre": [0.0, 0.0], "radius": RADIUS}}
         sides = {"left": "roller", "bottom": "roller"}
-        scene = self._scene([3.0, 3.0], 1.0 / resolution, sides=sides, regions=[hole])
-        inner = self._inner_loads(scene, resolution)
-        return scene.replace(loads=[*inner, *scene.loads]) if inner else scene
+        return self._scene([3.0, 3.0], 1.0 / resolution, sides=sides, regions=[hole])
 
-    def _inner_loads(self, scene: Scene, resolution: int) -> list[dict[str, Any]]:
-        """Return the loads on the hole's edge: none."""
-        return []
-
-    def points(self) -> Floats:
+    def points(self):
         """Return points on arcs half a radius and more away from the hole."""
         return polar_points((1.5, 2.0, 2.5), (0.0, 20.0, 45.0, 70.0, 90.0))
 
@@ -124,7 +112,7 @@ class Kirsch(_Hole):
     title = "Kirsch's hole under tension"
     source = "Timoshenko & Goodier, Theory of Elasticity, §35"
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return the potentials of the tension and of the hole's disturbance."""
         a, unit = RADIUS, self.tension / 4
         return Potentials(
@@ -138,7 +126,7 @@ class Kirsch(_Hole):
 
 @dataclass(frozen=True)
 class Lame(_Hole):
-    """A thick tube, 1 m to 4.24 m in radius, under pressure from inside; 3 m each way of it.
+    """A thick tube, 1 m to 4.24 m in radius, under pressure (Pa) from inside; 3 m each way of it.
 
     φ = Az, ψ = B/z with 2A = pa²/(b² - a²) and B = -2Ab²
     (Lamé 1852; Muskhelishvili, §59; Timoshenko & Goodier, §28). The pressure acts on
@@ -146,13 +134,12 @@ class Lame(_Hole):
     """
 
     pressure: float = 1e6
-    """Pa."""
-    outer: ClassVar[float] = hypot(3.0, 3.0)
+    outer = hypot(3.0, 3.0)
 
     title = "Lamé's tube under pressure"
     source = "Timoshenko & Goodier, Theory of Elasticity, §28"
 
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return a uniform and a radial part."""
         pull = self.pressure * RADIUS**2 / (2 * (self.outer**2 - RADIUS**2))
         core = -2 * pull * self.outer**2
@@ -160,8 +147,9 @@ class Lame(_Hole):
             phi=pull * z, phi_1=pull + 0 * z, phi_2=0 * z, psi=core / z, psi_1=-core / z**2
         )
 
-    def _inner_loads(self, scene: Scene, resolution: int) -> list[dict[str, Any]]:
-        """Return the pressure on every face between the body and the hole."""
+    def scene(self, resolution):
+        """Return the plate with the pressure on every face between the body and the hole."""
+        scene = super().scene(resolution)
         kinds = scene.rasterise()[: resolution + 1, : resolution + 1]
         push = self.pressure / resolution
         loads = []
@@ -171,4 +159,4 @@ class Lame(_Hole):
             cells = steps[:, ::-1] if axis else steps
             cells[:, axis] += 1
             loads += [{"cell": cell.tolist(), "side": side, "force": force} for cell in cells]
-        return loads
+        return scene.replace(loads=[*loads, *scene.loads])

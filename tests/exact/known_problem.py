@@ -5,37 +5,38 @@ knows displacement and stress there; boundary values are exact too, tractions fa
 displacements point by point. Tests, documentation and benchmarks share it.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from time import perf_counter
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju import ElasticResult, Scene
 from kaju.model.elastic.cell_agents import CellAgents
-from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.moduli import moduli_of
-from kaju.model.elastic.problem import ElasticProblem, FaceFields
 from kaju.model.elastic.solve import solve
 from kaju.model.elastic.solver import solve_problem
-from kaju.model.scene import Scene
 
-Field = Callable[[Floats], Floats]
-"""Values at points (m), shape (n, dimension)."""
-
-_GAUSS = np.polynomial.legendre.leggauss(4)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
+MATERIAL = "elastic"
+SECOND_ORDER = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
 
 
-def traction_loads(scene: Scene, side: str, stress: Field) -> list[dict[str, Any]]:
+def moduli_of(youngs_modulus, poissons_ratio, plane):
+    """Return C₁₁ and C₁₂ (Pa)."""
+    if plane == "stress":
+        stretch = youngs_modulus / (1 - poissons_ratio**2)
+        return stretch, poissons_ratio * stretch
+    unit = youngs_modulus / ((1 + poissons_ratio) * (1 - 2 * poissons_ratio))
+    return (1 - poissons_ratio) * unit, poissons_ratio * unit
+
+
+def traction_loads(scene, side, stress):
     """Return one load for every face of the body on a side: the traction σ·n (Pa) of a field."""
     lattice = scene.lattice
-    number = lattice.sides.index(side)
-    axis, upper = divmod(number, 2)
+    axis, upper = divmod(lattice.sides.index(side), 2)
     counts = [1 if a == axis else n for a, n in enumerate(lattice.shape)]
     cells = np.indices(counts).reshape(lattice.dimension, -1).T
     cells[:, axis] = lattice.shape[axis] - 1 if upper else 0
@@ -49,38 +50,22 @@ def traction_loads(scene: Scene, side: str, stress: Field) -> list[dict[str, Any
     ]
 
 
-def face_means(field: Field, cells: Ints, axis: int, upper: int, cell_size: float) -> Floats:
+def face_means(field, cells, axis, upper, cell_size):
     """Return the mean of a field over the lower or upper face of cells, by Gauss's rule."""
-    nodes, weights = _GAUSS
-    dimension = cells.shape[1]
     corner = cells.astype(np.float64)
     corner[:, axis] += upper
-    across = [a for a in range(dimension) if a != axis]
-    total: Floats = np.zeros((len(cells), dimension))
-    for index in np.ndindex((len(nodes),) * len(across)):
+    across = [a for a in range(cells.shape[1]) if a != axis]
+    total = np.zeros(cells.shape)
+    for index in np.ndindex((len(NODES),) * len(across)):
         place, weight = corner.copy(), 1.0
         for a, k in zip(across, index, strict=True):
-            place[:, a] += 0.5 + 0.5 * nodes[k]
-            weight *= 0.5 * weights[k]
+            place[:, a] += 0.5 + 0.5 * NODES[k]
+            weight *= 0.5 * WEIGHTS[k]
         total += weight * field(place * cell_size)
     return total
 
 
-def solve_with_given_displacement(
-    scene: Scene, sides: tuple[str, ...], displacement: Field, tolerance: float
-) -> ElasticResult:
-    """Solve a scene whose displaced sides move by a field (m) instead of by one vector each."""
-    start = perf_counter()
-    problem, origin = problem_of_scene(scene)
-    numbers = [scene.lattice.sides.index(side) for side in sides]
-    fixed = given_faces(problem, numbers, displacement)
-    problem = replace(problem, fixed=fixed)
-    solution = solve_problem(problem, tolerance)
-    found = CellAgents(scene, None, problem, origin, solution)
-    return ElasticResult(scene, None, found, perf_counter() - start)
-
-
-def given_faces(problem: ElasticProblem, sides: list[int], displacement: Field) -> FaceFields:
+def given_faces(problem, sides, displacement):
     """Return the scaled displacements of the faces on sides, and of the ghosts beyond them.
 
     A ghost face stands half a cell beyond the side, for what the side does there. Its edges
@@ -91,14 +76,13 @@ def given_faces(problem: ElasticProblem, sides: list[int], displacement: Field) 
     fixed = tuple(values.copy() for values in problem.fixed)
     for side in sides:
         axis, upper = divmod(side, 2)
-        wall = problem.shape[axis] if upper else 0
         for component, values in enumerate(fixed):
             first = 1 if component == axis else 0
             layer = values.shape[axis] - 1 - first if upper else first
             index = np.indices(values.shape).take([layer], axis=axis + 1)
             places = index.reshape(problem.dimension, -1).T.astype(np.float64) - 0.5
             places[:, component] -= 0.5
-            places[:, axis] = wall
+            places[:, axis] = problem.shape[axis] if upper else 0
             given = displacement(places * size)[:, component]
             if component != axis:
                 half = 0.5 * np.eye(problem.dimension)[component]
@@ -108,24 +92,18 @@ def given_faces(problem: ElasticProblem, sides: list[int], displacement: Field) 
     return fixed
 
 
-Quantity = Literal["displacement", "stress"]
-Orders = dict[Quantity, tuple[float, float]]
-MATERIAL = "elastic"
-
-
 @dataclass(frozen=True)
 class KnownProblem(ABC):
     """A body whose displacement and stress are known."""
 
     youngs_modulus: float = 1e9
     poissons_ratio: float = 0.3
-    plane: Literal["stress", "strain"] | None = "strain"
+    plane: str | None = "strain"
 
     title: ClassVar[str]
-    """Name of the problem."""
     source: ClassVar[str]
     """Where the solution is derived."""
-    orders: ClassVar[Orders]
+    orders: ClassVar[dict]
     """What is compared, and between which bounds the error's power of the cell size must lie. Empty
     bounds, (inf, inf), mark answers that the grid represents exactly."""
     resolutions: ClassVar[tuple[int, ...]]
@@ -137,76 +115,67 @@ class KnownProblem(ABC):
     """Sides on which the exact traction acts, face by face."""
 
     @abstractmethod
-    def scene(self, resolution: int) -> Scene:
+    def scene(self, resolution):
         """Return the scene with `resolution` cells per unit length of the problem."""
 
     @abstractmethod
-    def points(self) -> Floats:
+    def points(self):
         """Return the points (m) at which results are compared, shape (n, dimension)."""
 
     @abstractmethod
-    def exact_displacement(self, points: Floats) -> Floats:
+    def exact_displacement(self, points):
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
     @abstractmethod
-    def exact_stress(self, points: Floats) -> Floats:
+    def exact_stress(self, points):
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
 
-    def solve(self, resolution: int, tolerance: float = 1e-10) -> ElasticResult:
+    def solve(self, resolution, tolerance=1e-10):
         """Return the solver's answer at a resolution."""
-        scene = self.scene(resolution)
+        scene, start = self.scene(resolution), perf_counter()
         if not self.given_sides:
             return solve(scene, tolerance=tolerance)
-        return solve_with_given_displacement(
-            scene, self.given_sides, self.exact_displacement, tolerance
-        )
+        problem, origin = problem_of_scene(scene)
+        sides = [scene.lattice.sides.index(side) for side in self.given_sides]
+        problem = replace(problem, fixed=given_faces(problem, sides, self.exact_displacement))
+        found = CellAgents(scene, None, problem, origin, solve_problem(problem, tolerance))
+        return ElasticResult(scene, None, found, perf_counter() - start)
 
-    def error(self, result: ElasticResult, of: Quantity = "displacement") -> float:
+    def error(self, result, of="displacement"):
         """Return the largest error at `points`, relative to the largest exact value there."""
         points = self.points()
-        if of == "displacement":
-            exact, found = self.exact_displacement(points), result.displacement_at(points)
-        else:
-            exact, found = self.exact_stress(points), result.stress_at(points)
+        exact = getattr(self, f"exact_{of}")(points)
+        found = getattr(result, f"{of}_at")(points)
         flat = (len(points), -1)
         distance = np.linalg.norm((found - exact).reshape(flat), axis=1)
         return float(distance.max() / np.linalg.norm(exact.reshape(flat), axis=1).max())
 
-    def hooke(self, strain: Floats) -> Floats:
-        """Return the stress tensors (Pa) of strain tensors, shape (n, dimension, dimension)."""
-        constants = np.array([self.youngs_modulus]), np.array([self.poissons_ratio])
-        _, lateral, shear = (float(m[0]) for m in moduli_of(*constants, self.plane))
-        trace = np.trace(strain, axis1=1, axis2=2)[:, None, None]
-        return np.asarray(lateral * trace * np.eye(strain.shape[1]) + 2 * shear * strain)
+    @property
+    def shear_modulus(self):
+        """μ (Pa)."""
+        return self.youngs_modulus / (2 * (1 + self.poissons_ratio))
 
-    def _scene(
-        self,
-        size: Sequence[float],
-        cell_size: float,
-        *,
-        sides: dict[str, Any],
-        loads: Sequence[dict[str, Any]] = (),
-        regions: Sequence[dict[str, Any]] = (),
-    ) -> Scene:
+    def hooke(self, strain):
+        """Return the stress tensors (Pa) of strain tensors, shape (n, dimension, dimension)."""
+        _, lateral = moduli_of(self.youngs_modulus, self.poissons_ratio, self.plane)
+        trace = np.trace(strain, axis1=1, axis2=2)[:, None, None]
+        return lateral * trace * np.eye(strain.shape[1]) + 2 * self.shear_modulus * strain
+
+    def _scene(self, size, cell_size, *, sides=None, loads=(), regions=()):
         """Return a block of one material with holes, its exact boundary values included."""
-        dimension = len(size)
-        body: dict[str, Any] = {
+        body = {
             "cell_size": cell_size,
             "cells": [round(length / cell_size) for length in size],
             "material": MATERIAL,
             "regions": list(regions),
         }
-        if dimension == 2:
+        if len(size) == 2:
             body |= {"plane": self.plane, "thickness": 1.0}
         constants = {"youngs_modulus": self.youngs_modulus, "poissons_ratio": self.poissons_ratio}
-        given = {name: {"displacement": [0.0] * dimension} for name in self.given_sides}
-        scene = Scene(body=body, materials={MATERIAL: constants}, sides=sides | given)
-        exact = [
-            load
-            for side in self.loaded_sides
-            for load in traction_loads(scene, side, self.exact_stress)
-        ]
-        return scene.replace(loads=[*loads, *exact])
+        given = {name: {"displacement": [0.0] * len(size)} for name in self.given_sides}
+        scene = Scene(body=body, materials={MATERIAL: constants}, sides=(sides or {}) | given)
+        exact = (traction_loads(scene, side, self.exact_stress) for side in self.loaded_sides)
+        return scene.replace(loads=[*loads, *chain.from_iterable(exact)])
 
 
 class Study(NamedTuple):
@@ -218,15 +187,18 @@ class Study(NamedTuple):
     """Slope of log(error) over log(1/resolution), by least squares."""
 
 
-def convergence(
-    problem: KnownProblem, resolutions: Sequence[int] | None = None
-) -> dict[Quantity, Study]:
+def convergence(problem, resolutions=None):
     """Solve a problem at several resolutions, its own by default; fit the order of its errors."""
     counts = tuple(resolutions or problem.resolutions)
     results = [problem.solve(count) for count in counts]
-    studies: dict[Quantity, Study] = {}
+    studies = {}
     for quantity in problem.orders:
         errors = tuple(problem.error(result, quantity) for result in results)
         slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
         studies[quantity] = Study(counts, errors, -float(slope))
     return studies
+
+
+def grid_points(*axes):
+    """Return all points that have these coordinates, shape (n, dimension)."""
+    return np.stack([place.ravel() for place in np.meshgrid(*axes)], axis=1)

@@ -10,30 +10,23 @@ Elasticity, §32; Timoshenko & Goodier, Theory of Elasticity, 3rd ed., ch. 6)::
 with κ = 3 - 4ν in plane strain and (3 - ν)/(1 + ν) in plane stress.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
-from kaju.arrays import Floats
 
 from .known_problem import KnownProblem
-
-Complex = NDArray[np.complex128]
 
 
 class Potentials(NamedTuple):
     """Values of φ, φ', φ'', ψ and ψ' at points z."""
 
-    phi: Complex
-    phi_1: Complex
-    phi_2: Complex
-    psi: Complex
-    psi_1: Complex
+    phi: Any
+    phi_1: Any
+    phi_2: Any
+    psi: Any
+    psi_1: Any
 
 
 @dataclass(frozen=True)
@@ -44,30 +37,23 @@ class PlaneProblem(KnownProblem):
     """Where the solution's own origin lies in the scene (m)."""
 
     @abstractmethod
-    def potentials(self, z: Complex) -> Potentials:
+    def potentials(self, z):
         """Return the potentials at z = x + iy, counted from `origin`."""
 
     @property
-    def shear_modulus(self) -> float:
-        """μ (Pa)."""
-        return self.youngs_modulus / (2 * (1 + self.poissons_ratio))
-
-    @property
-    def kappa(self) -> float:
+    def kappa(self):
         """Kolosov's constant κ."""
         ratio = self.poissons_ratio
         return 3 - 4 * ratio if self.plane == "strain" else (3 - ratio) / (1 + ratio)
 
-    def exact_displacement(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), both of shape (n, 2)."""
+    def exact_displacement(self, points):
         z = self._z(points)
         p = self.potentials(z)
-        u: Complex = self.kappa * p.phi - z * np.conj(p.phi_1) - np.conj(p.psi)
+        u = self.kappa * p.phi - z * np.conj(p.phi_1) - np.conj(p.psi)
         u /= 2 * self.shear_modulus
         return np.stack([u.real, u.imag], axis=1)
 
-    def exact_stress(self, points: Floats) -> Floats:
-        """Return stress tensors (Pa) at points (m), shape (n, 2, 2)."""
+    def exact_stress(self, points):
         z = self._z(points)
         p = self.potentials(z)
         total = 4 * p.phi_1.real
@@ -78,16 +64,13 @@ class PlaneProblem(KnownProblem):
         stress[:, 0, 1] = stress[:, 1, 0] = 0.5 * deviation.imag
         return stress
 
-    def _z(self, points: Floats) -> Complex:
+    def _z(self, points):
         x, y = (np.asarray(points, dtype=np.float64) - self.origin).T
-        z: Complex = x + 1j * y
-        return z
+        return x + 1j * y
 
 
-def polar_points(
-    radii: tuple[float, ...], degrees: tuple[float, ...], origin: tuple[float, float] = (0.0, 0.0)
-) -> Floats:
+def polar_points(radii, degrees, origin=(0.0, 0.0)):
     """Return points on rays from an origin, shape (n, 2)."""
     radius, angle = np.meshgrid(radii, np.deg2rad(degrees))
     x, y = radius * np.cos(angle), radius * np.sin(angle)
-    return np.stack([x.ravel() + origin[0], y.ravel() + origin[1]], axis=1)
+    return np.stack([x.ravel(), y.ravel()], axis=1) + origin

@@ -44,14 +44,11 @@ def touches_by_a_corner(solid):
     return False
 
 
-def load_on_top(kinds, force):
-    """A force on the top face of the first cell that has one."""
-    top = np.argwhere(kinds[..., -1] >= 0)[0].tolist()
-    return {"cell": [*top, kinds.shape[-1] - 1], "side": "top", "force": force}
-
-
-def as_scene(kinds, load, materials=MATERIALS, plane=None):
+def as_scene(kinds, materials=MATERIALS, plane=None):
+    """A scene of the body, pressed on the top face of the first cell that has one."""
     body = {} if plane is None else {"plane": plane, "thickness": 1.0}
+    cell = [*np.argwhere(kinds[..., -1] >= 0)[0].tolist(), kinds.shape[-1] - 1]
+    load = {"cell": cell, "side": "top", "force": [0.0] * (kinds.ndim - 1) + [-1.0]}
     used = np.unique(kinds)
     return Scene.from_array(
         kinds,
@@ -82,6 +79,26 @@ def limit(values):
     return third - (third - second) ** 2 / ((third - second) - (second - first))
 
 
+def bracket(kinds, plane, splits, resolutions, close=None):
+    """Answers of elements from below and of cells from above; return both rows of energies.
+
+    If asked, displacements of cells come ever closer to those of the finest elements.
+    """
+    scene = as_scene(kinds, plane=plane)
+    elements = [boxes(scene, k) for k in splits]
+    cells = [cells_of(scene, k) for k in resolutions]
+    below, above = ([answer.strain_energy for answer in row] for row in (elements, cells))
+    assert np.all(np.diff(below) > 0)
+    assert np.all(np.diff(above) < 0)
+    if close is not None:
+        points = np.argwhere(kinds >= 0) + 0.5
+        finest = elements[-1].displacement_at(points)
+        apart = [np.abs(answer.displacement_at(points) - finest).max() for answer in cells]
+        assert np.all(np.diff(apart) < 0)
+        assert apart[-1] < close * np.abs(finest).max()
+    return below, above
+
+
 @pytest.mark.parametrize(
     ("seed", "plane"),
     [(0, "strain"), (7, "stress")]
@@ -89,61 +106,29 @@ def limit(values):
 )
 def test_plane_bodies_agree_with_elements(seed, plane):
     kinds = random_body(seed, (6, 5))
-    load = load_on_top(kinds, [0.0, -1.0])
-    points = np.argwhere(kinds >= 0) + 0.5
-    scene = as_scene(kinds, load, plane=plane)
-    elements = [boxes(scene, k) for k in (2, 4, 8)]
-    cells = [cells_of(scene, k) for k in (4, 8, 16, 32)]
-    below = [answer.strain_energy for answer in elements]
-    above = [answer.strain_energy for answer in cells]
-    truth = limit(below)
-    assert np.all(np.diff(below) > 0)
-    assert np.all(np.diff(above) < 0)
-    assert above[-1] > truth
-    assert limit(above) == pytest.approx(truth, rel=3e-3)
-    finest = elements[-1].displacement_at(points)
-    apart = [np.abs(answer.displacement_at(points) - finest).max() for answer in cells]
-    assert np.all(np.diff(apart) < 0)
-    assert apart[-1] < 0.02 * np.abs(finest).max()
+    below, above = bracket(kinds, plane, (2, 4, 8), (4, 8, 16, 32), close=0.02)
+    assert above[-1] > limit(below)
+    assert limit(above) == pytest.approx(limit(below), rel=3e-3)
 
 
 @pytest.mark.parametrize(("seed", "plane"), [(0, "stress"), (1, "strain"), (2, "stress")])
 def test_blocks_of_several_materials_are_bracketed(seed, plane):
     kinds = np.random.default_rng(seed).choice([0, 0, 1, 2], size=(5, 4))
-    load = load_on_top(kinds, [0.0, -1.0])
-    scene = as_scene(kinds, load, plane=plane)
-    below = [boxes(scene, k).strain_energy for k in (1, 2, 4)]
-    above = [cells_of(scene, k).strain_energy for k in (2, 4, 8, 16)]
-    assert np.all(np.diff(below) > 0)
-    assert np.all(np.diff(above) < 0)
+    below, above = bracket(kinds, plane, (1, 2, 4), (2, 4, 8, 16))
     assert above[-1] > limit(below)
     assert limit(above) == pytest.approx(limit(below), rel=1e-3)
 
 
 def test_a_solid_body_agrees_with_elements():
-    kinds = random_body(8, (3, 2, 3))
-    load = load_on_top(kinds, [0.0, 0.0, -1.0])
-    points = np.argwhere(kinds >= 0) + 0.5
-    scene = as_scene(kinds, load)
-    elements = [boxes(scene, k) for k in (1, 2)]
-    cells = [cells_of(scene, k) for k in (2, 4, 8)]
-    below = [answer.strain_energy for answer in elements]
-    above = [answer.strain_energy for answer in cells]
-    assert np.all(np.diff(below) > 0)
-    assert np.all(np.diff(above) < 0)
+    below, above = bracket(random_body(8, (3, 2, 3)), None, (1, 2), (2, 4, 8), close=0.05)
     assert above[-1] > below[-1]
-    finest = elements[-1].displacement_at(points)
-    apart = [np.abs(answer.displacement_at(points) - finest).max() for answer in cells]
-    assert np.all(np.diff(apart) < 0)
-    assert apart[-1] < 0.05 * np.abs(finest).max()
 
 
 def test_rubber_does_not_lock():
     rubber = [(1.0, 0.499)]
     kinds = np.zeros((6, 5), int)
     kinds[2:5, 2] = kinds[0, 3:] = -1
-    load = load_on_top(kinds, [0.0, -1.0])
-    scene = as_scene(kinds, load, rubber, "strain")
+    scene = as_scene(kinds, rubber, "strain")
     truth = limit([boxes(scene, k).strain_energy for k in (4, 8, 16)])
     for split in (2, 4, 8, 16):
         locked = boxes(scene, split, 1).strain_energy / truth - 1

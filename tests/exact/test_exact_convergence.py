@@ -15,11 +15,11 @@ from exact import (
 from exact.eigenfields import DECAY
 
 STEP = 1e-5
+PROBLEMS = [kind() for kind in CONVERGING_PROBLEMS]
 
 
-@pytest.mark.parametrize("kind", CONVERGING_PROBLEMS, ids=lambda kind: kind.__name__)
-def test_exact_solutions_obey_hooke_and_equilibrium(kind):
-    problem = kind()
+@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: type(problem).__name__)
+def test_exact_solutions_obey_hooke_and_equilibrium(problem):
     points = problem.points() * (1 - 1e-3) + 5e-4
     d = points.shape[1]
     gradient, unbalanced = np.empty((len(points), d, d)), np.zeros((len(points), d))
@@ -36,11 +36,20 @@ def test_exact_solutions_obey_hooke_and_equilibrium(kind):
     np.testing.assert_allclose(unbalanced, 0, atol=1e-6 * scale)
 
 
-@pytest.mark.parametrize("kind", CONVERGING_PROBLEMS, ids=lambda kind: kind.__name__)
-def test_observed_order(kind):
-    problem = kind()
-    coarse = problem.resolutions[:-1] if len(problem.resolutions) > 3 else None
-    for quantity, study in convergence(problem, coarse).items():
+def coarse(problem):
+    return problem.resolutions[:-1] if len(problem.resolutions) > 3 else problem.resolutions
+
+
+@pytest.mark.parametrize(
+    ("problem", "resolutions"),
+    [
+        *(pytest.param(each, coarse(each), id=type(each).__name__) for each in PROBLEMS),
+        pytest.param(LCorner(), (64, 128, 256), marks=pytest.mark.slow),
+        pytest.param(Cerruti(), (8, 16, 32), marks=pytest.mark.slow),
+    ],
+)
+def test_observed_order(problem, resolutions):
+    for quantity, study in convergence(problem, resolutions).items():
         low, high = problem.orders[quantity]
         assert low < study.order < high, (quantity, study)
 
@@ -67,12 +76,3 @@ def test_the_disks_centre():
     centre = np.zeros((1, 2))
     stress = problem.solve(64).stress_at(centre)[0] * np.pi / problem.load
     np.testing.assert_allclose(stress, [[1.0, 0.0], [0.0, -3.0]], atol=0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "most"), [(LCorner, 256), (Cerruti, 32)])
-def test_order_on_fine_grids(kind, most):
-    problem = kind()
-    for quantity, study in convergence(problem, (most // 4, most // 2, most)).items():
-        low, high = problem.orders[quantity]
-        assert low < study.order < high, (quantity, study)

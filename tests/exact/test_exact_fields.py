@@ -47,8 +47,7 @@ def test_the_grid_represents_the_answer(problem):
 )
 def test_extreme_materials_cost_the_digits_of_their_contrast(problem):
     result = problem.solve(6, tolerance=1e-13)
-    assert problem.error(result, "displacement") < 1e-8
-    assert problem.error(result, "stress") < 1e-8
+    assert max(problem.error(result, of) for of in ("displacement", "stress")) < 1e-8
 
 
 def test_a_rotation_stores_no_energy():

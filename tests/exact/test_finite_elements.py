@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from peers.problems import PLATE
+from plates import plate
 
 from kaju import Scene, compare, finite_elements, solve
 from kaju.errors import ParameterError
@@ -42,13 +43,9 @@ def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
     size = [edge * n for n in shape]
 
     def energy(*ends):
-        middle = [{"region": {"box": box}, "pressure": 1e3} for box in ends]
-        scene = Scene(
-            body={"cells": shape, "cell_size": edge, "material": "stuff"},
-            materials=STUFF,
-            sides={"left": "rigid"},
-            loads=middle,
-        )
+        loads = [{"region": {"box": box}, "pressure": 1e3} for box in ends]
+        held = {"material": "stuff", "materials": STUFF, "sides": {"left": "rigid"}}
+        scene = plate(shape, None, cell_size=edge, loads=loads, **held)
         return finite_elements(scene, elements="boxes", order=2).strain_energy
 
     low, high = [size[0]] + [0.0] * (d - 1), size
@@ -56,21 +53,18 @@ def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
     assert energy([low, cut[0]], [cut[1], high]) == pytest.approx(energy([low, high]), rel=1e-12)
 
 
-def test_bar_of_bricks_under_tension():
+@pytest.mark.parametrize("ratio", [0.3, 0.4999])
+def test_bar_of_bricks_under_tension(ratio):
     """u = σ/E (x, −νy, −νz) on three rollers, also where ν is nearly ½."""
-    sides = {"left": "roller", "front": "roller", "bottom": "roller"}
-    for ratio in (0.3, 0.4999):
-        scene = Scene(
-            body={"cells": [4, 2, 2], "cell_size": 0.1, "material": "a"},
-            materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": ratio}},
-            sides=sides,
-            loads=[{"side": "right", "pressure": -1e3}],
-        )
-        answer = solve_bricks(scene, ((0, 4), (), (1,)), 2)
-        assert answer.energy == pytest.approx(1e3**2 / 2e6 * 0.016, rel=1e-9)
-        points = np.array([[0.4, 0.2, 0.2], [0.13, 0.07, 0.0]])
-        expected = 1e-3 * points * [1, -ratio, -ratio]
-        np.testing.assert_allclose(answer.at(points)[0], expected, atol=1e-9)
+    materials = {"a": {"youngs_modulus": 1e6, "poissons_ratio": ratio}}
+    sides = dict.fromkeys(("left", "front", "bottom"), "roller")
+    pulled = {"sides": sides, "loads": [{"side": "right", "pressure": -1e3}]}
+    scene = plate([4, 2, 2], None, cell_size=0.1, material="a", materials=materials, **pulled)
+    answer = solve_bricks(scene, ((0, 4), (), (1,)), 2)
+    assert answer.energy == pytest.approx(1e3**2 / 2e6 * 0.016, rel=1e-9)
+    points = np.array([[0.4, 0.2, 0.2], [0.13, 0.07, 0.0]])
+    expected = 1e-3 * points * [1, -ratio, -ratio]
+    np.testing.assert_allclose(answer.at(points)[0], expected, atol=1e-9)
 
 
 def test_singular_points_are_corners_and_ends():
@@ -95,20 +89,13 @@ def test_ticks_crowd_towards_singular_planes():
 
 
 def test_what_elements_do_not_know_is_named():
-    body = {"size": [0.2, 0.2], "cells": [2, 2], "material": "steel"}
-    scene = Scene(body=body, sides={"bottom": {"stiffness": 1e9}})
+    bed = {"bottom": {"stiffness": 1e9}}
     with pytest.raises(ParameterError, match="rollers"):
-        finite_elements(scene, levels=1)
-    body = {"cells": [2, 2], "cell_size": 0.1, "lattice": "hexagon", "material": "steel"}
-    hexagons = Scene(body=body, sides={"bottom": "rigid"})
+        finite_elements(plate([2, 2], [1, 1], sides=bed), levels=1)
     with pytest.raises(ParameterError, match="hexagons"):
-        finite_elements(hexagons, levels=1)
-    cubes = Scene(
-        body={"cells": [2] * 3, "cell_size": 1.0, "material": "steel"},
-        sides={"bottom": {"stiffness": 1e9}},
-    )
+        finite_elements(plate([2, 2], [1, 1], lattice="hexagon"), levels=1)
     with pytest.raises(ParameterError, match="rollers"):
-        solve_bricks(cubes, ((), (), ()), 2)
+        solve_bricks(plate([2] * 3, None, sides=bed, loads=[]), ((), (), ()), 2)
 
 
 @pytest.mark.parametrize("elements", ["triangles", "boxes"])

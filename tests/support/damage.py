@@ -21,14 +21,13 @@ from plates import plate as pressed
 from stored_files import joined, parts_of
 
 import kaju
-from kaju import ElasticModel, LoadModel, Material, NetworkModel, Scene, ThreeElement, creep
+from kaju import ElasticModel, LoadModel, Material, NetworkModel, Reference, Scene, ThreeElement
 from kaju.errors import KajuError
 from kaju.model.network import triangular
 from kaju.model.results.archive import seal_of
 from kaju.model.results.formats import CREEP_STATE
 from kaju.model.rheology.creep_result import CreepState
 from kaju.model.scale.pieces import Piece, PiecedResult
-from kaju.model.study.reference import Reference
 from kaju.model.study.sweep_store import load_sweep
 
 SECONDS = 20
@@ -41,16 +40,15 @@ def plate(**changes):
 
 def slow(*laws):
     """A body of layers that creep, each by its own law."""
-    drawing = "\n".join("ab"[k % len(laws)] * 5 for k in range(4))
-    materials = {
-        name: Material(f"of {name}", 2e5, 0.3, rheology=law)
-        for name, law in zip("ab", laws, strict=False)
-    }
+    names = "ab"[: len(laws)]
     return Scene.from_drawing(
-        drawing,
-        legend={name: f"layer {name}" for name in materials},
+        "\n".join(names[k % len(laws)] * 5 for k in range(4)),
+        legend={name: f"layer {name}" for name in names},
         cell_size=0.01,
-        materials={f"layer {name}": material for name, material in materials.items()},
+        materials={
+            f"layer {name}": Material(f"of {name}", 2e5, 0.3, rheology=law)
+            for name, law in zip(names, laws, strict=True)
+        },
         sides={"bottom": "rigid"},
         loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
         rule={"kind": "elastic"},
@@ -82,8 +80,7 @@ def in_pieces(folder):
         "displacement": np.ascontiguousarray(cells.displacement),
         "stress": np.ascontiguousarray(cells.stress),
     }
-    nodes = {"displacement": np.zeros((9, 9, 2))}
-    piece = Piece((0, 0), (8, 8), nodes, fields)
+    piece = Piece((0, 0), (8, 8), {"displacement": np.zeros((9, 9, 2))}, fields)
     figures = {
         "seconds": 1.0, "subdivision": 1, "strain_energy": found.strain_energy,
         "error_estimate": found.error_estimate, "iterations": 7,
@@ -109,8 +106,8 @@ def looked_at(result):
         if hasattr(result, "stress_at"):
             result.stress_at(points)
     for more in ("von_mises", "load_path", "strain"):
-        if hasattr(result, more) and callable(getattr(result, more)):
-            getattr(result, more)()
+        if callable(asked := getattr(result, more, None)):
+            asked()
     result.checks()
     if isinstance(result, PiecedResult):
         arrays = {}
@@ -145,8 +142,11 @@ def samples(folder):
         net.positions, net.springs, held=net.positions[:, 1] < 1e-9,
         forces=np.where(net.positions[:, 1:] > 1.5, [[0.0, -0.01]], 0.0),
     )  # fmt: skip
-    times = [0.5, 1.0]
-    element = creep(soft, HISTORY, 1.0, times=times, step=0.25)
+
+    def crept(subject, **how):
+        return kaju.creep(subject, HISTORY, 1.0, times=[0.5, 1.0], step=0.25, **how)
+
+    element = crept(soft)
     elastic = {"rule": {"kind": "elastic", "threshold": 1e-3}}
     walking, pushing = LoadModel(plate()), ElasticModel(plate(**elastic))
     for _ in range(3):
@@ -159,41 +159,30 @@ def samples(folder):
         "pushes": ElasticModel(plate(**elastic)).run(),
         "network": net.solve(),
         "element in time": element,
-        "network in time": creep(net, HISTORY, 1.0, times=times, step=0.25, rheology=soft),
-        "transfer in time": creep(
-            slow(soft, firm).with_overrides({"rule.kind": "prescribed"}), HISTORY, 1.0, times=times,
-            step=0.25,
-        ),
-        "one layer in time": creep(slow(soft), HISTORY, 1.0, times=times, step=0.25),
-        "layers in time": creep(slow(soft, firm), HISTORY, 1.0, times=times, step=0.25),
+        "network in time": crept(net, rheology=soft),
+        "transfer in time": crept(slow(soft, firm).with_overrides({"rule.kind": "prescribed"})),
+        "one layer in time": crept(slow(soft)),
+        "layers in time": crept(slow(soft, firm)),
         "reference": Reference([[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [2.0, 3.0]], source="known"),
-    }  # fmt: skip
+    }
     made = {
         kind: (answer.save(folder / f"{kind}.npz"), read if kind != "reference" else read_reference)
         for kind, answer in answers.items()
     }
     element.state.save(folder / "state.npz")
     made["state"] = folder / "state.npz", read_state
-    made["walk half-way"] = walking.save_checkpoint(folder / "walk.npz"), half_way(LoadModel)
-    made["pushes half-way"] = (
-        pushing.save_checkpoint(folder / "pushes half-way.npz"),
-        half_way(ElasticModel),
-    )
     loading = NetworkModel(net, increments=3)
     loading.step()
-    made["network half-way"] = (
-        loading.save_checkpoint(folder / "network half-way.npz"),
-        half_way(NetworkModel),
-    )
-    kaju.sweep(
-        plate(), {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}, out=folder / "sweep", workers=1
-    )
+    for name, model in (("walk", walking), ("pushes", pushing), ("network", loading)):
+        path = model.save_checkpoint(folder / f"{name} half-way.npz")
+        made[f"{name} half-way"] = path, half_way(type(model))
+    forces = {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}
+    kaju.sweep(plate(), forces, out=folder / "sweep", workers=1)
     made["sweep"] = (
         folder / "sweep" / "sweep.sqlite",
         lambda path: contents_of(load_sweep(path.parent).to_json()),
     )
-    pieces = in_pieces(folder)
-    for file in sorted(pieces.iterdir()):
+    for file in sorted(in_pieces(folder).iterdir()):
         made[f"pieces, {file.name}"] = file, lambda path: read(path.parent)
     return made
 
@@ -291,8 +280,8 @@ def damaged(path, data, rng, way):
     if path.suffix == ".json":
         return json.dumps(of_words(json.loads(data), rng)).encode()
     if rng.random() < 0.5:
-        return data.replace(*[(b"8", b"9"), (b"0 8", b"0 80000"), (b"Float64", b"Int32")][
-            int(rng.integers(3))])  # fmt: skip
+        slips = [(b"8", b"9"), (b"0 8", b"0 80000"), (b"Float64", b"Int32")]
+        return data.replace(*slips[int(rng.integers(3))])
     return of_bytes(data, rng)
 
 

@@ -1,8 +1,12 @@
 """Bodies on the staggered grid for the tests of the elastic solver."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
+from scipy.ndimage import label
 
 from kaju.errors import SupportError
 from kaju.model.elastic.grid import problem_of
@@ -113,13 +117,17 @@ def pixel_body(name, n):
     )
 
 
+@dataclass
 class Body:
     """A random body and random loads on its surface and inside, ready to be changed."""
 
-    def __init__(self, kinds, materials, sides, loads, plane, cell_size=1.0, thickness=1.0):
-        self.kinds, self.materials, self.sides = kinds, materials, sides
-        self.loads, self.plane = loads, plane
-        self.cell_size, self.thickness = cell_size, thickness
+    kinds: Any
+    materials: list
+    sides: dict
+    loads: CellLoads | None
+    plane: str | None
+    cell_size: float = 1.0
+    thickness: float = 1.0
 
     def problem(self, loads=None):
         return make_problem(
@@ -148,24 +156,18 @@ def bodies(draw, dimension=None):
     shape = [draw(st.integers(3, 9 if d == 2 else 5)) for _ in range(d)]
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     coarse = rng.choice([-1, 0, 0, 0, 1, 2], size=shape)
-    kinds = coarse.repeat(2, axis=0)
-    for axis in range(1, d):
-        kinds = kinds.repeat(2, axis=axis)
+    kinds = np.kron(coarse, np.ones((2,) * d, dtype=coarse.dtype))
     contrast = 10.0 ** rng.uniform(-3, 3, size=2)
     ratios = rng.uniform(-0.5, 0.44, size=3)
     materials = list(zip([1.0, *contrast], ratios, strict=True))
-    low = "bottom"
-    sides = {low: "rigid"}
+    sides = {"bottom": "rigid"}
     for name in ("left", "right"):
         sides[name] = draw(st.sampled_from(["free", "free", "roller", ("foundation", 0.3)]))
-    from scipy.ndimage import label
-
     parts, _ = label(kinds >= 0)
     ground = np.unique(parts[..., 0])
     kinds[(parts == 0) | ~np.isin(parts, ground)] = -1
-    body = Body(kinds, materials, sides, None, draw(st.sampled_from(["stress", "strain"])))
-    if d == 3:
-        body.plane = None
+    plane = draw(st.sampled_from(["stress", "strain"]))
+    body = Body(kinds, materials, sides, None, plane if d == 2 else None)
     assume((kinds >= 0).sum() > 4)
     body.loads = random_loads(body, rng)
     assume(body.loads is not None)
@@ -183,9 +185,7 @@ def random_loads(body, rng, count=4):
     kinds = np.pad(body.kinds, 1, constant_values=-1)
     d = body.kinds.ndim
     held = {name for name, side in body.sides.items() if side != "free"}
-    names = ("left", "right", "bottom", "top")
-    if d == 3:
-        names = ("left", "right", "front", "back", "bottom", "top")
+    names = SIDES[d]
     places = []
     for cell in np.argwhere(body.kinds >= 0):
         for face in range(2 * d):

@@ -7,11 +7,9 @@ from hypothesis import strategies as st
 from plates import plate as pressed
 from scipy.sparse.linalg import spsolve
 
-from kaju import ElasticRule
+from kaju import ElasticModel, ElasticRule, Scene
 from kaju.errors import SceneError
-from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.elastic.staggered import Numbering, stiffness_matrix
-from kaju.model.scene import Scene
 
 LEGEND = {"a": "steel", "b": "soft", ".": "air", "=": "rigid"}
 SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}
@@ -63,9 +61,8 @@ def ragged(plane="stress", **rule):
 
 def block(cells=(4, 3, 5), **rule):
     """A block of cubes on rigid ground, pressed on obliquely."""
-    return pressed(
-        list(cells), [1, 1, cells[2] - 1], [0.5, 0.2, -2.0], side="top", rule=ElasticRule(**rule)
-    )
+    changes = {"side": "top", "rule": ElasticRule(**rule)}
+    return pressed(list(cells), [1, 1, cells[2] - 1], [0.5, 0.2, -2.0], **changes)
 
 
 def direct_solution(model):

@@ -1,7 +1,7 @@
 """Bodies of equal cells whose answers are pinned in `data/equal_cells.npz`.
 
-The file was written by `python tests/support/equal_cells_bodies.py`, by the solver that assembles
-every level of its hierarchy as a sparse matrix (version 0.1.0). It need not be written again.
+The file was written by the solver that assembles every level of its hierarchy as a sparse matrix
+(version 0.1.0): `answer` of every body. It need not be written again.
 """
 
 from pathlib import Path
@@ -95,13 +95,10 @@ def cavity(kind):
     return change
 
 
-HELD = {
-    "left": "roller", "bottom": {"stiffness": 2e10}, "right": {"displacement": [1e-9, 2e-9]},
-}  # fmt: skip
-HELD_3D = {
-    "left": "roller", "front": "roller", "bottom": {"stiffness": 2e10},
-    "right": {"displacement": [1e-9, 2e-9, 0.0]},
-}  # fmt: skip
+BED = {"bottom": {"stiffness": 2e10}}
+HELD = {"left": "roller"} | BED | {"right": {"displacement": [1e-9, 2e-9]}}
+ROLLERS = {"left": "roller", "front": "roller"}
+HELD_3D = ROLLERS | BED | {"right": {"displacement": [1e-9, 2e-9, 0.0]}}
 
 BODIES = {
     "plate": lambda: flat(shape=(32, 16)),
@@ -128,14 +125,3 @@ def answer(name):
     """Return what is pinned of a body's answer."""
     result = kaju.solve(BODIES[name](), tolerance=1e-13, strategy="uniform")
     return result.displacement, result.strain_energy, result.reactions
-
-
-if __name__ == "__main__":
-    pinned = {}
-    for body in BODIES:
-        displacement, energy, reactions = answer(body)
-        pinned[f"{body}/displacement"] = displacement
-        pinned[f"{body}/energy"] = np.array(energy)
-        for side, force in reactions.items():
-            pinned[f"{body}/reactions/{side}"] = force
-    np.savez_compressed(TRUTH, **pinned)

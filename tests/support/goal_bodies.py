@@ -1,15 +1,24 @@
 """Bodies on which errors of displacement, and of what a tolerance is about, are tested."""
 
+from plates import plate as pressed
+
 from kaju import Scene
 
 STEEL = {"material": "steel"}
 GROUND = {"bottom": "rigid"}
 
 
+def body(cells, *loads, size=(0.2, 0.2), **changes):
+    """Equal cells, on rigid ground unless held otherwise."""
+    return pressed(cells, None, size=list(size), loads=list(loads), **changes)
+
+
+def on_top(start, end, force):
+    return {"region": {"box": [[start, 0.2], [end, 0.2]]}, "force": force}
+
+
 def plate():
-    load = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, **STEEL}
-    return Scene(body=body, sides=GROUND, loads=[load])
+    return body([20, 20], on_top(0.1, 0.11, [0.0, -2.0]), thickness=2e-3)
 
 
 def angle():
@@ -24,59 +33,44 @@ def angle():
 
 def pierced():
     hole = {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.05}}
-    body = {"size": [0.2, 0.2], "cells": [16, 16], "regions": [hole], **STEEL}
-    return Scene(body=body, sides=GROUND, loads=[{"side": "top", "pressure": 1e6}])
+    return body([16, 16], {"side": "top", "pressure": 1e6}, regions=[hole])
 
 
 def cantilever():
-    body = {"size": [0.4, 0.05], "cells": [64, 8], **STEEL}
-    return Scene(
-        body=body, sides={"left": "rigid"}, loads=[{"side": "right", "force": [0.0, -100.0]}]
-    )
+    load = {"side": "right", "force": [0.0, -100.0]}
+    return body([64, 8], load, size=[0.4, 0.05], sides={"left": "rigid"})
 
 
 def inclusion():
     soft = {"material": "soft", "box": [[0.05, 0.05], [0.15, 0.15]]}
-    return Scene(
-        body={
-            "size": [0.2, 0.2], "cells": [16, 16], "plane": "strain", "regions": [soft],
-            "material": "hard",
-        },
-        materials={
-            "hard": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
-            "soft": {"youngs_modulus": 1e8, "poissons_ratio": 0.4},
-        },
-        sides=GROUND,
-        loads=[{"region": {"box": [[0.05, 0.2], [0.1, 0.2]]}, "force": [0.0, -100.0]}],
-    )  # fmt: skip
+    materials = {
+        "hard": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
+        "soft": {"youngs_modulus": 1e8, "poissons_ratio": 0.4},
+    }
+    changes = {"material": "hard", "materials": materials, "regions": [soft], "plane": "strain"}
+    return body([16, 16], on_top(0.05, 0.1, [0.0, -100.0]), **changes)
 
 
 def rubber():
-    body = {"size": [0.2, 0.2], "cells": [16, 16], "plane": "strain", "material": "rubber"}
-    return Scene(
-        body=body,
-        materials={"rubber": {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}},
-        sides=GROUND,
-        loads=[{"region": {"box": [[0.05, 0.2], [0.1, 0.2]]}, "force": [0.0, -100.0]}],
-    )
+    materials = {"rubber": {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}}
+    changes = {"material": "rubber", "materials": materials, "plane": "strain"}
+    return body([16, 16], on_top(0.05, 0.1, [0.0, -100.0]), **changes)
 
 
 def sheared():
     """Between walls, of which one moves."""
-    body = {"size": [0.2, 0.2], "cells": [16, 16], "plane": "strain", **STEEL}
-    return Scene(body=body, sides={**GROUND, "top": {"displacement": [1e-5, -1e-5]}})
+    moved = {"top": {"displacement": [1e-5, -1e-5]}}
+    return body([16, 16], plane="strain", sides=GROUND | moved)
 
 
 def cube():
     load = {"region": {"box": [[0.375, 0.375, 1], [0.625, 0.625, 1]]}, "force": [0, 0, -1.0]}
-    return Scene(body={"size": [1.0] * 3, "cells": [8] * 3, **STEEL}, sides=GROUND, loads=[load])
+    return body([8] * 3, load, size=[1.0] * 3)
 
 
 def beam():
-    body = {"size": [1.0, 0.25, 0.25], "cells": [16, 4, 4], **STEEL}
-    return Scene(
-        body=body, sides={"left": "rigid"}, loads=[{"side": "right", "force": [0, 0, -1.0]}]
-    )
+    load = {"side": "right", "force": [0, 0, -1.0]}
+    return body([16, 4, 4], load, size=[1.0, 0.25, 0.25], sides={"left": "rigid"})
 
 
 FLAT = [plate, angle, pierced, cantilever, inclusion, rubber, sheared]

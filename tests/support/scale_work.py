@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from plates import plate as pressed
 
 import kaju
 from kaju.model.elastic.solve import solve as own_solve  # the equations' own tolerance
@@ -17,15 +18,10 @@ from kaju.model.elastic.solve import solve as own_solve  # the equations' own to
 
 def plate(cells=(24, 20), **changes):
     """Return a plate pressed from above, of whatever is asked."""
-    size = 0.01
-    top = cells[1] * size
-    table = {
-        "body": {"cells": list(cells), "cell_size": size, "thickness": 0.002, "material": "steel"},
-        "sides": {"bottom": "rigid"},
-        "loads": [{"region": {"box": [[0.05, top], [0.12, top]]}, "force": [0.3, -2.0]}],
-        "rule": {"kind": "elastic"},
-    }
-    return kaju.Scene(**table | changes)
+    top = cells[1] * 0.01
+    load = {"region": {"box": [[0.05, top], [0.12, top]]}, "force": [0.3, -2.0]}
+    usual = {"thickness": 0.002, "loads": [load], "rule": {"kind": "elastic"}}
+    return pressed(list(cells), None, **usual | changes)
 
 
 def random_scene(seed):
@@ -41,24 +37,19 @@ def random_scene(seed):
     }
     regions = []
     for name in rng.choice(["air", "other", "other", "air"], size=rng.integers(0, 3)):
-        centre = rng.uniform(0.3, 0.7, d) * extent
-        shape = "ball" if d == 3 else "disk"
+        centre = (rng.uniform(0.3, 0.7, d) * extent).tolist()
         radius = float(rng.uniform(0.12, 0.25) * extent.min())
-        regions.append(
-            {shape: {"centre": centre.tolist(), "radius": radius}, "material": str(name)}
-        )
+        round_one = {"centre": centre, "radius": radius}
+        regions.append({("ball" if d == 3 else "disk"): round_one, "material": str(name)})
     body = {"cells": cells.tolist(), "cell_size": h, "material": "base", "regions": regions}
     if d == 2:
         body |= {"thickness": 0.002, "plane": str(rng.choice(["stress", "strain"]))}
     move = (rng.uniform(-1, 1, d) * 1e-5).tolist()
     more = [None, "roller", {"stiffness": 1e11}, {"displacement": move}]
-    sides = {"bottom": "rigid"}
     side = more[rng.integers(len(more))]
-    if side is not None:
-        sides["left"] = side
+    sides = {"bottom": "rigid"} | ({} if side is None else {"left": side})
     force = (rng.uniform(-1, 1, d) * 10.0).tolist()
-    low = 0.3 * extent
-    high = 0.6 * extent
+    low, high = 0.3 * extent, 0.6 * extent
     low[-1] = high[-1] = extent[-1]
     loads = [{"region": {"box": [low.tolist(), high.tolist()]}, "force": force}]
     if rng.random() < 0.3:
@@ -124,8 +115,7 @@ def compare(count):
 
 
 def save(folder):
-    result = kaju.solve(random_scene(2), engine="petsc")
-    result.save(folder)
+    kaju.solve(random_scene(2), engine="petsc").save(folder)
 
 
 def save_space(folder):

@@ -5,6 +5,7 @@ Their energies and displacements, by finite elements on graded meshes, are in
 """
 
 import numpy as np
+from plates import plate
 from scipy.ndimage import label
 
 from kaju import Scene, solve
@@ -60,6 +61,13 @@ def joined(codes):
             codes[i : i + 2, j : j + 2] = True
 
 
+def pressed(codes, materials, start, end, force=(0.0, -100.0), **body):
+    """The same under a force on a part of its top."""
+    top = CELL * np.shape(codes)[1]
+    load = {"region": {"box": [[start, top], [end, top]]}, "force": list(force)}
+    return drawn(codes, materials, [load], **body)
+
+
 def pierced():
     """A plate of steel on brass with a round hole, pressed on all over its top."""
     x = (np.arange(16) + 0.5) / 16 - 0.5
@@ -71,31 +79,27 @@ def pierced():
 
 def rubber():
     """A thick slice of rubber, ν = 0.4999, pressed on a part of its top."""
-    load = {"region": {"box": [[0.04, 0.16], [0.08, 0.16]]}, "force": [0.0, -100.0]}
-    return drawn(np.ones((16, 16)), [RUBBER], [load], plane="strain")
+    return pressed(np.ones((16, 16)), [RUBBER], 0.04, 0.08, plane="strain")
 
 
 def rubber_corner():
     """An L of rubber, pushed aside."""
     codes = np.ones((12, 12))
     codes[6:, 6:] = 0
-    load = {"region": {"box": [[0.0, 0.12], [0.06, 0.12]]}, "force": [10.0, -50.0]}
-    return drawn(codes, [RUBBER], [load], plane="strain")
+    return pressed(codes, [RUBBER], 0.0, 0.06, [10.0, -50.0], plane="strain")
 
 
 def inclusion(outside, inside):
     """A rectangle within another material."""
     codes = np.ones((12, 12))
     codes[3:7, 5:9] = 2
-    load = {"region": {"box": [[0.03, 0.12], [0.06, 0.12]]}, "force": [0.0, -100.0]}
-    return drawn(codes, [outside, inside], [load])
+    return pressed(codes, [outside, inside], 0.03, 0.06)
 
 
 def blotched():
     """Steel and foam by chance, so that steel never touches steel at a corner only."""
     codes = 1 + (np.random.default_rng(2).random((6, 6)) < 0.4).repeat(2, axis=0).repeat(2, axis=1)
-    load = {"region": {"box": [[0.03, 0.12], [0.06, 0.12]]}, "force": [0.0, -100.0]}
-    return drawn(codes, [STEEL, FOAM], [load])
+    return pressed(codes, [STEEL, FOAM], 0.03, 0.06)
 
 
 def quarter(poissons_ratio, inside=None):
@@ -114,12 +118,10 @@ def quarter(poissons_ratio, inside=None):
 
 def under_a_patch(dimension=2, cells=8):
     """Return a block of 1 m, pressed on in a part of its top."""
-    low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
-    return Scene(
-        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [low, high]}, "force": [0.0] * (dimension - 1) + [-1.0]}],
-    )
+    across = dimension - 1
+    box = [[0.25] * across + [1.0], [0.5] * across + [1.0]]
+    load = {"region": {"box": box}, "force": [0.0] * across + [-1.0]}
+    return plate([cells] * dimension, None, size=[1.0] * dimension, loads=[load])
 
 
 PLANE = {

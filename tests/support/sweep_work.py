@@ -58,12 +58,9 @@ def run_slow(out, workers=2):
 def start(out):
     """Start the slow sweep in a session of its own; return when it begins to work."""
     code = f"import sys; sys.path.insert(0, {HERE!r}); import sweep_work as w; w.run_slow({out!r})"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    words = [sys.executable, "-c", code]
+    process = subprocess.Popen(words, start_new_session=True, **pipes)
     assert process.stdout.readline() == b"go\n"
     return process
 
@@ -82,13 +79,6 @@ def members(session):
     return found
 
 
-def victims_of(session, whom):
-    """Return the sweep's own process, or those that compute for it."""
-    if whom == "parent":
-        return [session]
-    return [p for p, parent in members(session).items() if parent == session and computes(p)]
-
-
 def computes(process):
     """Whether it is a worker, not what counts joblib's semaphores."""
     try:
@@ -101,7 +91,10 @@ def kill_once(out, whom, after):
     """Kill the sweep, or a worker of it; return the orphans that stay."""
     process = start(out)
     time.sleep(after)
-    victims = victims_of(process.pid, whom)
+    victims = [process.pid]
+    if whom == "worker":
+        children = members(process.pid).items()
+        victims = [p for p, parent in children if parent == process.pid and computes(p)]
     if victims and process.poll() is None:
         os.kill(random.choice(victims), signal.SIGKILL)
     if whom == "worker":

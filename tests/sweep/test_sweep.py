@@ -4,24 +4,23 @@ import math
 from functools import partial
 
 import numpy as np
-import plates
 import pytest
 import sweep_work
 from hypothesis import given
 from hypothesis import strategies as st
+from plates import PLATE, plate
+from SALib.analyze import sobol
 from scipy import stats
 
 import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
 from kaju.model.network import triangular
+from kaju.model.study.sweep_points import points_of
 from kaju.model.study.sweep_store import load_sweep
+from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
-PLATE = plates.PLATE | {"rule": {"kind": "prescribed", "threshold": 0.01}}
-ELASTIC = PLATE | {"rule": {"kind": "elastic"}}
-
-
-def scene(table=PLATE):
-    return Scene(**table)
+SCENE = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.01})
+ELASTIC = SCENE.replace(rule={"kind": "elastic"})
 
 
 def alone(*arguments, **options):
@@ -31,7 +30,7 @@ def alone(*arguments, **options):
 
 def test_a_row_is_the_run_that_it_stands_for():
     table = alone(
-        scene(),
+        SCENE,
         {"rule.threshold": [1e-2, 1e-3, 1e-4], "loads[0].force[1]": [-2.0, -1.0]},
         ["load_taken", "generations", "last.ledger.dropped"],
     )
@@ -43,28 +42,26 @@ def test_a_row_is_the_run_that_it_stands_for():
     assert two["load_taken"].round(6).tolist() == [12.879375, 21.104766, 31.929009]
     assert two["generations"].tolist() == [8, 11, 15]
     for _, row in table.iterrows():
-        changed = {
-            "rule.threshold": row["rule.threshold"],
-            "loads.0.force.1": row["loads[0].force[1]"],
-        }
-        result = LoadModel(scene().with_overrides(changed)).run()
+        force, threshold = row["loads[0].force[1]"], row["rule.threshold"]
+        changed = {"rule.threshold": threshold, "loads.0.force.1": force}
+        result = LoadModel(SCENE.with_overrides(changed)).run()
         assert row["load_taken"] == result.summary()["load_taken"]
         assert row["last.ledger.dropped"] == result.last.ledger.dropped
 
 
 def test_all_figures_of_the_summary_unless_told_otherwise():
-    table = alone(scene(), {"rule.threshold": [0.01]})
-    summary = LoadModel(scene()).run().summary()
+    table = alone(SCENE, {"rule.threshold": [0.01]})
+    summary = LoadModel(SCENE).run().summary()
     for name in ("generations", "load_taken", "spectral_radius", "max_displacement", "rule"):
         assert table[name][0] == summary[name]
     assert "seconds" not in table  # the same sweep is the same table
 
 
 def test_what_is_varied_need_not_be_a_number():
-    table = alone(scene(), {"sides.left": ["rigid", "free"]}, "rigid_boundary_agents")
+    table = alone(SCENE, {"sides.left": ["rigid", "free"]}, "rigid_boundary_agents")
     assert table["sides.left"].tolist() == ["rigid", "free"]
     alphas = [[0.5, 0.5, 0.25], [0.5, 0.3, 0.1]]
-    table = alone(scene(), {"rule.alpha": alphas}, "load_taken")
+    table = alone(SCENE, {"rule.alpha": alphas}, "load_taken")
     assert table["rule.alpha"].tolist() == ["[0.5, 0.5, 0.25]", "[0.5, 0.3, 0.1]"]
     assert table["load_taken"][0] > table["load_taken"][1]
 
@@ -80,26 +77,23 @@ class OnlyAhead(MaterialAgent):
 
 def test_every_model_and_agents_of_ones_own():
     forces = {"loads[0].force[1]": [-1.0, -2.0]}
-    solved = alone(scene(ELASTIC), forces, "strain_energy")["strain_energy"]
+    solved = alone(ELASTIC, forces, "strain_energy")["strain_energy"]
     assert solved[1] == pytest.approx(4.0 * solved[0], rel=1e-8)
-    named = alone(scene(), forces, "strain_energy", run=solve)["strain_energy"]
+    named = alone(SCENE, forces, "strain_energy", run=solve)["strain_energy"]
     assert named[1] == pytest.approx(solved[1], rel=1e-8)
-    own = alone(
-        scene(), forces, "material_agents", run=partial(LoadModel, material_agent=OnlyAhead)
-    )
+    partly = partial(LoadModel, material_agent=OnlyAhead)
+    own = alone(SCENE, forces, "material_agents", run=partly)
     assert own["error"][0] != ""  # a partial is no class: it is not run
-    own = alone(scene(), forces, "material_agents", run=own_agents)
+    own = alone(SCENE, forces, "material_agents", run=own_agents)
     assert own["material_agents"].tolist() == [7, 8]
-    radius = alone(scene(), {"rule.alpha[1]": [0.1, 0.5]}, "spectral_radius", run=kaju.stability)
+    radius = alone(SCENE, {"rule.alpha[1]": [0.1, 0.5]}, "spectral_radius", run=kaju.stability)
     assert radius["spectral_radius"].round(6).tolist() == [0.75, 1.15]
-    model = alone(scene(), {"rule.threshold": [0.01]}, "load_taken", run=LoadModel)
+    model = alone(SCENE, {"rule.threshold": [0.01]}, "load_taken", run=LoadModel)
     assert model["load_taken"].round(6).tolist() == [12.879375]
 
 
 def growing(volume=0.4):
-    body = {"cells": [12, 6], "cell_size": 0.01, "material": "steel"}
-    loads = [{"cell": [11, 3], "force": [0.0, -1.0]}]
-    arm = kaju.Scene(body=body, sides={"left": "rigid"}, loads=loads)
+    arm = plate([12, 6], [11, 3], [0.0, -1.0], sides={"left": "rigid"})
     return kaju.GrowthModel(arm, volume=volume, filter_radius=1.0, most_steps=4)
 
 
@@ -122,12 +116,8 @@ def test_networks_and_creep():
     assert table["measure"].round(3).tolist() == [0.033, 0.022]
     element = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=10.0)
     course = {"x": lambda result: result.displacement[-1]}
-    table = alone(
-        lambda force: element,
-        {"force": [1.0], "run.times": [[4.0], [1.0, 4.0]]},
-        course,
-        run=creep_of,
-    )
+    vary = {"force": [1.0], "run.times": [[4.0], [1.0, 4.0]]}
+    table = alone(lambda force: element, vary, course, run=creep_of)
     exact = 0.5 * (1.0 - math.exp(-8.0)) + 0.4
     np.testing.assert_allclose(table["x"], exact, rtol=1e-3)
 
@@ -138,7 +128,7 @@ def creep_of(element, times):
 
 def test_a_failed_point_is_a_row_with_its_error():
     table = alone(
-        scene(), {"rule.alpha[1]": [0.5, 3.0], "rule.threshold": [0.01, 0.02]}, "load_taken"
+        SCENE, {"rule.alpha[1]": [0.5, 3.0], "rule.threshold": [0.01, 0.02]}, "load_taken"
     )
     assert table["error"].str.startswith("StabilityError: ").tolist() == [False, False, True, True]
     assert table["load_taken"].isna().tolist() == [False, False, True, True]
@@ -170,8 +160,6 @@ def test_the_number_of_processes_changes_nothing():
 
 @given(st.integers(1, 5), st.integers(1, 4), st.integers(1, 3))
 def test_a_grid_has_every_combination_once(a, b, c):
-    from kaju.model.study.sweep_points import points_of
-
     vary = {"a": list(range(a)), "b": list(range(b)), "c": list(range(c))}
     points = points_of(vary, "grid", None, 0)
     every = [(p["a"], p["b"], p["c"]) for p in (points[k] for k in range(len(points)))]
@@ -198,8 +186,6 @@ def test_points_that_are_given_and_lists_that_go_together():
 
 def test_saltellis_points_are_what_salib_reads():
     # x² + y on [0, 1]²: variances 4/45 and 1/12, nothing together.
-    from SALib.analyze import sobol
-
     share = (4 / 45) / (4 / 45 + 1 / 12)
     ranges = {"x": stats.uniform(0, 1), "y": stats.uniform(0, 1)}
     sampled = alone(sweep_work.square, ranges, samples=1024, method="saltelli")
@@ -210,38 +196,27 @@ def test_saltellis_points_are_what_salib_reads():
     np.testing.assert_allclose(found["ST"], [share, 1 - share], atol=0.02)
 
 
+BETA = {"rule.beta": [1.0]}
+UNEVEN = {"rule.beta": [1], "rule.threshold": [1, 2]}
+
+
 @pytest.mark.parametrize(
     ("arguments", "options", "error", "message"),
     [
-        ((scene(), {"rule.treshold": [1.0]}), {}, kaju.KajuError, "did you mean 'threshold'"),
-        ((scene(), {}), {}, ValueError, "vary: at least one quantity"),
-        ((scene(), {"rule.threshold": 0.1}), {}, ValueError, "needs a list of values"),
-        ((scene(), {"rule.threshold": []}), {}, ValueError, "has no values"),
-        ((scene(), {"rule.beta": stats.uniform()}), {}, ValueError, "method='sobol' or 'lhs'"),
-        ((scene(), {"rule.beta": [1]}), {"method": "gird"}, ValueError, "did you mean 'grid'"),
-        ((scene(), {"rule.beta": [1]}), {"samples": 4}, ValueError, "as many points as its values"),
-        (
-            (scene(), {"rule.beta": [1]}),
-            {"method": "lhs"},
-            ValueError,
-            "needs the number of points",
-        ),
-        (
-            (scene(), {"rule.beta": [1.0]}),
-            {"method": "sobol", "samples": 100},
-            ValueError,
-            "take 64 or 128 instead of 100",
-        ),
-        (
-            (scene(), {"rule.beta": [1], "rule.threshold": [1, 2]}),
-            {"method": "list"},
-            ValueError,
-            "rule.beta: 1, rule.threshold: 2",
-        ),
-        ((scene(), {}), {"method": [{"a": 1}, {"b": 1}]}, ValueError, "point 1 varies"),
-        ((scene(), {"rule.beta": [1]}, 3), {}, ValueError, "measure: a name"),
-        ((scene(), {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),
-        ((scene(), {"rule.beta": [1]}), {"seed": -1}, ValueError, "seed: must be a whole"),
+        ((SCENE, {"rule.treshold": [1.0]}), {}, kaju.KajuError, "did you mean 'threshold'"),
+        ((SCENE, {}), {}, ValueError, "vary: at least one quantity"),
+        ((SCENE, {"rule.threshold": 0.1}), {}, ValueError, "needs a list of values"),
+        ((SCENE, {"rule.threshold": []}), {}, ValueError, "has no values"),
+        ((SCENE, {"rule.beta": stats.uniform()}), {}, ValueError, "method='sobol' or 'lhs'"),
+        ((SCENE, {"rule.beta": [1]}), {"method": "gird"}, ValueError, "did you mean 'grid'"),
+        ((SCENE, {"rule.beta": [1]}), {"samples": 4}, ValueError, "as many points as its values"),
+        ((SCENE, BETA), {"method": "lhs"}, ValueError, "needs the number of points"),
+        ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
+        ((SCENE, UNEVEN), {"method": "list"}, ValueError, "rule.beta: 1, rule.threshold: 2"),
+        ((SCENE, {}), {"method": [{"a": 1}, {"b": 1}]}, ValueError, "point 1 varies"),
+        ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: a name"),
+        ((SCENE, {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),
+        ((SCENE, {"rule.beta": [1]}), {"seed": -1}, ValueError, "seed: must be a whole"),
     ],
 )
 def test_what_cannot_be_swept_is_refused(arguments, options, error, message):
@@ -251,38 +226,30 @@ def test_what_cannot_be_swept_is_refused(arguments, options, error, message):
 
 
 def test_a_measure_that_is_not_there_names_those_that_are():
-    table = alone(scene(), {"rule.threshold": [0.01]}, "load_takn")
+    table = alone(SCENE, {"rule.threshold": [0.01]}, "load_takn")
     assert "the result has no 'load_takn'; its summary has" in table["error"][0]
-    table = alone(scene(), {"rule.threshold": [0.01]}, lambda result: np.zeros(3))
+    table = alone(SCENE, {"rule.threshold": [0.01]}, lambda result: np.zeros(3))
     assert "must be one number" in table["error"][0]
 
 
 def test_tables_without_a_sweep_are_named(tmp_path):
-    from kaju.view.sweep_plots import plot_effects
-
     table = alone(sweep_work.square, {"x": [1.0, 2.0]})
     with pytest.raises(kaju.KajuError, match="no column 'cube'"):
         plot_effects(table, "cube")
+    table.attrs = {}
     with pytest.raises(kaju.KajuError, match="is not of a sweep"):
-        plot_effects(bare(table.copy()), "x")
+        plot_effects(table, "x")
     with pytest.raises(kaju.KajuError, match="is no folder of a sweep"):
         load_sweep(tmp_path)
 
 
-def bare(table):
-    table.attrs = {}
-    return table
-
-
 def test_pictures_show_what_was_swept(tmp_path):
-    from kaju.view.sweep_plots import plot_effects, plot_sweep_map
-
     vary = {"rule.alpha[1]": [0.1, 0.5, 3.0], "rule.threshold": [1e-3, 1e-2, 1e-1]}
-    table = alone(scene(), vary, ["load_taken", "spectral_radius"])
+    table = alone(SCENE, vary, ["load_taken", "spectral_radius"])
     effects = plot_effects(table, "load_taken")
     assert [ax.get_xlabel() for ax in effects.axes] == list(vary)
     assert effects.axes[1].get_xscale() == "log"
-    evenly = alone(scene(), {"rule.alpha[1]": [0.01, 0.3, 0.6, 0.9]}, "load_taken")
+    evenly = alone(SCENE, {"rule.alpha[1]": [0.01, 0.3, 0.6, 0.9]}, "load_taken")
     assert plot_effects(evenly, "load_taken").axes[0].get_xscale() == "linear"
     means = effects.axes[0].lines[1].get_ydata()
     worked = table[table["error"] == ""]

@@ -2,73 +2,65 @@
 
 import pandas
 import pytest
-from plates import plate as plate_of
-from typer.testing import CliRunner
+from plates import PLATE
 
-from kaju.__main__ import app
+from kaju import Scene
 from kaju.errors import KajuError
-
-PLATE = plate_of([20, 20], [10, 19], size=[0.2, 0.2], thickness=0.002).to_toml()
 
 
 @pytest.fixture
-def plate(tmp_path):
-    file = tmp_path / "plate.toml"
-    file.write_text(PLATE)
-    return str(file)
+def swept(tmp_path, typed):
+    """Sweep the worked plate into a folder; return the folder and what was told."""
+    file, out = tmp_path / "plate.toml", tmp_path / "sweep"
+    Scene(**PLATE).save(file)
+
+    def run(*words):
+        return out, typed("sweep", file, *words, "--out", out, "--workers", 1)
+
+    return run
 
 
-def kaju(*arguments):
-    return CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+def table_of(out):
+    return pandas.read_parquet(out / "table.parquet")
 
 
-def test_a_sweep_from_the_command(plate, tmp_path):
-    out = tmp_path / "sweep"
-    command = (plate, "--vary", "rule.threshold=0.01,0.001", "--out", out, "--workers", 2)
-    done = kaju(*command)
+def test_a_sweep_from_the_command(swept):
+    words = ("--vary", "rule.threshold=0.01,0.001", "--workers", 2)
+    out, done = swept(*words)
     assert done.exit_code == 0, done.output
     assert done.output.startswith("2 runs, 0 failed")
-    table = pandas.read_parquet(out / "table.parquet")
-    assert table["load_taken"].round(6).tolist() == [12.879375, 21.104766]
-    assert sorted(path.name for path in out.iterdir()) == [
-        ".lock.sqlite",
-        "effects.png",
-        "sweep.sqlite",
-        "table.parquet",
-    ]
-    assert kaju(*command).output == done.output  # nothing is computed again
+    assert table_of(out)["load_taken"].round(6).tolist() == [12.879375, 21.104766]
+    names = [".lock.sqlite", "effects.png", "sweep.sqlite", "table.parquet"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert swept(*words)[1].output == done.output  # nothing is computed again
 
 
-def test_a_map_of_stability(plate, tmp_path):
-    done = kaju(
-        *(plate, "--vary", "rule.alpha[1]=0.1:0.9", "--vary", "rule.alpha[2]=0.01:0.9:log"),
-        *("--run", "stability", "--measure", "spectral_radius", "--method", "sobol"),
-        *("--samples", 32, "--out", tmp_path / "map", "--workers", 1),
+def test_a_map_of_stability(swept):
+    out, done = swept(
+        *("--vary", "rule.alpha[1]=0.1:0.9", "--vary", "rule.alpha[2]=0.01:0.9:log"),
+        *("--run", "stability", "--measure", "spectral_radius"),
+        *("--method", "sobol", "--samples", 32),
     )
     assert done.exit_code == 0, done.output
     assert "... and 12 more" in done.output
-    table = pandas.read_parquet(tmp_path / "map" / "table.parquet")
+    table = table_of(out)
     forward, beside = table["rule.alpha[1]"], table["rule.alpha[2]"]
     assert forward.between(0.1, 0.9).all()
     assert beside.between(0.01, 0.9).all()
     # α₂ + 2 α₃ + 2 (1 − β) ν α₁, a bound that the plate comes close to
     bound = forward + 2 * beside + 2 * 0.5 * 0.3 * 0.5
     assert (table["spectral_radius"] <= bound * (1 + 1e-9)).all()
-    assert (tmp_path / "map" / "map.png").stat().st_size > 10_000
+    assert (out / "map.png").stat().st_size > 10_000
 
 
-def test_words_are_values_too(plate, tmp_path):
-    done = kaju(
-        plate, "--vary", "sides.left=rigid,free", "--out", tmp_path / "s", "--no-pictures",
-        "--workers", 1,
-    )  # fmt: skip
+def test_words_are_values_too(swept):
+    out, done = swept("--vary", "sides.left=rigid,free", "--no-pictures")
     assert done.exit_code == 0, done.output
-    table = pandas.read_parquet(tmp_path / "s" / "table.parquet")
-    assert table["sides.left"].tolist() == ["rigid", "free"]
+    assert table_of(out)["sides.left"].tolist() == ["rigid", "free"]
 
 
-def test_a_sweep_of_nothing_but_failures_fails(plate, tmp_path):
-    done = kaju(plate, "--vary", "rule.alpha[1]=2,3", "--out", tmp_path / "s", "--workers", 1)
+def test_a_sweep_of_nothing_but_failures_fails(swept):
+    _, done = swept("--vary", "rule.alpha[1]=2,3")
     assert done.exit_code == 1
     assert "2 runs, 2 failed" in done.output
     assert "StabilityError" in done.output
@@ -84,8 +76,7 @@ def test_a_sweep_of_nothing_but_failures_fails(plate, tmp_path):
         (["--vary", "rule.beta=0,1", "--run", "fem"], "--run: auto, agents, solve, stability"),
     ],
 )
-def test_what_is_misspelt_is_refused(plate, tmp_path, options, message):
-    done = kaju(plate, *options, "--out", tmp_path / "s")
-    assert isinstance(done.exception, KajuError)
-    assert message in str(done.exception)
-    assert not (tmp_path / "s").exists()
+def test_what_is_misspelt_is_refused(swept, tmp_path, options, message):
+    with pytest.raises(KajuError, match=message):
+        swept(*options)
+    assert not (tmp_path / "sweep").exists()

@@ -6,7 +6,6 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
-from pathlib import Path
 
 import joblib
 import pytest
@@ -17,19 +16,17 @@ import kaju
 from kaju import sweep
 from kaju.model.study.sweep_store import load_sweep
 
-POINTS = {"x": [0.5 * k for k in range(200)]}
-HERE = str(Path(sweep_work.__file__).parent)
 
-
-def own():
-    return sweep(sweep_work.square, POINTS, workers=2, progress=False)
+def own(**options):
+    points = {"x": [0.5 * k for k in range(200)]}
+    return sweep(sweep_work.square, points, **{"workers": 2, "progress": False} | options)
 
 
 def test_threads_and_an_executor():
     with joblib.parallel_config(backend="threading"):
-        assert own().equals(sweep(sweep_work.square, POINTS, workers=1, progress=False))
+        assert own().equals(own(workers=1))
     with ThreadPoolExecutor(2) as threads, pytest.warns(DeprecationWarning, match="0.4"):
-        found = sweep(sweep_work.square, POINTS, executor=threads, workers=2, progress=False)
+        found = own(executor=threads)
     assert found.equals(own())
 
 
@@ -39,7 +36,7 @@ def dask(folder):
     distributed = pytest.importorskip("distributed")
     file = folder / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    path = os.pathsep.join([HERE, os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([sweep_work.HERE, os.environ.get("PYTHONPATH", "")])
     common = {"env": os.environ | {"PYTHONPATH": path}, "cwd": folder, **quiet}
 
     def run(what, *options):

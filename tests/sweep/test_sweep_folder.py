@@ -20,27 +20,30 @@ from kaju.model.study.sweep_store import load_sweep
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 
-def kept(out, count=50, **options):
+def kept(out, count=50, run=sweep_work.square, **options):
     options = {"workers": 1, "progress": False} | options
-    return sweep(sweep_work.square, {"x": list(range(count))}, out=out, **options)
+    return sweep(run, {"x": range(count)}, out=out, **options)
 
 
-def test_the_folder_holds_the_table(tmp_path):
-    table = kept(tmp_path / "new" / "sweep")
-    names = sorted(path.name for path in (tmp_path / "new" / "sweep").iterdir())
+def test_the_folder_holds_the_table_and_says_what_it_was(tmp_path):
+    out = tmp_path / "new" / "sweep"
+    table = kept(out)
+    names = sorted(path.name for path in out.iterdir())
     assert names == [".lock.sqlite", "sweep.sqlite", "table.parquet"]
-    stored = load_sweep(tmp_path / "new" / "sweep")
+    stored = load_sweep(out)
     pandas.testing.assert_frame_equal(stored, table)
-    assert stored.attrs["sweep"] == table.attrs["sweep"]
-    assert pandas.read_parquet(tmp_path / "new" / "sweep" / "table.parquet").equals(table)
+    about = stored.attrs["sweep"]
+    assert about == table.attrs["sweep"]
+    told = {"varied": ["x"], "points": 50, "subject": "sweep_work.square"}
+    assert {name: about[name] for name in told} == told
+    assert pandas.read_parquet(out / "table.parquet").equals(table)
 
 
 def test_only_what_is_missing_is_computed(tmp_path):
     kept(tmp_path)
     with closing(sqlite3.connect(tmp_path / "sweep.sqlite")) as store, store:
         store.execute("DELETE FROM rows WHERE run % 3 = 0")
-        left = {"run": 1, "x": 1, "square": -1, "error": ""}
-        text = json.dumps(left)
+        text = json.dumps({"run": 1, "x": 1, "square": -1, "error": ""})
         change = "UPDATE rows SET text = ?, crc = ? WHERE run = 1"
         store.execute(change, (text, zlib.crc32(text.encode())))
     assert load_sweep(tmp_path)["run"].tolist() == [run for run in range(50) if run % 3]
@@ -104,14 +107,8 @@ def test_killed_at_any_moment_it_still_goes_on(tmp_path):
 @linux
 def test_many_runs_need_no_more_memory_than_a_few(tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    table = sweep(
-        sweep_work.heavy,
-        {"x": range(2_000)},
-        sweep_work.memory,
-        workers=2,
-        out=tmp_path,
-        progress=False,
-    )
+    how = {"run": sweep_work.heavy, "measure": sweep_work.memory, "workers": 2}
+    table = kept(tmp_path, 2_000, **how)
     assert table["sum"].sum() == pytest.approx(200_000 * sum(range(2_000)))
     early = table["memory"][:200].max()
     assert table["memory"].max() < early + 20_000  # kB; the results themselves are 3.2 GB
@@ -120,10 +117,10 @@ def test_many_runs_need_no_more_memory_than_a_few(tmp_path):
 
 def test_interrupted_the_rows_are_kept(tmp_path):
     with pytest.raises(KeyboardInterrupt):
-        sweep(interrupted, {"x": list(range(50))}, out=tmp_path, workers=1, progress=False)
+        kept(tmp_path, run=interrupted)
     assert load_sweep(tmp_path)["square"].tolist() == [x * x for x in range(20)]
     sweep_work.patience = True
-    again = sweep(interrupted, {"x": list(range(50))}, out=tmp_path, workers=1, progress=False)
+    again = kept(tmp_path, run=interrupted)
     assert again["square"].tolist() == [x * x for x in range(50)]
 
 
@@ -131,10 +128,3 @@ def interrupted(x):
     if x == 20 and not getattr(sweep_work, "patience", False):
         raise KeyboardInterrupt
     return sweep_work.square(x)
-
-
-def test_the_sweep_says_what_it_was(tmp_path):
-    about = kept(tmp_path).attrs["sweep"]
-    assert about["varied"] == ["x"]
-    assert about["points"] == 50
-    assert about["subject"] == "sweep_work.square"

@@ -15,7 +15,8 @@ from plates import plate as pressed
 
 import kaju
 from kaju import ElasticModel, History, LoadModel, SpawningModel, ThreeElement, creep, solve
-from kaju.__main__ import main
+from kaju.model.elastic.multigrid import krylov
+from kaju.model.rheology.integrate import Integrator
 from kaju.stopping import NOTE, Interrupted
 
 
@@ -23,9 +24,8 @@ def plate(**changes):
     return pressed([20, 20], [10, 19], **changes)
 
 
-def interrupting(monkeypatch, place, at):
-    """Press Ctrl-C whenever `place` has been passed `at` times."""
-    home, name = place
+def interrupting(monkeypatch, home, name, at):
+    """Press Ctrl-C when a function has been called so often."""
     usual, passed = getattr(home, name), []
 
     def pressed(*args, **keywords):
@@ -38,11 +38,10 @@ def interrupting(monkeypatch, place, at):
     monkeypatch.setattr(home, name, pressed)
 
 
-@pytest.mark.parametrize("model", [LoadModel, ElasticModel])
-def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, capfd):
-    kind = "elastic" if model is ElasticModel else "prescribed"
+@pytest.mark.parametrize(("model", "kind"), [(LoadModel, "prescribed"), (ElasticModel, "elastic")])
+def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, kind, capfd):
     run = model(plate(rule={"kind": kind}))
-    interrupting(monkeypatch, (model, "_note"), 4)
+    interrupting(monkeypatch, model, "_note", 4)
     with pytest.raises(Interrupted) as stop:
         run.run()
     assert "interrupted after 4" in stop.value.best.outcome
@@ -54,7 +53,7 @@ def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, capfd):
 def test_agents_that_spawn_keep_their_generation(monkeypatch):
     whole = solve(plate(), tolerance=0.03, strategy="spawning")
     run = SpawningModel(plate(), tolerance=0.03)
-    interrupting(monkeypatch, (SpawningModel, "_note"), 2)
+    interrupting(monkeypatch, SpawningModel, "_note", 2)
     with pytest.raises(Interrupted) as stop:
         run.run()
     assert len(stop.value.best.generations) == 2 < len(whole.generations)
@@ -70,16 +69,13 @@ def test_agents_that_spawn_keep_their_generation(monkeypatch):
     ],
 )
 def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):
-    from kaju.model.elastic.multigrid import krylov
-
-    holed = plate(body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel", "regions": [
-        {"disk": {"centre": [0.1, 0.1], "radius": 0.04}, "material": "air"}]})  # fmt: skip
+    hole = {"disk": {"centre": [0.1, 0.1], "radius": 0.04}, "material": "air"}
     # Few cells and agents are iterated here as many are.
     monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
     monkeypatch.setattr("kaju.model.elastic.multigrid.nested.DIRECT", {2: 1_500, 3: 2_500})
-    interrupting(monkeypatch, (krylov, "interrupt_requested"), 3)
+    interrupting(monkeypatch, krylov, "interrupt_requested", 3)
     with pytest.raises(KeyboardInterrupt) as stop:
-        solve(holed, **asked)
+        solve(plate(regions=[hole]), **asked)
     best = stop.value.best
     assert best.found.storage == answer
     assert NOTE in best.notes
@@ -87,12 +83,10 @@ def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, an
 
 
 def test_time_ends_where_it_was(monkeypatch, tmp_path):
-    from kaju.model.rheology.integrate import Integrator
-
     law = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
     times = np.linspace(0.1, 1.0, 10)
     whole = creep(law, History.step(), 1.0, times=times, step=0.1)
-    interrupting(monkeypatch, (Integrator, "take_step"), 4)
+    interrupting(monkeypatch, Integrator, "take_step", 4)
     with pytest.raises(Interrupted) as stop:
         creep(law, History.step(), 1.0, times=times, step=0.1)
     best = kaju.load_result(stop.value.best.save(tmp_path / "part.npz"))
@@ -104,8 +98,8 @@ def test_time_ends_where_it_was(monkeypatch, tmp_path):
 
 def test_a_second_time_ends_at_once(monkeypatch):
     run = LoadModel(plate())
-    interrupting(monkeypatch, (LoadModel, "_note"), 3)
-    interrupting(monkeypatch, (LoadModel, "_note"), 3)
+    interrupting(monkeypatch, LoadModel, "_note", 3)
+    interrupting(monkeypatch, LoadModel, "_note", 3)
     with pytest.raises(KeyboardInterrupt) as stop:
         run.run()
     assert not isinstance(stop.value, Interrupted)
@@ -119,30 +113,20 @@ def test_only_who_is_in_charge_of_signals_listens():
     assert found[0].outcome.startswith("at rest")
 
 
-LARGE = """
-[body]
-size = [0.2, 0.2]
-cells = [{cells}, {cells}]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [{middle}, {last}]
-force = [0.0, -2.0]
-[rule]
-{rule}
-"""
 RUNS = {
-    "run": (200, "threshold = 1e-9", []),
-    "solve": (40, "kind = 'elastic'", ["--tolerance", "0.003", "--strategy", "spawning"]),
-    "creep": (60, "threshold = 1e-5", ["--hold", "10", "--step", "0.00001"]),
+    "run": (200, {"threshold": 1e-9}, []),
+    "solve": (40, {"kind": "elastic"}, ["--tolerance", "0.003", "--strategy", "spawning"]),
+    "creep": (60, {"threshold": 1e-5}, ["--hold", "10", "--step", "0.00001"]),
 }
+
+
+def large(cells, **rule):
+    return pressed([cells, cells], [cells // 2, cells - 1], size=[0.2, 0.2], rule=rule)
 
 
 def written(folder, verb, cells):
     _, rule, more = RUNS[verb]
-    scene = LARGE.format(cells=cells, middle=cells // 2, last=cells - 1, rule=rule)
-    (folder / "scene.toml").write_text(scene)
+    large(cells, **rule).save(folder / "scene.toml")
     return [verb, "scene.toml", "--out", "answer", *more, "--no-pictures"]
 
 
@@ -171,7 +155,7 @@ STEPS = {
 @pytest.mark.parametrize("kept", [False, True])
 def test_what_an_interrupted_command_leaves(kaju, monkeypatch, tmp_path, verb, kept):
     place, _, name = (STEPS[verb] if kept else "kaju.model.scene.load_scene").rpartition(".")
-    interrupting(monkeypatch, (resolve_name(place), name), 3 if kept else 1)
+    interrupting(monkeypatch, resolve_name(place), name, 3 if kept else 1)
     code, _, told = kaju(*written(tmp_path, verb, 8))
     assert code == 130
     assert assert_whole_or_none(tmp_path, told) == kept
@@ -196,17 +180,12 @@ def test_a_command_may_be_interrupted_at_any_time(tmp_path, verb, seconds):
 
 
 @pytest.mark.parametrize(("at", "kept"), [(2, []), (12, ["prescribed rule"])])
-def test_a_comparison_keeps_what_was_compared(monkeypatch, tmp_path, capsys, at, kept):
+def test_a_comparison_keeps_what_was_compared(monkeypatch, tmp_path, kaju, at, kept):
     """The scene's own rule is run first, then its coefficients are fitted."""
-    (tmp_path / "scene.toml").write_text(LARGE.format(cells=10, middle=5, last=9, rule=""))
-    monkeypatch.chdir(tmp_path)
-    words = ["kaju", "compare", "scene.toml", "--out", "beside", "--resolution", "2"]
-    monkeypatch.setattr(sys, "argv", words)
-    interrupting(monkeypatch, (LoadModel, "_note"), at)
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 130
-    told = capsys.readouterr().err
+    large(10).save(tmp_path / "scene.toml")
+    interrupting(monkeypatch, LoadModel, "_note", at)
+    code, _, told = kaju("compare", "scene.toml", "--out", "beside", "--resolution", "2")
+    assert code == 130
     if not kept:
         assert "before there was anything to keep" in told
         assert not (tmp_path / "beside").exists()

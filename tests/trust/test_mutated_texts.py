@@ -81,16 +81,14 @@ def slipped(text, rng):
 def test_slips_are_scenes_or_errors_by_name(seed, count, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     warnings.simplefilter("error")
-    ends = {"scene": 0, "refused": 0}
+    refused = 0
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         text = slipped((PLATE, LAYERS)[number % 2], rng)
         try:
-            scene = Scene.from_toml(text)
-            scene.applied()
-            ends["scene"] += 1
+            Scene.from_toml(text).applied()
         except KajuError:
-            ends["refused"] += 1
+            refused += 1
         except Exception as error:
             raise AssertionError(f"{number}: {error!r}\n{text}") from error
-    assert min(ends.values()) > 0.1 * count
+    assert 0.1 < refused / count < 0.9

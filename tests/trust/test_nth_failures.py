@@ -7,47 +7,39 @@ import sys
 from pathlib import Path
 
 import pytest
+from plates import plate
 
 import kaju
 from kaju.errors import KajuError
 
 COMPILER = shutil.which("cc")
-pytestmark = [
-    pytest.mark.skipif(COMPILER is None or sys.platform != "linux", reason="needs cc on Linux")
-]
+LINUX = sys.platform == "linux"
+pytestmark = pytest.mark.skipif(COMPILER is None or not LINUX, reason="needs cc on Linux")
 SOURCE = Path(__file__).parents[1] / "support" / "refusing.c"
-SCENE = """
-sides = { bottom = "rigid" }
-loads = [{ cell = [6, 11], force = [0.0, -2.0] }]
-[body]
-cell_size = 0.01
-cells = [12, 12]
-material = "steel"
-"""
-JELLY = """
-sides = { bottom = "rigid" }
-loads = [{ side = "top", force = [0.0, -0.1] }]
-history = { steps = [{ ramp = 1.0, duration = 0.1 }, { hold = 1.0 }] }
-rule = { kind = "elastic" }
-[body]
-cell_size = 0.01
-cells = [4, 4]
-material = "jelly"
-[materials.jelly]
-youngs_modulus = 1e4
-poissons_ratio = 0.45
-rheology = { K_f = 1e4, D_f = 1e4, D_d = 2e5 }
-"""
-HEXAGONS = """
-sides = { bottom = "rigid" }
-loads = [{ side = "top", force = [0.0, 2.0] }]
-[body]
-lattice = "hexagon"
-cell_size = 0.01
-cells = [5, 5]
-material = "oak"
-"""
-FILES = {"s.toml": SCENE, "j.toml": JELLY, "h.toml": HEXAGONS}
+JELLY = {
+    "youngs_modulus": 1e4,
+    "poissons_ratio": 0.45,
+    "rheology": {"K_f": 1e4, "D_f": 1e4, "D_d": 2e5},
+}
+
+
+def loaded(force):
+    return [{"side": "top", "force": [0.0, force]}]
+
+
+SCENES = {
+    "s.toml": plate([12, 12], [6, 11]),
+    "j.toml": plate(
+        [4, 4],
+        None,
+        material="jelly",
+        materials={"jelly": JELLY},
+        loads=loaded(-0.1),
+        history={"steps": [{"ramp": 1.0, "duration": 0.1}, {"hold": 1.0}]},
+        rule={"kind": "elastic"},
+    ),
+    "h.toml": plate([5, 5], None, lattice="hexagon", material="oak", loads=loaded(2.0)),
+}
 
 
 @pytest.fixture(scope="module")
@@ -58,31 +50,21 @@ def library(tmp_path_factory):
 
 
 COMMANDS = {
-    "run": ("run", "s.toml", "--no-pictures", "--out", "out"),
-    "solve": ("solve", "s.toml", "--no-pictures", "--out", "out"),
-    "picture": ("run", "s.toml", "--out", "out"),
-    "new": ("new", "out.toml"),
-    "page": ("page", "s.toml", "--out", "out.html"),
-    "check": ("check", "stored.npz"),
-    "check scene": ("check", "s.toml"),
-    "page of a result": ("page", "stored.npz", "--out", "out.html"),
-    "creep": ("creep", "j.toml", "--no-pictures", "--out", "out"),
-    "break": ("break", "h.toml", "--no-pictures", "--out", "out"),
-    "grow": ("grow", "s.toml", "--steps", "3", "--no-pictures", "--out", "out"),
-    "compare": ("compare", "s.toml", "--no-pictures", "--out", "out"),
-    "fit": ("fit", "s.toml", "--runs", "12", "--out", "out"),
-    "sweep": (
-        "sweep",
-        "s.toml",
-        "--vary",
-        "loads[0].force[1]=-2,-3",
-        "--workers",
-        "1",
-        "--no-pictures",
-        "--out",
-        "out",
-    ),
-    "animate": ("animate", "stored.npz", "--out", "out.gif"),
+    "run": "run s.toml --no-pictures --out out",
+    "solve": "solve s.toml --no-pictures --out out",
+    "picture": "run s.toml --out out",
+    "new": "new out.toml",
+    "page": "page s.toml --out out.html",
+    "check": "check stored.npz",
+    "check scene": "check s.toml",
+    "page of a result": "page stored.npz --out out.html",
+    "creep": "creep j.toml --no-pictures --out out",
+    "break": "break h.toml --no-pictures --out out",
+    "grow": "grow s.toml --steps 3 --no-pictures --out out",
+    "compare": "compare s.toml --no-pictures --out out",
+    "fit": "fit s.toml --runs 12 --out out",
+    "sweep": "sweep s.toml --vary loads[0].force[1]=-2,-3 --workers 1 --no-pictures --out out",
+    "animate": "animate stored.npz --out out.gif",
 }
 
 
@@ -92,12 +74,10 @@ def refused(library, folder, words, what, number):
     Tell whether it gave up, and whether there was anything to refuse.
     """
     place = folder / f"{what} {number}"
-    place.mkdir()
-    for file in (*FILES, "stored.npz"):
-        shutil.copy(folder / file, place)
+    shutil.copytree(folder / "fresh", place)
     before = {path.name for path in place.iterdir()}
     done = subprocess.run(
-        [sys.executable, "-m", "kaju", *words],
+        [sys.executable, "-m", "kaju", *words.split()],
         cwd=place,
         capture_output=True,
         text=True,
@@ -136,18 +116,17 @@ def refused(library, folder, words, what, number):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("nth failures of ü🙂")
-    for file, text in FILES.items():
-        (place / file).write_text(text)
-    kaju.LoadModel(kaju.load_scene(place / "s.toml")).run().save(place / "stored.npz")
+    (place / "fresh").mkdir()
+    for file, scene in SCENES.items():
+        scene.save(place / "fresh" / file)
+    kaju.LoadModel(SCENES["s.toml"]).run().save(place / "fresh/stored.npz")
     return place
 
 
 def each_failure(library, folder, name, what, numbers):
     """Let it fail at the first time, the second …; return how often that came through."""
     place = folder / f"{name}, {what}, {len(numbers)} times"
-    place.mkdir()
-    for file in (*FILES, "stored.npz"):
-        shutil.copy(folder / file, place)
+    shutil.copytree(folder / "fresh", place / "fresh")
     came = 0
     for number in numbers:
         gave_up, met = refused(library, place, COMMANDS[name], what, number)

@@ -3,38 +3,29 @@
 import json
 
 import pytest
+from plates import plate
 
 from kaju import LoadModel, Scene, load_result, load_scene, plot, solve
 
-STEEL = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"}
 ROUND = {"disk": {"centre": [0.0, 0.0], "radius": 0.043}, "material": "air"}
 CORNER = {"box": [[0.04, 0.04], [0.08, 0.08]], "material": "air"}
 PRESSED = {"region": {"box": [[0.033, 0.08], [0.058, 0.08]]}, "force": [0.0, -2.0]}
 PULLED = {"cell": [4, 7], "force": [0.0, 2.0]}
 RULE = {"kind": "prescribed", "threshold": 0.1}
-CREEPS = {
-    "m": {
-        "youngs_modulus": 1e9,
-        "poissons_ratio": 0.3,
-        "rheology": {"K_f": 1.0, "D_f": 1.0, "D_d": 1.0},
-    }
-}
+CREEPS = {"m": {"base": "steel", "rheology": {"K_f": 1.0, "D_f": 1.0, "D_d": 1.0}}}
 SCENES = {
     "rough": ({"loads": [{"cell": [6, 7], "force": [0.0, -2.0]}]}, "error about"),
-    "round": ({"body": {**STEEL, "regions": [ROUND]}}, "outlines are steps"),
-    "corner": ({"body": {**STEEL, "regions": [CORNER]}}, "no limit of stress"),
+    "round": ({"regions": [ROUND]}, "outlines are steps"),
+    "corner": ({"regions": [CORNER]}, "no limit of stress"),
     "within faces": ({"loads": [PRESSED]}, "loads end within faces"),
     "pulled": ({"loads": [PULLED], "rule": RULE}, "pulls squeeze, too"),
-    "idle": (
-        {"body": {**STEEL, "material": "m"}, "materials": CREEPS, "rule": RULE},
-        "materials do not creep here",
-    ),
+    "idle": ({"material": "m", "materials": CREEPS, "rule": RULE}, "materials do not creep here"),
 }
 
 
 def scene_of(changes):
-    loads = [{"side": "right", "pressure": -1e6}]
-    return Scene(**{"body": STEEL, "sides": {"left": "rigid"}, "loads": loads} | changes)
+    usual = {"sides": {"left": "rigid"}, "loads": [{"side": "right", "pressure": -1e6}]}
+    return plate([8, 8], None, **usual | changes)
 
 
 def drawn(result, what):

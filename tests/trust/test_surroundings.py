@@ -8,34 +8,15 @@ from concurrent.futures import ThreadPoolExecutor
 from textwrap import dedent
 
 import pytest
+from plates import PLATE_TEXT
 from plates import plate as pressed
 
-from kaju import LoadModel, PrescribedRule, load_result, solve
+from kaju import ElasticRule, LoadModel, PrescribedRule, load_result, solve
 
 LONG = "a b 🙂 'q' %s [é] " + "x" * 183
 """A name of 200 characters."""
-SCENE = """
-sides = { bottom = "rigid" }
-loads = [{ cell = [2, 3], force = [0.0, -2.0] }]
-rule = { kind = "prescribed", threshold = 0.5 }
-[body]
-cell_size = 0.01
-cells = [4, 4]
-material = "m"
-[materials.m]
-youngs_modulus = 1e9
-poissons_ratio = 0.3
-rheology = { K_f = 1e6, D_f = 1e6, D_d = 1e7 }
-"""
-HEXAGONS = """
-sides = { bottom = "rigid", top = { displacement = [0.0, 1e-4] } }
-[body]
-lattice = "hexagon"
-cell_size = 0.01
-cells = [4, 4]
-thickness = 0.005
-material = "rubber"
-"""
+CREEPING = {"m": {"base": "steel", "rheology": {"K_f": 1e6, "D_f": 1e6, "D_d": 1e7}}}
+STRETCHED = {"bottom": "rigid", "top": {"displacement": [0.0, 1e-4]}}
 BARE = ("--no-pictures",)
 COMMANDS = {
     "new": ("new", "{out}.toml"),
@@ -71,9 +52,11 @@ def test_names_may_be_long_and_hold_anything(kaju, tmp_path, name):
     assert len(LONG) == 200
     place = tmp_path / LONG
     place.mkdir()
-    (place / "scene.toml").write_text(SCENE)
-    (place / "hexagons.toml").write_text(HEXAGONS)
-    (place / "scene.toml").rename(place / f"{LONG}.toml")
+    rule = PrescribedRule(threshold=0.5)
+    creeping = pressed([4, 4], [2, 3], material="m", materials=CREEPING, rule=rule)
+    creeping.save(place / f"{LONG}.toml")
+    changes = {"material": "rubber", "lattice": "hexagon", "thickness": 0.005, "loads": []}
+    pressed([4, 4], None, sides=STRETCHED, **changes).save(place / "hexagons.toml")
     LoadModel(small(2.0)).run(progress=False).save(place / f"s {LONG}.npz")
     before = set(place.iterdir())
     names = {"scene": LONG, "stored": f"s {LONG}", "hexagons": "hexagons", "out": f"o {LONG}"}
@@ -91,44 +74,41 @@ def test_threads_get_the_answers_that_each_gets_alone(tmp_path):
     assert together == [given(force) for force in forces]
 
 
+def python(folder, *words, **options):
+    options = {"cwd": folder, "capture_output": True, "text": True, "timeout": 300, **options}
+    return subprocess.run([sys.executable, *words], **options)
+
+
 @pytest.mark.parametrize("how", ["fork", "spawn"])
-def test_processes_get_the_answers_of_the_one_that_starts_them(how):
+def test_processes_get_the_answers_of_the_one_that_starts_them(how, tmp_path):
     if how not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {how} on this system")
     program = f"""
         import multiprocessing, kaju
 
         if __name__ == "__main__":
-            scene = kaju.Scene(
-                body=dict(cell_size=0.01, cells=[6, 6], material="steel"),
-                sides=dict(bottom="rigid"),
-                loads=[dict(cell=[3, 5], force=[0.1, -1.0])],
-            )
+            scene = kaju.load_scene("s.toml")
             here = kaju.solve(scene)
             with multiprocessing.get_context("{how}").Pool(1) as pool:
                 (there,) = pool.map(kaju.solve, [scene])
             print(there.stress.tobytes() == here.stress.tobytes())
         """
-    words = [sys.executable, "-c", dedent(program)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    small(1.0).save(tmp_path / "s.toml")
+    done = python(tmp_path, "-c", dedent(program))
     assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
 
 
 COLD = """
     import hashlib, sys, threading
-    from kaju import ElasticModel, ElasticRule, Scene
+    from kaju import ElasticModel, load_scene
 
     def answer(got):
-        body = dict(cell_size=0.01, cells=[6, 6], material="steel")
-        load = dict(cell=[3, 5], force=[0.1, -1.0])
-        rule = ElasticRule(threshold=0.1)
-        scene = Scene(body=body, sides=dict(bottom="rigid"), loads=[load], rule=rule)
+        scene = load_scene(sys.argv[1])
         found = ElasticModel(scene, engine="arrays").run().displacement
         got.append(b"".join(each.tobytes() for each in found))
 
-    got, threads = [], []
-    for _ in range(int(sys.argv[1])):
-        threads.append(threading.Thread(target=answer, args=(got,)))
+    got = []
+    threads = [threading.Thread(target=answer, args=(got,)) for _ in range(3)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -140,8 +120,9 @@ COLD = """
 @pytest.mark.slow
 def test_threads_and_processes_may_compile_at_once(tmp_path):
     """They fill one cache that is empty."""
+    small(1.0).replace(rule=ElasticRule(threshold=0.1)).save(tmp_path / "s.toml")
     cold = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    words = [sys.executable, "-c", dedent(COLD), "3"]
+    words = [sys.executable, "-c", dedent(COLD), tmp_path / "s.toml"]
     both = [
         subprocess.Popen(words, env=cold, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for _ in range(2)
@@ -155,20 +136,15 @@ def test_threads_and_processes_may_compile_at_once(tmp_path):
 
 
 def test_without_assertions_and_docstrings_a_wrong_scene_is_refused_by_name(tmp_path):
-    (tmp_path / "s.toml").write_text(SCENE.replace("[4, 4]", "[4, -4]"))
-    words = [sys.executable, "-OO", "-m", "kaju", "solve", tmp_path / "s.toml"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    (tmp_path / "s.toml").write_text(PLATE_TEXT.replace("[20, 20]", "[20, -20]"))
+    done = python(tmp_path, "-OO", "-m", "kaju", "solve", "s.toml")
     assert done.returncode == 2
     assert "error: " in done.stderr
     assert "body.cells" in done.stderr
 
 
-def test_materials_are_listed_on_an_ascii_terminal():
-    run = subprocess.run(
-        [sys.executable, "-m", "kaju", "materials"],
-        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
-        capture_output=True,
-        check=False,
-    )
+def test_materials_are_listed_on_an_ascii_terminal(tmp_path):
+    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    run = python(tmp_path, "-m", "kaju", "materials", env=ascii_only)
     assert run.returncode == 0, run.stderr
-    assert b"steel" in run.stdout
+    assert "steel" in run.stdout

@@ -3,7 +3,6 @@
 import csv
 import json
 import runpy
-import sys
 from contextlib import suppress
 from dataclasses import astuple, replace
 from functools import partial
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 
 from kaju import solve
-from kaju.__main__ import main
 from kaju.errors import KajuError, ParameterError
 from kaju.model.elastic import elastic_result
 from kaju.model.outline import outline_bracket
@@ -29,7 +27,7 @@ from kaju.model.study.trials.trial_scenes import (
     transfer_scene,
 )
 from kaju.model.study.trials.trial_workers import bounded, tally, trials
-from kaju.model.transfer import transfer_result
+from kaju.model.transfer import load_transfer, transfer_result
 
 
 def elastic_scene(rng, name):
@@ -57,7 +55,7 @@ def test_a_number_is_the_same_trial_every_time():
         (lambda scene: 1 / 0, "raw ZeroDivisionError"),
         (lambda scene: np.log(np.float64(0.0)), "raw RuntimeWarning"),
         (lambda scene: {}["missing"], "raw KeyError"),
-        (lambda scene: solve(scene, resolution=-1), None),
+        (lambda scene: solve(scene, resolution=-1), "ParameterError: resolution"),
     ],
 )
 def test_raw_errors_and_warnings_fail_and_named_ones_do_not(monkeypatch, broken, message):
@@ -66,12 +64,8 @@ def test_raw_errors_and_warnings_fail_and_named_ones_do_not(monkeypatch, broken,
 
     monkeypatch.setitem(trial.KINDS, "equal cells", kind)
     found = attempt(number_of("equal cells", after=20))
-    if message is None:
-        assert found.verdict == REFUSED
-        assert "resolution" in found.what
-    else:
-        assert found.verdict == FAILED
-        assert found.what.startswith(message)
+    assert found.verdict == (FAILED if message.startswith("raw") else REFUSED)
+    assert found.what.startswith(message)
 
 
 def test_forces_that_do_not_balance_fail(monkeypatch):
@@ -82,13 +76,9 @@ def test_forces_that_do_not_balance_fail(monkeypatch):
 
 
 def test_a_certificate_that_does_not_hold_fails(monkeypatch):
-    from kaju.model.transfer import load_transfer
-
     certify = load_transfer.certify
 
     def boasting(scene, transfer):
-        from dataclasses import replace
-
         return replace(certify(scene, transfer), generations=0, stable=True)
 
     monkeypatch.setattr(load_transfer, "certify", boasting)
@@ -118,15 +108,11 @@ def test_who_only_waits_is_not_finished_and_has_not_failed(monkeypatch):
     assert (outcome.verdict, outcome.engine) == (UNFINISHED, "equal cells")
 
 
-def test_not_finished_has_an_exit_code_of_its_own(monkeypatch, tmp_path):
-    for verdict, code in ((UNFINISHED, 3), (FAILED, 1), (REFUSED, 0)):
-        came = [trial.Outcome(1, "plain", "equal cells", verdict, "so")]
-        monkeypatch.setattr(trial_workers, "trials", lambda *_, came=came: iter(came))
-        words = ["stress", "--count", "1", "--no-pictures", "--out", str(tmp_path / "here")]
-        monkeypatch.setattr(sys, "argv", ["kaju", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        assert (end.value.code or 0) == code
+@pytest.mark.parametrize(("verdict", "code"), [(UNFINISHED, 3), (FAILED, 1), (REFUSED, 0)])
+def test_not_finished_has_an_exit_code_of_its_own(monkeypatch, kaju, verdict, code):
+    came = [trial.Outcome(1, "plain", "equal cells", verdict, "so")]
+    monkeypatch.setattr(trial_workers, "trials", lambda *_: iter(came))
+    assert kaju("stress", "--count", "1", "--no-pictures", "--out", "here")[0] == code
 
 
 @pytest.mark.parametrize(("how", "message"), [({"workers": 0}, "workers"), ({"limit": 0}, "limit")])
@@ -135,30 +121,26 @@ def test_trials_need_workers_and_time(how, message):
         next(trials([1], **how))
 
 
-def test_the_certificate_draws_the_line_where_loads_begin_to_grow():
-    for beta, ratio in ((1.0, 0.3), (0.0, 0.45)):
-        found = stability_map(beta, ratio, steps=3)
-        assert found.contradicted == 0
-        assert (found.growth > 1.0).any()
-        assert (found.growth < 1.0).any()
-        # One material, loads added up: α₂ + 2α₃ + 2(1−β)να₁ exactly.
-        exact = found.forward[:, None] + 2 * found.friction + 2 * (1 - beta) * ratio * 0.5
-        assert np.allclose(found.radius, exact, rtol=0, atol=1e-9)
+@pytest.mark.parametrize(("beta", "ratio"), [(1.0, 0.3), (0.0, 0.45)])
+def test_the_certificate_draws_the_line_where_loads_begin_to_grow(beta, ratio):
+    found = stability_map(beta, ratio, steps=3)
+    assert found.contradicted == 0
+    assert found.growth.min() < 1.0 < found.growth.max()
+    # One material, loads added up: α₂ + 2α₃ + 2(1−β)να₁ exactly.
+    exact = found.forward[:, None] + 2 * found.friction + 2 * (1 - beta) * ratio * 0.5
+    assert np.allclose(found.radius, exact, rtol=0, atol=1e-9)
 
 
-def test_the_command_writes_a_row_a_trial(monkeypatch, capsys, tmp_path):
+def test_the_command_writes_a_row_a_trial(monkeypatch, kaju, tmp_path):
     first = number_of("three elements")
     words = ["stress", "--first", str(first), "--count", "1", "--workers", "1", "--out", "here"]
     monkeypatch.setattr(trial_workers, "trials", partial(trials, warm=False))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["kaju", *words])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code in (0, None)
+    code, said, _ = kaju(*words)
+    assert code == 0
+    assert "answered" in said
     (row,) = csv.DictReader((tmp_path / "here/stress.csv").read_text().splitlines())
     assert (row["number"], row["verdict"]) == (str(first), "answered")
     assert (tmp_path / "here/outcomes.png").stat().st_size > 10_000
-    assert "answered" in capsys.readouterr().out
     told = json.loads((tmp_path / "here/summary.json").read_text())
     assert told["engines"] == {"three elements": [1, 0, 0, 0]}
 
@@ -174,13 +156,9 @@ def test_the_document_tells_the_record_of_all_trials(tmp_path):
     assert "| true outlines |" in teller["table_of"](record)
     assert "\n<!-- made: trials -->\n" in (docs / "stability.md").read_text()
     made = [attempt(number_of("network", after=n)) for n in (20, 60)]
-    again = teller["outcomes_of"](_stored(made, tmp_path / "stress.csv"))
+    assert len(list(trial_workers.record(made, tmp_path / "stress.csv"))) == 2
+    again = teller["outcomes_of"](tmp_path / "stress.csv")
     assert [astuple(o)[:5] for o in again] == [astuple(o)[:5] for o in made]
-
-
-def _stored(outcomes, table):
-    list(trial_workers.record(outcomes, table))
-    return table
 
 
 WITH_TRUTH = 164

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import sys
 import zlib
@@ -32,6 +33,14 @@ def old():
 @pytest.fixture(scope="module")
 def new():
     return run(-2.0)
+
+
+def write(result, force=False):
+    return Folder(Path("here"), force).write(result, pictures="none")
+
+
+def names_here():
+    return [path.name for path in Path().iterdir()]
 
 
 @pytest.fixture(autouse=True)
@@ -75,10 +84,10 @@ def test_a_killed_run_leaves_the_old_folder_or_the_new_one(old, new, force):
     states = set()
     for event in range(1, 1000):
         if force and not folder.exists():
-            Folder(folder).write(old, pictures="none")
+            write(old)
             (folder / "notes.txt").write_text("mine")
         before = taken(folder)
-        killed = killed_at(event, lambda: Folder(folder, force).write(new, pictures="none"))
+        killed = killed_at(event, lambda: write(new, force))
         after = taken(folder)
         states.add(after)
         assert after in (before, new.summary()["load_taken"])
@@ -87,13 +96,11 @@ def test_a_killed_run_leaves_the_old_folder_or_the_new_one(old, new, force):
         if force:
             assert (folder / "notes.txt").read_text() == "mine"
         if after != before:
-            for file in folder.iterdir():
-                file.unlink()
-            folder.rmdir()
+            shutil.rmtree(folder)
     assert event > 15
     assert new.summary()["load_taken"] in states
     assert (old.summary()["load_taken"] if force else None) in states
-    assert [path.name for path in Path().iterdir()] == ["here"], "the last run swept the dead ones"
+    assert names_here() == ["here"], "the last run swept the dead ones"
 
 
 def test_a_stored_file_is_the_old_one_or_the_new_one(old, new):
@@ -106,13 +113,13 @@ def test_a_stored_file_is_the_old_one_or_the_new_one(old, new):
         if not killed:
             break
     assert event > 3
-    assert [path.name for path in Path().iterdir()] == ["result.npz"]
+    assert names_here() == ["result.npz"]
 
 
 @pytest.mark.parametrize("force", [False, True])
 def test_who_comes_second_keeps_the_results_beside_and_says_so(old, new, force):
     if force:
-        Folder(Path("here")).write(old, pictures="none")
+        write(old)
     slow, quick = Folder(Path("here"), force), Folder(Path("here"), force)
     quick.write(old, pictures="none")
     with pytest.raises(ResultFileError, match=r"another run .* this one's are in here-2"):
@@ -123,17 +130,14 @@ def test_who_comes_second_keeps_the_results_beside_and_says_so(old, new, force):
 
 def test_an_empty_folder_may_be_filled(new):
     Path("here").mkdir()
-    assert [p.name for p in Folder(Path("here")).write(new, pictures="none")] == [
-        "result.npz",
-        "summary.json",
-    ]
+    assert [path.name for path in write(new)] == ["result.npz", "summary.json"]
 
 
 def test_folders_of_ones_own_inside_a_replaced_run_stay(old, new):
-    Folder(Path("here")).write(old, pictures="none")
+    write(old)
     Path("here/films/of mine").mkdir(parents=True)
     Path("here/films/of mine/one.txt").write_text("kept")
-    Folder(Path("here"), force=True).write(new, pictures="none")
+    write(new, force=True)
     assert Path("here/films/of mine/one.txt").read_text() == "kept"
     assert taken(Path("here")) == new.summary()["load_taken"]
 
@@ -156,10 +160,10 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(p
 
 def test_without_an_exchange_in_one_step_names_are_exchanged_all_the_same(old, new, monkeypatch):
     monkeypatch.setattr("ctypes.CDLL", lambda _: object())
-    Folder(Path("here")).write(old, pictures="none")
-    Folder(Path("here"), force=True).write(new, pictures="none")
+    write(old)
+    write(new, force=True)
     assert taken(Path("here")) == new.summary()["load_taken"]
-    assert [path.name for path in Path().iterdir()] == ["here"]
+    assert names_here() == ["here"]
 
 
 def test_large_results_are_packed_quickly(tmp_path):

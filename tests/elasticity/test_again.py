@@ -6,6 +6,8 @@ import weakref
 import numpy as np
 import pytest
 from plates import plate as pressed
+from spawning_bodies import STEEL as MATERIAL
+from spawning_bodies import drawn
 
 import kaju
 from kaju.errors import ParameterError, SupportError
@@ -112,10 +114,8 @@ def test_three_dimensions():
 
 
 def test_the_number_of_cells_stays_as_it_was():
-    member = Scene.from_drawing(
-        "##..\n##..\n####", legend={"#": "steel", ".": "air"}, cell_size=0.01,
-        sides={"left": "rigid"}, loads=[{"cell": [3, 0], "force": [0.0, -1.0]}],
-    )  # fmt: skip
+    load = {"cell": [3, 0], "force": [0.0, -1.0]}
+    member = drawn(["aa..", "aa..", "aaaa"], [MATERIAL], [load], sides={"left": "rigid"})
     first = solve(member)
     assert first.subdivision == 2
     other = member.replace(loads=[{"cell": [2, 0], "force": [0.1, -1.0]}])

@@ -95,7 +95,6 @@ def test_finite_elements_agree_where_it_matters(name):
 
 
 def many_loads():
-    """A plate with four loads on its top."""
     loads = [
         {"region": {"box": [[x, 0.2], [x + 0.01, 0.2]]}, "force": [0.0, -2.0]}
         for x in (0.02, 0.12, 0.32, 0.37)
@@ -112,7 +111,7 @@ def many_loads():
     ],
 )
 def test_fewer_agents_do_than_for_the_energy_norm(body, place):
-    """At most half as many for the same error: errors fall like one over the agents."""
+    """A third as many or fewer for the same error: errors fall like one over the agents."""
     stress = Stress(place, "yy")
     truth = spawned_by(body(), tolerance=5e-4, tolerance_at=stress).goal_values[0]
 
@@ -122,7 +121,7 @@ def test_fewer_agents_do_than_for_the_energy_norm(body, place):
     aimed = [cost(spawned_by(body(), tolerance=t, tolerance_at=stress)) for t in (0.01, 0.005)]
     by_energy = [cost(spawned_by(body(), tolerance=t)) for t in (0.07, 0.05, 0.04)]
     # One of the answers may be right by chance.
-    assert np.exp(np.median(aimed) - np.median(by_energy)) < 0.5
+    assert np.exp(np.median(aimed) - np.median(by_energy)) < 1 / 3
 
 
 def test_values_are_what_the_result_tells_of_these_places():

@@ -33,6 +33,14 @@ BODIES = {
 }
 
 
+def assert_within(result, truth):
+    """The truth by finite elements is off by a few millionths at most, from below."""
+    assert not result.no_bound
+    lower, upper = result.energy_bounds
+    assert lower <= truth * (1 + 1e-5)
+    assert truth <= upper * (1 + 1e-9)
+
+
 @pytest.mark.parametrize("name", BODIES)
 def test_truths_lie_within(name):
     scene = BODIES[name]
@@ -40,11 +48,7 @@ def test_truths_lie_within(name):
     bounds = []
     for tolerance in (0.2, 0.04):
         result = solve(scene, strategy="spawning", tolerance=tolerance)
-        assert not result.no_bound
-        lower, upper = result.energy_bounds
-        # The finite elements are off by a few millionths at most, from below.
-        assert lower <= truth * (1 + 1e-5)
-        assert truth <= upper * (1 + 1e-9)
+        assert_within(result, truth)
         bounds.append(result.error_bound)
     assert len(np.unique(result.size)) > 1
     assert bounds[1] < 0.7 * bounds[0]
@@ -63,9 +67,7 @@ def test_weight_bends_agents_of_many_sizes():
     scene = drawn(L_SHAPE, [{"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "force": [3.0, -9.0]}])
     truth = finite_elements(scene, order=3, levels=9).strain_energy
     result = solve(scene, strategy="spawning", tolerance=0.05)
-    lower, upper = result.energy_bounds
-    assert lower <= truth * (1 + 1e-5)
-    assert truth <= upper * (1 + 1e-9)
+    assert_within(result, truth)
     assert result.error_bound < 0.06
 
 
@@ -134,10 +136,8 @@ def test_a_corner_alone_holds_nothing_together():
     truth = finite_elements(scene, order=3, levels=9).strain_energy
     cells = solve(scene, strategy="uniform", resolution=8)
     agents = solve(scene, strategy="spawning", tolerance=0.05)
-    for result in (cells, agents):
-        lower, upper = result.energy_bounds
-        assert lower <= truth * (1 + 1e-5)
-        assert truth <= upper * (1 + 1e-9)
+    assert_within(cells, truth)
+    assert_within(agents, truth)
     assert agents.error_bound < 0.08
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from spawning_bodies import drawn as coded
 
-from kaju import Deflection, Reaction, Scene, Stress, finite_elements, solve
-from kaju.model.results.result import load_result
+from kaju import Deflection, Reaction, Scene, Stress, finite_elements, load_result, solve
 
 CELL = 0.05
 LAWS = {

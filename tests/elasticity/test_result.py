@@ -138,6 +138,7 @@ def test_space_offers_the_same():
         ({"most_agents": 0}, "most_agents"),
         ({"strategy": "guess"}, "strategy"),
         ({"previous": 3}, "previous"),
+        ({"previous": 3, "strategy": "uniform"}, "an ElasticResult is needed to start from"),
         ({"increments": 3}, "increments: belongs to no Scene"),
         ({"tolerance": 0.1, "tolerance_at": "top", "strategy": "uniform"}, "tolerance_at"),
     ],
@@ -284,8 +285,8 @@ def test_displacement_on_a_surface_lies_between_its_own_slope_and_the_line_below
 def test_others_make_up_for_agents_that_may_not_be_smaller():
     """All that the smallest leave counts, and the tolerance is kept all the same."""
     least = solve(plate(), strategy="spawning", tolerance=1e-3, resolution=4).error_estimate
-    found = solve(plate(), strategy="spawning", tolerance=1.5 * least, resolution=4)
-    assert found.error_bound <= 1.5 * least
+    found = solve(plate(), strategy="spawning", tolerance=1.2 * least, resolution=4)
+    assert found.error_bound <= 1.2 * least
     assert found.size.min() == pytest.approx(0.01 / 4)
 
 

@@ -34,7 +34,7 @@ def test_a_pressure_that_eats_digits_is_noted(ratio, said):
 def test_a_hinge_that_hardly_resists_is_refused():
     soft = {"youngs_modulus": 2.86e7, "poissons_ratio": 0.3}
     stiff = {"youngs_modulus": 2.86e13, "poissons_ratio": -0.5}
-    rows = ["bbb.ab", "ab.a.a", "baaaab", "b.aaab", "a.bbbb"]
+    rows = ["bbb.ab", "aba.a.", "baaaab", "b.aaab", "a.bbbb"]
     sides = {"bottom": {"stiffness": 1.567e11}, "left": "roller"}
     load = {"cell": [5, 1], "force": [-1.0, 0.0]}
     scene = drawn(rows, [soft, stiff], [load], sides=sides, cell_size=2e-4)

@@ -1,17 +1,20 @@
 """`kaju.solve`: from scenes to results, and what is refused."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from elastic_cases import make_problem
 from plates import PLATE
 from spawning_bodies import STEEL, drawn
 
-from kaju import Scene
+import kaju
+from kaju import ElasticResult, Scene
 from kaju.errors import ConvergenceError, SupportError
-from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.solve import solve
 from kaju.model.elastic.supports import check_supports, slender_cell
+
+solve = partial(kaju.solve, strategy="uniform")
 
 
 def bar(**changes):

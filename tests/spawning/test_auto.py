@@ -12,7 +12,6 @@ from kaju import Scene, solve
 from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.refine import choice
 from kaju.model.elastic.refine.choice import same_loads
-from kaju.model.elastic.solve import solve as solve_equal_cells
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
@@ -46,7 +45,7 @@ def test_bent_bar_is_solved_on_equal_cells():
     assert not spawned_agents(result)
     assert result.error_bound <= 0.02
     assert any("agents" in note for note in result.summary()["notes"])
-    finer = solve_equal_cells(bar(4), resolution=2 * result.subdivision)
+    finer = solve(bar(4), resolution=2 * result.subdivision, strategy="uniform")
     limit = finer.strain_energy - (result.strain_energy - finer.strain_energy) / 3
     assert sqrt(abs(result.strain_energy / limit - 1)) < 0.02
 
@@ -82,7 +81,7 @@ def test_agents_are_those_of_the_spawning_strategy():
 
 
 def test_without_a_tolerance_the_own_cells_are_solved():
-    result, own = solve(plate()), solve_equal_cells(plate())
+    result, own = solve(plate()), solve(plate(), strategy="uniform")
     assert not spawned_agents(result)
     assert result.notes == result.caveats
     assert_same_faces(result, own)

@@ -6,12 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spawning_bodies import under_a_patch
 
-from kaju import SpawningModel, solve
+from kaju import SpawningModel, load_result, solve
 from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.cells.leaf_cells import morton
 from kaju.model.elastic.refine import spawning_model
 from kaju.model.elastic.refine.family import Family, corners
-from kaju.model.results.result import load_result
 
 
 def assert_same_rows(one, other):

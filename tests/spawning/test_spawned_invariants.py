@@ -16,11 +16,10 @@ from spawning_bodies import (
     under_a_patch,
 )
 
-from kaju import Scene
+from kaju import Scene, load_result
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.posed_body import ground_of
-from kaju.model.results.result import load_result
 
 
 def codes_of(seed=5, size=12):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from spawning_bodies import STEEL, drawn
 
 from kaju import Scene, finite_elements, solve
 from kaju.errors import KajuError
 
-STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 PRECISE = 2e-6
 """Share of its energy that a truth by graded elements may be off."""
 
@@ -19,20 +19,6 @@ def plate(n, **changes):
         "loads": [{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
     }
     return Scene(**(described | changes))
-
-
-def pixels(codes, materials, loads, sides=None, **body):
-    names = "abc"[: len(materials)]
-    legend = {0: "air", -1: "rigid", **dict(enumerate(names, start=1))}
-    return Scene.from_array(
-        codes,
-        legend={int(code): legend[int(code)] for code in np.unique(codes)},
-        cell_size=0.01,
-        materials=dict(zip(names, materials, strict=True)),
-        sides={"bottom": "rigid"} if sides is None else sides,
-        loads=loads,
-        **body,
-    )
 
 
 def random_body(seed):
@@ -55,11 +41,9 @@ def random_body(seed):
         loads.append({"cell": [column, top], "side": "top", "force": force})
     if rng.random() < 0.3:
         loads.append({"cell": [int(i) for i in solid[0]], "force": [1.0, 0.5]})
-    names = sorted(set(codes[codes > 0].tolist()))
-    codes = np.searchsorted([0, *names], codes)
-    used = [materials[n - 1] for n in names]
     sides = {"bottom": "rigid", "left": str(rng.choice(["free", "roller"]))}
-    return pixels(codes, used, loads, sides, plane=str(rng.choice(["stress", "strain"])))
+    plane = str(rng.choice(["stress", "strain"]))
+    return drawn(codes, materials, loads, sides=sides, plane=plane)
 
 
 def holds(scene, truth, **how):
@@ -78,7 +62,7 @@ def test_the_energy_lies_between_its_bounds(how):
     codes[3:, 3:], codes[:2, 3] = 0, 2
     soft = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
     load = {"cell": [1, 5], "side": "top", "force": [0.0, -9.0]}
-    result = solve(pixels(codes, [STEEL, soft], [load]), **how)
+    result = solve(drawn(codes, [STEEL, soft], [load]), **how)
     lower, upper = result.energy_bounds
     assert lower <= result.strain_energy <= upper
     least = result.found.bracket
@@ -111,15 +95,8 @@ def test_a_re_entrant_corner_lies_within():
     def corner(n):
         codes = np.ones((n, n), dtype=int)
         codes[n // 2 :, n // 2 :] = 0
-        return Scene.from_array(
-            codes,
-            legend={0: "air", 1: "a"},
-            cell_size=0.2 / n,
-            materials={"a": STEEL},
-            sides={"bottom": "rigid"},
-            loads=[{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}],
-            plane="strain",
-        )
+        load = {"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}
+        return drawn(codes, [STEEL], [load], cell_size=0.2 / n, plane="strain")
 
     truth = finite_elements(corner(4), order=4, levels=16).strain_energy
     bounds = [holds(corner(n), truth).error_bound for n in (4, 8, 16, 64)]

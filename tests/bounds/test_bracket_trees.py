@@ -2,24 +2,18 @@
 
 import numpy as np
 import pytest
+from spawning_bodies import STEEL
+from spawning_bodies import drawn as coded
 
 from kaju import Scene, finite_elements, solve
 
-STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.45}
 
 
-def drawn(rows, loads, sides=None, plane="strain", size=0.05):
-    """Return a body of steel (a), a soft material (b) and air (.)."""
-    legend = {"a": "a", "b": "b", ".": "air"}
-    used = {letter for row in rows for letter in row}
-    return Scene(
-        body={"cell_size": size, "drawing": "\n".join(rows), "plane": plane},
-        legend={letter: legend[letter] for letter in used},
-        materials={"a": STEEL, "b": SOFT},
-        sides={"bottom": "rigid"} if sides is None else sides,
-        loads=loads,
-    )
+def drawn(rows, loads, sides=None, plane="strain", size=0.05, materials=(STEEL, SOFT)):
+    """A body of steel (a), a soft material (b) and air (.)."""
+    sides = sides or {"bottom": "rigid"}
+    return coded(rows, materials, loads, sides=sides, plane=plane, cell_size=size)
 
 
 PRESSED = [{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}]
@@ -39,18 +33,22 @@ BODIES = {
 }
 
 
+def assert_within(result, truth):
+    """The truth by finite elements is off by a few millionths at most, from below."""
+    assert not result.no_bound
+    lower, upper = result.energy_bounds
+    assert lower <= truth * (1 + 1e-5)
+    assert truth <= upper * (1 + 1e-9)
+
+
 @pytest.mark.parametrize("name", BODIES)
 def test_truths_lie_within(name):
     scene = BODIES[name]
     truth = finite_elements(scene, order=3, levels=9).strain_energy
     bounds = []
-    for tolerance in (0.2, 0.05):
+    for tolerance in (0.2, 0.04):
         result = solve(scene, strategy="spawning", tolerance=tolerance)
-        assert not result.no_bound
-        lower, upper = result.energy_bounds
-        # The finite elements are off by a few millionths at most, from below.
-        assert lower <= truth * (1 + 1e-5)
-        assert truth <= upper * (1 + 1e-9)
+        assert_within(result, truth)
         bounds.append(result.error_bound)
     assert len(np.unique(result.size)) > 1
     assert bounds[1] < 0.7 * bounds[0]
@@ -69,9 +67,7 @@ def test_weight_bends_agents_of_many_sizes():
     scene = drawn(L_SHAPE, [{"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "force": [3.0, -9.0]}])
     truth = finite_elements(scene, order=3, levels=9).strain_energy
     result = solve(scene, strategy="spawning", tolerance=0.05)
-    lower, upper = result.energy_bounds
-    assert lower <= truth * (1 + 1e-5)
-    assert truth <= upper * (1 + 1e-9)
+    assert_within(result, truth)
     assert result.error_bound < 0.06
 
 
@@ -100,7 +96,6 @@ def test_bounds_do_not_depend_on_how_a_body_lies():
 
 
 def test_a_tolerance_is_kept_by_its_bound():
-    # By the estimate fewer agents would do.
     result = solve(BODIES["two materials"], strategy="spawning", tolerance=0.06)
     assert result.tolerance_kept == "proved"
     assert result.error_bound <= 0.06
@@ -140,10 +135,8 @@ def test_a_corner_alone_holds_nothing_together():
     truth = finite_elements(scene, order=3, levels=9).strain_energy
     cells = solve(scene, strategy="uniform", resolution=8)
     agents = solve(scene, strategy="spawning", tolerance=0.05)
-    for result in (cells, agents):
-        lower, upper = result.energy_bounds
-        assert lower <= truth * (1 + 1e-5)
-        assert truth <= upper * (1 + 1e-9)
+    assert_within(cells, truth)
+    assert_within(agents, truth)
     assert agents.error_bound < 0.08
 
 
@@ -175,7 +168,7 @@ def test_bounds_go_on_up_to_incompressible_bodies(ratio):
         drag = [{"cell": [8, 5], "side": "top", "force": [0.4, 0.2]}]
         rows = ["aaabbbaaa"] * 3 + ["aaa...aaa"] * 3
         sides = {"left": "roller", "bottom": "rigid"}
-        return drawn(rows, drag, sides, size=0.01).replace(materials={"a": gum, "b": stiff})
+        return drawn(rows, drag, sides, size=0.01, materials=(gum, stiff))
 
     usual, answer = solve(bridge(0.4999)), solve(bridge(ratio))
     np.testing.assert_allclose(answer.energy_bounds, usual.energy_bounds, rtol=0.06)

@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from spawning_bodies import STEEL, drawn
 
 from kaju import Scene, solve
 from kaju.agents.elastic_rule import Moduli
@@ -12,7 +13,6 @@ from kaju.model.elastic.bounds.energy_bounds import stress_of
 from kaju.model.elastic.bounds.macroelement import _simplices
 from kaju.model.elastic.fields import strain_of
 
-STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
 RUBBER = {"youngs_modulus": 1e9, "poissons_ratio": 0.4999}
 SPAWNED = {"strategy": "spawning", "tolerance": 0.3}
@@ -20,35 +20,23 @@ GAUSS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
 WEIGHT = 0.5 * np.polynomial.legendre.leggauss(4)[1]
 
 
-def pixels(codes, loads, plane="stress", sides=None, **materials):
-    names = {0: "air", 1: "a", 2: "b"}
-    return Scene.from_array(
-        codes,
-        legend={int(k): names[int(k)] for k in np.unique(codes)},
-        cell_size=0.05,
-        materials=materials,
-        sides=sides or {"bottom": "rigid"},
-        loads=loads,
-        **({"plane": plane} if codes.ndim == 2 else {}),
-    )
-
-
 def inner_corner(**more):
-    codes = np.ones((4, 4), dtype=int)
-    codes[2:, 2:] = 0
     load = {"cell": [0, 3], "side": "top", "force": [3.0, -9.0]}
-    return pixels(codes, [load], a=more.pop("material", STEEL), **more)
+    rows = ["aa..", "aa..", "aaaa", "aaaa"]
+    return drawn(rows, [more.pop("material", STEEL)], [load], cell_size=0.05, **more)
 
 
 def two_materials():
     codes = np.array([[1, 1, 2, 2], [1, 2, 2, 0], [1, 1, 2, 2], [2, 1, 1, 0]])
-    return pixels(codes, [{"cell": [0, 3], "side": "top", "force": [0.0, -9.0]}], a=STEEL, b=SOFT)
+    load = {"cell": [0, 3], "side": "top", "force": [0.0, -9.0]}
+    return drawn(codes, [STEEL, SOFT], [load], cell_size=0.05)
 
 
 def notched_cube():
     codes = np.ones((2, 2, 2), dtype=int)
     codes[1, 1, 1] = 0
-    return pixels(codes, [{"cell": [0, 1, 1], "side": "top", "force": [3.0, 0, -9.0]}], a=STEEL)
+    load = {"cell": [0, 1, 1], "side": "top", "force": [3.0, 0, -9.0]}
+    return drawn(codes, [STEEL], [load], cell_size=0.05)
 
 
 def distance(bracket):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from spawning_bodies import drawn as coded
 
-from kaju import Deflection, Reaction, Scene, Stress, finite_elements, solve
-from kaju.model.results.result import load_result
+from kaju import Deflection, Reaction, Scene, Stress, finite_elements, load_result, solve
 
 CELL = 0.05
 LAWS = {
@@ -14,18 +14,10 @@ LAWS = {
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(40)
 
 
-def drawn(rows, **changes):
-    about = {
-        "body": {"cell_size": CELL, "drawing": "\n".join(rows), "plane": "strain"},
-        "legend": {
-            letter: {".": "air"}.get(letter, letter)
-            for letter in sorted({letter for row in rows for letter in row})
-        },
-        "materials": {letter: LAWS[letter] for letter in "ab" if any(letter in r for r in rows)},
-        "sides": {"bottom": "rigid"},
-        "loads": [{"cell": [1, 3], "side": "top", "force": [1e3, -3e3]}],
-    }
-    return Scene(**about | changes)
+def drawn(rows, loads=None, sides=None, materials=LAWS, **about):
+    loads = [{"cell": [1, 3], "side": "top", "force": [1e3, -3e3]}] if loads is None else loads
+    described = {"cell_size": CELL, "plane": "strain", "sides": sides or {"bottom": "rigid"}}
+    return coded(rows, [*materials.values()], loads, **described | about)
 
 
 def random_body(seed):
@@ -87,7 +79,8 @@ def test_what_is_uniform_is_certain():
     """Of a bar that is pulled everything is known."""
     scene = drawn(
         ["aaaa", "aaaa"],
-        body={"cell_size": CELL, "drawing": "aaaa\naaaa", "plane": "stress", "thickness": 0.01},
+        plane="stress",
+        thickness=0.01,
         sides={"left": "roller", "bottom": "roller"},
         loads=[{"side": "right", "pressure": -1e6}],
     )

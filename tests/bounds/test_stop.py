@@ -1,20 +1,14 @@
 """Agents stop to spawn when the bound keeps the tolerance, whatever the estimate says."""
 
 import pytest
+from goal_bodies import plate as worked_plate
 
-from kaju import Deflection, Scene, solve
-
-STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
+from kaju import Deflection, solve
 
 
-def plate(**changes):
-    described = {
-        "body": {"size": [0.2, 0.2], "cells": [10, 10], "material": "a"},
-        "materials": {"a": STEEL},
-        "sides": {"bottom": "rigid"},
-        "loads": [{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
-    }
-    return Scene(**(described | changes))
+def plate(force=-2.0, **changes):
+    load = {"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, force]}
+    return worked_plate(**{"cells": [10, 10], "loads": [load]} | changes)
 
 
 def spawned(tolerance, scene=None, **how):
@@ -51,8 +45,7 @@ def test_without_a_bound_the_estimate_ends_it():
 
 def test_what_a_bound_keeps_is_kept_again():
     first = spawned(0.05)
-    twice = plate(loads=[{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -4.0]}])
-    again = spawned(0.05, twice, previous=first)
+    again = spawned(0.05, plate(force=-4.0), previous=first)
     assert [g.iterations for g in again.generations] == [0]
     assert again.error_bound == pytest.approx(first.error_bound)
 

@@ -29,6 +29,9 @@ def codes_with_a_notch():
     return codes
 
 
+FULL, NOTCHED = body(np.ones((8, 6), dtype=int)), body(np.minimum(codes_with_a_notch(), 1))
+
+
 def test_a_bar_of_graded_stiffness_stretches_by_the_sum_of_its_compliances():
     stiffness = np.repeat(np.linspace(0.2, 2.0, 6)[:, None], 3, axis=1)
     bar = body(np.ones((6, 3), dtype=int), sides={"left": "roller", "bottom": "roller"})
@@ -61,24 +64,22 @@ def test_a_field_is_as_two_materials():
 
 @pytest.mark.parametrize("factor", [1e-9, 7.0, 1e9])
 def test_a_constant_scales_the_answer(factor):
-    scene = body(np.minimum(codes_with_a_notch(), 1))
-    plain, scaled = kaju.solve(scene), kaju.solve(scene, stiffness=np.full((8, 6), factor))
+    plain, scaled = kaju.solve(NOTCHED), kaju.solve(NOTCHED, stiffness=np.full((8, 6), factor))
     np.testing.assert_allclose(scaled.displacement * factor, plain.displacement, rtol=1e-9)
     assert scaled.max_displacement * factor == pytest.approx(plain.max_displacement, rel=1e-9)
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (4, 4), (7, 3)])
 def test_energies_are_the_derivative_by_the_stiffness(cell):
-    scene = body(np.minimum(codes_with_a_notch(), 1))
     stiffness = np.random.default_rng(1).uniform(0.05, 1.0, (8, 6))
-    answer = kaju.solve(scene, stiffness=stiffness)
+    answer = kaju.solve(NOTCHED, stiffness=stiffness)
     assert answer.energy.sum() == pytest.approx(answer.strain_energy, rel=1e-12)
     place = np.flatnonzero((answer.found.cells == cell).all(axis=1))[0]
     energies = []
     for factor in (1.0 - 1e-4, 1.0 + 1e-4):
         changed = stiffness.copy()
         changed[cell] *= factor
-        energies.append(kaju.solve(scene, stiffness=changed).strain_energy)
+        energies.append(kaju.solve(NOTCHED, stiffness=changed).strain_energy)
     slope = (energies[1] - energies[0]) / (2e-4 * stiffness[cell])
     assert slope == pytest.approx(-answer.energy[place] / stiffness[cell], rel=1e-5)
 
@@ -117,16 +118,15 @@ def test_it_is_stored(tmp_path):
 
 
 def test_air_needs_no_stiffness():
-    scene = body(np.minimum(codes_with_a_notch(), 1))
     stiffness = np.ones((8, 6))
     stiffness[5:, 5] = np.nan
-    assert kaju.solve(scene, stiffness=stiffness).strain_energy > 0.0
+    assert kaju.solve(NOTCHED, stiffness=stiffness).strain_energy > 0.0
 
 
 @pytest.mark.parametrize("wrong", [np.ones((6, 8)), np.ones(48), -np.ones((8, 6)), "soft", 1.0])
 def test_a_field_that_breaks_a_rule_is_named(wrong):
     with pytest.raises(ParameterError, match=r"^stiffness: "):
-        kaju.solve(body(np.ones((8, 6), dtype=int)), stiffness=wrong)
+        kaju.solve(FULL, stiffness=wrong)
 
 
 @pytest.mark.parametrize("wrong", [0.0, 1e300])  # finite, but not times Young's modulus
@@ -134,7 +134,7 @@ def test_the_cell_that_breaks_a_rule_is_named(wrong):
     stiffness = np.ones((8, 6))
     stiffness[3, 2] = wrong
     with pytest.raises(ParameterError, match=r"cell \(3, 2\)"):
-        kaju.solve(body(np.ones((8, 6), dtype=int)), stiffness=stiffness)
+        kaju.solve(FULL, stiffness=stiffness)
 
 
 @pytest.mark.parametrize(
@@ -148,21 +148,20 @@ def test_the_cell_that_breaks_a_rule_is_named(wrong):
 )
 def test_what_knows_no_field_says_so(beside):
     with pytest.raises(ParameterError, match="stiffness"):
-        kaju.solve(body(np.ones((8, 6), dtype=int)), stiffness=np.ones((8, 6)), **beside)
+        kaju.solve(FULL, stiffness=np.ones((8, 6)), **beside)
 
 
 def test_answers_that_would_forget_the_field_are_refused():
-    scene = body(np.ones((8, 6), dtype=int))
-    answer = kaju.solve(scene, stiffness=np.full((8, 6), 0.5))
+    answer = kaju.solve(FULL, stiffness=np.full((8, 6), 0.5))
     for question in (
         lambda: answer.value_of((0.02, 0.02)),
-        lambda: kaju.compare(answer, kaju.solve(scene)),
-        lambda: kaju.solve(scene, strategy="spawning", previous=answer),
+        lambda: kaju.compare(answer, kaju.solve(FULL)),
+        lambda: kaju.solve(FULL, strategy="spawning", previous=answer),
     ):
         with pytest.raises((ResultError, ParameterError), match=r"stiffness|cells are all equal"):
             question()
     with pytest.raises(ResultError, match="energy"):
-        _ = kaju.solve(scene, 0.2, strategy="spawning").energy
+        _ = kaju.solve(FULL, 0.2, strategy="spawning").energy
 
 
 def test_more_materials_than_kinds_are_refused_by_name():

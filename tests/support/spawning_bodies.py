@@ -5,7 +5,6 @@ Their energies and displacements, by finite elements on graded meshes, are in
 """
 
 import numpy as np
-from plates import plate
 from scipy.ndimage import label
 
 from kaju import Scene, solve
@@ -17,17 +16,19 @@ FOAM = {"youngs_modulus": 206e5, "poissons_ratio": 0.2}
 RUBBER = {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}
 
 
-def drawn(codes, materials, loads, **body):
-    """Return a scene; code k is the k-th material, counted from 1, and 0 is air."""
-    names = "abc"[: len(materials)]
+def drawn(codes, materials, loads, **changes):
+    """A scene of codes (0 is air, k the k-th material) or rows of letters: . is air, = rigid."""
+    if isinstance(codes[0], str):
+        codes = np.array([[".abc=".index(letter) for letter in row] for row in codes]).T[:, ::-1]
+    used = np.unique(codes).astype(int).tolist()
+    names = ("air", "a", "b", "c", "rigid")
+    described = {"cell_size": CELL, "sides": {"bottom": "rigid"}} | changes
     return Scene.from_array(
         np.asarray(codes, dtype=int),
-        legend={0: "air", **dict(enumerate(names, start=1))},
-        cell_size=CELL,
-        materials=dict(zip(names, materials, strict=True)),
-        sides={"bottom": "rigid"},
+        legend={k: names[k] for k in used},
+        materials={names[k]: materials[k - 1] for k in used if 0 < k < 4},
         loads=loads,
-        **body,
+        **described,
     )
 
 
@@ -116,12 +117,15 @@ def quarter(poissons_ratio, inside=None):
     )
 
 
-def under_a_patch(dimension=2, cells=8):
-    """Return a block of 1 m, pressed on in a part of its top."""
-    across = dimension - 1
-    box = [[0.25] * across + [1.0], [0.5] * across + [1.0]]
-    load = {"region": {"box": box}, "force": [0.0] * across + [-1.0]}
-    return plate([cells] * dimension, None, size=[1.0] * dimension, loads=[load])
+def under_a_patch(dimension=2, cells=8, force=(-1.0,)):
+    """Return a block of 1 m, pressed on in a part of its top; the force's last components."""
+    low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
+    whole = [0.0] * (dimension - len(force)) + list(force)
+    return Scene(
+        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [low, high]}, "force": whole}],
+    )
 
 
 PLANE = {

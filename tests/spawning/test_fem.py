@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from spawning_bodies import BODIES, PLANE, SOLID
 
-from kaju import finite_elements, solve
-from kaju.model.study.reference import Reference
+from kaju import Reference, finite_elements, solve
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [(name, 0.05) for name in PLANE] + [("cube", 0.2), ("cube-inclusion", 0.2)]

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from elastic_scenes import spawned_agents
 
-from kaju import Scene, solve
+from kaju import ElasticResult, Scene, solve
 from kaju.errors import ParameterError, SupportError
-from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.refine import block_loop as block_spawner
 
 BODY = {"size": [0.2, 0.1], "cells": [32, 16], "thickness": 0.002, "material": "steel"}
@@ -51,10 +50,8 @@ def assert_as_good(again, fresh):
 
 def assert_well_placed(result):
     """Neighbours alike in size, agents in one material each, evenly loaded."""
-    leaves, ground = (
-        result.found.spawning.balance.grid.leaves,
-        result.found.spawning.balance.grid.ground,
-    )
+    grid = result.found.spawning.balance.grid
+    leaves, ground = grid.leaves, grid.ground
     assert len(leaves.balanced(0)) == len(leaves)
     assert not ground.unevenly_loaded(leaves).any()
     np.testing.assert_array_equal(ground.kinds_at(leaves.lower), leaves.kind)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from scipy.ndimage import label
-from spawning_bodies import spawned_by
+from spawning_bodies import drawn, spawned_by
 
-from kaju import Scene
 from kaju.errors import ConvergenceError
 
 
@@ -18,17 +17,9 @@ def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance(most_age
     codes[..., 0] = 1
     parts, _ = label(codes > 0)
     codes[parts != parts[0, 0, 0]] = 0
-    scene = Scene.from_array(
-        codes,
-        legend={0: "air", 1: "a", 2: "b"},
-        cell_size=1.0,
-        materials={
-            "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
-            "b": {"youngs_modulus": 1e4, "poissons_ratio": 0.3},
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, 0.0, -1.0]}],
-    )
+    materials = [{"youngs_modulus": e, "poissons_ratio": 0.3} for e in (1e9, 1e4)]
+    load = {"side": "top", "force": [0.0, 0.0, -1.0]}
+    scene = drawn(codes, materials, [load], cell_size=1.0)
     with pytest.raises(ConvergenceError, match="most_agents") as caught:
         spawned_by(scene, tolerance=0.1, most_agents=most_agents)
     result = caught.value.best

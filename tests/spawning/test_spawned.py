@@ -2,19 +2,13 @@
 
 import numpy as np
 import pytest
-from spawning_bodies import spawned_by
+from goal_bodies import plate
+from spawning_bodies import STEEL, drawn, spawned_by, under_a_patch
 
 from kaju import Scene
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
-
-
-def plate():
-    """The worked plate under 2 N over 10 mm of its top."""
-    load = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, "material": "steel"}
-    return Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
 
 
 def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
@@ -40,15 +34,8 @@ def test_block_of_cubes_costs_what_the_load_reaches():
 
 
 def test_member_one_cell_wide_gets_smaller_agents():
-    drawing = "..#..\n..#..\n#####\n"
-    scene = Scene.from_drawing(
-        drawing,
-        legend={"#": "steel", ".": "air"},
-        cell_size=0.01,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 2], "side": "top", "force": [1.0, 0.0]}],
-    )
-    result = spawned_by(scene, tolerance=0.1)
+    load = {"cell": [2, 2], "side": "top", "force": [1.0, 0.0]}
+    result = spawned_by(drawn(["..a..", "..a..", "aaaaa"], [STEEL], [load]), tolerance=0.1)
     assert any("one cell wide" in note for note in result.summary()["notes"])
     assert result.tolerance_kept == "proved"
 
@@ -56,12 +43,7 @@ def test_member_one_cell_wide_gets_smaller_agents():
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_vtk_file_holds_the_agents(tmp_path, dimension):
     meshio = pytest.importorskip("meshio")
-    scene = plate()
-    if dimension == 3:
-        body = {"size": [1.0] * 3, "cells": [8] * 3, "material": "steel"}
-        load = {"region": {"box": [[0.25, 0.25, 1], [0.5, 0.5, 1]]}, "force": [0, 0, -1.0]}
-        scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = spawned_by(scene, tolerance=0.3)
+    result = spawned_by(under_a_patch(dimension), tolerance=0.3)
     mesh = meshio.read(result.to_vtk(tmp_path / "agents.vtu"))
     assert len(mesh.cells[0].data) == result.agents
     corner = mesh.points[mesh.cells[0].data]

@@ -12,6 +12,7 @@ from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.problem import SIDES
 from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.supports import check_supports, slender_cell
@@ -23,8 +24,6 @@ MATERIALS = {
     "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
     "b": {"youngs_modulus": 3e9, "poissons_ratio": -0.2},
 }
-SIDES = {2: ("left", "right", "bottom", "top")}
-SIDES[3] = (*SIDES[2][:2], "front", "back", *SIDES[2][2:])
 
 
 @st.composite

@@ -4,7 +4,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from spawning_bodies import spawned_by
+from goal_bodies import plate as worked_plate
+from spawning_bodies import STEEL, drawn, spawned_by, under_a_patch
 
 from kaju import Scene, solve
 from kaju.model.elastic.cells import cell_fields as sampling
@@ -12,17 +13,12 @@ from kaju.model.elastic.cells import cell_fields as sampling
 
 def plate(**others):
     load = {"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, "material": "steel"}
-    return Scene(**({"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | others))
+    return worked_plate(**{"loads": [load]} | others)
 
 
-def block(**others):
-    load = {"region": {"box": [[0.25, 0.25, 1.0], [0.5, 0.5, 1.0]]}, "force": [0.3, 0.0, -1.0]}
-    body = {"size": [1.0] * 3, "cells": [8] * 3, "material": "steel"}
-    return Scene(**({"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | others))
-
-
-@pytest.mark.parametrize("scene", [plate(), block()], ids=["plate", "block"])
+@pytest.mark.parametrize(
+    "scene", [plate(), under_a_patch(3, force=(0.3, 0.0, -1.0))], ids=["plate", "block"]
+)
 def test_body_does_not_leave_a_wall(scene):
     result = spawned_by(scene, tolerance=0.3)
     size = scene.lattice.size ** (1 / scene.lattice.dimension) * scene.lattice.cell_size
@@ -43,13 +39,8 @@ def test_body_goes_where_a_wall_goes():
 
 
 def test_rigid_cells_inside_stand_still():
-    drawing = "########\n" * 3 + "###RR###\n" * 2 + "########\n" * 3
-    scene = Scene.from_drawing(
-        drawing,
-        legend={"#": "steel", "R": "rigid"},
-        cell_size=0.01,
-        loads=[{"side": "top", "force": [1.0, -2.0]}],
-    )
+    rows = ["a" * 8] * 3 + ["aaa==aaa"] * 2 + ["a" * 8] * 3
+    scene = drawn(rows, [STEEL], [{"side": "top", "force": [1.0, -2.0]}], sides={})
     result = spawned_by(scene, tolerance=0.2)
     around = np.linspace(0.03, 0.05, 41)
     for fixed, axis in product((0.03, 0.05), (0, 1)):
@@ -57,7 +48,9 @@ def test_rigid_cells_inside_stand_still():
         assert np.all(result.displacement_at(points) == 0.0)
 
 
-@pytest.mark.parametrize("scene", [plate(), block()], ids=["plate", "block"])
+@pytest.mark.parametrize(
+    "scene", [plate(), under_a_patch(3, force=(0.3, 0.0, -1.0))], ids=["plate", "block"]
+)
 def test_point_on_a_face_has_one_displacement(scene):
     """The mean of what is said on either side of it."""
     result = spawned_by(scene, tolerance=0.3)

@@ -2,22 +2,24 @@
 
 import numpy as np
 import pytest
+from goal_bodies import plate
 
-from kaju import Scene
+from kaju import Scene, solve
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import interpolation
 from kaju.model.elastic.cells.leaf_cells import LeafCells, morton
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.refine.solve_spawning import solve_spawning
-from kaju.model.elastic.solve import solve as solve_uniform
-
-STEEL = {"material": "steel"}
 
 
 def ragged(dimension, seed, sides=None):
     """A block of agents of four sizes, chosen by chance."""
-    body = {"cells": [16] * dimension, "cell_size": 1.0, "allow_floating": True, **STEEL}
+    body = {
+        "cells": [16] * dimension,
+        "cell_size": 1.0,
+        "allow_floating": True,
+        "material": "steel",
+    }
     ground = PosedBody(Scene(body=body, sides=sides or {}), None, at_cells=False)
     rng, leaves = np.random.default_rng(seed), ground.start()
     for step in range(3 if dimension == 2 else 2):
@@ -77,58 +79,55 @@ def test_interpolation_is_exact_for_linear_fields(dimension):
 
 
 SCENES = {
-    "drag": {
-        "body": {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 2e-3, **STEEL},
-        "sides": {"bottom": "rigid"},
-        "loads": [{"region": {"box": [[0.1, 0.2], [0.2, 0.2]]}, "force": [1.0, -2.0]}],
-    },
-    "hole, two materials, bed": {
-        "body": {
-            "size": [0.2, 0.2],
-            "cells": [12, 12],
-            "plane": "strain",
-            "material": "steel",
-            "regions": [
-                {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.05}},
-                {"material": "oak", "box": [[0.0, 0.0], [0.05, 0.05]]},
-            ],
-        },
-        "materials": {"oak": {"youngs_modulus": 1e10, "poissons_ratio": 0.3}},
-        "sides": {"bottom": "rigid", "left": "roller", "right": {"stiffness": 1e9}},
-        "loads": [
+    "drag": plate(
+        cells=[10, 10],
+        loads=[{"region": {"box": [[0.1, 0.2], [0.2, 0.2]]}, "force": [1.0, -2.0]}],
+    ),
+    "hole, two materials, bed": plate(
+        cells=[12, 12],
+        plane="strain",
+        regions=[
+            {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.05}},
+            {"material": "oak", "box": [[0.0, 0.0], [0.05, 0.05]]},
+        ],
+        materials={"oak": {"youngs_modulus": 1e10, "poissons_ratio": 0.3}},
+        sides={"bottom": "rigid", "left": "roller", "right": {"stiffness": 1e9}},
+        loads=[
             {"side": "top", "pressure": 1e5},
             {"cell": [1, 4], "force": [1.0, 2.0]},
             {"region": {"box": [[0.2, 0.1], [0.2, 0.15]]}, "force": [0.0, 5.0]},
         ],
-    },
-    "displaced": {
-        "body": {"size": [0.1, 0.2], "cells": [4, 8], **STEEL},
-        "sides": {"bottom": "rigid", "top": {"displacement": [1e-5, -1e-4]}},
-    },
-    "cubes": {
-        "body": {
-            "size": [0.1, 0.1, 0.1],
-            "cells": [6, 6, 6],
+    ),
+    "displaced": plate(
+        size=[0.1, 0.2],
+        cells=[4, 8],
+        sides={"bottom": "rigid", "top": {"displacement": [1e-5, -1e-4]}},
+        loads=[],
+    ),
+    "cubes": Scene(
+        body={
+            "size": [0.1] * 3,
+            "cells": [6] * 3,
             "material": "steel",
             "regions": [{"material": "air", "box": [[0, 0, 0.05], [0.05, 0.05, 0.1]]}],
         },
-        "sides": {"bottom": "rigid"},
-        "loads": [
+        sides={"bottom": "rigid"},
+        loads=[
             {"side": "top", "force": [0.0, 0.0, -2.0]},
             {
                 "region": {"box": [[0.0667, 0.0333, 0.1], [0.0833, 0.0667, 0.1]]},
                 "force": [1.0, 0.5, 0.0],
             },
         ],
-    },
+    ),
 }
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_agents_of_one_size_are_the_uniform_grid(name):
-    scene = Scene(**SCENES[name])
-    uniform = solve_uniform(scene, tolerance=1e-12)
-    spawned = solve_spawning(scene, tolerance=1e-6, resolution=1)
+    scene = SCENES[name]
+    uniform = solve(scene, tolerance=1e-12, strategy="uniform")
+    spawned = solve(scene, tolerance=1e-6, resolution=1, strategy="spawning")
     cell = scene.lattice.cell_size
     np.testing.assert_allclose(spawned.size, cell, rtol=1e-12)
     assert spawned.strain_energy == pytest.approx(uniform.strain_energy, rel=1e-9)

@@ -20,10 +20,8 @@ from goal_bodies import (
 )
 from spawning_bodies import BODIES, spawned_by
 
-from kaju import Scene, finite_elements, solve
+from kaju import Reference, Scene, finite_elements, load_result, solve
 from kaju.errors import ParameterError
-from kaju.model.results.result import load_result
-from kaju.model.study.reference import Reference
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 

@@ -5,22 +5,16 @@ from math import sqrt
 import numpy as np
 import pytest
 from elastic_scenes import spawned_agents
+from goal_bodies import plate
+from spawning_bodies import STEEL, drawn, under_a_patch
 
 from kaju import Scene, solve
 from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.refine import choice
 from kaju.model.elastic.refine.choice import same_loads
-from kaju.model.elastic.solve import solve as solve_equal_cells
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
-PATCH = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-
-
-def plate(loads=(PATCH,), **body):
-    """The worked plate under 2 N over 10 mm of its top."""
-    given = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, "material": "steel"}
-    return Scene(body=given | body, sides={"bottom": "rigid"}, loads=list(loads))
 
 
 def bar(cells=16):
@@ -30,6 +24,12 @@ def bar(cells=16):
         sides={"left": "rigid"},
         loads=[{"side": "right", "force": [0.0, -100.0]}],
     )
+
+
+def assert_same_faces(one, other):
+    moved = zip(one.cells().face_displacement, other.cells().face_displacement, strict=True)
+    for ours, theirs in moved:
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_small_patch_of_load_makes_agents_spawn():
@@ -45,9 +45,15 @@ def test_bent_bar_is_solved_on_equal_cells():
     assert not spawned_agents(result)
     assert result.error_bound <= 0.02
     assert any("agents" in note for note in result.summary()["notes"])
-    finer = solve_equal_cells(bar(4), resolution=2 * result.subdivision)
+    finer = solve(bar(4), resolution=2 * result.subdivision, strategy="uniform")
     limit = finer.strain_energy - (result.strain_energy - finer.strain_energy) / 3
     assert sqrt(abs(result.strain_energy / limit - 1)) < 0.02
+
+
+def test_own_cells_do_where_these_are_many_and_agents_would_be_more():
+    result = solve(bar(64), tolerance=0.02)
+    assert not spawned_agents(result)
+    assert result.subdivision == 1
 
 
 def test_pressure_on_rollers_needs_no_more_than_the_own_cells():
@@ -64,10 +70,7 @@ def test_pressure_on_rollers_needs_no_more_than_the_own_cells():
 def test_equal_cells_are_those_of_the_uniform_strategy():
     result = solve(bar(), tolerance=0.02)
     same = solve(bar(), resolution=result.subdivision, strategy="uniform")
-    for ours, theirs in zip(
-        result.cells().face_displacement, same.cells().face_displacement, strict=True
-    ):
-        np.testing.assert_array_equal(ours, theirs)
+    assert_same_faces(result, same)
 
 
 def test_agents_are_those_of_the_spawning_strategy():
@@ -78,25 +81,16 @@ def test_agents_are_those_of_the_spawning_strategy():
 
 
 def test_without_a_tolerance_the_own_cells_are_solved():
-    result, own = solve(plate()), solve_equal_cells(plate())
+    result, own = solve(plate()), solve(plate(), strategy="uniform")
     assert not spawned_agents(result)
     assert result.notes == result.caveats
-    for ours, theirs in zip(
-        result.cells().face_displacement, own.cells().face_displacement, strict=True
-    ):
-        np.testing.assert_array_equal(ours, theirs)
+    assert_same_faces(result, own)
 
 
 def test_body_of_a_million_million_cells_is_never_rasterised():
     load = {"region": {"box": [[0.5, 1.0], [0.5625, 1.0]]}, "force": [0.0, -1.0]}
-    scene = plate([load], size=[1.0, 1.0], cells=[2**20, 2**20])
+    scene = plate(loads=[load], size=[1.0, 1.0], cells=[2**20, 2**20])
     assert spawned_agents(solve(scene, tolerance=0.1))
-
-
-def test_own_cells_do_where_these_are_many_and_agents_would_be_more():
-    result = solve(bar(64), tolerance=0.02)
-    assert not spawned_agents(result)
-    assert result.subdivision == 1
 
 
 @pytest.mark.parametrize(
@@ -120,14 +114,14 @@ def test_cells_that_would_pose_another_problem_are_not_divided(changes, monkeypa
 def test_loads_are_the_same_on_smaller_cells_if_they_fill_cells():
     face = {"cell": [3, 19], "side": "top", "force": [1.0, -2.0]}
     inside = {"region": {"box": [[0.02, 0.02], [0.05, 0.06]]}, "force": [1.0, 1.0]}
-    filling = plate([PATCH, face, inside, {"side": "top", "pressure": 1e4}])
+    filling = plate(loads=[plate().loads[0], face, inside, {"side": "top", "pressure": 1e4}])
     assert same_loads(filling, filling.refine(3), 3, None)
     for load in (
         {"point": [0.1, 0.2], "force": [0.0, -2.0]},
         {"region": {"box": [[0.1, 0.2], [0.114, 0.2]]}, "force": [0.0, -2.0]},
         {"region": {"box": [[0.02, 0.02], [0.055, 0.06]]}, "force": [0.0, -2.0]},
     ):
-        scene = plate([load])
+        scene = plate(loads=[load])
         assert not same_loads(scene, scene.refine(4), 4, None)
 
 
@@ -151,13 +145,8 @@ def test_more_agents_than_allowed_leave_it_to_equal_cells():
 
 def test_agents_go_where_members_are_too_thin_for_equal_cells():
     """Cells that hang together by single faces, about which they turn freely."""
-    scene = Scene.from_drawing(
-        "a.\naa\n.a\naa\na.\naa",
-        legend={"a": "steel", ".": "air"},
-        cell_size=0.01,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [0, 5], "side": "top", "force": [1.0, -1.0]}],
-    )
+    load = {"cell": [0, 5], "side": "top", "force": [1.0, -1.0]}
+    scene = drawn(["a.", "aa", ".a", "aa", "a.", "aa"], [STEEL], [load])
     with pytest.raises(SceneError, match="turn freely"):
         solve(scene)
     result = solve(scene, tolerance=0.1)
@@ -180,13 +169,11 @@ def test_previous_answer_is_continued_in_its_own_way():
 
 def test_loose_bodies_are_refused_at_once():
     with pytest.raises(SupportError, match="move along x"):
-        solve(plate().replace(sides={"bottom": "roller"}), tolerance=0.1)
+        solve(plate(sides={"bottom": "roller"}), tolerance=0.1)
 
 
 def test_cube_under_a_patch_spawns_and_a_block_that_is_bent_does_not():
-    load = {"region": {"box": [[0.375, 0.375, 1.0], [0.5, 0.5, 1.0]]}, "force": [0.0, 0.0, -1.0]}
-    body = {"size": [1.0] * 3, "cells": [16] * 3, "material": "steel"}
-    cube = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    cube = under_a_patch(3, 16)
     assert spawned_agents(solve(cube, tolerance=0.2))
     body = {"size": [0.4, 0.1, 0.1], "cells": [16, 4, 4], "material": "steel"}
     end = {"side": "right", "force": [0.0, 0.0, -100.0]}

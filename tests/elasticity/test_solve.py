@@ -1,16 +1,20 @@
 """`kaju.solve`: from scenes to results, and what is refused."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from elastic_cases import make_problem
 from plates import PLATE
+from spawning_bodies import STEEL, drawn
 
-from kaju import Scene
+import kaju
+from kaju import ElasticResult, Scene
 from kaju.errors import ConvergenceError, SupportError
-from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.solve import solve
 from kaju.model.elastic.supports import check_supports, slender_cell
+
+solve = partial(kaju.solve, strategy="uniform")
 
 
 def bar(**changes):
@@ -145,13 +149,8 @@ def test_summary_has_the_keys_that_scripts_rely_on():
 
 
 def test_rigid_cells_inside_the_array_carry_reactions():
-    drawing = "..####..\n..####..\n..####..\n========"
-    scene = Scene.from_drawing(
-        drawing,
-        legend={"#": "steel", ".": "air", "=": "rigid"},
-        cell_size=0.01,
-        loads=[{"cell": [3, 3], "force": [1.0, -2.0]}],
-    )
+    load = {"cell": [3, 3], "force": [1.0, -2.0]}
+    scene = drawn(["..aaaa.."] * 3 + ["========"], [STEEL], [load], sides={})
     result = solve(scene, 1e-12)
     assert result.cells().origin == (2, 1)
     assert result.cells().body.shape == (4, 3)
@@ -173,14 +172,9 @@ def test_side_that_is_free_has_no_reaction():
 def test_step_in_a_dragged_surface_is_the_same_seen_from_behind():
     """Where the surface ends at a step, the moment goes to both edges below."""
     corners = []
-    for drawing, cell, pull in (("..##..\n######", 2, 1.0), ("..##..\n######", 3, -1.0)):
-        scene = Scene.from_drawing(
-            drawing,
-            legend={"#": "steel", ".": "air"},
-            cell_size=0.01,
-            sides={"bottom": "rigid"},
-            loads=[{"cell": [cell, 1], "side": "top", "force": [pull, 0.0]}],
-        )
+    for cell, pull in ((2, 1.0), (3, -1.0)):
+        load = {"cell": [cell, 1], "side": "top", "force": [pull, 0.0]}
+        scene = drawn(["..aa..", "aaaaaa"], [STEEL], [load])
         corners.append(solve(scene, 1e-12).cells().corner_displacement)
     mirrored = corners[1][::-1] * [-1.0, 1.0]
     np.testing.assert_allclose(corners[0], mirrored, atol=1e-9 * np.nanmax(np.abs(mirrored)))
@@ -197,12 +191,8 @@ def test_drag_on_one_row_of_cells_upon_a_roller_goes_into_its_ends():
 
 
 def test_rigid_cell_stays_where_it_is_beside_a_displaced_side():
-    scene = Scene.from_drawing(
-        "###\n###\n#=#",
-        legend={"#": "steel", "=": "rigid"},
-        cell_size=0.01,
-        sides={"bottom": {"displacement": [0.0, 1e-6]}},
-    )
+    sides = {"bottom": {"displacement": [0.0, 1e-6]}}
+    scene = drawn(["aaa", "aaa", "a=a"], [STEEL], [], sides=sides)
     faces = solve(scene, 1e-12).cells().face_displacement[1][:, 0]
     np.testing.assert_allclose(faces, [1e-6, 0.0, 1e-6])
 
@@ -227,15 +217,8 @@ def test_tables_and_files_for_others(tmp_path):
 
 
 def test_a_member_one_cell_wide_is_solved_on_halved_cells():
-    drawing = "######\n#....#\n#....#\n#....#"
-    scene = Scene.from_drawing(
-        drawing,
-        legend={"#": "steel", ".": "air"},
-        cell_size=0.01,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 3], "force": [1.0, -1.0]}],
-    )
-    result = solve(scene)
+    load = {"cell": [2, 3], "force": [1.0, -1.0]}
+    result = solve(drawn(["aaaaaa"] + ["a....a"] * 3, [STEEL], [load]))
     assert result.subdivision == 2
     assert "one cell wide" in result.summary()["notes"][0]
     assert np.isfinite(result.max_displacement)
@@ -269,7 +252,6 @@ def test_a_body_that_can_slide_is_refused(sides, how):
 
 
 def test_a_body_that_can_turn_is_refused():
-    kinds = np.zeros((2, 2), int)
     # One face held along x and one along y stop the shifts but not the turn.
     kinds = np.array([[0, 0], [0, -1]])
     sides = {"right": "roller", "top": "roller"}
@@ -294,15 +276,10 @@ def test_no_convergence_gives_the_best_field(monkeypatch):
     for limit in ("FEW", "DIRECT_LIMIT"):
         monkeypatch.setattr(f"kaju.model.elastic.solver.{limit}", {2: 0, 3: 0})
     monkeypatch.setattr("kaju.model.elastic.solver.MOST", 20)
-    kinds = np.zeros((96, 96), int)
-    kinds[(np.arange(96) // 4) % 2 == 1, 24:] = 1
-    scene = Scene.from_array(
-        kinds,
-        legend={0: "steel", 1: "air"},
-        cell_size=0.01,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [8 * i, 95], "force": [1.0, -1.0]} for i in range(12)],
-    )
+    codes = np.ones((96, 96), int)
+    codes[(np.arange(96) // 4) % 2 == 1, 24:] = 0
+    loads = [{"cell": [8 * i, 95], "force": [1.0, -1.0]} for i in range(12)]
+    scene = drawn(codes, [STEEL], loads)
     with pytest.raises(ConvergenceError, match="residual") as caught:
         solve(scene, tolerance=1e-12)
     assert isinstance(caught.value.best, ElasticResult)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from spawning_bodies import drawn
 
 import kaju
 from kaju import compiling
@@ -31,16 +32,12 @@ def test_a_pressure_that_eats_digits_is_noted(ratio, said):
 
 
 def test_a_hinge_that_hardly_resists_is_refused():
-    scene = kaju.Scene(
-        body={"cell_size": 2e-4, "drawing": "ooo.#o\n#o#.#.\no####o\no.###o\n#.oooo\n"},
-        legend={".": "air", "#": "soft", "o": "stiff"},
-        materials={
-            "soft": {"youngs_modulus": 2.86e7, "poissons_ratio": 0.3},
-            "stiff": {"youngs_modulus": 2.86e13, "poissons_ratio": -0.5},
-        },
-        sides={"bottom": {"stiffness": 1.567e11}, "left": "roller"},
-        loads=[{"cell": [5, 1], "force": [-1.0, 0.0]}],
-    )
+    soft = {"youngs_modulus": 2.86e7, "poissons_ratio": 0.3}
+    stiff = {"youngs_modulus": 2.86e13, "poissons_ratio": -0.5}
+    rows = ["bbb.ab", "aba.a.", "baaaab", "b.aaab", "a.bbbb"]
+    sides = {"bottom": {"stiffness": 1.567e11}, "left": "roller"}
+    load = {"cell": [5, 1], "force": [-1.0, 0.0]}
+    scene = drawn(rows, [soft, stiff], [load], sides=sides, cell_size=2e-4)
     with pytest.raises(kaju.KajuError, match="resists its loads so little"):
         kaju.solve(scene, strategy="uniform")
 

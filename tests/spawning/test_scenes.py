@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, reject, settings
 from hypothesis import strategies as st
 from PIL import Image
+from spawning_bodies import STEEL, drawn
 
 from kaju import Scene, solve
 from kaju.errors import ConvergenceError, SceneError, SupportError
@@ -166,11 +167,8 @@ def test_single_rigid_cell_is_a_pin_until_the_cells_beside_are_halved():
 
 def test_cells_held_all_round_are_no_loose_part():
     """A part of which supports leave no face free but those between its own cells."""
-    scene = Scene.from_drawing(
-        "=====\n=aa==\n=====\n.aaa.",
-        legend={"=": "rigid", "a": "steel", ".": "air"},
-        cell_size=0.1,
-        loads=[{"cell": [2, 0], "side": "bottom", "force": [0.0, 1.0]}],
-    )
+    load = {"cell": [2, 0], "side": "bottom", "force": [0.0, 1.0]}
+    rows = ["=====", "=aa==", "=====", ".aaa."]
+    scene = drawn(rows, [STEEL], [load], sides={}, cell_size=0.1)
     result = solve(scene, strategy="spawning", tolerance=0.2)
     np.testing.assert_allclose(result.reactions["rigid"], [0.0, -1.0], atol=1e-9)

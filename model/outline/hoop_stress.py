@@ -19,36 +19,28 @@ if TYPE_CHECKING:
     from .outline_problem import OutlineProblem
     from .true_shapes import TrueRegion
 
-_GAP = 0.2
-"""Share of an outline that lies beyond the array where no agent is along it."""
+_GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
 _CLOSED = 0.1
 """Share of its length by which an outline must go on within an agent to have a direction there."""
-_REACH = 2.5
-"""Agents' edges within which means make up the stress at a place of the outline."""
+_REACH = 2.5  # Agents' edges within which means make up the stress at a place of the outline
 _BEYOND = 0.2
 """Share of the reach by which parts of one body may lie outside of a bent outline's tangent."""
-_FLAT = 0.2
-"""Spread of places, over the largest one, below which no slope is told that way."""
+_FLAT = 0.2  # spread of places, over the largest one, below which no slope is told that way
 
 
 @dataclass(frozen=True)
 class HoopStress:
     """What agents along an outline tell of stresses there, in order, in units of the problem."""
 
-    place: Floats
-    """Shape (n, 2)."""
+    place: Floats  # Shape (n, 2)
     balanced: Floats
     """Hoop stress of the stress in balance: outside, where two materials meet. Shape (n,)."""
-    moved: Floats
-    """The same of the displacement, with the tension of the stress in balance."""
+    moved: Floats  # the same of the displacement, with the tension of the stress in balance
     traction: Floats
     """Tension across and stress along the outline, as it acts on the region. Shape (n, 2)."""
-    mean: Floats
-    """The hoop stress in balance as a mean over what the agent there holds. Shape (n,)."""
-    met: Flags
-    """Where two materials meet."""
-    reach: Floats
-    """How far off what it is made of may lie. Shape (n,)."""
+    mean: Floats  # the hoop stress in balance as a mean over what the agent there holds. Shape (n,)
+    met: Flags  # where two materials meet
+    reach: Floats  # how far off what it is made of may lie. Shape (n,)
 
     @classmethod
     def along(

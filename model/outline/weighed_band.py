@@ -25,30 +25,21 @@ from .fitted_displacement import FittedDisplacement
 from .outline_problem import ON_BORDER, OutlineProblem, UnlikeError, place_on, within_array
 from .true_shapes import ArcShape, TrueShape
 
-SURE = 1e-10
-"""Share of an integral along an arc by which rules of ten and eight points may differ."""
-DEPTHS = 0.5 ** np.arange(1.0, 8.0)
-"""How deep what bears the rest may be, in sides."""
-TOUCHING = -1e-9
-"""What overlaps by no more (in edges of the first agents) only touches."""
+SURE = 1e-10  # share of an integral along an arc by which rules of ten and eight points may differ
+DEPTHS = 0.5 ** np.arange(1.0, 8.0)  # how deep what bears the rest may be, in sides
+TOUCHING = -1e-9  # what overlaps by no more (in edges of the first agents) only touches
 
 
 @dataclass(frozen=True, eq=False)
 class BandParts:
     """Parts of the band between a polygon and its curve, each over one straight side."""
 
-    start: Floats
-    """J, shape (n, 2)."""
-    along: Floats
-    """c: from J to the end of the side, or of its part."""
-    out: Floats
-    """d: such that δ is 1 at most."""
-    integrals: Floats
-    """∫ δ, ∫ s δ and ∫ δ² for s from 0 to 1, shape (n, 3)."""
-    last: Floats
-    """δ at s = 1: 1 where another part begins that has the same d, else 0."""
-    slope: Floats
-    """Largest size of δ'."""
+    start: Floats  # J, shape (n, 2)
+    along: Floats  # c: from J to the end of the side, or of its part
+    out: Floats  # d: such that δ is 1 at most
+    integrals: Floats  # ∫ δ, ∫ s δ and ∫ δ² for s from 0 to 1, shape (n, 3)
+    last: Floats  # δ at s = 1: 1 where another part begins that has the same d, else 0
+    slope: Floats  # largest size of δ'
 
     @classmethod
     def of(cls, arcs: Floats, tangents: bool) -> BandParts:

@@ -28,7 +28,7 @@ MOST_HALVINGS = 2
 TURN = 0.6  # angle by which a stressed outline may turn in a leaf, over the root of the tolerance
 STRESSED = 0.5  # share of the largest stress along an outline above which it is stressed
 SLIVER = 0.1  # what leaves hold less of themselves says nothing of the stress along an outline
-LEVELS = 100  # so many levels are tried, each 0.9 of the one before, above which leaves are halved
+LEVELS = 100  # thresholds that are tried for halving leaves, each 0.9 of the one before
 AIM = 0.9  # share of the gap asked for that the steps aim at
 
 

@@ -8,12 +8,10 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.curves import cross, parted
 
-WIDEST = np.pi / 8.0
-"""Largest angle by which an arc turns."""
+WIDEST = np.pi / 8.0  # largest angle by which an arc turns
 STRAIGHT = 1e-7
 """Arcs that turn by less are lines: they leave it by an eighth of that and of their length."""
-CLOSE = 1e-7
-"""Lines nearer than this (in edges of the first agents) touch."""
+CLOSE = 1e-7  # lines nearer than this (in edges of the first agents) touch
 _MOST_HALVINGS = 40
 
 

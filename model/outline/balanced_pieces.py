@@ -25,27 +25,29 @@ from .laws import Law
 from .split_triangle import SplitTriangles
 from .true_shapes import HeldLeaves
 
+# Pieces with a flatter triangle are left out, and those of little area (in leaves) with one of a
+# millionth: a body within the body is at least as soft.
 LEAST_SHAPE = 1e-10
-"""Pieces with a flatter triangle are left out, and those of little area (in leaves) with one of a
-millionth: a body within the body is at least as soft."""
-SMALL_RESIDUAL = 1e-7
-"""Largest force out of balance, as a share of the largest load: rounding, not equations."""
+SMALL_RESIDUAL = 1e-7  # largest force out of balance, as a share of the largest load: rounding
+
+
+# corners on lines along leaves' sides, in order, by the axis and place of the line
+Lines = dict[tuple[int, float], list[float]]
+
+
+class LooseError(SupportError):
+    """A part of the pieces could move without straining."""
 
 
 class WholeLeaf(NamedTuple):
-    """Leaves that are whole and alike in what hangs on their sides, made of triangles."""
+    """Whole leaves of one law with smaller neighbours on the same sides, made of triangles."""
 
     triangles: SplitTriangles
-    points: Ints
-    """Which are theirs of the square's corners and middles of sides, in turns."""
-    sides: Floats
-    """Their ends in a unit square, counter-clockwise. Shape (n, 2, 2)."""
-    matrix: Floats
-    """Forces on the sides by displacements of the sides."""
-    answer: Floats
-    """Patterns of each triangle by displacements of the sides."""
-    sagging: Floats
-    """Patterns under the weight where no side moves."""
+    points: Ints  # which of the square's corners and middles of sides, in turns, they have
+    sides: Floats  # their ends in a unit square, counter-clockwise. Shape (n, 2, 2)
+    matrix: Floats  # forces on the sides by displacements of the sides
+    answer: Floats  # patterns of each triangle by displacements of the sides
+    sagging: Floats  # patterns under the weight where no side moves
     law: Law
 
 
@@ -89,14 +91,7 @@ def _ring(square: Corners, halved: Iterable[bool]) -> Corners:
 class BalancedPieces:
     """Triangles of all leaves within the inner outline, joined by linear tractions on their sides.
 
-    Parameters
-    ----------
-    fitted : FittedDisplacement
-        Of the same leaves, for their corners.
-    held : HeldLeaves
-        What of each leaf is taken; of a law between others where it is not certain which.
-    weight : array, shape (2,)
-        Force on a unit of area.
+    `fitted` numbers the corners of the same leaves, `weight` is a force on a unit of area.
     """
 
     def __init__(self, fitted: FittedDisplacement, held: HeldLeaves, weight: Floats):
@@ -195,13 +190,13 @@ class BalancedPieces:
         one = connected_components(graph, directed=False)[1]
         *numbers, flat = np.split(one[fitted.nodes :].reshape(-1, 2), [len(starts[0])])
         around = np.stack([fitted.corner, fitted.middle], axis=2).reshape(-1, 8)
-        for known, rows in self.whole:
+        for table, rows in self.whole:
             size = self.leaves.size[rows] * self.leaves.unit
-            placed = self.low[rows][:, None, None] + size[:, None, None, None] * known.sides
+            placed = self.low[rows][:, None, None] + size[:, None, None, None] * table.sides
             starts.append(placed.reshape(-1, 2, 2))
-            leaf_of.append(np.repeat(rows, len(known.sides)))
-            law_of.append(np.full(len(leaf_of[-1]), self.laws.index(known.law)))
-            ring = one[around[rows][:, known.points]]
+            leaf_of.append(np.repeat(rows, len(table.sides)))
+            law_of.append(np.full(len(leaf_of[-1]), self.laws.index(table.law)))
+            ring = one[around[rows][:, table.points]]
             numbers.append(np.stack([ring, np.roll(ring, -1, axis=1)], axis=2).reshape(-1, 2))
         self.ends = np.concatenate(starts)
         self.leaf_of, self.law_of = np.concatenate(leaf_of), np.concatenate(law_of)
@@ -217,31 +212,26 @@ class BalancedPieces:
         self.dofs = 4 * self.side[:, None] + order
         counts = [len(at) for at in numbers]
         parts = np.split(self.dofs, np.cumsum(counts)[:-1])
-        widths = [12, *(4 * len(known.sides) for known, _ in self.whole)]
-        self.unknowns = [at.reshape(-1, k) for at, k in zip(parts, widths, strict=True)]
-        """Of each triangle in a cut leaf, then of each whole leaf, kind by kind."""
+        widths = [12, *(4 * len(table.sides) for table, _ in self.whole)]
+        # of each triangle in a cut leaf, then of each whole leaf, kind by kind
+        self.untables = [at.reshape(-1, k) for at, k in zip(parts, widths, strict=True)]
         self.alone = self.shared[self.side] == 1
         total = np.bincount(self.side, self.law_of, len(sides))
+        # sides with another law beyond them
         self.between = total[self.side] != self.shared[self.side] * self.law_of
-        """Sides with another law beyond them."""
         low, high = self.low[self.leaf_of], self.high[self.leaf_of]
         on = (self.ends == low[:, None]).all(axis=1) | (self.ends == high[:, None]).all(axis=1)
         self.on_square = on.any(axis=1)
 
     def settle(self, force: Floats, held: Flags) -> float:
-        """Find the stress under forces on ends of sides; return the upper bound of their work.
+        """Find the stress under moments ∫ t N of forces on sides; return the upper bound of work.
 
-        Parameters
-        ----------
-        force : array, shape (k, 2, 2)
-            Moments ∫ t N of what acts on each of `ends`, where it lies at the outline.
-        held : array of bool, shape (k, 2)
-            Which components supports hold on each of `ends`.
+        `held` tells which components supports hold on each side, shape (sides, 2).
         """
-        matrices = [self.cut.matrix, *(known.matrix for known, _ in self.whole)]
+        matrices = [self.cut.matrix, *(table.matrix for table, _ in self.whole)]
         blocks = [
             (np.broadcast_to(part, (len(at), *part.shape[-2:])), at)
-            for part, at in zip(matrices, self.unknowns, strict=True)
+            for part, at in zip(matrices, self.untables, strict=True)
         ]
         count = 4 * len(self.shared)
         load = np.bincount(self.dofs.ravel(), force.ravel(), count)
@@ -250,16 +240,16 @@ class BalancedPieces:
         self._check_held(held, force)
         fixed |= self._idle | np.repeat(self.shared == 0, 4)
         cut, (_, dofs), *others = blocks
-        known, plain = self.whole[0]
-        places = np.repeat(known.sides.mean(axis=1), 4, axis=0)
-        merged = MergedSquares(self.leaves.only(plain), known.matrix, dofs, places)
-        moved_by = joined([cut, *others], fixed, merged)
+        plain, rows = self.whole[0]
+        places = np.repeat(plain.sides.mean(axis=1), 4, axis=0)
+        merged = MergedSquares(self.leaves.only(rows), plain.matrix, dofs, places)
+        solved = joined([cut, *others], fixed, merged)
         self.patterns = self.cut.sagging.copy()
         area = (self.leaves.size * self.leaves.unit) ** 2
         self.whole_patterns = [area[at][:, None, None] * one.sagging for one, at in self.whole]
         moved = np.zeros(count)
         first = 0.0
-        for _ in range(5):  # the stress of what is left of the load is added, to the last digit
+        for _ in range(5):  # iterative refinement: the stress of the residual is added
             self.moments = self._add_stress_of(moved)
             borne = np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
             left = np.where(fixed, 0.0, load - borne)
@@ -267,13 +257,13 @@ class BalancedPieces:
             self.residual = float(np.abs(left).max()) / (first or 1.0)
             if self.residual < 1e-11:
                 break
-            moved = moved_by(left)
+            moved = solved(left)
         return float(self.energies().sum())
 
     def _check_held(self, held: Flags, force: Floats) -> None:
         """Leave out parts that nothing holds and nothing loads; refuse those that could move."""
         n = len(self.shared)
-        sides = [dofs[:, ::4] // 4 for dofs in self.unknowns]
+        sides = [dofs[:, ::4] // 4 for dofs in self.untables]
         firsts = np.concatenate([np.repeat(at[:, 0], at.shape[1]) for at in sides])
         others = np.concatenate([at.ravel() for at in sides])
         graph = sp.csr_array((np.ones(len(firsts)), (firsts, others)), shape=(n, n))
@@ -301,14 +291,14 @@ class BalancedPieces:
             raise LooseError
 
     def _add_stress_of(self, moved: Floats) -> Floats:
-        """Add the stress that displacements of the sides stand for; return all its tractions."""
-        local, *others = (moved[at] for at in self.unknowns)
+        """Add the stress by displacements of the sides; return the moments of all tractions."""
+        local, *others = (moved[at] for at in self.untables)
         self.patterns += (self.cut.answer @ local[:, :, None])[:, :, 0]
         moments = [self.cut.tractions(self.patterns).reshape(-1, 4)]
         kinds = zip(self.whole, self.whole_patterns, others, strict=True)
-        for (known, _), patterns, outer in kinds:
-            patterns += np.tensordot(outer, known.answer, (1, 2))
-            traction = np.einsum("tim,ntm->nti", known.triangles.moments[:, :4], patterns)
+        for (table, _), patterns, outer in kinds:
+            patterns += np.tensordot(outer, table.answer, (1, 2))
+            traction = np.einsum("tim,ntm->nti", table.triangles.moments[:, :4], patterns)
             moments.append(traction.reshape(-1, 4))
         return np.concatenate(moments)
 
@@ -316,8 +306,8 @@ class BalancedPieces:
         """Return ∫ σ S σ of each leaf."""
         out = np.zeros(len(self.leaves))
         np.add.at(out, self.owner, self.cut.energies(self.patterns))
-        for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
-            strains = np.einsum("tkl,ntl->ntk", known.triangles.cost, patterns)
+        for (table, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            strains = np.einsum("tkl,ntl->ntk", table.triangles.cost, patterns)
             out[rows] = np.einsum("ntk,ntk->n", patterns, strains)
         return out
 
@@ -335,8 +325,8 @@ class BalancedPieces:
         np.add.at(stress, at, part * self.cut.means(self.patterns))
         shared = np.where(area > 0.0, area, 1.0)[:, :, None]
         middle, stress = middle / shared, stress / shared
-        for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
-            law, each = self.laws.index(known.law), known.triangles
+        for (table, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            law, each = self.laws.index(table.law), table.triangles
             size = self.leaves.size[rows] * self.leaves.unit
             area[law, rows] = size**2
             middle[law, rows] = self.low[rows] + 0.5 * size[:, None]
@@ -351,14 +341,6 @@ class BalancedPieces:
         total = (area[:, :, None] * stress).sum(axis=0)
         area = area.sum(axis=0)
         return np.asarray(total / np.where(area > 0.0, area, 1.0)[:, None])
-
-
-class LooseError(SupportError):
-    """A part of the pieces could move without straining."""
-
-
-Lines = dict[tuple[int, float], list[float]]
-"""Of lines along leaves' sides, by axis and place: where on them corners lie, in order."""
 
 
 def _with_points_beside(
@@ -387,9 +369,6 @@ def _with_points_beside(
 @lru_cache(maxsize=10_000)
 def _triangles_in(ring: tuple[Point, ...], edge: float) -> list[tuple[Point, Point, Point]]:
     """Return the triangles of a polygon in a leaf, none if it is too flat."""
-    points = list(ring)
-    triangles, shape = triangles_of(points, list(range(len(ring))))
-    small = area_of(points) < LEAST_AREA * edge**2
-    if shape <= (LEAST_AREA**1.5 if small else LEAST_SHAPE):
-        return []
-    return [(points[a], points[b], points[c]) for a, b, c in triangles]
+    triangles, shape = triangles_of(ring)
+    small = area_of(ring) < LEAST_AREA * edge**2
+    return triangles if shape > (LEAST_AREA**1.5 if small else LEAST_SHAPE) else []

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import pairwise
-from math import hypot
+from math import atan2, hypot
 
 from kaju.model.scene.curves import Point
 
-Corners = list[Point]
-"""Corners of a polygon, counter-clockwise."""
+Corners = list[Point]  # corners of a polygon, counter-clockwise
 HalfPlane = tuple[float, float, float]
 """a, b, c: all points with a x + b y <= c; (a, b) has length 1."""
 Parts = list[tuple[Corners, list[HalfPlane] | None]]
 """Convex parts of a square, and lines that part each from the rest; None for all its sides."""
 
-ON_LINE = 1e-9
-"""Points this near to a line (in edges of the first agents) lie on it."""
-NEAR = 3e-9
-"""Points nearer than this (in edges of the first leaves) are one."""
-LEAST_AREA = 1e-4
-"""Pieces of less area (in leaves) may be slivers."""
+ON_LINE = 1e-9  # points this near to a line (in edges of the first agents) lie on it
+NEAR = 3e-9  # points nearer than this (in edges of the first leaves) are one
+LEAST_AREA = 1e-4  # pieces of less area (in leaves) may be slivers
 
 
-def area_of(corners: Corners) -> float:
+def area_of(corners: Sequence[Point]) -> float:
     """Return the area of a polygon, negative if it runs clockwise."""
     x0, y0 = corners[0]
     total = 0.0
@@ -195,46 +192,39 @@ def _chained(points: list[Point], sides: Iterable[tuple[int, int]]) -> list[list
     onward: dict[int, list[int]] = {}
     for first, last in sorted(sides):
         onward.setdefault(first, []).append(last)
+
+    def turn(before: int, here: int, after: int) -> float:
+        (x0, y0), (x1, y1), (x2, y2) = points[before], points[here], points[after]
+        (ax, ay), (bx, by) = (x1 - x0, y1 - y0), (x2 - x1, y2 - y1)
+        return atan2(ax * by - ay * bx, ax * bx + ay * by)
+
     rings = []
     while onward:
-        start = next(iter(onward))
-        ring, here = [], start
+        ring = [next(iter(onward))]
         while True:
-            ring.append(here)
-            ways = onward[here]
-            if len(ways) == 1 or len(ring) == 1:
-                way = ways.pop()
+            here = ring[-1]
+            ends = onward[here]
+            if len(ends) == 1 or len(ring) == 1:
+                following = ends.pop()
             else:
-                (x0, y0), (x1, y1) = points[ring[-2]], points[here]
-                way = max(
-                    ways,
-                    key=lambda k: _turn(x1 - x0, y1 - y0, points[k][0] - x1, points[k][1] - y1),
-                )
-                ways.remove(way)
-            if not ways:
+                following = max(ends, key=partial(turn, ring[-2], here))
+                ends.remove(following)
+            if not ends:
                 del onward[here]
-            here = way
-            if here == start:
+            if following == ring[0]:
                 break
+            ring.append(following)
         rings.append(ring)
     return rings
 
 
-def _turn(ax: float, ay: float, bx: float, by: float) -> float:
-    """Return what grows with the angle from one direction to another, counter-clockwise."""
-    sine, cosine = ax * by - ay * bx, ax * bx + ay * by
-    length = abs(sine) + abs(cosine)
-    return (1.0 - cosine / length) * (1.0 if sine >= 0.0 else -1.0)
-
-
-def triangles_of(points: list[Point], ring: list[int]) -> tuple[list[tuple[int, int, int]], float]:
+def triangles_of(at: Sequence[Point]) -> tuple[list[tuple[Point, Point, Point]], float]:
     """Return the triangles of a polygon whose worst has the best shape, and that shape.
 
     The shape is 4 √3 area / Σ sides², 1 if all sides are alike. Triangles that all run
     counter-clockwise and end at the polygon's sides cannot overlap, whatever the polygon.
     """
-    n = len(ring)
-    at = [points[k] for k in ring]
+    n = len(at)
     best = [[2.0] * n for _ in range(n)]
     apex = [[-1] * n for _ in range(n)]
     for span in range(2, n):
@@ -254,12 +244,11 @@ def triangles_of(points: list[Point], ring: list[int]) -> tuple[list[tuple[int, 
                 if shape > found:
                     found, where = shape, j
             best[i][k], apex[i][k] = found, where
-    triangles, open_ = [], [(0, n - 1)]
-    while open_:
-        i, k = open_.pop()
-        if k - i < 2:
-            continue
-        j = apex[i][k]
-        triangles.append((ring[i], ring[j], ring[k]))
-        open_ += [(i, j), (j, k)]
+    triangles, chords = [], [(0, n - 1)]
+    while chords:
+        i, k = chords.pop()
+        if k - i > 1:
+            j = apex[i][k]
+            triangles.append((at[i], at[j], at[k]))
+            chords += [(i, j), (j, k)]
     return triangles, best[0][n - 1]

@@ -16,8 +16,8 @@ from .true_shapes import HeldLeaves
 
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 _ROW = np.int64(1) << 31
+# share of its stiffness that keeps a part from floating: any displacement bounds from below
 HOLD = 1e-12
-"""Share of its stiffness that keeps a part from floating; any displacement bounds from below."""
 GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
@@ -39,15 +39,7 @@ def strain_rows(local: Floats) -> Floats:
 
 
 class FittedDisplacement:
-    """Bilinear displacements of the corners of leaves; smaller leaves hang on larger ones.
-
-    Parameters
-    ----------
-    leaves : SquareLeaves
-        All that hold a part of the body.
-    held : HeldLeaves
-        What of each leaf counts.
-    """
+    """Bilinear displacements on leaves that hold a part of the body, with hanging nodes."""
 
     def __init__(self, leaves: SquareLeaves, held: HeldLeaves):
         self.leaves = leaves
@@ -57,8 +49,8 @@ class FittedDisplacement:
         stiffness = np.array([law.stiffness for law in held.laws]).reshape(-1, 3, 3)
         whole = 0.25 * np.einsum("qai,lab,qbj->lij", rows, stiffness, rows)
         full = leaves.size.astype(float) ** 2 * leaves.unit**2
+        # integrals of the four bilinear functions over what each leaf holds
         self.shares = np.repeat(0.25 * full[:, None], 4, axis=1)
-        """Integrals of the four bilinear functions over what each leaf holds."""
         self._plain, self._whole = held.whole == 0, whole[0]
         self.elements = whole[held.whole]
         self.elements[held.whole < 0] = self.shares[held.whole < 0] = 0.0
@@ -88,8 +80,8 @@ class FittedDisplacement:
         key = (px + np.roll(px, -1, axis=1)) // 2 * _ROW + (py + np.roll(py, -1, axis=1)) // 2
         at = np.minimum(np.searchsorted(keys, key), n - 1)
         hit = (keys[at] == key) & (leaves.size[:, None] > 1)
+        # the corner in the middle of each side, -1 for none, shape (leaves, 4)
         self.middle = np.where(hit, at, -1)
-        """Which corner lies in the middle of each side, -1 for none. Shape (leaves, 4)."""
         self.hanging = np.isin(np.arange(n), at[hit])
         own, tied = np.flatnonzero(~self.hanging), at[hit]
         first, last = self.corner[hit], np.roll(self.corner, -1, axis=1)[hit]
@@ -107,7 +99,7 @@ class FittedDisplacement:
         return np.asarray((points - low) / (self.leaves.size[leaf] * self.leaves.unit)[:, None])
 
     def spread(self, leaf: Ints, points: Floats, forces: Floats) -> Floats:
-        """Return what forces at points of leaves do at the corners, shape (nodes, 2)."""
+        """Return the forces on corners that stand for forces at points of leaves, (nodes, 2)."""
         shares = shapes_at(self.local(leaf, points))
         out = np.zeros((self.nodes, 2))
         for k in range(4):
@@ -115,7 +107,7 @@ class FittedDisplacement:
         return out
 
     def weigh(self, weight: Floats) -> Floats:
-        """Return what a force on a unit of area does at the corners, shape (nodes, 2)."""
+        """Return the forces on corners that stand for a force on a unit of area, (nodes, 2)."""
         total = np.bincount(self.corner.ravel(), self.shares.ravel(), self.nodes)
         return np.asarray(total[:, None] * weight)
 

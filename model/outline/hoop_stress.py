@@ -1,4 +1,4 @@
-"""Stress along an outline, told by both fields: what the agents near it hold, carried on to it."""
+"""Stress along an outline by both fields: means over agents near it, extrapolated to it."""
 
 from __future__ import annotations
 
@@ -19,42 +19,32 @@ if TYPE_CHECKING:
     from .outline_problem import OutlineProblem
     from .true_shapes import TrueRegion
 
-_GAP = 0.2
-"""Share of an outline that lies beyond the array where no agent is along it."""
+_GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
 _CLOSED = 0.1
 """Share of its length by which an outline must go on within an agent to have a direction there."""
-_REACH = 2.5
-"""Agents' edges within which means make up the stress at a place of the outline."""
+_REACH = 2.5  # agents' edges within which means make up the stress at a place of the outline
 _BEYOND = 0.2
 """Share of the reach by which parts of one body may lie outside of a bent outline's tangent."""
-_FLAT = 0.2
-"""Spread of places, over the largest one, below which no slope is told that way."""
+_FLAT = 0.2  # spread of places, over the largest one, below which there is no slope that way
 
 
 @dataclass(frozen=True)
 class HoopStress:
-    """What agents along an outline tell of stresses there, in order, in units of the problem."""
+    """Stresses by agents along an outline, in order, in units of the problem."""
 
-    place: Floats
-    """Shape (n, 2)."""
-    balanced: Floats
-    """Hoop stress of the stress in balance: outside, where two materials meet. Shape (n,)."""
-    moved: Floats
-    """The same of the displacement, with the tension of the stress in balance."""
-    traction: Floats
-    """Tension across and stress along the outline, as it acts on the region. Shape (n, 2)."""
-    mean: Floats
-    """The hoop stress in balance as a mean over what the agent there holds. Shape (n,)."""
-    met: Flags
-    """Where two materials meet."""
-    reach: Floats
-    """How far off what it is made of may lie. Shape (n,)."""
+    place: Floats  # shape (n, 2)
+    balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
+    moved: Floats  # the same of the displacement, with the tension of the stress in balance
+    traction: Floats  # tension across and stress along it that act on the region, (n, 2)
+    mean: Floats  # the hoop stress in balance as a mean over the agent there
+    met: Flags  # where two materials meet
+    reach: Floats  # distance within which means were taken
 
     @classmethod
     def along(
         cls, region: TrueRegion, problem: OutlineProblem, found: OutlineBracket
     ) -> HoopStress:
-        """Return what agents along the outline of a region tell."""
+        """Return the stresses by agents along the outline of a region."""
         balanced, leaves = found.balanced, found.leaves
         area, middle, stress = balanced.by_law
         certain = balanced.law_of < len(problem.body.laws)
@@ -72,26 +62,26 @@ class HoopStress:
         place = np.stack([mean(c) for c in balanced.ends[rows].mean(axis=1).T], axis=1)
         tx, ty = np.stack([np.bincount(of, c, len(leaf)) for c in run.T])
         onward = np.hypot(tx, ty)
-        # what acts from outside: rows run clockwise there, so that theirs is the region's reversed
-        way = -run / length[:, None]
-        across = np.stack([way[:, 1], -way[:, 0]], axis=1)
+        # tractions from outside: rows run clockwise there, the region's counter-clockwise
+        direction = -run / length[:, None]
+        across = np.stack([direction[:, 1], -direction[:, 0]], axis=1)
         acting = -balanced.moments[rows].reshape(-1, 2, 2).sum(axis=1) / length[:, None]
-        tension, shear = (mean((acting * axis).sum(axis=1)) for axis in (across, way))
+        tension, shear = (mean((acting * axis).sum(axis=1)) for axis in (across, direction))
         met = np.bincount(of, balanced.between[rows], len(leaf)) > 0.0
 
-        says = area[law, leaf] > SLIVER * (leaves.size[leaf] * leaves.unit) ** 2
-        says &= onward > _CLOSED * total
+        valid = area[law, leaf] > SLIVER * (leaves.size[leaf] * leaves.unit) ** 2
+        valid &= onward > _CLOSED * total
         first = np.unique(of, return_index=True)[1]  # a mean would tear the line's start
         order = np.argsort(along[first])
         if len(order):  # a part beyond the array lies after the end, wherever the line starts
             at = along[first][order]
             gaps = np.diff(at, append=at[0] + whole)
             order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-        order = order[says[order]]
+        order = order[valid[order]]
         law, leaf, place = law[order], leaf[order], place[order]
         tx, ty = np.stack([tx, ty])[:, order] / onward[order]
         turned = np.stack([tx * tx, ty * ty, 2.0 * tx * ty], axis=1)
-        told = np.zeros((len(order), 6))
+        carried = np.zeros((len(order), 6))
         reach = _REACH * leaves.size[leaf] * leaves.unit
         for number in np.unique(law).tolist():
             one = np.flatnonzero(law == number)
@@ -99,9 +89,9 @@ class HoopStress:
             weight, at = area[number, holds], middle[number, holds]
             each = np.hstack([stress[number, holds], found.fitted.strain_at(holds, at)])
             outward = np.stack([ty, -tx], axis=1)[one]
-            told[one] = _carried(place[one], outward, reach[one], at, weight, each)
-        hoop, mean_hoop = ((of * turned).sum(axis=1) for of in (told[:, :3], stress[law, leaf]))
-        stretch = (told[:, 3:] * turned * [1.0, 1.0, 0.5]).sum(axis=1)
+            carried[one] = _carried(place[one], outward, reach[one], at, weight, each)
+        hoop, mean_hoop = ((of * turned).sum(axis=1) for of in (carried[:, :3], stress[law, leaf]))
+        stretch = (carried[:, 3:] * turned * [1.0, 1.0, 0.5]).sum(axis=1)
         k, g = np.array(balanced.laws).reshape(-1, 2)[law].T
         tension, shear = tension[order], shear[order]
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
@@ -138,8 +128,8 @@ def _sides_along(
     near = np.flatnonzero(balanced.alone | (balanced.between & certain))
     outer = [not region.solid] if balanced.alone[near].all() else [False, True]
     rows, places, long = [], [], 1.0
-    for way in outer:
-        border = region.shape.border(way)
+    for polygon in outer:
+        border = region.shape.border(polygon)
         on, at = place_on(balanced.ends[near].mean(axis=1), border)
         long = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
         ends = [place_on(balanced.ends[near, k], border)[1] for k in (0, 1)]

@@ -1,4 +1,4 @@
-"""Equations of blocks that share unknowns: squares of equal leaves first, then all at once."""
+"""Equations of blocks that share unknowns; squares of equal leaves are condensed first."""
 
 from __future__ import annotations
 
@@ -10,36 +10,25 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 
-from .square_leaves import SquareLeaves, along_curve
+from .square_leaves import SquareLeaves
 
-FEWEST = 4
-"""So many squares are worth a table."""
-Blocks = list[tuple[Floats, Ints]]
-"""Matrices, shape (n, k, k), and unknowns of each, shape (n, k)."""
+FEWEST = 4  # so many squares are worth a table
+Blocks = list[tuple[Floats, Ints]]  # matrices, shape (n, k, k), and unknowns of each, shape (n, k)
 _FOURTHS = 0.5 * np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 
 
 class MergedSquares:
-    """Leaves that are alike, four made one again and again: what is within by what is on the rim.
+    """Static condensation of leaves with one matrix: fours are merged, again and again.
 
-    Parameters
-    ----------
-    leaves : SquareLeaves
-    matrix : array, shape (k, k)
-        Of each leaf, whatever its size.
-    dofs : array of int, shape (leaves, k)
-        Unknowns of the leaves, in one order throughout.
-    places : array, shape (k, 2)
-        Of the unknowns, in a unit square.
+    `dofs` are the unknowns of each leaf, shape (leaves, k), `places` theirs in a unit square.
     """
 
     def __init__(self, leaves: SquareLeaves, matrix: Floats, dofs: Ints, places: Floats):
-        self.blocks: Blocks = []
-        """Of leaves and squares that are in no larger one."""
+        self.blocks: Blocks = []  # of leaves and squares that are in no larger one
         self._steps: list[tuple[Ints, Ints, Floats, Floats]] = []
         while len(four := _four_in_one(leaves)) >= FEWEST:
             rest = np.setdiff1d(np.arange(len(leaves)), four)
-            self._keep(matrix, dofs[rest])
+            self.blocks.append((np.broadcast_to(matrix, (len(rest), *matrix.shape)), dofs[rest]))
             dofs, leaves = dofs[four], leaves.only(four[:, 0])
             leaves = SquareLeaves(leaves.x, leaves.y, 2 * leaves.size, leaves.shape)
             _, first, own = np.unique(dofs[0], return_index=True, return_inverse=True)
@@ -55,9 +44,6 @@ class MergedSquares:
             self._steps.append((dofs[:, inner], dofs[:, rim], inverse, lift))
             matrix = whole[np.ix_(rim, rim)] + whole[np.ix_(rim, inner)] @ lift
             dofs, places = dofs[:, rim], places[rim]
-        self._keep(matrix, dofs)
-
-    def _keep(self, matrix: Floats, dofs: Ints) -> None:
         self.blocks.append((np.broadcast_to(matrix, (len(dofs), *matrix.shape)), dofs))
 
     def free(self, fixed: Flags) -> Flags:
@@ -68,24 +54,24 @@ class MergedSquares:
         return free
 
     def on_rims(self, load: Floats) -> Floats:
-        """Return the load, what lies within squares moved to their rims; it stays there as well."""
+        """Return the load with that inside of squares added to their rims."""
         load = load.copy()
         for inner, rim, _, lift in self._steps:
             np.add.at(load, rim, load[inner] @ lift)
         return load
 
     def move_inner(self, load: Floats, moved: Floats) -> None:
-        """Set what moves within squares, by the load on rims and what these move."""
+        """Set the displacement inside of squares by that of their rims and the load inside."""
         for inner, rim, inverse, lift in reversed(self._steps):
             moved[inner] = load[inner] @ inverse + moved[rim] @ lift.T
 
 
 def _four_in_one(leaves: SquareLeaves) -> Ints:
     """Return fours of equal leaves that fill a square, in one order. Shape (n, 4)."""
-    place, area = along_curve(leaves.x, leaves.y), leaves.size**2
-    order = np.argsort(place)
-    # no two squares of unlike leaves have the same: sizes are powers of 2
-    square = (place - place % (4 * area) + leaves.size)[order]
+    code, area = leaves.code, leaves.size**2
+    order = np.argsort(code)
+    # a square by its own Morton code and the size of its leaves, a power of two
+    square = (code - code % (4 * area) + leaves.size)[order]
     alike = square[1:] == square[:-1]
     first = np.flatnonzero(alike[2:] & alike[1:-1] & alike[:-2])
     return np.asarray(order[first[:, None] + np.arange(4)])
@@ -102,10 +88,7 @@ def assembled(blocks: Blocks, count: int) -> sp.csc_array:
 
 
 def joined(blocks: Blocks, fixed: Flags, merged: MergedSquares) -> Callable[[Floats], Floats]:
-    """Return what tells displacements of shared unknowns by loads, by one sparse factorisation.
-
-    Some are fixed, and bear no load; the squares are further blocks.
-    """
+    """Return a function from loads to displacements of blocks and merged squares together."""
     free = merged.free(fixed)
     still = np.flatnonzero(~free)[:, None]
     blocks = [*blocks, *merged.blocks, (np.ones((len(still), 1, 1)), still)]

@@ -12,8 +12,7 @@ from kaju.arrays import Floats
 class Law(NamedTuple):
     """Moduli in the plane. What has both no larger stores no more energy of any strain."""
 
-    bulk: float
-    """Half the sum of both normal stresses over the sum of their strains."""
+    bulk: float  # half the sum of both normal stresses over the sum of their strains
     shear: float
 
     @classmethod

@@ -14,30 +14,22 @@ from .arc_triangles import ArcFrames
 from .balanced_pieces import SMALL_RESIDUAL, BalancedPieces, LooseError
 from .convex_pieces import ON_LINE
 from .fitted_displacement import GAUSS, FittedDisplacement
-from .mixed_body import MixedBody
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
 from .true_shapes import CutLeaves, TrueBody
 from .weighed_band import WeighedBand
 
-ROUNDING = 1e-7
-"""Share by which the bounds are set wider, for coordinates and forces are rounded."""
+ROUNDING = 1e-7  # share by which the bounds are set wider, for coordinates and forces are rounded
 OF_LAW = 1e3 * np.finfo(np.float64).eps
 """The same for the law, times its condition: next to ν = 1/2 it leaves few digits of an energy."""
-FASTEST = 0.1
-"""Share of the gap that one step may aim at; where it takes more, all aim at the same."""
+FASTEST = 0.1  # share of the gap that one step may aim at; where it takes more, all aim at the same
 MOST_HALVINGS = 2
 """Of a leaf in one step, which knows nothing of what the smaller ones will be like."""
-TURN = 0.6
-"""Angle by which a stressed outline may turn in a leaf, over the root of the tolerance."""
-STRESSED = 0.5
-"""Share of the largest stress along an outline above which it is stressed."""
-SLIVER = 0.1
-"""What leaves hold less of themselves says nothing of the stress along an outline."""
-LEVELS = 100
-"""So many levels are tried, each 0.9 of the one before, above which leaves are halved."""
-AIM = 0.9
-"""Share of the gap asked for that the steps aim at."""
+TURN = 0.6  # angle by which a stressed outline may turn in a leaf, over the root of the tolerance
+STRESSED = 0.5  # share of the largest stress along an outline above which it is stressed
+SLIVER = 0.1  # what leaves hold less of themselves says nothing of the stress along an outline
+LEVELS = 100  # thresholds that are tried for halving leaves, each 0.9 of the one before
+AIM = 0.9  # share of the gap asked for that the steps aim at
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,24 +41,16 @@ class OutlineBracket:
     upper: float
     fitted: FittedDisplacement
     balanced: BalancedPieces
-    share: Floats
-    """What each leaf adds to upper - lower."""
-    kept: Ints
-    """Which of all leaves, the empty ones among them, these are."""
-    rounding: float
-    """Share by which `bounds` are set wider."""
+    share: Floats  # what each leaf adds to upper - lower
+    kept: Ints  # which of all leaves, the empty ones among them, these are
+    rounding: float  # share by which `bounds` are set wider
 
     @property
     def bounds(self) -> tuple[float, float]:
         """Both, as far apart as rounding may take them."""
         return self.lower * (1.0 - self.rounding), self.upper * (1.0 + self.rounding)
 
-    @property
-    def error(self) -> float:
-        """`error_between` the bounds."""
-        return error_between(self.bounds)
-
-    def coarse(self, body: TrueBody | MixedBody, tolerance: float) -> Ints:
+    def coarse(self, body: TrueBody, tolerance: float) -> Ints:
         """Return how often to halve leaves in which a stressed outline turns by too much.
 
         The energy does not see a small hole's peak. What turns by little in all, such as a kink
@@ -88,8 +72,8 @@ class OutlineBracket:
         return np.minimum(halvings, MOST_HALVINGS)
 
 
+# returns an error, what each leaf adds to it, and the share of that to aim at
 Aim = Callable[[OutlineBracket], tuple[float, Floats, float]]
-"""Tells an error, what each leaf adds to it, and the share of that to aim at."""
 
 
 def error_between(bounds: tuple[float, float]) -> float:
@@ -195,20 +179,14 @@ def spawn(
     tolerance: float,
     most: int,
     before: SquareLeaves | None = None,
-    tell: Callable[[OutlineBracket], None] = lambda found: None,
+    keep: Callable[[OutlineBracket], None] = lambda found: None,
     aim: Aim | None = None,
 ) -> OutlineBracket:
     """Return bounds whose error is within a tolerance, leaves split where the gap is.
 
-    They begin as small as those before, if there are any; all bounds on the way are told. An aim
-    puts another error in the place of theirs.
-
-    Raises
-    ------
-    SupportError
-        If the body could move without straining.
-    ConvergenceError
-        If it takes more leaves than `most`.
+    They begin as small as those before; `keep` gets the bounds of every generation, and an aim puts
+    another error in the place of theirs. Raises SupportError if the body could move without
+    straining, ConvergenceError if it takes more leaves than `most`.
     """
     if not problem.held_whole:
         raise LooseError
@@ -225,29 +203,30 @@ def spawn(
                 raise not_yet.why from None
             leaves = leaves.split(np.isin(np.arange(len(leaves)), not_yet.cut))
             continue
-        tell(found)
+        keep(found)
         if aim is None:
-            error, part = found.error, found.share
+            error, part = error_between(found.bounds), found.share
             wanted = (tolerance / max(error, tolerance)) ** 2
         else:
             error, part, wanted = aim(found)
-        kept = error <= tolerance
+        reached = error <= tolerance
         halvings = np.zeros(len(leaves), dtype=np.int64)
         halvings[found.kept] = found.coarse(problem.body, tolerance)
-        if not kept and part.any():
+        if not reached and part.any():
             shared = _halvings(part, wanted)
             halvings[found.kept] = np.maximum(halvings[found.kept], shared)
         finer = leaves.split(np.minimum(halvings, np.log2(leaves.size).astype(np.int64)))
-        if kept and (len(finer) == len(leaves) or len(finer) > most):
-            return found
-        if len(finer) == len(leaves) or len(finer) > most:
+        if len(leaves) < len(finer) <= most:
+            leaves = finer
+            continue
+        if not reached:
             raise ConvergenceError(
                 f"tolerance: {tolerance:g} takes more than {most:,} agents (most_agents), or "
                 f"smaller ones than there are; the error {'bound' if aim is None else 'estimate'} "
                 f"is {error:.3g} so far",
                 best=found,
             )
-        leaves = finer
+        return found
 
 
 def _halvings(share: Floats, wanted: float) -> Ints:

@@ -23,16 +23,12 @@ from .hoop_stress import HoopStress
 from .outline_bracket import OutlineBracket
 from .outline_problem import SIDES, OutlineProblem, UnlikeError, within_array
 
-STEP = 0.25
-"""Share of its error that a generation aims at."""
+STEP = 0.25  # share of its error that a generation aims at
 OF_CHANGE = 1.0 / 3.0
 """Error after a generation, over what it changed: squares of edges are a fourth."""
-NEAR = 0.6
-"""Share of the reach of a peak's agents below which all are as near."""
-LEAST = 0.01
-"""Share of the largest stress below which a peak's error is relative to that share."""
-KINK = radians(0.5)
-"""Angle from which on a corner counts as one."""
+NEAR = 0.6  # share of the reach of a peak's agents below which all are as near
+LEAST = 0.01  # share of the largest stress below which a peak's error is relative to that share
+KINK = radians(0.5)  # angle from which on a corner counts as one
 
 
 def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, ...] | None:

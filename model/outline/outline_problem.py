@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -14,7 +14,6 @@ from .balanced_pieces import BalancedPieces
 from .convex_pieces import NEAR
 from .fitted_displacement import GAUSS, FittedDisplacement
 from .laws import Law
-from .mixed_body import MixedBody
 from .square_leaves import SquareLeaves
 from .true_shapes import HeldLeaves, TrueBody, TrueShape
 
@@ -22,8 +21,7 @@ SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
 ON_BORDER = 1e-8
 """Middles of sides this near to an outline (in edges of the first agents) lie on it."""
-LEVEL = 1e-9
-"""Sine of the angle to a force below which a side is along it."""
+LEVEL = 1e-9  # sine of the angle to a force below which a side is along it
 
 
 @dataclass(frozen=True)
@@ -36,27 +34,22 @@ class LoadedOutline:
     name: str
     shape: TrueShape
     solid: bool
-    stress: Floats
-    """Shape (2, 2)."""
-    facing: Floats | None = None
-    """A direction: only where it points into the body is there a traction."""
-
-    @classmethod
-    def pressed(cls, name: str, shape: TrueShape, solid: bool, pressure: float) -> LoadedOutline:
-        """Return a pressure all along the outline."""
-        return cls(name, shape, solid, -pressure * np.eye(2))
+    stress: Floats  # shape (2, 2)
+    facing: Floats | None = None  # a direction: traction acts where it points into the body
 
     @classmethod
     def pushed(
         cls, name: str, shape: TrueShape, solid: bool, force: Floats, extent: tuple[int, int]
     ) -> LoadedOutline:
         """Return a force, even across its direction, on all of the outline that faces it."""
-        way = force / np.hypot(*force)
-        shape.part_along((float(way[0]), float(way[1])))
-        facing = cls(name, shape, solid, np.zeros((2, 2)), way)
-        width = -(facing.outward(facing.taking(extent)) @ way).sum()
-        stress = -np.hypot(*force) / width * np.outer(way, way) if width > 0.0 else facing.stress
-        return cls(name, shape, solid, stress, way)
+        size = np.hypot(*force)
+        direction = force / size
+        shape.part_along((float(direction[0]), float(direction[1])))
+        facing = cls(name, shape, solid, np.zeros((2, 2)), direction)
+        width = -(facing.outward(facing.taking(extent)) @ direction).sum()
+        if not width > 0.0:
+            return facing
+        return replace(facing, stress=-size / width * np.outer(direction, direction))
 
     def outward(self, border: Floats) -> Floats:
         """Return the outward normals of the body along its border, times lengths. Shape (n, 2)."""
@@ -76,23 +69,18 @@ class LoadedOutline:
 class OutlineProblem:
     """A body; lengths in edges of the first agents, its first material's Young's modulus is 1."""
 
-    body: TrueBody | MixedBody
-    shape: tuple[int, int]
-    """First agents along x and y."""
-    held: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    """Of sides that support, the axes along which they hold."""
-    pulled: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Total force on sides."""
-    pressed_sides: dict[str, float] = field(default_factory=dict)
-    outlines: tuple[LoadedOutline, ...] = ()
-    weight: Floats = field(default_factory=lambda: np.zeros(2))
-    """Force on a unit of area, shape (2,)."""
-    strain: float = 1.0
-    """What loads of 1 stand for: stress over Young's modulus."""
+    body: TrueBody
+    shape: tuple[int, int]  # first agents along x and y
+    held: dict[str, tuple[int, ...]]  # axes along which sides hold
+    forces: dict[str, Floats]  # total force on sides, shape (2,)
+    tractions: dict[str, Floats]  # further forces on a unit of length of sides
+    outlines: tuple[LoadedOutline, ...]
+    weight: Floats  # force on a unit of area, shape (2,)
+    strain: float  # what loads of 1 stand for: stress over Young's modulus
 
     @property
     def band(self) -> float:
-        """What a unit of area between both bodies costs at most, under the stress of a load."""
+        """Largest energy (twice) of a unit of area between both bodies, under a load's stress."""
         stresses = [one.stress[[0, 1, 0], [0, 1, 1]] for one in self.outlines]
         return max((float(s @ self.softest.compliance @ s) for s in stresses), default=0.0)
 
@@ -146,12 +134,9 @@ class OutlineProblem:
     def on_balanced(
         self, pieces: BalancedPieces
     ) -> tuple[Floats, Flags, list[tuple[Floats, Floats]]]:
-        """Return what acts on the sides of pieces, what holds them, and where sides are loaded.
+        """Return the forces on sides of pieces, the components held, and where sides are loaded.
 
-        Raises
-        ------
-        UnlikeError
-            If the pieces miss a part of an outline that is pressed.
+        Raises UnlikeError if the pieces miss a part of an outline that is loaded.
         """
         if self.weight.any() and len(pieces.flat):
             raise UnlikeError("a piece too flat has weight")
@@ -164,16 +149,12 @@ class OutlineProblem:
             at = pieces.alone & self._on_side(name, ends).all(axis=1)
             for axis in self.held.get(name, ()):
                 held[at, axis] = True
-            traction = np.zeros(2)
-            if name in self.pulled or name in self.pressed_sides:
-                flat = self._on_side(name, pieces.flat_ends).all(axis=1)
-                if flat.any() or not at.any():
-                    raise UnlikeError(f"{name} has no body, or slivers of it, to be loaded")
-            if name in self.pulled:
-                traction += np.asarray(self.pulled[name]) / length[at].sum()
-            if name in self.pressed_sides:
-                axis, upper = SIDES[name]
-                traction[axis] -= self.pressed_sides[name] * (1.0 if upper else -1.0)
+            if name not in self.forces:
+                continue
+            flat = self._on_side(name, pieces.flat_ends).all(axis=1)
+            if flat.any() or not at.any():
+                raise UnlikeError(f"{name} has no body, or slivers of it, to be loaded")
+            traction = self.forces[name] / length[at].sum() + self.tractions[name]
             if traction.any():
                 force[at] += 0.5 * length[at, None, None] * traction
                 loaded.append((ends[at], traction))

@@ -38,10 +38,8 @@ if TYPE_CHECKING:
 
 _SCENE = "scene."
 _ENERGIES = "lower_energy", "upper_energy"
-_EDGE = 1e-9
-"""Of a shape's extent: points this near to the edge of a hole belong to the body."""
-_APART = 0.02
-"""Share of a peak by which both fields may differ there without a note."""
+_EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
+_APART = 0.02  # share of a peak by which both fields may differ there without a note
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,10 +55,10 @@ class CutAgents:
     energy_bounds: tuple[float, float]
 
     @classmethod
-    def standing(
+    def of_bracket(
         cls, scene: Scene, problem: OutlineProblem, found: OutlineBracket, edge: float
     ) -> CutAgents:
-        """Return the agents that bounds stand for, in units."""
+        """Return the agents of bounds, in units."""
         level = problem.strain * scene.cell_materials[0].youngs_modulus
         unit = 0.5 * level * scene.thickness * edge**2 * problem.strain
         low, high = found.bounds
@@ -159,8 +157,10 @@ class OutlineResult(Result, CutAgents):
         level = problem.strain * scene.cell_materials[0].youngs_modulus
         hoops, tractions, notes = {}, {}, list[str]()
         if loose := int(found.balanced.loose.sum()):
-            told = f"parts of the body in {loose} agents hang on nothing and bear nothing"
-            notes.append(f"{told}; if a support was meant, give it")
+            notes.append(
+                f"parts of the body in {loose} agents hang on nothing and bear nothing; if a "
+                "support was meant, give it"
+            )
         for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
             if region.name is not None:
                 along = HoopStress.along(true, problem, found)
@@ -248,7 +248,7 @@ class OutlineResult(Result, CutAgents):
         return np.array(agent, dtype=np.int64), polygons
 
     def _held(self) -> tuple[HeldLeaves, float]:
-        """Return what agents hold at most, and the length (m) that it is counted in."""
+        """Return what agents hold at most, and the length (m) that its coordinates count."""
         from .outlined_scene import problem_of
         from .true_shapes import CutLeaves
 
@@ -258,7 +258,7 @@ class OutlineResult(Result, CutAgents):
 
     def _ratios(self) -> Floats:
         """Return Poisson's ratio of each agent in plane strain: that of its larger part."""
-        held, _ = self._held()
+        held = self._held()[0]
         law = held.whole.copy()
         for k, leaf in held.cut.items():
             area = {of: sum(map(area_of, pieces)) for of, pieces in leaf.held.items()}
@@ -467,20 +467,18 @@ class OutlineResult(Result, CutAgents):
 
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()
-        arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in OUTLINE_AGENTS}
-        for number, one in enumerate(self.earlier):
-            arrays |= {f"earlier.{number}.{name}": getattr(one, name) for name in OUTLINE_AGENTS}
+        arrays: dict[str, NDArray[Any]] = {}
+        agents: dict[str, CutAgents] = {"": self}
+        agents |= {f"earlier.{number}.": one for number, one in enumerate(self.earlier)}
+        for prefix, one in agents.items():
+            arrays |= {prefix + name: getattr(one, name) for name in OUTLINE_AGENTS}
         arrays |= {f"hoop.{name}": found for name, found in self.hoops.items()}
         arrays |= {f"traction.{name}": found for name, found in self.tractions.items()}
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
         numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
         numbers |= dict(zip(_ENERGIES, self.energy_bounds, strict=True))
-        earlier = [one.energy_bounds for one in self.earlier]
-        more: dict[str, Any] = {
-            "scene": text,
-            "notes": list(self.notes),
-            "earlier_energies": earlier,
-        }
+        more: dict[str, Any] = {"scene": text, "notes": list(self.notes)}
+        more["earlier_energies"] = [one.energy_bounds for one in self.earlier]
         if self.tolerance_at is not None and self.peak is not None:
             more |= {"outline": self.tolerance_at[0].at, "peak": self.peak}
         return arrays, numbers | more
@@ -518,7 +516,7 @@ class OutlineResult(Result, CutAgents):
 
 
 def _peak_note(name: str, hoop: Floats, mean: Floats, moved: Floats) -> list[str]:
-    """Return what is uncertain of the largest hoop stress: it is told in three ways."""
+    """Return a note where three estimates of the largest hoop stress differ."""
     if not len(hoop):
         return []
     at = np.abs(hoop).argmax()

@@ -9,7 +9,6 @@ from time import perf_counter
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.elastic.goals.quantities import ToleranceAt
@@ -23,7 +22,6 @@ from kaju.model.scene.shapes import OutlinedShape
 from .arc_triangles import ArcFrames, TouchError, keep_apart
 from .balanced_pieces import LooseError
 from .laws import AIR, Law
-from .mixed_body import MixedBody, MixedRegion
 from .outline_bracket import OutlineBracket, error_between, rounding_of, spawn
 from .outline_peak import OutlinePeak, peak_asked
 from .outline_problem import SIDES, LoadedOutline, OutlineProblem, UnlikeError
@@ -33,8 +31,7 @@ from .true_shapes import TrueBody, TrueRegion, TrueShape, nested
 
 TOLERANCE = 0.01
 MOST_AGENTS = 100_000
-FIRST = 8
-"""First agents along the longer side, where the cells' number has such a divisor."""
+FIRST = 8  # first agents along the longer side, where the cells' number has such a divisor
 
 
 def solve_outlined(
@@ -77,8 +74,8 @@ def solve_outlined(
 
     generations: list[CutAgents] = []
 
-    def tell(found: OutlineBracket) -> None:
-        generations.append(CutAgents.standing(scene, problem, found, edge))
+    def keep(found: OutlineBracket) -> None:
+        generations.append(CutAgents.of_bracket(scene, problem, found, edge))
 
     def result(found: OutlineBracket) -> OutlineResult:
         how = problem, found, edge, tolerance, perf_counter() - start
@@ -87,7 +84,7 @@ def solve_outlined(
 
     try:
         aim = peak.aim if peak is not None else None
-        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS, before, tell, aim))
+        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS, before, keep, aim))
     except ConvergenceError as error:
         best = result(cast(OutlineBracket, error.best))
         raise ConvergenceError(str(error), error.residuals, best) from None
@@ -123,76 +120,54 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
     edge = lattice.cell_size * cells
     shape = (nx // cells, ny // cells)
     body = _body(scene, edge, shape)
-    regions = body.regions
-    thickness, modulus = scene.thickness, scene.cell_materials[0].youngs_modulus
+    modulus = scene.cell_materials[0].youngs_modulus
     held: dict[str, tuple[int, ...]] = {}
-    pulled: dict[str, tuple[float, float]] = {}
-    pressed_sides: dict[str, float] = {}
     for name in SIDES:
         kind = scene.side_condition(name).kind
         if kind != "free":
             held[name] = (0, 1) if kind == "rigid" else (SIDES[name][0],)
+    # stresses as strains of the modulus, forces as such over edges
+    unit = modulus * scene.thickness * edge
+    forces = {str(load.side): np.zeros(2) for load in scene.loads if load.side is not None}
+    tractions = {side: np.zeros(2) for side in forces}
     outlines: list[LoadedOutline] = []
-    unit = modulus * thickness * edge
     for number, load in enumerate(scene.loads):
         if load.outline is not None:
-            which = [region.name for region in scene.body.regions].index(load.outline)
-            if any(one.name == load.outline for one in outlines):
+            outlines.append(_outline_load(scene, number, body, shape, unit))
+            if any(one.name == load.outline for one in outlines[:-1]):
                 raise SceneError(
                     f"loads.{number}.outline: {load.outline!r} is loaded already; give one load"
                 )
-            one = regions[which]
-            _check_alone(regions, which, f"loads.{number}.outline: {load.outline!r}", "load")
-            _check_body_ends(scene, which, f"loads.{number}.outline")
-            # stresses as strains of the modulus, forces as such over edges
-            what = (load.outline, one.shape, one.solid)
-            if load.pressure is not None:
-                outlines.append(LoadedOutline.pressed(*what, load.pressure / modulus))
-            else:
-                total = np.array(load.force) / unit
-                outlines.append(LoadedOutline.pushed(*what, total, shape))
-                if total.any() and not outlines[-1].stress.any():
-                    raise SceneError(f"loads.{number}.force: nothing of {load.outline!r} faces it")
-            if not len(outlines[-1].taking(shape)):
-                raise SceneError(
-                    f"loads.{number}.outline: nothing of {load.outline!r} lies within the array"
-                )
         elif load.pressure is not None:
-            assert load.side is not None
-            sofar = pressed_sides.get(load.side, 0.0)
-            pressed_sides[load.side] = sofar + load.pressure / modulus
+            axis, upper = SIDES[str(load.side)]
+            tractions[str(load.side)][axis] -= load.pressure / modulus * (1 if upper else -1)
         else:
-            assert load.force is not None
-            assert load.side is not None
-            x, y = pulled.get(load.side, (0.0, 0.0))
-            pulled[load.side] = (x + load.force[0] / unit, y + load.force[1] / unit)
+            forces[str(load.side)] += np.array(load.force) / unit
     weight = np.zeros(2)
     if scene.body.gravity is not None and any(scene.body.gravity):
         density = scene.cell_materials[0].density
         assert density is not None
         weight = density * edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
-        for number, one in enumerate(regions):
+        for number, one in enumerate(body.regions):
             if ArcFrames(one.shape.arcs).turn.any():
-                _check_alone(regions, number, f"body.gravity: regions.{number} bends and", "weight")
-    acting: list[ArrayLike] = [
-        *pulled.values(),
-        *pressed_sides.values(),
-        *(one.stress for one in outlines),
-        weight,
-    ]
-    strain = max(float(np.abs(np.asarray(one)).max()) for one in acting)
+                what = f"body.gravity: regions.{number} bends and"
+                _check_alone(body.regions, number, what, "weight")
+    stresses = [one.stress for one in outlines]
+    acting = [*forces.values(), *tractions.values(), *stresses, weight]
+    strain = max(float(np.abs(one).max()) for one in acting)
     if strain == 0.0:
         raise SceneError(
             "loads: without a load or gravity, or with loads of sides that cancel, there is no "
             "energy to bound; give one of them"
         )
-    Scales.of(modulus, strain * unit, edge, modulus * thickness)  # refuses what no number holds
+    # refuses what no number holds
+    Scales.of(modulus, strain * unit, edge, modulus * scene.thickness)
     problem = OutlineProblem(
         body,
         shape,
         held,
-        {side: (x / strain, y / strain) for side, (x, y) in pulled.items()},
-        {side: pressure / strain for side, pressure in pressed_sides.items()},
+        {side: force / strain for side, force in forces.items()},
+        {side: traction / strain for side, traction in tractions.items()},
         tuple(replace(one, stress=one.stress / strain) for one in outlines),
         weight / strain,
         strain,
@@ -200,9 +175,30 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
     return problem, edge
 
 
-def _check_alone(
-    regions: Sequence[TrueRegion | MixedRegion], which: int, what: str, borne: str
-) -> None:
+def _outline_load(
+    scene: Scene, number: int, body: TrueBody, shape: tuple[int, int], unit: float
+) -> LoadedOutline:
+    """Return what a load does along an outline; refuse an outline that cannot be loaded."""
+    load, where = scene.loads[number], f"loads.{number}.outline"
+    name = str(load.outline)
+    which = [region.name for region in scene.body.regions].index(name)
+    _check_alone(body.regions, which, f"{where}: {name!r}", "load")
+    _check_body_ends(scene, which, where)
+    region = body.regions[which]
+    if load.pressure is not None:
+        stress = -load.pressure / scene.cell_materials[0].youngs_modulus * np.eye(2)
+        found = LoadedOutline(name, region.shape, region.solid, stress)
+    else:
+        total = np.array(load.force) / unit
+        found = LoadedOutline.pushed(name, region.shape, region.solid, total, shape)
+        if total.any() and not found.stress.any():
+            raise SceneError(f"loads.{number}.force: nothing of {name!r} faces it")
+    if not len(found.taking(shape)):
+        raise SceneError(f"{where}: nothing of {name!r} lies within the array")
+    return found
+
+
+def _check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str) -> None:
     """Refuse what an outline bears where it meets another one."""
     for other, beside in enumerate(regions):
         if other != which and not keep_apart(regions[which].shape.arcs, beside.shape.arcs):
@@ -247,29 +243,23 @@ def laws_of(scene: Scene) -> dict[str, Law]:
     }
 
 
-def _body(scene: Scene, edge: float, shape: tuple[int, int]) -> TrueBody | MixedBody:
+def _body(scene: Scene, edge: float, shape: tuple[int, int]) -> TrueBody:
     laws = laws_of(scene)
-    shapes = [
-        (_shape(scene, region, f"body.regions.{number}", edge, shape), region.material)
+    regions = [
+        TrueRegion(
+            _shape(scene, region, f"body.regions.{number}", edge, shape),
+            laws.get(region.material, AIR),
+        )
         for number, region in enumerate(scene.body.regions)
     ]
-    assert scene.body.material is not None
-    if len(set(laws.values())) > 1:
-        mixed = [
-            MixedRegion(shape, material in laws, laws.get(material, AIR))
-            for shape, material in shapes
-        ]
-        return MixedBody(laws.get(scene.body.material, AIR), tuple(mixed))
-    true = [TrueRegion(shape, material in laws) for shape, material in shapes]
-    return TrueBody(scene.body.material in laws, tuple(true), next(iter(laws.values())))
+    return TrueBody(laws.get(str(scene.body.material), AIR), tuple(regions))
 
 
 def _shape(
     scene: Scene, region: Region, where: str, edge: float, shape: tuple[int, int]
 ) -> TrueShape:
-    known = region.shape_in(scene.lattice, where)
     try:
-        lines = cast(OutlinedShape, known).outline()
+        lines = cast(OutlinedShape, region.shape_in(scene.lattice, where)).outline()
         return nested([np.asarray(arcs / [edge, edge, 1.0]) for arcs in lines], shape)
     except TouchError:
         raise SceneError(

@@ -16,29 +16,24 @@ from scipy.linalg import qr
 
 from kaju.arrays import Floats
 
+# ∫ a b of linear a and b over a triangle of area 1, by their values at its corners
 _SQUARE = (np.ones((3, 3)) + np.eye(3)) / 12.0
-"""∫ a b of linear a and b over a triangle of area 1, by their values at its corners."""
 
 
 class BalancedPatterns(NamedTuple):
     """Of the triangle (0, 0), (1, 0), (0, 1)."""
 
+    # (xx, yy, xy) at the corners of the parts, a column for each pattern, shape (3, 3, 3, m); the
+    # last two bear a weight of 1 along each axis
     stress: Floats
-    """Stress (xx, yy, xy) at the corners of the parts, a column for each pattern. (3, 3, 3, m).
-
-    The last two bear a weight, 1 along each axis.
-    """
-    traction: Floats
-    """Moments ∫ t N of the tractions at both ends of each side, shape (3, 2, 2, m)."""
-    mass: Floats
-    """∫ σ_a σ_b of all pairs of components and patterns, shape (3, 3, m, m)."""
-    mean: Floats
-    """Mean of the stress, shape (3, m)."""
+    traction: Floats  # moments ∫ t N of the tractions at both ends of each side, shape (3, 2, 2, m)
+    mass: Floats  # ∫ σ_a σ_b of all pairs of components and patterns, shape (3, 3, m, m)
+    mean: Floats  # mean of the stress, shape (3, m)
 
 
 @cache
 def table() -> BalancedPatterns:
-    """Return all stresses in balance, what they do on the sides, and what they cost."""
+    """Return a basis of the stresses in balance on the reference triangle."""
     corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
     parts = _parts(corners)
     unknown = np.eye(27).reshape(3, 3, 3, 27)  # part, corner, component
@@ -75,7 +70,7 @@ def _bearing(parts: Floats, weights: Floats) -> Floats:
 
 
 def _traction(stress: Floats, run: Floats) -> Floats:
-    """Return what stresses (xx, yy, xy; last axis but one) do across lines, to the right of it."""
+    """Return the tractions of stresses (xx, yy, xy; last axis but one) on the right of lines."""
     x, y = run[..., 1, None], -run[..., 0, None]
     xx, yy, xy = np.moveaxis(stress, -2, 0)
     return np.stack([xx * x + xy * y, xy * x + yy * y], axis=-2)
@@ -89,8 +84,7 @@ def _moments(stress: Floats, corners: Floats) -> Floats:
     return np.asarray(np.einsum("ij,...jcm->...icm", shares, ends))
 
 
-THIN = 0.03
-"""Triangles flatter than this take patterns of their own."""
+THIN = 0.03  # triangles flatter than this take patterns of their own
 
 
 def shape_of(f: Floats) -> Floats:
@@ -100,30 +94,24 @@ def shape_of(f: Floats) -> Floats:
 
 
 class SplitTriangles:
-    """Many triangles: what displacements of their sides make of tractions and stresses.
+    """Triangles, counter-clockwise: tractions and stresses by displacements of their sides.
 
-    Parameters
-    ----------
-    corners : array, shape (n, 3, 2)
-        Counter-clockwise.
-    compliance : array, shape (3, 3) or (n, 3, 3)
-        Strain (xx, yy, 2 xy) of a stress, the same along all directions.
-    weight : array, shape (2,)
-        Force on a unit of area.
+    The compliance, one or one each, gives strain (xx, yy, 2 xy) by an isotropic law; the weight is
+    a force on a unit of area.
     """
 
     def __init__(self, corners: Floats, compliance: Floats, weight: Floats):
-        known = table()
+        reference = table()
         f = _map(corners)
         self.area = 0.5 * np.linalg.det(f)
         turned = _turned(f) / (2.0 * self.area[:, None, None])
         compliance = np.broadcast_to(compliance, (len(f), 3, 3))
         law = 2.0 * self.area[:, None, None] * (turned.transpose(0, 2, 1) @ compliance @ turned)
-        self.cost = np.tensordot(law, known.mass, 2)
-        self.moments = np.einsum("nij,sejm->nseim", f, known.traction).reshape(
-            len(f), 12, known.traction.shape[-1]
+        self.cost = np.tensordot(law, reference.mass, 2)
+        self.moments = np.einsum("nij,sejm->nseim", f, reference.traction).reshape(
+            len(f), 12, reference.traction.shape[-1]
         )
-        self.mean = np.einsum("nij,jm->nim", turned, known.mean)
+        self.mean = np.einsum("nij,jm->nim", turned, reference.mean)
         thin = shape_of(f) < THIN
         if thin.any():
             flat = _thin(corners[thin], compliance[thin])
@@ -134,8 +122,8 @@ class SplitTriangles:
         self.answer = np.pad(answer, ((0, 0), (0, 2), (0, 0)))
         self.matrix = self.moments @ self.answer
         sagging = -np.linalg.solve(free, self.cost[:, :-2, -2:] @ borne)
+        # patterns under the weight where no side moves
         self.sagging = np.concatenate([sagging, borne], axis=1)[:, :, 0]
-        """Patterns under the weight where no side moves."""
 
     def tractions(self, patterns: Floats) -> Floats:
         """Return the moments of the tractions at the ends of the sides, shape (n, 12)."""

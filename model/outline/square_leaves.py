@@ -8,18 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.cells.leaf_cells import morton
 from kaju.model.scene.curves import Point
 
-DEPTH = 16
-"""How often a first leaf can be halved."""
+DEPTH = 16  # how often a first leaf can be halved
 _AROUND = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
-_DIGITS = (
-    (16, 0x0000FFFF0000FFFF),
-    (8, 0x00FF00FF00FF00FF),
-    (4, 0x0F0F0F0F0F0F0F0F),
-    (2, 0x3333333333333333),
-    (1, 0x5555555555555555),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +25,7 @@ class SquareLeaves:
     x: Ints
     y: Ints
     size: Ints
-    shape: tuple[int, int]
-    """Number of first leaves along x and y."""
+    shape: tuple[int, int]  # number of first leaves along x and y
 
     unit = 2.0**-DEPTH
 
@@ -61,19 +53,25 @@ class SquareLeaves:
         ends = zip(low.tolist(), high.tolist(), strict=True)
         return [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for (x0, y0), (x1, y1) in ends]
 
+    @property
+    def code(self) -> Ints:
+        """Morton codes of the lower corners: those within a larger leaf follow one another."""
+        return morton(np.stack([self.x, self.y], axis=1))
+
     @cached_property
     def _order(self) -> tuple[Ints, Ints]:
-        """Return places along the curve through all leaves, in order, and whose each is."""
-        places = along_curve(self.x, self.y)
-        order = np.argsort(places)
-        return places[order], order
+        """Return the Morton codes in order, and whose each is."""
+        code = self.code
+        order = np.argsort(code)
+        return code[order], order
 
     def at(self, points: Floats) -> Ints:
         """Return the leaf that holds each point (in edges of the first leaves), -1 for none."""
-        x, y = np.floor(points / self.unit).astype(np.int64).T
-        places, order = self._order
-        found = order[np.searchsorted(places, along_curve(x, y), side="right") - 1]
-        dx, dy, size = x - self.x[found], y - self.y[found], self.size[found]
+        places = np.floor(points / self.unit).astype(np.int64)
+        code, order = self._order
+        found = order[np.searchsorted(code, morton(places), side="right") - 1]
+        dx, dy = places[:, 0] - self.x[found], places[:, 1] - self.y[found]
+        size = self.size[found]
         within = (dx >= 0) & (dy >= 0) & (dx < size) & (dy < size)
         return np.where(within, found, -1)
 
@@ -115,15 +113,3 @@ class SquareLeaves:
         bad = np.zeros(len(self), dtype=np.bool_)
         bad[other[(other >= 0) & (self.size[other] > 2 * np.repeat(size, 8))]] = True
         return bad
-
-
-def along_curve(x: Ints, y: Ints) -> Ints:
-    """Return x and y with their digits in turns: all that a leaf holds follow one another."""
-    return _apart(x) | _apart(y) << 1
-
-
-def _apart(number: Ints) -> Ints:
-    """Return numbers below 2^31 with a 0 before each of their binary digits."""
-    for shift, kept in _DIGITS:
-        number = (number | number << shift) & kept
-    return number

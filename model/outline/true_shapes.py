@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,33 +14,15 @@ from kaju.arrays import Floats, Ints
 from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
-from .convex_pieces import (
-    ON_LINE,
-    Corners,
-    HalfPlane,
-    Parts,
-    area_of,
-    rings_of,
-    sides_of,
-    split,
-)
-from .convex_pieces import (
-    parted as parted_by,
-)
-from .laws import UNIT, Law
+from .convex_pieces import ON_LINE, Corners, HalfPlane, Parts, area_of, rings_of, sides_of, split
+from .convex_pieces import parted as parted_by
+from .laws import AIR, UNIT, Law
 from .square_leaves import SquareLeaves
 
-if TYPE_CHECKING:
-    from .mixed_body import MixedBody
-
-Held = dict[Law, list[Corners]]
-"""Convex pieces that a leaf holds of each law, nothing of those that are not there."""
-AT_ONCE = 1_000_000
-"""So many pairs of squares and lines are asked in one go."""
-FLAT = 1e-15
-"""Pockets of less area (in first agents) come of rounding."""
-SMOOTH = 1e-9
-"""Arcs that meet at a smaller angle go on in one direction."""
+Held = dict[Law, list[Corners]]  # convex pieces that a leaf holds of each law
+AT_ONCE = 1_000_000  # pairs of squares and lines that are compared in one go
+FLAT = 1e-15  # pockets of less area (in first agents) come of rounding
+SMOOTH = 1e-9  # arcs that meet at a smaller angle go on in one direction
 
 
 class StraightShape:
@@ -110,7 +92,7 @@ class ArcShape:
         self._draw()
 
     def refine(self, leaves: SquareLeaves) -> Floats:
-        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
+        """Halve arcs until none is longer than its leaves; return boxes of those halved."""
         boxes = [np.empty((0, 2, 2))]
         while True:
             frames = ArcFrames(self.arcs)
@@ -129,10 +111,10 @@ class ArcShape:
             self._draw()
         return np.concatenate(boxes)
 
-    def part_along(self, way: Point) -> None:
-        """Take ends of arcs where these run along a direction."""
+    def part_along(self, direction: Point) -> None:
+        """Part arcs where they run along a direction."""
         frames = ArcFrames(self.arcs)
-        sides = np.sign([cross(at, np.array(way)) for at in (frames.first, frames.last)])
+        sides = np.sign([cross(at, np.array(direction)) for at in (frames.first, frames.last)])
         turning = (sides[0] * sides[1] < 0.0) & (frames.turn != 0.0)
         parts = []
         for arc, side, turns in zip(self.arcs, sides[0], turning, strict=True):
@@ -140,7 +122,7 @@ class ArcShape:
             for _ in range(60 if turns else 0):
                 middle = 0.5 * (low + high)
                 tangent = ArcFrames(parted(arc[None], middle)[1:]).first[0]
-                if cross(tangent, np.array(way)) * side > 0.0:
+                if cross(tangent, np.array(direction)) * side > 0.0:
                     low = middle
                 else:
                     high = middle
@@ -154,8 +136,8 @@ class ArcShape:
         # corners on tangents, and between lines that go on, are none
         smooth = np.abs(angle(np.roll(frames.last, 1, axis=0), frames.first)) < SMOOTH
         self._polygons = []
-        for way in (1.0, -1.0):
-            bent = way * frames.turn > 0.0
+        for sign in (1.0, -1.0):
+            bent = sign * frames.turn > 0.0
             on_tangent = smooth & bent & np.roll(bent, 1)
             on_tangent |= smooth & (frames.turn == 0.0) & (np.roll(frames.turn, 1) == 0.0)
             at = np.stack([frames.start, frames.tip], axis=1)
@@ -207,7 +189,7 @@ def _relevant(hull: Corners, squares: list[Corners]) -> Iterator[tuple[int, list
     planes = sides_of(hull)
     at = np.array(planes)
     least = np.stack([np.maximum(at[:, :2], 0.0), np.minimum(at[:, :2], 0.0)])  # by corner, axis
-    most, least = (np.column_stack([*way, at[:, 2]]) for way in (least[::-1], least))
+    most, least = (np.column_stack([*ends, at[:, 2]]) for ends in (least[::-1], least))
     ends = np.stack([hull, [*hull[1:], hull[0]]])
     first, last = ends.min(axis=0), ends.max(axis=0)
     block = max(AT_ONCE // len(planes), 1)
@@ -232,48 +214,52 @@ def _relevant(hull: Corners, squares: list[Corners]) -> Iterator[tuple[int, list
 
 @dataclass(frozen=True)
 class TrueRegion:
-    """A shape, and whether it is filled or cut out."""
+    """A shape, and what it is filled with."""
 
     shape: TrueShape
-    solid: bool
+    law: Law
 
-
-class OfRegions:
-    """What regions cover one after the other."""
-
-    regions: tuple[TrueRegion, ...]
-
-    def refine(self, leaves: SquareLeaves) -> Floats:
-        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
-        return np.concatenate([region.shape.refine(leaves) for region in self.regions])
-
-    def part_along(self, way: Point) -> None:
-        """Take ends of arcs where these run along a direction."""
-        for region in self.regions:
-            region.shape.part_along(way)
+    @property
+    def solid(self) -> bool:
+        """Whether it is filled, not cut out."""
+        return self.law != AIR
 
 
 @dataclass(frozen=True)
-class TrueBody(OfRegions):
-    """A box of material or of air, and regions that cover it one after the other.
+class TrueBody:
+    """A box of one law, or of air, and regions that cover it one after the other.
 
-    It is a shape again: a ring is a disk in air with a disk of air in it.
+    Of one law it is a shape again: a ring is a disk in air with a disk of air in it.
     """
 
-    solid: bool
+    law: Law
     regions: tuple[TrueRegion, ...]
-    law: Law = UNIT
-    """What all of the material is."""
 
     @property
+    def solid(self) -> bool:
+        """Whether the box is filled where no region covers it."""
+        return self.law != AIR
+
+    @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """What the body is made of."""
-        return (self.law,)
+        """The laws of its materials."""
+        laws = dict.fromkeys([self.law, *(region.law for region in self.regions)])
+        return tuple(law for law in laws if law != AIR)
 
     @property
     def arcs(self) -> Floats:
         """The arcs of all regions, shape (n, 4, 3)."""
         return np.concatenate([region.shape.arcs for region in self.regions])
+
+    def refine(self, leaves: SquareLeaves) -> Floats:
+        """Halve arcs until none is longer than its leaves; return boxes of those halved."""
+        boxes = [region.shape.refine(leaves) for region in self.regions]
+        return np.concatenate([np.empty((0, 2, 2)), *boxes])
+
+    def part_along(self, direction: Point) -> None:
+        """Part arcs where they run along a direction."""
+        for region in self.regions:
+            region.shape.part_along(direction)
 
     def border(self, outer: bool) -> Floats:
         """Return the sides of regions that do not meet, the body to the left. Shape (n, 2, 2)."""
@@ -285,14 +271,34 @@ class TrueBody(OfRegions):
 
     def parts(self, squares: list[Corners], outer: bool) -> list[Parts]:
         """Return convex parts of squares."""
-        return [[(piece, None) for piece in held] for held in self.pieces(squares, outer)]
+        return [[(piece, None) for piece in held] for held in self._pieces(squares, outer)]
 
     def held(self, squares: list[Corners], outer: bool) -> list[Held]:
-        """Return what squares hold: no less than the body (outer), or no more."""
-        return [{self.law: at} if at else {} for at in self.pieces(squares, outer)]
+        """Return what squares hold of each law.
 
-    def pieces(self, squares: list[Corners], outer: bool) -> list[list[Corners]]:
-        """Return convex pieces of squares: no less than the body (outer), or no more."""
+        That is no less and no softer than the body (outer), or no more and no stiffer. Where an
+        outline's two polygons leave it open which of two materials there is, one bound takes a law
+        that is no softer than both, the other one a law that is no stiffer.
+        """
+        if len(self.laws) == 1:
+            return [{self.laws[0]: at} if at else {} for at in self._pieces(squares, outer)]
+        painted = [[(self.law, square)] for square in squares]
+        for region in self.regions:
+            core, reach = (region.shape.parts(squares, polygon) for polygon in (False, True))
+            for k in range(len(squares)):
+                if reach[k]:
+                    painted[k] = list(_covered(painted[k], region.law, core[k], reach[k], outer))
+        found: list[Held] = []
+        for pieces in painted:
+            of: Held = {}
+            for law, piece in pieces:
+                of.setdefault(law, []).append(piece)
+            of.pop(AIR, None)
+            found.append(of)
+        return found
+
+    def _pieces(self, squares: list[Corners], outer: bool) -> list[list[Corners]]:
+        """Return convex pieces of squares in a body of one law."""
         held = [[square] if self.solid else [] for square in squares]
         for region in self.regions:
             asked = [k for k, at in enumerate(squares) if not (region.solid and held[k] == [at])]
@@ -304,6 +310,21 @@ class TrueBody(OfRegions):
                     held[k] = split(held[k], parts)[1]
                     held[k] = held[k] + [part for part, _ in parts if region.solid]
         return held
+
+
+def _covered(
+    painted: list[tuple[Law, Corners]], law: Law, core: Parts, reach: Parts, stiffer: bool
+) -> Iterator[tuple[Law, Corners]]:
+    """Yield pieces and their laws after a region of another law that covers some of them."""
+    for before, piece in painted:
+        either = before.with_other(law, stiffer)
+        inside, outside = split([piece], core if either == before else reach)
+        band: list[Corners] = []  # between what the region covers at least and at most
+        if either not in (before, law):
+            inside, band = split(inside, core)
+        yield from ((law, part) for part in inside)
+        yield from ((either, part) for part in band)
+        yield from ((before, part) for part in outside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,12 +343,9 @@ class CutLeaf:
 class HeldLeaves(NamedTuple):
     """What leaves hold of a body."""
 
-    laws: list[Law]
-    """The body's, and those between two of them."""
-    whole: Ints
-    """Of which law each leaf is all, -1 of others."""
-    cut: dict[int, CutLeaf]
-    """The others, but for those that hold nothing."""
+    laws: list[Law]  # the body's, and those between two of them
+    whole: Ints  # the law that fills each leaf, -1 of the others
+    cut: dict[int, CutLeaf]  # the others, but for those that hold nothing
 
     def only(self, kept: Ints) -> HeldLeaves:
         """Return what some of the leaves hold."""
@@ -338,55 +356,53 @@ class HeldLeaves(NamedTuple):
 
 
 class CutLeaves:
-    """What leaves hold of a body; what did not change since is not asked again."""
+    """What leaves hold of a body; those that did not change are not cut again."""
 
-    def __init__(self, body: TrueBody | MixedBody):
+    def __init__(self, body: TrueBody):
         self.body = body
-        self._leaves: SquareLeaves | None = None
-        none = HeldLeaves(list(body.laws), np.empty(0, dtype=np.int64), {})
-        self._held = none, none
+        none = np.empty(0, dtype=np.int64)
+        self._leaves = SquareLeaves(none, none, none, (0, 0))
+        self._held = (HeldLeaves(list(body.laws), none, {}),) * 2
 
     def refined(self, leaves: SquareLeaves) -> tuple[HeldLeaves, HeldLeaves]:
         """Return what leaves hold at most and at least, or no softer and no stiffer than it is."""
-        boxes = self.body.refine(leaves) if self.body.regions else np.empty((0, 2, 2))
-        before = self._before(leaves, boxes)
-        asked = np.flatnonzero(before < 0)
-        squares, found = leaves.squares(asked), []
-        for known, way in zip(self._held, (True, False), strict=True):
-            whole = np.append(known.whole, -1)[before]
-            rest = np.flatnonzero((before >= 0) & (whole < 0))
-            told = zip(rest.tolist(), before[rest].tolist(), strict=True)
-            cut = {k: known.cut[at] for k, at in told if at in known.cut}
-            of = self.body.held(squares, way)
-            for k, square, held in zip(asked.tolist(), squares, of, strict=True):
-                known.laws.extend(law for law in held if law not in known.laws)
+        before = self._unchanged(leaves, self.body.refine(leaves))
+        fresh = np.flatnonzero(before < 0)
+        squares, found = leaves.squares(fresh), []
+        for old, outer in zip(self._held, (True, False), strict=True):
+            whole = np.append(old.whole, -1)[before]
+            kept = np.flatnonzero((before >= 0) & (whole < 0))
+            pairs = zip(kept.tolist(), before[kept].tolist(), strict=True)
+            cut = {k: old.cut[at] for k, at in pairs if at in old.cut}
+            of = self.body.held(squares, outer)
+            for k, square, held in zip(fresh.tolist(), squares, of, strict=True):
+                old.laws.extend(law for law in held if law not in old.laws)
                 if list(held.values()) == [[square]]:
-                    whole[k] = known.laws.index(next(iter(held)))
+                    whole[k] = old.laws.index(next(iter(held)))
                 elif held:
                     cut[k] = CutLeaf(square, held)
-            found.append(HeldLeaves(known.laws, whole, cut))
+            found.append(HeldLeaves(old.laws, whole, cut))
         self._leaves, self._held = leaves, (found[0], found[1])
         return self._held
 
-    def _before(self, leaves: SquareLeaves, boxes: Floats) -> Ints:
-        """Return what leaf tells what each one holds: the same or a whole one; -1 for none."""
-        if self._leaves is None:
+    def _unchanged(self, leaves: SquareLeaves, boxes: Floats) -> Ints:
+        """Return the earlier leaf that holds the same as each, or fills it; -1 for none."""
+        old = self._leaves
+        if not len(old):
             return np.full(len(leaves), -1)
-        known = self._leaves
         outer, inner = (held.whole for held in self._held)
         cut = (outer != inner) | (outer < 0)  # the others stay so
-        low, size = known.lower()[cut], known.size[cut, None] * known.unit
+        low, size = old.lower()[cut], old.size[cut, None] * old.unit
         changed = np.zeros(len(low), dtype=np.bool_)
         for first, last in boxes:
             changed |= ((low <= last) & (low + size >= first)).all(axis=1)
-        tells = np.zeros(len(known), dtype=np.int64)  # 0 of leaves of any size, -1 of none
-        tells[cut] = np.where(changed, -1, known.size[cut])
-        at = known.at(leaves.lower())
-        return np.where((tells[at] == 0) | (tells[at] == leaves.size), at, -1)
+        valid = np.zeros(len(old), dtype=np.int64)  # 0 for leaves of any size, -1 for none
+        valid[cut] = np.where(changed, -1, old.size[cut])
+        at = old.at(leaves.lower())
+        return np.where((valid[at] == 0) | (valid[at] == leaves.size), at, -1)
 
 
 TrueShape = ArcShape | TrueBody
-"""What it holds of squares, at least and at most; its sides; its arcs."""
 
 
 def nested(lines: list[Floats], extent: Point) -> TrueShape:
@@ -403,8 +419,9 @@ def nested(lines: list[Floats], extent: Point) -> TrueShape:
         sum(size[k] > size[one] and _holds(rings[k], rings[one][0]) for k in range(len(rings)))
         for one in range(len(rings))
     ]
-    regions = [TrueRegion(shapes[k], depth[k] % 2 == 0) for k in np.argsort(depth, kind="stable")]
-    return TrueBody(False, tuple(regions))
+    order = np.argsort(depth, kind="stable")
+    regions = [TrueRegion(shapes[k], AIR if depth[k] % 2 else UNIT) for k in order]
+    return TrueBody(AIR, tuple(regions))
 
 
 def _holds(ring: Floats, point: Floats) -> bool:

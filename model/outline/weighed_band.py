@@ -1,12 +1,12 @@
-"""The weight between curves and polygons: handed to the polygons' sides, with what is unsure of it.
+"""The weight between curves and polygons: tractions on the polygons' sides, and bounds of the rest.
 
 Over one side the band's points are J + s c + t d, where c runs along the side, d out of it, and
 0 <= t <= δ(s), which is the curve. For a weight w = a c + b d the stress
 
     σ = a (δ - t) (c dᵀ + d cᵀ) + (b + a δ') (δ - t) d dᵀ
 
-is in balance and leaves the curve free. What it hands to the side is put there as tractions that
-are linear, of the same force and moment; the rest, which has none, is borne near by.
+is in balance and leaves the curve free. Linear tractions replace those on the side, of the
+same force and moment; the rest, which has neither, is borne near by.
 """
 
 from __future__ import annotations
@@ -25,30 +25,21 @@ from .fitted_displacement import FittedDisplacement
 from .outline_problem import ON_BORDER, OutlineProblem, UnlikeError, place_on, within_array
 from .true_shapes import ArcShape, TrueShape
 
-SURE = 1e-10
-"""Share of an integral along an arc by which rules of ten and eight points may differ."""
-DEPTHS = 0.5 ** np.arange(1.0, 8.0)
-"""How deep what bears the rest may be, in sides."""
-TOUCHING = -1e-9
-"""What overlaps by no more (in edges of the first agents) only touches."""
+SURE = 1e-10  # share of an integral along an arc by which rules of ten and eight points may differ
+DEPTHS = 0.5 ** np.arange(1.0, 8.0)  # how deep what bears the rest may be, in sides
+TOUCHING = -1e-9  # what overlaps by no more (in edges of the first agents) only touches
 
 
 @dataclass(frozen=True, eq=False)
 class BandParts:
     """Parts of the band between a polygon and its curve, each over one straight side."""
 
-    start: Floats
-    """J, shape (n, 2)."""
-    along: Floats
-    """c: from J to the end of the side, or of its part."""
-    out: Floats
-    """d: such that δ is 1 at most."""
-    integrals: Floats
-    """∫ δ, ∫ s δ and ∫ δ² for s from 0 to 1, shape (n, 3)."""
-    last: Floats
-    """δ at s = 1: 1 where another part begins that has the same d, else 0."""
-    slope: Floats
-    """Largest size of δ'."""
+    start: Floats  # J, shape (n, 2)
+    along: Floats  # c: from J to the end of the side, or of its part
+    out: Floats  # d: such that δ is 1 at most
+    integrals: Floats  # ∫ δ, ∫ s δ and ∫ δ² for s from 0 to 1, shape (n, 3)
+    last: Floats  # δ at s = 1: 1 where another part begins that has the same d, else 0
+    slope: Floats  # largest size of δ'
 
     @classmethod
     def of(cls, arcs: Floats, tangents: bool) -> BandParts:
@@ -115,29 +106,19 @@ class BandParts:
 
 
 class WeighedBand:
-    """What the weight along the curves of a body does to both of its polygons.
+    """Forces on both polygons by the weight along the curves of a body, which meet no other.
 
-    Parameters
-    ----------
-    problem : OutlineProblem
-        No curve of it meets another outline.
-    pieces : BalancedPieces
-        The inner body.
-
-    Raises
-    ------
-    UnlikeError
-        If the polygons are not like the body yet, or have no room to bear the rest.
+    Raises UnlikeError if the polygons are not like the body yet, or have no room to bear the rest.
     """
 
     def __init__(self, problem: OutlineProblem, pieces: BalancedPieces):
         self.weight, self.pieces = problem.weight, pieces
         self.compliance = problem.softest.compliance
         self.extent = np.array(problem.shape, dtype=float)
+        # moments of the tractions that are put on each of the sides of pieces
         self.force = np.zeros((len(pieces.ends), 2, 2))
-        """Moments of what is handed to each of the sides of pieces."""
+        # bound of the energy (twice) of a stress that bears the rest, by leaf
         self.unborne = np.zeros(len(pieces.leaves))
-        """At most the energy (twice) of a stress that bears what is not handed, by leaf."""
         outer, inner, sides = [], [], []
         shapes = [line for one in problem.body.regions for line in _lines(one.shape, one.solid)]
         frames = [ArcFrames(shape.arcs) for shape, _ in shapes]
@@ -155,11 +136,11 @@ class WeighedBand:
             if not bent.any() or not len(rows := self._sides_on(border)):
                 continue
             tangents = (known.turn > 0.0) != solid  # what the inner polygon takes
-            for way in (True, False):
-                arcs = shape.arcs[bent & (tangents == way)]
+            for on_tangents in (True, False):
+                arcs = shape.arcs[bent & (tangents == on_tangents)]
                 if len(arcs):
-                    inner.append(BandParts.of(arcs, way))
-                    outer.append(BandParts.of(arcs, not way))
+                    inner.append(BandParts.of(arcs, on_tangents))
+                    outer.append(BandParts.of(arcs, not on_tangents))
                     sides.append(self._hand(inner[-1], border, rows))
         self._outer = BandParts.joined(outer) if outer else None
         if outer:
@@ -179,7 +160,7 @@ class WeighedBand:
         return rows
 
     def _hand(self, parts: BandParts, border: Floats, rows: Ints) -> Floats:
-        """Hand the weight of parts to the sides under them, and return these."""
+        """Put the weight of parts on the sides under them, and return these."""
         ends = np.cumsum(_lengths(border))
         away, at = place_on(parts.start + 0.5 * parts.along, border)
         if (away > ON_BORDER).any():

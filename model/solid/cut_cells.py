@@ -14,10 +14,8 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.shapes import Points, SolidShape
 
 EMPTY, CUT, WHOLE = 0, 1, 2
-PARTS = 4
-"""Parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear."""
-AT_ONCE = 20_000
-"""Cells that are looked at at once."""
+PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear
+AT_ONCE = 20_000  # cells that are looked at at once
 _PATHS = np.array(
     [
         np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(way)]], 0)

@@ -30,13 +30,11 @@ from kaju.model.scene.shapes import SolidShape
 
 from .cut_cells import CUT, WHOLE, SolidBody, edge_shares, thick
 
-SLIVER = 1e-4
-"""Cells of which less is body are taken as empty."""
+SLIVER = 1e-4  # cells of which less is body are taken as empty
 LEFT_OUT, NOTED = 0.05, 1e-4
 """Shares of the body that are too thin for the cells: refused above the first, noted above the
 second."""
-MOST_NARROW = 30
-"""Cells that are taken away one by one."""
+MOST_NARROW = 30  # cells that are taken away one by one
 FRACTIONS = (
     "true outlines: cells count by the share of them that is body, which is an estimate and proves "
     "nothing; stress and displacement of cut cells are means over all of each"
@@ -62,8 +60,7 @@ class SolidAgents(CellAgents):
     storage: ClassVar[Literal["cells", "solid"]] = "solid"
     asked: Scene  # With its outlines
     solid: SolidBody
-    sorts: NDArray[np.int8]
-    """Of every cell of the array whether it is WHOLE, CUT or EMPTY."""
+    sorts: NDArray[np.int8]  # of every cell of the array whether it is WHOLE, CUT or EMPTY
     known: Certain | None = None  # What was proved before
 
     @property

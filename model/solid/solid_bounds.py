@@ -37,10 +37,8 @@ if TYPE_CHECKING:
 
 STEPS = 30
 """Of conjugate gradients, by which the displacement is improved: any number leaves a proof."""
-ROUNDING = 1e-7
-"""Of themselves: by so much are the bounds set wider."""
-PARTS = 8
-"""Small cubes of a cut cell along every axis: a power of two."""
+ROUNDING = 1e-7  # of themselves: by so much are the bounds set wider
+PARTS = 8  # small cubes of a cut cell along every axis: a power of two
 AT_ONCE = 4_000
 _ENDS = corner_ends(3)
 

@@ -1,4 +1,9 @@
-"""What the tolerance is about: how far off the answer is, and who spawns to mend it."""
+"""Marking: how often each cell is halved for an error to fall below its budget.
+
+A part of the cells is marked, as by Doerfler (1996): those whose refinement takes the share of the
+squared error that one generation is to lose. Beside them cells may be halved several times at once,
+towards equidistribution of the error that is left.
+"""
 
 from __future__ import annotations
 
@@ -9,57 +14,52 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 
-STEP = 5.0
-"""The energy of the error is to fall by this factor at most from one generation to the next."""
-LEAST = 1e-9  # Share of an error that is asked for at least
-DEPTH = 8  # Halvings ahead that a share of the error budget is worked out for
+STEP = 5.0  # The squared error is to fall by this factor at most from one generation to the next
+LEAST = 1e-9  # The error budget is this share of the error at least
+DEPTH = 8  # Halvings ahead whose gains are summed
 SPARE = 0.95  # The last generation aims at this share of the tolerance
 ALIKE = 0.01
-"""Who contributes as much as the last one marked, but for this share, spawns as well.
-
-So children keep the symmetry of their parents."""
-GAIN = 0.72  # Share of its part of the error that an agent's children are expected to take away
+"""Cells that contribute less than the last one marked only by this share are marked, too, so that
+marks keep the symmetry of the body."""
+GAIN = 0.72  # Share of a cell's contribution that its halving is expected to remove
 
 
 class Answer(NamedTuple):
-    """What has been found of a quantity; scaled."""
+    """The value of a goal and its error; scaled."""
 
     value: Floats  # Shape (components,)
-    error: float
-    relative_error: float
-    """Estimated; the latter is the share of the scale."""
+    error: float  # Estimated
+    relative_error: float  # The same as a share of the scale
     scale: float = 1.0
-    bound: float | None = None
-    """What the error is at most."""
-    no_bound: str = ""  # Why that is not known
+    bound: float | None = None  # Upper bound of the error
+    no_bound: str = ""  # Why there is none
 
 
 class Aimed(NamedTuple):
-    """How far off a generation is."""
+    """The error of a generation that the tolerance limits, and the marks for the next one."""
 
-    error: float  # Estimated error, relative: what the tolerance is compared with
-    part: Floats  # What every agent contributes to it. Shape (agents,)
-    halvings: Ints
-    """How often every agent has to be halved, if the tolerance is to be kept; never, if none may.
-    Shape (agents,)."""
-    allowed: float  # What all may contribute together
-    answers: tuple[Answer, ...] = ()
-    """The quantities that the tolerance is about, if it is about any."""
+    error: float  # Estimated, relative: compared with the tolerance
+    part: Floats  # Contribution of every cell to it. Shape (cells,)
+    halvings: Ints  # How often every cell is to be halved (0 if not marked). Shape (cells,)
+    allowed: float  # Error budget: sum of the contributions that keeps the tolerance
+    answers: tuple[Answer, ...] = ()  # The goals, if there are any
 
 
 def mark(part: Floats, allowed: float, depth: Ints, dimension: int) -> Ints:
-    """Return how often every agent is to be halved, at most `depth`, by its part in an error."""
-    # What the smallest leave cannot be helped: the others make up for it, unless it is more than
-    # what is allowed of them all.
-    helpless = float(part[depth == 0].sum())
+    """Return how often every cell is to be halved, at most `depth`, by its contribution `part`."""
+    # The smallest cells keep their contributions: the others share the remaining budget, or all of
+    # it where the smallest alone exceed it.
+    fixed = float(part[depth == 0].sum())
     part = np.where(depth > 0, part, 0.0)
     total = float(part.sum())
-    left = allowed - helpless if helpless < allowed else allowed
-    if not left < total < inf:
+    budget = allowed - fixed if fixed < allowed else allowed
+    if not budget < total < inf:
         return np.zeros(len(part), dtype=np.int64)
-    # Equidistribution: agents are halved until none contributes more than a common share, which is
-    # the largest one that keeps the error budget, or the even part of it that one step is to take.
-    # `gain` is what the error loses by each of the contributions as that share.
+    # Equidistribution: cells are halved until none contributes more than a common threshold, the
+    # largest one that keeps the error budget, or takes this generation's even part of the way to
+    # it. `gain[i]` is what the error loses with the i-th largest contribution as the threshold; a
+    # child contributes 2^-(d + 2) of its parent, so the (k + 1)-th halving is for cells with at
+    # least 2^(k (d + 2)) times the threshold, and removes GAIN of what the halvings before left.
     falls = 2.0 ** (dimension + 2)
     ordered = np.sort(part)[::-1]
     sums = np.append(0.0, np.cumsum(ordered))
@@ -68,9 +68,9 @@ def mark(part: Floats, allowed: float, depth: Ints, dimension: int) -> Ints:
         more = np.searchsorted(-ordered, -ordered * falls**halving, side="right")
         gain += rate * sums[more]
         rate *= 1.0 - GAIN
-    steps = max(ceil(log(total / max(left, LEAST * total)) / log(STEP)), 1)
-    wanted = total - total * max(left / total, LEAST) ** (1.0 / steps)
+    steps = max(ceil(log(total / max(budget, LEAST * total)) / log(STEP)), 1)
+    wanted = total - total * max(budget / total, LEAST) ** (1.0 / steps)
     at = min(int(np.searchsorted(gain, wanted)), len(part) - 1)
-    share = (1.0 - ALIKE) * max(ordered[at], np.finfo(np.float64).tiny)
-    times = 1 + np.floor(np.log2(np.maximum(part, share) / share) / (dimension + 2))
-    return np.where(part >= share, np.minimum(times, depth), 0).astype(np.int64)
+    threshold = (1.0 - ALIKE) * max(ordered[at], np.finfo(np.float64).tiny)
+    times = 1 + np.floor(np.log2(np.maximum(part, threshold) / threshold) / (dimension + 2))
+    return np.where(part >= threshold, np.minimum(times, depth), 0).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Equal cells as agents: what they are, how they move, and how that was found."""
+"""Equal cells as agents: their places, laws, fields and solution."""
 
 from __future__ import annotations
 
@@ -40,8 +40,7 @@ class CellAgents:
     origin: tuple[int, ...]  # The grid's cell that is the arrays' first
     solution: Solution  # Scaled displacements of the faces and the history of the iteration
     field: Floats | None = None
-    """What moduli are multiplied by, one number for every cell of the scene that was asked about;
-    every agent is a kind of the problem's own then."""
+    """Factor of the moduli for every cell of the scene; every agent has its own law then."""
 
     @property
     def scales(self) -> Scales:
@@ -54,7 +53,7 @@ class CellAgents:
         return self.problem.moduli
 
     def history(self) -> dict[str, Any]:
-        """Return how the agents came to be: all at once."""
+        """Return the figures of their generations: one."""
         return {"generations": 1}
 
     @cached_property
@@ -98,7 +97,7 @@ class CellAgents:
 
     @property
     def stiffness(self) -> Floats | None:
-        """What the moduli of each agent's material are multiplied by."""
+        """Factor of the moduli of each agent's material."""
         if self.field is None:
             return None
         division = self.grid.lattice.shape[0] // len(self.field)
@@ -106,14 +105,14 @@ class CellAgents:
 
     @property
     def level(self) -> Ints:
-        """How often agents were halved: never. In which step they spawned: all at first."""
+        """How often agents were halved, and the step in which they spawned: 0."""
         return np.zeros(self.count, dtype=np.int64)
 
     spawn_step = level
 
     @property
     def cause(self) -> Floats:
-        """For what load agents spawned: for none."""
+        """Load for which agents spawned: none."""
         return np.zeros(self.count)
 
     @property
@@ -124,7 +123,7 @@ class CellAgents:
 
     @property
     def displacement(self) -> Floats:
-        """Of the agents' middles."""
+        """Displacement of the agents' middles."""
         means = fields.cell_means(self.problem, self.solution.displacement)
         return np.asarray(self.scales.displacement * means[self.body])
 
@@ -161,7 +160,7 @@ class CellAgents:
 
     @cached_property
     def bracket(self) -> EnergyBounds | str:
-        """What is certain about the answer; in words why nothing is, where nothing is."""
+        """Energy bounds, or in words why there are none."""
         from kaju.model.elastic.bounds.bounds_of_arrays import boxes_of_cells
         from kaju.model.elastic.bounds.energy_bounds import SETTLED, bracket_of
 
@@ -172,7 +171,7 @@ class CellAgents:
 
     @property
     def energy_bounds(self) -> tuple[float, float] | None:
-        """Bounds (J) of an energy without any of a stress: of true outlines in space only."""
+        """Bounds (J) of the energy alone, without a stress: of true outlines in space only."""
         return None
 
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
@@ -199,12 +198,12 @@ class CellAgents:
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        stress = fields.stress_at(self._parts, self._alike, *self._within(points, cells))
+        stress = fields.stress_at(self._parts, self._laws, *self._within(points, cells))
         return self.scales.stress * stress
 
     @cached_property
-    def _alike(self) -> NDArray[np.int32]:
-        """Numbers of the box's cells: the same if their moduli are, below 0 without material."""
+    def _laws(self) -> NDArray[np.int32]:
+        """Index of the law of each of the box's cells, equal for equal moduli; below 0 outside."""
         kinds = self._kinds.copy()
         if self.field is not None:
             moduli = np.stack(self.moduli, axis=1)
@@ -221,7 +220,7 @@ class CellAgents:
 
     @cached_property
     def tree(self) -> LeafAgents:
-        """The same agents as a tree of one level, which estimates their errors one by one."""
+        """The same agents as a tree of one level, with an estimated error for each."""
         if self.field is not None:
             raise ResultError(
                 "stiffness: agents with a field of stiffness have no errors one by one, nor "
@@ -248,7 +247,7 @@ class CellAgents:
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> CellAgents:
-        """Return what `archive` took apart."""
+        """Return the agents of a stored result."""
         division = archive.value("subdivision", int)
         if not 1 <= division <= 1 << 20:
             raise ResultFileError(f"{archive.path}: 'subdivision' must be 1 or more")

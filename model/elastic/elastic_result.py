@@ -1,4 +1,4 @@
-"""The answer of linear elasticity: one, whatever agents it was found with."""
+"""The answer of linear elasticity, on equal cells or on agents that spawned."""
 
 from __future__ import annotations
 
@@ -478,7 +478,7 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def family(self) -> Family:
-        """Every agent that ever stood: who spawned whom, when and why."""
+        """Every agent that ever stood, with its parent, step and cause."""
         from kaju.model.elastic.refine.family import Family
 
         return Family.of(self.generations, self.scene.lattice.dimension, self.found.tree.metre)

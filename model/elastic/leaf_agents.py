@@ -1,4 +1,4 @@
-"""Agents of many sizes: what they are, how they move, and how they came to be."""
+"""Agents of many sizes: their places, laws, fields and generations."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ class LeafAgents:
 
     @cached_property
     def bracket(self) -> EnergyBounds | str:
-        """What is certain about the answer; in words why nothing is, where nothing is."""
+        """Energy bounds, or in words why there are none."""
         found = self.spawning.bracket
         return bracket_of(self.spawning.boxes()) if found is None else found
 
     def history(self) -> dict[str, Any]:
-        """Return how the agents came to be."""
+        """Return the figures of their generations."""
         return {"generations": len(self.spawning.generations), "retired": self.spawning.retired}
 
     @property
@@ -89,7 +89,7 @@ class LeafAgents:
 
     @property
     def energy(self) -> Floats:
-        """Nothing: edges between agents of two sizes have no owners."""
+        """Not defined: the energy of edges between agents of two sizes belongs to neither."""
         raise ResultError(
             "energy: agents of many sizes do not tell their energies one by one; equal ones do "
             "(strategy='uniform')"
@@ -97,7 +97,7 @@ class LeafAgents:
 
     @property
     def displacement(self) -> Floats:
-        """Of the agents' middles."""
+        """Displacement of the agents' middles."""
         return self.scales.displacement * self.spawning.moved
 
     @property
@@ -179,7 +179,7 @@ class LeafAgents:
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> LeafAgents:
-        """Return what `archive` took apart; what follows from the agents is worked out again."""
+        """Return the agents of a stored result; grid and estimates are worked out again."""
         ground = ground_of(scene, stage, archive.value("resolution", int | None))
         leaves = _leaves_of(archive, ground)
         n, d = len(leaves), ground.dimension
@@ -204,7 +204,7 @@ class LeafAgents:
 
 
 def _leaves_of(archive: Archive, ground: PosedBody) -> LeafCells:
-    """Return agents that stand side by side where the body is, and nowhere else."""
+    """Return the stored leaves; refuse overlapping ones, and those outside the body."""
     d = ground.dimension
     ends = [n * ground.cell for n in ground.scene.lattice.shape]
     lower = archive.array("lower", "i", (None, d), low=0)
@@ -253,7 +253,7 @@ def tree_of_cells(
     origin: tuple[int, ...],
     solution: Solution,
 ) -> LeafAgents:
-    """Return cells of one size as a tree of one level, with what each leaves unbalanced."""
+    """Return cells of one size as a tree of one level, with the estimated error of each."""
     ground = PosedBody(scene, stage, at_cells=True)
     kinds = problem.kinds[problem.inner]
     cells = np.argwhere(kinds >= 0) + np.asarray(origin)

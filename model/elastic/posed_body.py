@@ -1,4 +1,4 @@
-"""What the agents stand on: body, supports and loads of a scene, asked box by box."""
+"""The posed body in scaled units: cell types, supports and loads of a scene, box by box."""
 
 from __future__ import annotations
 
@@ -37,23 +37,20 @@ def face_keys(lattice: Lattice, cells: Ints, direction: Ints) -> Ints:
 
 
 class LeafForces(NamedTuple):
-    """Forces on leaves: leaf, side by which they enter (-1: the middle), and force (scaled).
-
-    Those that lie unevenly on their sides are told once more, with their moments.
-    """
+    """Forces on leaves; scaled."""
 
     leaf: Ints
-    direction: Ints
+    direction: Ints  # Side of the leaf, -1 for its middle
     force: Floats
-    uneven: Portions | None = None
+    uneven: Portions | None = None  # Those that lie unevenly on their sides again, with moments
 
 
 class PosedBody:
-    """A scene, asked for the boxes in which agents stand.
+    """A scene whose cell types, supports and loads are looked up for boxes of any size.
 
     `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed (units);
-    scales and moduli are as in the solver on equal cells; `loaded` are the scene's cells that take
-    loads, shape (n, dimension).
+    scales and moduli are those of equal cells; `loaded` are the loaded cells of the scene, shape
+    (n, dimension).
     """
 
     def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
@@ -83,31 +80,31 @@ class PosedBody:
 
     @cached_property
     def sharp(self) -> Ints:
-        """The unit cells round points at which stress has no limit, shape (n, dimension)."""
+        """The unit cells round points at which stress is singular, shape (n, dimension)."""
         corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
         if not len(corner):
             return np.empty((0, self.dimension), dtype=np.int64)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
     def loaded_where(self, other: PosedBody) -> bool:
-        """Tell whether loads enter by the same faces, or parts of these, as on other ground."""
+        """Tell whether the same faces, or parts of these, are loaded as in another posed body."""
         pairs = ((self._key, other._key), (self._uneven.part, other._uneven.part))
         return all(np.array_equal(own, theirs) for own, theirs in pairs)
 
     def given(self, side: int) -> Floats:
-        """Return the scaled displacement of what lies beyond a side."""
+        """Return the scaled prescribed displacement beyond a side."""
         condition = self.scene.side_condition(self.scene.lattice.sides[side])
         if condition.displacement is None:
             return np.zeros(self.dimension)
         return np.asarray(condition.displacement) / self.scales.displacement
 
-    def bed(self, side: int) -> float:
+    def foundation(self, side: int) -> float:
         """Return the scaled stiffness per area of the foundation beyond a side."""
         stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
         return (stiffness or 0.0) * self.scales.length / self.scales.modulus
 
     def start(self) -> LeafCells:
-        """Return the first agents: as large as body, supports and loads let them be."""
+        """Return the first leaves: as large as body, supports and loads allow."""
         lower, upper = self.scene.bounds()
         spans = upper - lower
         widest = max(1.0, min(spans.max() / ACROSS_LONGEST, spans.min() / ACROSS_SHORTEST))
@@ -118,7 +115,7 @@ class PosedBody:
         return leaves.balanced(0)
 
     def parents(self, leaves: LeafCells) -> LeafCells:
-        """Return leaves of up to twice the size, as far as body and supports let them be."""
+        """Return leaves coarsened once, as far as body and supports allow."""
         return self._until(leaves.merged(), self._beside_mixed).balanced(0)
 
     def _pure(self, boxes: Ints, exponent: int) -> LeafCells:
@@ -156,28 +153,29 @@ class PosedBody:
         for size in np.unique(leaves.size[leaves.size > self.cell]):
             here = np.flatnonzero(leaves.size == size)
             exponent = int(size // self.cell).bit_length() - 1
-            for way in product((-1, 0, 1), repeat=self.dimension):
-                if any(way):
-                    box = (leaves.lower[here] + np.array(way) * size) // self.cell
+            for offset in product((-1, 0, 1), repeat=self.dimension):
+                if any(offset):
+                    box = (leaves.lower[here] + np.array(offset) * size) // self.cell
                     unfit[here] |= self._purity.kinds(box, exponent) == MIXED
         return unfit
 
     def unevenly_loaded(self, leaves: LeafCells) -> Flags:
-        """Tell which leaves take loads on a part only, or unequal ones, and are to spawn for it."""
+        """Return leaves to be split because loads are not uniform over a side."""
         unfit = np.zeros(len(leaves), dtype=np.bool_)
         if not len(self.loaded):
             return unfit
         owner = leaves.find(self.loaded * self.cell)
         large = (owner >= 0) & (leaves.size[owner] > self.cell)
-        owner, way = owner[large], self._direction[large]
+        owner, direction = owner[large], self._direction[large]
         offset = self.loaded[large] * self.cell - leaves.lower[owner]
-        axis, end = np.maximum(way, 0) // 2, np.maximum(way, 0) % 2
+        # A loaded face of a cell inside the leaf is not on the leaf's side.
+        axis, end = np.maximum(direction, 0) // 2, np.maximum(direction, 0) % 2
         depth = offset[np.arange(len(owner)), axis]
         edge = np.where(end == 1, leaves.size[owner] - self.cell, 0)
-        unfit[owner[(way >= 0) & (depth != edge)]] = True
-        group, inverse, count = np.unique(
-            owner * (2 * self.dimension + 1) + way + 1, return_inverse=True, return_counts=True
-        )
+        unfit[owner[(direction >= 0) & (depth != edge)]] = True
+        # Every side, or middle, of a leaf needs a load on all of its cells, equal on each.
+        side = owner * (2 * self.dimension + 1) + direction + 1
+        group, inverse, count = np.unique(side, return_inverse=True, return_counts=True)
         leaf = group // (2 * self.dimension + 1)
         power = np.where(group % (2 * self.dimension + 1) == 0, self.dimension, self.dimension - 1)
         unfit[leaf[count != (leaves.size[leaf] // self.cell) ** power]] = True
@@ -185,9 +183,9 @@ class PosedBody:
         first[inverse[::-1]] = self._force[large][::-1]
         largest = np.abs(first).max(initial=0.0)
         unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
-        unfit[owner[unlike.any(axis=1) | (self._odd[large] >= 0)]] = True
+        unfit[owner[unlike.any(axis=1) | (self._uneven_of[large] >= 0)]] = True
         if self.ends_within:
-            # They are to spawn, so that less is left of loads that end within sides.
+            # Loads that end within a side are approximated better by smaller leaves.
             rest = self.forces(leaves).uneven or Portions.none(self.dimension)
             size = leaves.size[rest.box] / self.cell
             large = np.sqrt(size) * rest.rest > ENDED[self.dimension] * self._strength
@@ -197,7 +195,7 @@ class PosedBody:
     @property
     def ends_within(self) -> bool:
         """Whether loads lie unevenly on faces of the scene's cells."""
-        return bool((self._odd >= 0).any())
+        return bool((self._uneven_of >= 0).any())
 
     def forces(self, leaves: LeafCells) -> LeafForces:
         """Return the loads on leaves; a cell's load is shared by the smaller ones in it."""
@@ -207,40 +205,40 @@ class PosedBody:
             return LeafForces(nothing, nothing, np.empty((0, d)))
         owner = leaves.find(self.loaded * self.cell)
         large = np.flatnonzero((owner >= 0) & (leaves.size[owner] >= self.cell))
-        # Few cells are loaded: only the smaller leaves in these are asked.
+        # Smaller leaves share the loads of their cell, found by bisection in the sorted keys.
         small = np.flatnonzero(leaves.size < self.cell)
         key = self.scene.lattice.key(leaves.lower[small] // self.cell)
-        known = self._key // (2 * d + 1)
-        first, last = (np.searchsorted(known, key, side=end) for end in ("left", "right"))
+        loaded_key = self._key // (2 * d + 1)
+        first, last = (np.searchsorted(loaded_key, key, side=end) for end in ("left", "right"))
         leaf = np.repeat(small, last - first)
-        # Every leaf with the loads of its cell, which stand one after the other.
+        # One row for every leaf and load of its cell; these loads follow one another.
         row = np.arange(len(leaf)) + np.repeat(last - np.cumsum(last - first), last - first)
-        way = self._direction[row]
+        direction = self._direction[row]
         offset = leaves.lower[leaf] - self.loaded[row] * self.cell
-        depth = offset[np.arange(len(leaf)), np.maximum(way, 0) // 2]
-        end = np.where(way % 2, self.cell - leaves.size[leaf], 0)
-        touches = (way < 0) | (depth == end)
+        depth = offset[np.arange(len(leaf)), np.maximum(direction, 0) // 2]
+        end = np.where(direction % 2, self.cell - leaves.size[leaf], 0)
+        touches = (direction < 0) | (depth == end)
         leaf, row, offset = leaf[touches], row[touches], offset[touches]
         share = (leaves.size[leaf] / self.cell) ** (d - (self._direction[row] >= 0))
         leaf, row = np.concatenate([owner[large], leaf]), np.concatenate([large, row])
         share = np.concatenate([np.ones(len(large)), share])
         offset = np.concatenate([np.zeros((len(large), d), dtype=np.int64), offset])
-        force, way = share[:, None] * self._force[row], self._direction[row]
-        odd = np.flatnonzero((self._odd[row] >= 0) & (leaves.size[leaf] <= self.cell))
-        which = self._odd[row[odd]]
-        loads = Uneven(row[odd], self._uneven.part[which], self._uneven.growth[which])
-        size = leaves.size[leaf[odd]] / self.cell
+        force, direction = share[:, None] * self._force[row], self._direction[row]
+        at = np.flatnonzero((self._uneven_of[row] >= 0) & (leaves.size[leaf] <= self.cell))
+        which = self._uneven_of[row[at]]
+        loads = Uneven(row[at], self._uneven.part[which], self._uneven.growth[which])
+        size = leaves.size[leaf[at]] / self.cell
         uneven = Portions.of(
-            leaf[odd], way[odd], self._force[row[odd]], loads, offset[odd] / self.cell, size
+            leaf[at], direction[at], self._force[row[at]], loads, offset[at] / self.cell, size
         )
-        force[odd] = uneven.force
+        force[at] = uneven.force
         acts = np.ones(len(leaf), dtype=np.bool_)
-        acts[odd] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
-        return LeafForces(leaf[acts], way[acts], force[acts], uneven.some(acts[odd]))
+        acts[at] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
+        return LeafForces(leaf[acts], direction[acts], force[acts], uneven.some(acts[at]))
 
     def _collect_loads(self, stage: int | None) -> None:
-        """Add up the forces that enter by the same face of a cell, in the order of their keys."""
-        # Those that lie on it unevenly are kept apart.
+        """Sum the forces on the same face of a cell, in the order of their keys."""
+        # Uneven ones stay apart: `_uneven_of` is the index of each in `_uneven`, -1 for others.
         applied = self.scene.applied(stage)
         keys = face_keys(self.scene.lattice, applied.cells, applied.direction)
         d = self.dimension
@@ -251,7 +249,7 @@ class PosedBody:
         alone[rows] = np.arange(1, len(rows) + 1)
         apart = np.stack([keys, alone]) if len(rows) else keys
         _, first, inverse = np.unique(apart, axis=-1, return_index=True, return_inverse=True)
-        self._key, self._odd = keys[first], alone[first] - 1
+        self._key, self._uneven_of = keys[first], alone[first] - 1
         self.loaded, self._direction = applied.cells[first], applied.direction[first]
         self._force = np.zeros((len(first), self.dimension))
         np.add.at(self._force, inverse.ravel(), applied.force)
@@ -267,10 +265,10 @@ class PosedBody:
         self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
         self._force /= self.scales.force
         self._uneven = self._uneven._replace(growth=self._uneven.growth / self.scales.force)
-        # About the energy of the loads, each as wide as it covers.
-        share, odd = np.ones(len(self._force)), self._odd >= 0
+        # Square root of about the energy of the loads, each spread over the width it covers.
+        share, uneven = np.ones(len(self._force)), self._uneven_of >= 0
         part = self._uneven.part
-        share[odd] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._odd[odd]]
+        share[uneven] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._uneven_of[uneven]]
         wide = float(share.sum()) ** (1.0 / (self.dimension - 1))
         square = wide * ((self._force**2).sum(axis=1) / share).sum()
         self._strength = float(np.sqrt(square / max(len(part), 1)))
@@ -285,6 +283,6 @@ def covering(lower: Ints, upper: Ints, exponent: int) -> Ints:
 
 
 def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> PosedBody:
-    """Return the ground of a scene: on finer cells, and not below them, at a resolution."""
+    """Return the posed body of a scene; a resolution refines its cells, and allows none smaller."""
     grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
     return PosedBody(grid, stage, at_cells=resolution is not None)

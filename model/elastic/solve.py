@@ -1,4 +1,4 @@
-"""`kaju.solve`: linear elasticity of a scene, to the accuracy of its grid."""
+"""`kaju.solve` on equal cells: linear elasticity of a scene, to the accuracy of its grid."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def solve(
 
     The equations are solved to `tolerance` in the energy norm: see `solve_problem`. There are
     `resolution` cells per cell of the scene along every axis, by default as many as in the previous
-    result, or 1, and 2 where a member is only one cell wide, which could not carry shear. Where
-    many cells are iterated they start from the previous answer; with a field of stiffness few, too.
+    result, or 1, and 2 where a member is only one cell wide, which could not carry shear. An
+    iteration starts from the previous answer; with a field of stiffness few cells iterate as well.
     """
     start = perf_counter()
     check_numbers(tolerance, resolution, least=SMALLEST)
@@ -67,7 +67,7 @@ def _grid(
     previous: ElasticResult | None,
     stiffness: Floats | None,
 ) -> tuple[Grid, FaceFields | None]:
-    """Return the grid, and how it moved before if that is of as many cells in the same place."""
+    """Return the grid, and the previous displacement of its faces if its cells are the same."""
     if previous is None:
         return grid_of(scene, stage, resolution or 1, stiffness=stiffness), None
     found = previous.found

@@ -1,5 +1,6 @@
 """The compiled loops against the law in plain NumPy, and the law against itself."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,13 @@ from elastic_cases import make_problem
 from kaju.model.elastic.multigrid import row_kernels as sweeps
 from kaju.model.elastic.multigrid.hierarchy import Hierarchy
 from kaju.model.elastic.problem import ACTIVE
-from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elastic.staggered import (
+    Numbering,
+    axis_pairs,
+    edge_modulus,
+    internal_force,
+    stiffness_matrix,
+)
 
 CASES = [
     ((32, 16), {"bottom": "rigid"}),
@@ -188,3 +195,11 @@ def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
     matrix = np.stack(columns, axis=1)
     best = np.linalg.lstsq(matrix, modes, rcond=None)[0]
     assert np.abs(matrix @ best - modes).max() < 1e-10
+
+
+def test_a_full_box_with_given_edge_moduli_is_not_coarsened_by_its_cells():
+    problem = make_problem(np.zeros((32, 16), int), [(1.0, 0.3)], 1.0, sides={"bottom": "rigid"})
+    edges = {pair: 0.5 * edge_modulus(problem, pair) for pair in axis_pairs(2)}
+    given = replace(problem, edges=edges)
+    assert Hierarchy(problem).plain
+    assert not Hierarchy(given).plain

@@ -1,4 +1,4 @@
-"""The balance of forces on composite faces: stiffness, loads, and what supports take."""
+"""Equilibrium on a composite grid: stiffness BᵀDB, loads, energy, reactions."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from kaju.model.scene.cell_types import INSIDE
 class Equilibrium:
     """Energy and forces of a composite grid, as matrices; all scaled.
 
-    `strains` gives those of the leaves, axis by axis, then of the edges, pair by pair, by the
-    faces; `offset` are the strains that displaced walls cause by themselves.
+    `strains` is the strain matrix B: rows are the normal strains of the leaves, axis by axis, then
+    the shear strains of the edges, pair by pair. `offset` are the strains by displaced walls alone.
     """
 
     def __init__(self, grid: CompositeGrid) -> None:
         self.grid = grid
         n, d = len(grid.leaves), grid.dimension
         sides = np.arange(n) * 2 * d
+        # Sides of leaves are numbered leaf by leaf, lower and upper one of each axis.
         stretches = []
         for axis in range(d):
             ends = np.stack([sides + 2 * axis, sides + 2 * axis + 1], axis=1)
@@ -48,7 +49,7 @@ class Equilibrium:
 
     @cached_property
     def entered(self) -> FaceLoads:
-        """What the scene's loads put on faces, walls and edges."""
+        """The scene's loads on faces, walls and edges."""
         return face_loads(self.grid)
 
     @property
@@ -57,7 +58,7 @@ class Equilibrium:
         return self.entered.face
 
     def loaded_by(self, ground: PosedBody) -> Equilibrium:
-        """Return the same agents and matrices under the loads of other ground of the same body."""
+        """Return the same grid and matrices under the loads of another posed body."""
         twin = copy(self)
         twin.grid = copy(self.grid)
         twin.grid.ground = ground
@@ -66,28 +67,27 @@ class Equilibrium:
 
     @cached_property
     def _moduli(self) -> Moduli:
-        """Moduli times volumes: of the leaves' stretches, and of the edges' shear."""
+        """Moduli times volumes: of the leaves' normal strains, and of the edges' shear strains."""
         grid = self.grid
         volume = grid.length**grid.dimension
         shear = np.concatenate([e.modulus * e.weight for e in grid.edges.values()])
         return Moduli(volume * grid.law.stretch, volume * grid.law.lateral, shear)
 
     def stress(self, strain: Floats) -> Floats:
-        """Return the stresses times volumes by strains."""
+        """Return the stresses times volumes, D times the strains."""
         law = self._moduli
         sides = self.grid.dimension * len(law.stretch)
         normal = normal_stress(law, strain[:sides].reshape(-1, len(law.stretch)))
         return np.concatenate([normal.ravel(), law.shear * strain[sides:]])
 
     def stiffness(self, faces: Ints | None = None) -> sp.csr_array:
-        """Return the forces on faces by displacements of these faces: symmetric."""
-        # `faces` are all of them unless some are given.
+        """Return the stiffness matrix BᵀDB of some faces, by default of all: symmetric."""
         faces = np.arange(self.grid.size) if faces is None else faces
         along, cross, shear = self._moduli
         n, d = len(along), self.grid.dimension
         own = self.strains if len(faces) == self.grid.size else self.strains[:, faces]
         stretches = [own[axis * n : (axis + 1) * n] for axis in range(d)]
-        # Beside its own part, each stretch has one in the change of volume.
+        # Normal stresses are (c11 - c12) times their own strain and c12 times the change of volume.
         rows = sp.csr_array(sp.vstack([own, sum(stretches[1:], start=stretches[0])], format="csr"))
         modulus = np.concatenate([*[along - cross] * d, shear, cross])
         stress = sp.csr_array(
@@ -95,8 +95,8 @@ class Equilibrium:
             shape=rows.shape,
         )
         matrix = sp.csr_array(rows.T.tocsr() @ stress)
-        bed = self.grid.spring[faces]
-        return sp.csr_array(matrix + sp.diags_array(bed)) if bed.any() else matrix
+        foundation = self.grid.spring[faces]
+        return sp.csr_array(matrix + sp.diags_array(foundation)) if foundation.any() else matrix
 
     @cached_property
     def free(self) -> Ints:
@@ -105,7 +105,7 @@ class Equilibrium:
 
     @cached_property
     def pull(self) -> Floats:
-        """Force that holds every face while the free ones rest."""
+        """Lift: the force on every face by the prescribed displacements alone."""
         grid = self.grid
         if not grid.value.any() and not self.offset.any():
             return np.zeros(grid.size)
@@ -116,28 +116,29 @@ class Equilibrium:
         return np.asarray(self.strains @ displacement + self.offset)
 
     def force(self, displacement: Floats) -> Floats:
-        """Return the force that holds every face at a displacement."""
+        """Return the external force on every face that balances a displacement."""
         stress = self.stress(self.strain(displacement))
         return np.asarray(self.strains.T @ stress + self.grid.spring * displacement)
 
     def energy(self, displacement: Floats) -> float:
         """Return the energy stored in body and foundation."""
         strain = self.strain(displacement)
-        bed = float(dot(self.grid.spring, displacement**2))
-        return 0.5 * (float(dot(strain, self.stress(strain))) + bed)
+        foundation = float(dot(self.grid.spring, displacement**2))
+        return 0.5 * (float(dot(strain, self.stress(strain))) + foundation)
 
     def reactions(self, displacement: Floats, own: Flags | None = None) -> dict[str, Floats]:
-        """Return the force of every support on the body: on all agents, or on some of them."""
+        """Return the force of every support on the body, or on its part of the `own` leaves."""
         grid, d = self.grid, self.grid.dimension
         own = np.ones(len(grid.leaves), dtype=np.bool_) if own is None else own
         names = [*grid.ground.scene.lattice.sides, INSIDE]
         totals = -self.entered.wall
         touched = np.asarray(totals.any(axis=1))
-        held = grid.state == FIXED
-        hold = np.where(held, self.force(displacement) - self.load, -grid.spring * displacement)
+        fixed = grid.state == FIXED
+        hold = np.where(fixed, self.force(displacement) - self.load, -grid.spring * displacement)
         some = (grid.support >= 0) & own[grid.owner]
         np.add.at(totals, (grid.support[some], grid.axis[some]), hold[some])
         touched[grid.support[some]] = True
+        # Walls also take the shear of edges on them: the rows of the edges follow those of leaves.
         stress = self.stress(self.strain(displacement))
         start = len(grid.leaves) * d
         for pair, edges in grid.edges.items():

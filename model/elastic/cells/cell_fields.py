@@ -1,4 +1,4 @@
-"""Strains, stresses and displacements of the agents of a composite grid, and anywhere; scaled."""
+"""Strains, stresses and displacements on a composite grid: of its cells, and at points; scaled."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import (
-    known_slopes,
-    nearest_known,
+    defined_slopes,
+    nearest_defined,
     oriented,
     slope_weights,
 )
@@ -23,16 +23,15 @@ from kaju.model.elastic.moduli import normal_stress
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.cell_types import DISPLACED, RIGID
 
-NEAR = 1e-6  # Points that are nearer to a face than this part of a cell lie on it
+NEAR = 1e-6  # Points nearer to a face than this share of a cell lie on it
 
 
 @dataclass(frozen=True, eq=False)
 class CellFields:
-    """What follows from the faces' displacements."""
+    """Fields that follow from the displacements of the faces."""
 
     balance: Equilibrium
-    u: Floats
-    """Displacements of the faces. Shape (faces,)."""
+    u: Floats  # Displacements of the faces. Shape (faces,)
 
     @cached_property
     def stretch(self) -> Floats:
@@ -88,16 +87,16 @@ class CellFields:
 
 def displacement_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
     """Return displacements at points (units), shape (n, dimension)."""
-    # Along its axis a displacement runs linearly between the leaf's two sides, across it by the
-    # slopes at the edges that are nearest. On a wall it is the wall's. Where a point lies on
-    # several leaves, of which `leaf` is one, it is the mean of what each of them says.
+    # Along its axis a displacement is linear between the leaf's two sides, across it linear with
+    # the slope at the nearest edge. On a wall it is the wall's. At a point on several leaves, of
+    # which `leaf` is one, it is the mean of theirs.
     grid = fields.balance.grid
     point, leaf = touching(grid, points, leaf)
     walls = walls_beside(grid, leaf)
     local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
     touched = np.abs(np.stack([local, 1.0 - local], axis=2).reshape(walls.shape[:2])) < NEAR
     on_wall = (touched & ~np.isnan(walls[..., 0])).any(axis=1)
-    # Round the corner of a wall stand agents that know nothing of it.
+    # Leaves round the corner of a wall have no side on it: those that have one count alone.
     counts = on_wall | ~np.isin(point, point[on_wall])
     point, leaf, local, walls = point[counts], leaf[counts], local[counts], walls[counts]
     columns = [component(fields, leaf, local, walls, axis) for axis in range(grid.dimension)]
@@ -105,38 +104,41 @@ def displacement_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
 
 
 def component(fields: CellFields, leaf: Ints, local: Floats, walls: Floats, axis: int) -> Floats:
-    """Return u_axis in leaves at places in them, 0 to 1 along each axis."""
+    """Return u_axis in leaves at local coordinates, 0 to 1 along each axis."""
     grid, every = fields.balance.grid, np.arange(len(leaf))
     low, high = (fields.sides[leaf, 2 * axis + end] for end in (0, 1))
     value = np.asarray((1.0 - local[:, axis]) * low + local[:, axis] * high)
     others = [a for a in range(grid.dimension) if a != axis]
+    # Displacement of the wall on the nearer side across each other axis, NaN without one.
     wall = {a: walls[every, 2 * a + (local[:, a] > 0.5), axis] for a in others}
     for across, end in product(others, (0, 1)):
-        loose = np.isnan(wall[across]) & np.isnan(walls[:, 2 * axis + end, axis])
+        unheld = np.isnan(wall[across]) & np.isnan(walls[:, 2 * axis + end, axis])
         along = local[:, axis] if end else 1.0 - local[:, axis]
-        some = np.flatnonzero(loose & (local[:, across] != 0.5) & (along != 0.0))
+        some = np.flatnonzero(unheld & (local[:, across] != 0.5) & (along != 0.0))
         distance = (local[some, across] - 0.5) * grid.length[leaf[some]]
         slope = _slope(fields, leaf[some], axis, across, end, (distance > 0).astype(np.int64))
         value[some] += along[some] * distance * slope
     for across, given in wall.items():
         held = np.flatnonzero(~np.isnan(given))
-        left = 1.0 - np.abs(2.0 * local[held, across] - 1.0)
-        value[held] = given[held] + left * (value[held] - given[held])
+        # Linear from the wall, where the distance is 0, to the middle of the leaf, where it is 1.
+        distance = 1.0 - np.abs(2.0 * local[held, across] - 1.0)
+        value[held] = given[held] + distance * (value[held] - given[held])
     return value
 
 
 def corner_values(fields: CellFields) -> Floats:
     """Return displacements at the leaves' corners (`corner_ends`), shape (2^d, d, leaves)."""
     grid, d = fields.balance.grid, fields.balance.grid.dimension
-    odd, slopes = (grid.beside < 0).any(axis=1), {}
+    # Leaves whose edges all have one plain slope are summed in arrays, the others one by one.
+    irregular, slopes = (grid.beside < 0).any(axis=1), {}
     for pair, edges in grid.edges.items():
         for axis, across, first in ((*pair, True), (*pair[::-1], False)):
             gradients, table = oriented(edges, first)
             own, single = fields.slopes[pair][not first], gradients[0].one_sided
             slopes[axis, across] = np.where(gradients[0].valid, single * own, 0.0), table
             unusual = ~gradients[0].valid | (gradients[0].jump & (edges.modulus > 0))
-            odd |= unusual[table].any(axis=(1, 2))
-    ends, some = corner_ends(d), np.flatnonzero(odd)
+            irregular |= unusual[table].any(axis=(1, 2))
+    ends, some = corner_ends(d), np.flatnonzero(irregular)
     walls = walls_beside(grid, some)
     found = np.empty((len(ends), d, len(grid.leaves)))
     for values, end in zip(found, ends, strict=True):
@@ -152,10 +154,9 @@ def corner_values(fields: CellFields) -> Floats:
 
 
 def _slope(fields: CellFields, leaf: Ints, axis: int, across: int, end: int, near: Ints) -> Floats:
-    """Return ∂u_axis/∂across in leaves, at an end along `axis`, towards the near side."""
-    # At a free surface ∂u_t/∂n follows from the shear strain, which is known there, and ∂u_n/∂t.
-    # The agents below give another one, a little deeper: between them lies what holds from the
-    # agent's middle to the surface.
+    """Return ∂u_axis/∂across in leaves, at an end along `axis`, on the near side across it."""
+    # At a free surface ∂u_t/∂n follows from the given shear stress and ∂u_n/∂t. The edge on the
+    # inner side has another slope; from the leaf's middle to the surface the two are weighted.
     grid, pair = fields.balance.grid, (min(axis, across), max(axis, across))
     edges, first = grid.edges[pair], axis < across
     gradients, table = oriented(edges, first)
@@ -166,23 +167,23 @@ def _slope(fields: CellFields, leaf: Ints, axis: int, across: int, end: int, nea
         weights = slope_weights(edges, gradients, edge, shear[some])
         return np.asarray(weights[0] * own[edge] + weights[1] * other[edge])
 
-    edge = nearest_known(gradients, table[leaf], end, near)
+    edge = nearest_defined(gradients, table[leaf], end, near)
     slope = at(edge, slice(None))
-    bare = np.flatnonzero(gradients[1].valid[edge] & ~gradients[0].valid[edge])
-    slope[bare] += fields.balance.entered.surface_shear[pair][edge[bare]] / shear[bare]
-    inner = table[leaf[bare], end, 1 - near[bare]]
-    meets = (edge[bare] == table[leaf[bare], end, near[bare]]) & gradients[0].valid[inner]
-    meets &= known_slopes(gradients, inner)
-    bare, below = bare[meets], at(inner[meets], bare[meets])
-    slope[bare] = SURFACE_SHARE * slope[bare] + (1.0 - SURFACE_SHARE) * below
+    free = np.flatnonzero(gradients[1].valid[edge] & ~gradients[0].valid[edge])
+    slope[free] += fields.balance.entered.surface_shear[pair][edge[free]] / shear[free]
+    inner = table[leaf[free], end, 1 - near[free]]
+    both = (edge[free] == table[leaf[free], end, near[free]]) & gradients[0].valid[inner]
+    both &= defined_slopes(gradients, inner)
+    free, below = free[both], at(inner[both], free[both])
+    slope[free] = SURFACE_SHARE * slope[free] + (1.0 - SURFACE_SHARE) * below
     return slope
 
 
 def stress_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
     """Return stress tensors at points (units), shape (n, dimension, dimension)."""
-    # Normal stresses run by the differences to neighbours of the same material, shear stresses
-    # between the leaf's edges. Where a point lies on several leaves it is the mean over those of
-    # the material of `leaf`.
+    # Normal stresses are linear with the mean differences to neighbours of the same material, shear
+    # stresses bilinear between the leaf's edges. At a point on several leaves the stress is the
+    # mean of those of the same material as `leaf`.
     grid, d = fields.balance.grid, fields.balance.grid.dimension
     point, touched = touching(grid, points, leaf)
     alike = grid.leaves.kind[touched] == grid.leaves.kind[leaf[point]]
@@ -198,6 +199,7 @@ def stress_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
 
 
 def _along_slopes(grid: CompositeGrid, value: Floats, leaf: Ints, local: Floats) -> Floats:
+    """Return values of leaves at local coordinates, linear with the differences to neighbours."""
     kind, h, total = grid.leaves.kind, grid.length, value[leaf].copy()
     for axis in range(grid.dimension):
         slope, count = np.zeros(len(leaf)), np.zeros(len(leaf))
@@ -212,15 +214,15 @@ def _along_slopes(grid: CompositeGrid, value: Floats, leaf: Ints, local: Floats)
 
 
 def touching(grid: CompositeGrid, points: Floats, leaf: Ints) -> tuple[Ints, Ints]:
-    """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order."""
-    # `leaf` is one of each point.
+    """Return all pairs of a point (units) and a leaf that it lies in or on, sorted."""
+    # `leaf` is one for each point. Others are found in the unit cells diagonally beside the point.
     reach = NEAR * grid.ground.cell
     offset = points - grid.leaves.lower[leaf]
     inner = (offset > reach) & (offset < grid.leaves.size[leaf, None] - reach)
     on_face = np.flatnonzero(~inner.all(axis=1))
     point, touched = [np.arange(len(leaf))], [leaf]
-    for way in product((-1, 1), repeat=grid.dimension):
-        cells = np.floor(points[on_face] + reach * np.array(way)).astype(np.int64)
+    for diagonal in product((-1, 1), repeat=grid.dimension):
+        cells = np.floor(points[on_face] + reach * np.array(diagonal)).astype(np.int64)
         found = grid.leaves.find(cells)
         point.append(on_face[found >= 0])
         touched.append(found[found >= 0])
@@ -229,7 +231,7 @@ def touching(grid: CompositeGrid, points: Floats, leaf: Ints) -> tuple[Ints, Int
 
 
 def _means(point: Ints, values: Floats) -> Floats:
-    """Return the mean of the values of each point; the points are in order."""
+    """Return the mean of the values of each point; the points are sorted."""
     if not len(point):
         return values
     first = np.flatnonzero(np.append(True, point[1:] != point[:-1]))
@@ -239,7 +241,7 @@ def _means(point: Ints, values: Floats) -> Floats:
 
 
 def walls_beside(grid: CompositeGrid, leaf: Ints) -> Floats:
-    """Return how the rigid walls beside leaves move, by side and component; NaN without a wall."""
+    """Return the displacement of rigid walls, shape (leaf, side, component); NaN without one."""
     d = grid.dimension
     given = np.full((len(leaf), 2 * d, d), np.nan)
     for side in range(2 * d):

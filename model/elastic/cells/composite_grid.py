@@ -1,12 +1,11 @@
-"""The faces of leaves of several sizes, and the edges between them.
+"""The composite staggered grid: faces and edges of leaves of several sizes.
 
-Unknown is, as on equal cells, the normal displacement of every face. Where a large leaf
-meets small ones, the small ones' faces are the unknowns and the large leaf's side moves by
-their mean. An edge has a shear strain like any other edge of the staggered grid: the normal
-displacements on its four sides, each taken from the smaller of the leaves there (or from
-the middle of a leaf that reaches round the edge), over the distances between them. All this
-is exact for displacements that vary linearly, so shifts and turns of the whole body strain
-nothing, and the energy's gradient is a symmetric matrix whose forces balance.
+As on equal cells the unknowns are the normal displacements of faces. Where a large leaf meets small
+ones (hanging faces), the small ones' faces are the unknowns, and the displacement of the large
+leaf's side is their mean. The shear strain of an edge takes the normal displacements on its four
+sides, each from the smaller of the leaves there (or from the middle of a leaf that reaches round
+the edge), over the distances between them. All this is exact for linear displacements: rigid
+motions have no strain, and the stiffness matrix is symmetric with forces in balance.
 """
 
 from __future__ import annotations
@@ -62,10 +61,10 @@ class CompositeGrid:
     """Faces, edges and strains of leaves; lengths in the scene's cells."""
 
     length: Floats  # Edge of each leaf. Shape (leaves,)
-    beside: Ints  # A leaf on each side, -1 for none. Shape (leaves, 2·dimension)
-    # The leaf's own face on each side, -1 where smaller ones take its place. Shape as `beside`
+    beside: Ints  # Neighbour on each side, -1 for none. Shape (leaves, 2·dimension)
+    # The leaf's own face on each side, -1 where it has hanging faces. Shape as `beside`
     master: Ints
-    # Leaves and sides with smaller ones before them, and these, in the order of `corner_ends`
+    # Leaves and sides with hanging faces, and the small neighbours, in the order of `corner_ends`
     hanging: tuple[Ints, Ints, Ints]
     mean: sp.csr_array  # Displacement of the leaves' sides. Shape (leaves · 2·dimension, faces)
     axis: Ints  # Normal of every face. Shape (faces,)
@@ -124,7 +123,8 @@ class CompositeGrid:
         self.place[np.arange(self.size), self.axis] += outward * leaves.size[self.owner]
 
     def _number_faces(self) -> None:
-        """Give faces their numbers leaf by leaf: the smaller leaf has one, of two the lower."""
+        """Give every face a number, leaf by leaf."""
+        # The smaller of two leaves owns the face between them, of equal ones the lower.
         other, size = self.beside, self.leaves.size
         there = other >= 0
         alike, upper = there & (size[other] == size[:, None]), np.arange(other.shape[1]) % 2 == 1
@@ -136,9 +136,10 @@ class CompositeGrid:
         self.master[other[leaf, side], side - 1] = self.master[leaf, side]
 
     def _mean_of_faces(self) -> sp.csr_array:
-        """Return the sides' displacements by those of faces, smaller ones counting alike."""
+        """Return sides' displacements by those of faces: the own one, or a mean of hanging ones."""
         self.hanging = self._smaller_beside()
         _, side, fine = self.hanging
+        # One entry in the row of a side with an own face, `many` in that of one with hanging faces.
         whole, many = self.master.ravel() >= 0, fine.shape[1]
         start = np.append(0, np.cumsum(np.where(whole, 1, many)))
         face, weight = np.empty(start[-1], dtype=np.int64), np.ones(start[-1])
@@ -149,10 +150,11 @@ class CompositeGrid:
         return sp.csr_array((weight, face.astype(np.int32), start.astype(np.int32)), shape=shape)
 
     def _smaller_beside(self) -> tuple[Ints, Ints, Ints]:
-        """Return leaves with smaller ones before a side, the side, and these as `corner_ends`."""
+        """Return leaves and sides with hanging faces, and the small neighbours as `corner_ends`."""
         leaf, side = np.nonzero(self.master < 0)
         d, each, size = self.dimension, np.arange(len(leaf)), self.leaves.size[leaf]
         lower = self.leaves.lower[leaf]
+        # The unit cells beyond the side that its 2^(d-1) parts begin with.
         lower[each, side // 2] += np.where(side % 2, size, -1)
         across = np.array([[k for k in range(d) if k != axis] for axis in range(d)])[side // 2]
         fine = np.empty((len(leaf), 1 << (d - 1)), dtype=np.int64)
@@ -169,7 +171,7 @@ class CompositeGrid:
 
     @cached_property
     def kinds(self) -> Ints:
-        """What lies beyond every side: a material, or what is there instead. Shape as `beside`."""
+        """Cell type beyond every side, a material or a boundary. Shape as `beside`."""
         found = self.leaves.kind[self.beside].astype(np.int64)
         for side, beside in enumerate(self.beside.T):
             bare = np.flatnonzero(beside < 0)
@@ -186,14 +188,14 @@ class CompositeGrid:
     def _hold_faces(self) -> None:
         own, sides = (self.owner, self._side), range(2 * self.dimension)
         kind = np.where(self.beside[own] < 0, self.kinds[own], AIR)
-        held, bedded = np.isin(kind, (RIGID, DISPLACED, ROLLER)), kind == FOUNDATION
+        held, founded = np.isin(kind, (RIGID, DISPLACED, ROLLER)), kind == FOUNDATION
         self.state = np.where(held, FIXED, ACTIVE).astype(np.int8)
         given = np.array([self.ground.given(side)[side // 2] for side in sides])
         self.value = np.where(np.isin(kind, (DISPLACED, ROLLER)), given[self._side], 0.0)
-        bed = np.array([self.ground.bed(side) for side in sides])
-        self.spring = np.where(bedded, bed[self._side] * self.area, 0.0)
+        stiffness = np.array([self.ground.foundation(side) for side in sides])
+        self.spring = np.where(founded, stiffness[self._side] * self.area, 0.0)
         support = np.where(self.outer[own], self._side, len(sides))
-        self.support = np.where(held | bedded, support, -1)
+        self.support = np.where(held | founded, support, -1)
 
     def outside(self, point: Ints, side: int) -> Flags:
         """Tell which unit cells lie beyond a side of the array."""
@@ -233,8 +235,8 @@ def _ends_of_leaves(
     leaves: LeafCells, beside: Ints, a: int, b: int
 ) -> tuple[Ints, Ints, Ints, Ints, Ints]:
     """Lay the edges between axes a < b, each as long as the largest leaf round it."""
-    # Returns where every edge begins, its length, the leaves round there, and round its second half
-    # ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and the edges at the ends of leaves
+    # Returns the lower end of every edge, its length, the leaves round its first and second half
+    # ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and every leaf's edges by its ends
     # along a and b.
     n, d = leaves.lower.shape
     leaf, end = np.repeat(np.arange(n), 4), np.tile(np.arange(4), n)
@@ -249,21 +251,23 @@ def _ends_of_leaves(
     round_it = np.stack([leaf, east, north, across])
     plain = np.all((round_it >= 0) & (leaves.size[round_it] == leaves.size[leaf]), axis=0)
     around = np.empty((4, len(leaf)), dtype=np.int64)
-    # A leaf has an edge at its upper end if it lies before it.
+    # From an edge at its upper end a leaf is on the lower side: its quadrant is 3 - end.
     for ahead, other in zip((3, 1, 2, 0), round_it, strict=True):
         around[end ^ ahead, np.arange(len(leaf))] = other
-    odd = np.flatnonzero(~plain)
-    around[:, odd] = _look_round(leaves, point[odd], a, b)
+    irregular = np.flatnonzero(~plain)
+    around[:, irregular] = _look_round(leaves, point[irregular], a, b)
     far, reach = around, leaves.size[leaf]
-    reach[odd] = np.where(around[:, odd] >= 0, leaves.size[around[:, odd]], 0).max(axis=0)
+    reach[irregular] = np.where(
+        around[:, irregular] >= 0, leaves.size[around[:, irregular]], 0
+    ).max(axis=0)
     if d == 3:
         along, far = 3 - a - b, around.copy()
-        point[odd, along] -= point[odd, along] % reach[odd]
-        around[:, odd] = _look_round(leaves, point[odd], a, b)
-        middle = point[odd]
-        middle[:, along] += reach[odd] // 2
-        far[:, odd] = _look_round(leaves, middle, a, b)
-        # Ends in the middle of a longer edge are ends of that.
+        point[irregular, along] -= point[irregular, along] % reach[irregular]
+        around[:, irregular] = _look_round(leaves, point[irregular], a, b)
+        middle = point[irregular]
+        middle[:, along] += reach[irregular] // 2
+        far[:, irregular] = _look_round(leaves, middle, a, b)
+        # An edge that begins in the middle of a longer one is part of that.
         _, first, longer = np.unique(morton(point), return_index=True, return_inverse=True)
         point, reach, around, far = point[first], reach[first], around[:, first], far[:, first]
         number = longer[number]
@@ -322,10 +326,10 @@ def _gradient(
 def _sides_of_edges(
     grid: CompositeGrid, quads: Ints, far: Ints, a: int
 ) -> tuple[Ints, Floats, Floats, Flags]:
-    """Return what u_a is before and behind edges, along b."""
-    # These are the sides of leaves whose displacements count and their weights, the distance
-    # between both, and whether there is any: that of the smaller leaf, or of the middle of one that
-    # reaches round the edge, which moves by the mean of its two sides.
+    """Return the terms of u_a on both sides of edges along b."""
+    # These are rows of `mean` with their weights, the distance of both sides, and whether there is
+    # a leaf on each: the smaller of two, or one that reaches round the edge, whose middle has the
+    # mean displacement of its two sides.
     size, count = grid.leaves.size, quads.shape[1]
     index, weight = np.zeros((count, 4), dtype=np.int64), np.zeros((count, 4))
     offset, present = np.zeros(count), (quads[:2] >= 0) | (quads[2:] >= 0)
@@ -348,7 +352,7 @@ def _sides_of_edges(
 
 
 def _with_concave_corners(edges: Edges, around: Ints, size: Ints) -> Edges:
-    """Put right the edges where one leaf of four is larger."""
+    """Correct the edges where one leaf of four is larger."""
     # The middle of a large leaf stands in for its sides at the edges that hang on it. Where it is
     # met by small leaves on two adjacent sides, both sides do so, and a quarter of a small leaf's
     # area is counted twice, at the corner between them. The corner's weight is less by that

@@ -13,8 +13,8 @@ def interpolation(
     grid: CompositeGrid, points: Floats, leaf: Ints, axis: int
 ) -> tuple[sp.csr_array, Floats]:
     """Return u_axis at points (units), each in or on a leaf, as ``matrix @ u + constant``."""
-    # Along its axis the displacement runs linearly between the leaf's two sides, across it by the
-    # gradients at the edges that are nearest; where these lie on a free surface, by those opposite.
+    # Along its axis the displacement is linear between the leaf's two sides, across it linear with
+    # the gradient at the nearest edge that has one (on a free surface: at the opposite edge).
     leaves = grid.leaves
     local = (points - leaves.lower[leaf]) / leaves.size[leaf, None]
     along = (1.0 - local[:, axis], local[:, axis])
@@ -27,13 +27,14 @@ def interpolation(
             continue
         across, count = a + b - axis, len(edges.modulus)
         gradients, table = oriented(edges, axis == a)
+        # In `rows` the gradients of a pair follow one another, ∂u_a/∂b first.
         offsets = (0, count) if axis == a else (count, 0)
         distance = (local[:, across] - 0.5) * grid.length[leaf]
         apart = np.flatnonzero(distance)
         near = (distance[apart] > 0).astype(np.int64)
         around, shear = table[leaf[apart]], grid.ground.moduli.shear[leaves.kind[leaf[apart]]]
         for end in (0, 1):
-            edge = nearest_known(gradients, around, end, near)
+            edge = nearest_defined(gradients, around, end, near)
             slopes = slope_weights(edges, gradients, edge, shear)
             for gradient, offset, slope in zip(gradients, offsets, slopes, strict=True):
                 share = along[end][apart] * distance[apart] * slope
@@ -46,7 +47,7 @@ def interpolation(
 
 def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Ints]:
     """Return ∂u_a/∂b and ∂u_b/∂a, and the edges of leaves by end along a, then b."""
-    # (a, b) is the pair of the edges, or the pair reversed unless `first`.
+    # (a, b) is the pair of the edges if `first`, else its reverse.
     if first:
         return edges.gradients, edges.of_leaf
     return edges.gradients[::-1], edges.of_leaf.swapaxes(1, 2)
@@ -56,7 +57,7 @@ def slope_weights(
     edges: Edges, gradients: tuple[Gradient, Gradient], edge: Ints, shear: Floats
 ) -> tuple[Floats, Floats]:
     """Return how a leaf's own ∂u_a/∂b at an edge follows from ∂u_a/∂b and ∂u_b/∂a there."""
-    # Where the material changes along b the stress τ is common to both sides, and not the slope:
+    # Where the material changes along b the shear stress τ is continuous, the slope is not:
     # ∂u_a/∂b = τ/μ - ∂u_b/∂a with the leaf's own μ. On a free surface τ is zero.
     own, other = gradients
     valid = own.valid[edge]
@@ -65,36 +66,37 @@ def slope_weights(
     at = np.flatnonzero(own.jump[edge] & (edges.modulus[edge] > 0))
     if len(at):
         ratio = edges.modulus[edge[at]] / shear[at]
-        # Where it changes along both axes, strain and turn are told apart instead.
+        # Where it changes along both axes, only the strain follows from τ; the rotation is kept.
         crossed = other.jump[edge[at]]
         first[at] = np.where(crossed, 0.5 * ratio + 0.5, ratio)
         second[at] = np.where(crossed, 0.5 * ratio - 0.5, ratio - 1.0)
     return first, second
 
 
-def known_slopes(gradients: tuple[Gradient, Gradient], edge: Ints) -> Flags:
-    """Tell at which edges the leaves' slopes are known: not where the material changes twice."""
+def defined_slopes(gradients: tuple[Gradient, Gradient], edge: Ints) -> Flags:
+    """Tell at which edges the leaves' slopes are defined: the material changes once at most."""
     own, other = gradients
-    known = own.valid[edge] | other.valid[edge]
-    return np.asarray(known & ~(own.jump[edge] & other.jump[edge]))
+    defined = own.valid[edge] | other.valid[edge]
+    return np.asarray(defined & ~(own.jump[edge] & other.jump[edge]))
 
 
-def nearest_known(gradients: tuple[Gradient, Gradient], table: Ints, end: int, near: Ints) -> Ints:
-    """Return the nearest edge with a slope: at this end and on the near side, if it has one."""
+def nearest_defined(
+    gradients: tuple[Gradient, Gradient], table: Ints, end: int, near: Ints
+) -> Ints:
+    """Return the nearest edge with a slope, first that at `end` and on the `near` side."""
     edge = table[np.arange(len(near)), end, near]
-    lost = np.flatnonzero(~known_slopes(gradients, edge))
+    missing = np.flatnonzero(~defined_slopes(gradients, edge))
     for other_end, flip in ((0, 1), (1, 0), (1, 1)):
-        candidate = table[lost, end ^ other_end, near[lost] ^ flip]
-        found = known_slopes(gradients, candidate)
-        edge[lost[found]] = candidate[found]
-        lost = lost[~found]
+        candidate = table[missing, end ^ other_end, near[missing] ^ flip]
+        found = defined_slopes(gradients, candidate)
+        edge[missing[found]] = candidate[found]
+        missing = missing[~found]
     return np.asarray(edge)
 
 
 def prolongation(coarse: CompositeGrid, fine: CompositeGrid) -> sp.csr_array:
-    """Return the displacement of the fine faces by that of the coarse ones."""
-    # The leaves of `fine` are those of `coarse` or lie inside of them.
-    # Both stand in the order of their codes, and a child's is not less than its parent's.
+    """Return the matrix that prolongs displacements from coarse faces to fine ones."""
+    # Every leaf of `fine` lies in one of `coarse`, the last whose Morton code is not greater.
     parents = np.searchsorted(coarse.leaves.code, fine.leaves.code, side="right") - 1
     order, blocks = [], []
     for axis in range(fine.dimension):
@@ -102,5 +104,4 @@ def prolongation(coarse: CompositeGrid, fine: CompositeGrid) -> sp.csr_array:
         blocks.append(interpolation(coarse, fine.place[here], parents[fine.owner[here]], axis)[0])
         order.append(here)
     stacked = sp.vstack(blocks, format="csr")
-    back = np.argsort(np.concatenate(order), kind="stable")
-    return sp.csr_array(stacked[back])
+    return sp.csr_array(stacked[np.argsort(np.concatenate(order), kind="stable")])

@@ -29,7 +29,7 @@ _SPREAD = {
         (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249),
     ),
 }  # fmt: skip
-"""How digits move apart, step by step, until there is room for those of the other axes."""
+"""Shifts and masks that interleave binary digits with room for those of the other axes."""
 
 
 def morton(points: Ints) -> Ints:
@@ -53,13 +53,13 @@ class LeafCells:
     kind: Ints  # Material. Shape (n,)
     step: Ints  # Spawning step in which the agent came to be. Shape (n,)
     cause: Floats
-    """Load (N) that its parent left unbalanced; 0 for those that were there from the start, NaN
-    where a parent spawned before it settled or to keep neighbours alike in size. Shape (n,)."""
+    """Load (N) that its parent left unbalanced; 0 for the first agents, NaN where a parent spawned
+    before it settled or to balance the tree (2:1). Shape (n,)."""
     code: Ints  # Morton codes of the lower corners. Shape (n,)
 
     @classmethod
     def of(cls, lower: Ints, size: Ints, kind: Ints, step: Ints, cause: Floats) -> LeafCells:
-        """Return leaves in order."""
+        """Return leaves sorted by their codes."""
         code = morton(lower)
         order = np.argsort(code, kind="stable")
         return cls(lower[order], size[order], kind[order], step[order], cause[order], code[order])
@@ -79,7 +79,7 @@ class LeafCells:
 
     def find(self, points: Ints) -> Ints:
         """Return the leaf that holds each unit cell, -1 where there is none."""
-        # Beyond the array a coordinate has digits that are too high, or a sign.
+        # Coordinates beyond the array have more digits than a code holds, or a sign.
         high = np.bitwise_or.reduce(points, axis=1) >> BITS[self.dimension]
         code = morton(points)
         at = np.searchsorted(self.code, code, "right") - 1
@@ -94,9 +94,9 @@ class LeafCells:
 
     def split(self, chosen: Flags, step: int, cause: Floats) -> LeafCells:
         """Return the leaves with the chosen ones replaced by their children."""
-        # `cause` gives, per leaf, what is noted with its children.
+        # `cause` is that of each leaf's children.
         d = self.dimension
-        # A leaf's children take its place in the order: corner after corner, x the fastest.
+        # Children take their parent's place in the order, x fastest; `child` counts them.
         corners = corner_ends(d)[:, ::-1]
         many = len(corners)
         count = np.where(chosen, many, 1)
@@ -115,9 +115,9 @@ class LeafCells:
         )
 
     def merged(self) -> LeafCells:
-        """Return the leaves with complete families of one kind replaced by their parents."""
+        """Return the leaves coarsened: complete families of one kind become their parents."""
         d, many = self.dimension, 1 << self.dimension
-        # In the order of the codes a family stands together, its first child at its corner.
+        # A family's codes follow one another, the first child's corner being the parent's.
         first = np.arange(max(len(self) - many + 1, 0))
         last = first + many - 1
         whole = np.all(self.lower[first] % (2 * self.size[first, None]) == 0, axis=1)
@@ -144,40 +144,39 @@ class LeafCells:
         return LeafCells(*(column[chosen] for column in columns))
 
     def _too_large_beside(self, young: Ints) -> tuple[Flags, Flags]:
-        """Return which leaves are too large for neighbours among the young, and which of these."""
+        """Mark leaves that are too large beside some `young` ones, and these young ones."""
         chosen, crowded = np.zeros(len(self), dtype=np.bool_), np.zeros(len(young), dtype=np.bool_)
         lower, size, kind = self.lower[young], self.size[young], self.kind[young]
-        for way in product((-1, 0, 1), repeat=self.dimension):
-            if not any(way):
+        for offset in product((-1, 0, 1), repeat=self.dimension):
+            if not any(offset):
                 continue
-            step = np.array(way, dtype=np.int64)
-            other = self.find(np.asarray(lower + step * size[:, None], dtype=np.int64))
-            large = (other >= 0) & (self.size[other] > size)
-            unlike = self.size[other] > 2 * size
-            if np.abs(way).sum() == 1:
-                unlike |= self.kind[other] != kind
-            large &= unlike
+            other = self.find(lower + np.array(offset, dtype=np.int64) * size[:, None])
+            too_large = self.size[other] > 2 * size
+            if np.abs(offset).sum() == 1:  # across a face, where materials may meet
+                too_large |= (self.size[other] > size) & (self.kind[other] != kind)
+            large = (other >= 0) & too_large
             chosen[other[large]] = True
             crowded |= large
         return chosen, crowded
 
     def balanced(self, step: int, young: Flags | None = None) -> LeafCells:
-        """Return leaves of which no two neighbours differ by more than a factor of two."""
-        # Where two materials meet at a face, the leaves on both sides are of one size: small faces
-        # on a stiff large leaf would be held by its soft neighbours only. Where all but some
-        # `young` leaves are known to be balanced, these alone look about.
+        """Return the leaves refined until neighbours differ at most by a factor of two (2:1)."""
+        # Where two materials meet at a face, the leaves on both sides have the same size: hanging
+        # faces of a stiff large leaf would be held by its soft neighbours only. If `young` leaves
+        # are given, all others are balanced already.
         leaves = self
-        looking = np.arange(len(leaves)) if young is None else np.flatnonzero(young)
-        while len(looking):
-            chosen, crowded = leaves._too_large_beside(looking)
+        unchecked = np.arange(len(leaves)) if young is None else np.flatnonzero(young)
+        while len(unchecked):
+            chosen, crowded = leaves._too_large_beside(unchecked)
             if not chosen.any():
                 break
-            fresh, crowd = leaves.code[chosen], leaves.code[looking[crowded]]
-            ends = fresh + leaves.size[chosen] ** self.dimension
+            parent, crowded_code = leaves.code[chosen], leaves.code[unchecked[crowded]]
+            ends = parent + leaves.size[chosen] ** self.dimension
             leaves = leaves.split(chosen, step, np.full(len(leaves), np.nan))
-            at = np.searchsorted(fresh, leaves.code, side="right") - 1
+            # Children have codes from their parent's up to its end.
+            at = np.searchsorted(parent, leaves.code, side="right") - 1
             again = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])
-            # Those beside a leaf that was much too large look once more.
-            again[np.searchsorted(leaves.code, crowd)] = True
-            looking = np.flatnonzero(again)
+            # A leaf may have been more than one halving too large for those beside it.
+            again[np.searchsorted(leaves.code, crowded_code)] = True
+            unchecked = np.flatnonzero(again)
         return leaves

@@ -1,7 +1,7 @@
-"""How forces on agents enter the faces; the twin on equal cells is `kaju.model.elastic.cell_loads`.
+"""Forces on cells of many sizes as loads of faces; for equal cells see `model.elastic.cell_loads`.
 
-Moments are entered by gradients of the displacement at edges, which are exact for turns of
-the whole body whatever the sizes of the agents, so that no moment is lost.
+Couples load the gradients of the displacement at edges. These are exact for rotations of the whole
+body whatever the sizes of the cells, so that no moment is lost.
 """
 
 from __future__ import annotations
@@ -24,31 +24,30 @@ ROUNDING = 1e-9
 
 
 class FaceLoads(NamedTuple):
-    """What the scene's loads put on the faces of agents; scaled."""
+    """The scene's loads on a composite grid; scaled."""
 
     face: Floats  # External force on every face; shape (faces,)
-    # Force that goes straight into what holds the body: the sides of the array, and rigid cells
-    # inside of it; shape (2·dimension + 1, dimension)
+    # Force on walls directly: the sides of the array, then rigid cells inside it; shape
+    # (2·dimension + 1, dimension)
     wall: Floats
-    # Shear stress that loads along the surface put on the edges; shape (edges,)
-    surface_shear: dict[Pair, Floats]
+    surface_shear: dict[Pair, Floats]  # Tangential traction at edges; shape (edges,)
 
 
 def face_loads(grid: CompositeGrid) -> FaceLoads:
-    """Enter the scene's loads into the faces of agents."""
+    """Return the scene's loads on the faces of a grid."""
     entering = _Entering(grid)
     forces = grid.ground.forces(grid.leaves)
-    leaf, way = forces.leaf, forces.direction
+    leaf, direction = forces.leaf, forces.direction
     for axis in range(grid.dimension):
         value = forces.force[:, axis]
-        middle = (way < 0) & (value != 0)
-        normal = (way >= 0) & (way // 2 == axis) & (value != 0)
+        middle = (direction < 0) & (value != 0)
+        normal = (direction >= 0) & (direction // 2 == axis) & (value != 0)
         along = (value != 0) & ~middle & ~normal
         for end in (0, 1):
             entering.push(leaf[middle], 2 * axis + end, 0.5 * value[middle])
-        entering.push(leaf[normal], way[normal], value[normal])
-        for side in np.unique(way[along]):
-            here = along & (way == side)
+        entering.push(leaf[normal], direction[normal], value[normal])
+        for side in np.unique(direction[along]):
+            here = along & (direction == side)
             entering.drag(axis, int(side), leaf[here], value[here])
     uneven = forces.uneven or Portions.none(grid.dimension)
     for side in np.unique(uneven.side):
@@ -58,13 +57,13 @@ def face_loads(grid: CompositeGrid) -> FaceLoads:
 
 
 class _Dragged(NamedTuple):
-    """Leaves with forces along a side."""
+    """Leaves with tangential forces, or couples, on a side."""
 
     axis: int  # axis, normal: Axis of the forces, and normal of the side
     normal: int
     upper: int  # Whether it is the upper one of the two sides
     leaf: Ints  # Shape (n,)
-    # Of the forces about the leaves' middles, positive from `normal` to `axis`; shape (n,)
+    # Couples of the forces about the leaves' middles, positive from `normal` to `axis`; shape (n,)
     moment: Floats
     # outer, inner: Edges of the side, and of the opposite one, at the lower and upper end along
     # `axis`; shape (2, n)
@@ -87,7 +86,7 @@ class _Dragged(NamedTuple):
 
 
 class _Entering:
-    """Forces on sides of leaves, and moments at edges, added up."""
+    """Sums of forces on sides of leaves, and of couples at edges."""
 
     def __init__(self, grid: CompositeGrid) -> None:
         self.grid = grid
@@ -98,7 +97,7 @@ class _Entering:
         self._shear = {p: np.zeros(len(e.modulus)) for p, e in grid.edges.items()}
 
     def loads(self) -> FaceLoads:
-        """Return what has been entered."""
+        """Return the sums as loads of faces."""
         force = self.grid.mean.T @ self._share
         for pair, edges in self.grid.edges.items():
             for gradient, weight in zip(edges.gradients, self._turn[pair], strict=True):
@@ -112,7 +111,7 @@ class _Entering:
 
     def drag(self, axis: int, side: int, leaf: Ints, value: Floats) -> None:
         """Enter forces along `axis` by the side `side`, which is normal to another axis."""
-        # The faces that they drag lie half a leaf below the side: there is a moment with them.
+        # The loaded faces lie half a leaf below the side, so a couple comes with the force.
         normal, upper = divmod(side, 2)
         kind = self.grid.kinds[leaf, side]
         held, inside = _holds(kind), kind >= 0
@@ -123,7 +122,7 @@ class _Entering:
         dragged = self._dragged(axis, normal, upper, leaf, moment)
         for edge in dragged.outer:
             self._slope(dragged, edge, np.where(inside, 0.5 * moment, 0.0))
-        # Smooth walls take no shear either: all of it stays with the body.
+        # Frictionless supports take no shear, like a free surface: the body carries all of it.
         self._drag_surface(dragged.only(np.isin(kind, (AIR, ROLLER, FOUNDATION))))
 
     def turn(self, side: int, leaf: Ints, moment: Floats) -> None:
@@ -147,14 +146,14 @@ class _Entering:
         return _Dragged(axis, normal, upper, leaf, moment, *ends)
 
     def _make_up_at_ends(self, dragged: _Dragged, lost: Floats, running: list[Flags]) -> None:
-        """Make up for moments that were lost where a surface ends; the rest it takes elsewhere."""
+        """Enter couples missing where a surface ends; those that do not fit load the surface."""
         ended = lost != 0.0
-        left = self._make_up(dragged.only(ended)._replace(moment=lost[ended]))
+        remaining = self._make_up(dragged.only(ended)._replace(moment=lost[ended]))
         for edge, runs_on in zip(dragged.outer, running, strict=True):
-            self._tilt(dragged, edge[ended], np.where(runs_on[ended], -left, 0.0))
+            self._tilt(dragged, edge[ended], np.where(runs_on[ended], -remaining, 0.0))
 
     def _drag_surface(self, dragged: _Dragged) -> None:
-        """Note the shear of a surface, and add -moment·∂u_n/∂s."""
+        """Add the traction of a free surface, and the load -moment·∂u_n/∂s along it."""
         axis, normal, upper, leaf, moment, outer, _ = dragged
         length = self.grid.length[leaf]
         stress = moment / length**self.grid.dimension
@@ -169,7 +168,7 @@ class _Entering:
             self._into_wall(leaf, 2 * axis + end, normal, -pull)
             lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
             running.append(runs_on)
-            # The force on the wall stands half a leaf beyond it.
+            # The force on the wall acts half a leaf from it: one more couple.
             held = dragged.only(walled)
             both = self._two_sided(held, held.inner[end], axis)
             there = both | _holds(self.grid.kinds[held.leaf, held.opposite])
@@ -177,7 +176,7 @@ class _Entering:
         self._make_up_at_ends(dragged, lost, running)
 
     def _make_up(self, dragged: _Dragged) -> Floats:
-        """Enter moments that were lost where a surface ends; return what finds no place."""
+        """Enter couples at the opposite side; return those that do not fit."""
         axis, normal, moment = dragged.axis, dragged.normal, dragged.moment
         turns = np.stack(
             [self._free(dragged, e, axis) & self._free(dragged, e, normal) for e in dragged.inner]
@@ -192,7 +191,7 @@ class _Entering:
         return np.where(lifts | turns.any(axis=0), 0.0, moment)
 
     def _lift(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
-        """Enter moments by ∂u/∂n at edges of the opposite side, where a wall may lie beyond."""
+        """Load ∂u/∂n at edges of the opposite side, beyond which a wall may lie."""
         self._slope(dragged, edge, weight)
         side = dragged.opposite
         held = _holds(self.grid.kinds[dragged.leaf, side])
@@ -200,12 +199,12 @@ class _Entering:
         self._into_wall(dragged.leaf, side, dragged.axis, -pull)
 
     def _slope(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
-        """Enter moments by ∂u/∂n of the displacement along the forces."""
+        """Load ∂u/∂n, u along the forces, with couples at edges."""
         turn = self._turn[_pair(dragged.axis, dragged.normal)]
         np.add.at(turn[int(dragged.axis > dragged.normal)], edge, weight)
 
     def _tilt(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
-        """Enter moments by ∂u_n/∂s along the surface."""
+        """Load ∂u_n/∂s, along the surface, with couples at edges."""
         turn = self._turn[_pair(dragged.axis, dragged.normal)]
         np.add.at(turn[int(dragged.axis < dragged.normal)], edge, weight)
 
@@ -215,7 +214,7 @@ class _Entering:
         return sp.csr_array(self.grid.edges[pair].gradients[pair.index(component)].matrix[edge])
 
     def _sums(self, dragged: _Dragged, edge: Ints, component: int) -> tuple[Floats, Floats]:
-        """Return the sum of a gradient's weights, zero with faces on both sides, and their size."""
+        """Return the sums of a gradient's weights (0 if two-sided), and of their sizes."""
         rows = self._rows(dragged, edge, component)
         return np.asarray(rows.sum(axis=1)), np.asarray(abs(rows).sum(axis=1))
 
@@ -230,7 +229,7 @@ class _Entering:
         return np.asarray(self._two_sided(dragged, edge, component) & (held == 0))
 
     def _into_wall(self, leaf: Ints, side: int, axis: int, value: Floats) -> None:
-        """Enter forces along an axis into what lies beyond a side of leaves."""
+        """Add forces along an axis to the wall beyond a side of leaves."""
         wall = np.where(self.grid.outer[leaf, side], side, 2 * self.grid.dimension)
         np.add.at(self._wall[:, axis], wall, value)
 

@@ -1,6 +1,6 @@
-"""The first agents: as large as the body lets them be, and held.
+"""The first cells: as large as the body allows, without rigid motions or hinges.
 
-Supports have to hold every part of it, and its members to carry shear.
+Supports have to resist every rigid motion of each part of the body, and its members to carry shear.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from kaju.model.elastic.supports import unheld
 from kaju.model.scene.cell_types import DISPLACED, RIGID
 
 FREE = 1e-13
-"""A motion that strains supports by less than this share of what another one does is free."""
-HALVED = "were halved"  # How the notes end that tell of halved cells
+"""A rigid motion that is resisted less than the most resisted one by this factor is free."""
+HALVED = "were halved"  # End of notes on halved cells
 
 
 def check_held(balance: Equilibrium) -> None:
-    """Refuse a body of which a part could move without straining."""
+    """Refuse a body if a part of it has a rigid motion that nothing resists."""
     loose = loose_part(balance)
     if loose is not None:
         leaf, motion = loose
@@ -34,8 +34,8 @@ def check_held(balance: Equilibrium) -> None:
 
 
 def loose_part(balance: Equilibrium) -> tuple[int, str] | None:
-    """Return a leaf of a part that could move without straining, and how; None if all are held."""
-    # A rigid motion strains nothing but what holds the body: faces that stay where they are.
+    """Return a leaf of a part with a free rigid motion, and the motion in words, or None."""
+    # With prescribed faces set to rest, a rigid motion strains only the cells at supports.
     grid, d = balance.grid, balance.grid.dimension
     part = _parts(grid)
     modes = rigid_motions(grid, part)
@@ -46,10 +46,10 @@ def loose_part(balance: Equilibrium) -> tuple[int, str] | None:
         of_edge = np.zeros(len(edges.modulus), dtype=np.int64)
         of_edge[edges.of_leaf] = part[:, None, None]
         of_rows.append(of_edge)
-    bed, of_face = grid.spring > 0, part[grid.owner]
+    founded, of_face = grid.spring > 0, part[grid.owner]
     mass = _products(modes, of_face, count)
     resistance = _products(balance.strains @ modes, np.concatenate(of_rows), count)
-    resistance += _products(modes[bed], of_face[bed], count)
+    resistance += _products(modes[founded], of_face[founded], count)
     for number in range(count):
         motion = _free_motion(mass[number], resistance[number], d)
         if motion:
@@ -58,7 +58,7 @@ def loose_part(balance: Equilibrium) -> tuple[int, str] | None:
 
 
 def _products(rows: Floats, part: Ints, count: int) -> Floats:
-    """Return the sums, part by part, of the products of all columns; shape (count, k, k)."""
+    """Return the Gram matrix of the columns for every part, shape (count, k, k)."""
     some = rows.any(axis=1)
     rows, part, k = rows[some], part[some], rows.shape[1]
     total = np.zeros((count, k, k))
@@ -69,7 +69,7 @@ def _products(rows: Floats, part: Ints, count: int) -> Floats:
 
 def rigid_motions(grid: CompositeGrid, part: Ints) -> Floats:
     """Return the faces' displacements in every rigid motion, one column each."""
-    # Every part turns about its own middle, by as much as moves its ends by about one.
+    # Every part turns about its own middle, scaled to a largest displacement of about one.
     d = grid.dimension
     of_face = part[grid.owner]
     place = grid.place / grid.ground.cell
@@ -92,13 +92,13 @@ def _parts(grid: CompositeGrid) -> Ints:
     links = sp.coo_array(
         (np.ones(len(leaf)), (leaf, grid.beside[leaf, side])), shape=(len(grid.leaves),) * 2
     )
-    # A large leaf names only one small neighbour, but each of these names it in turn.
+    # A large leaf lists only one small neighbour, but each of these lists it.
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
 def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
     """Return in words a rigid motion that nothing resists, "" if there is none."""
-    # Only those count that move a face that is free (by its mass).
+    # Generalised eigenvalues of resistance by mass, over the motions that move a free face.
     size, motion = np.linalg.eigh(mass)
     moves = size > 1e-12 * size[-1]
     if size[-1] <= 0:
@@ -116,7 +116,7 @@ def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
 
 
 def slender(grid: CompositeGrid) -> Flags:
-    """Tell which leaves can slide past a neighbour because no edge between them carries shear."""
+    """Return leaves that could slide past a neighbour: no edge between them carries shear."""
     n, d = len(grid.leaves), grid.dimension
     loose = np.zeros(n, dtype=np.bool_)
     rigid = np.isin(grid.kinds, (RIGID, DISPLACED))
@@ -134,7 +134,7 @@ def slender(grid: CompositeGrid) -> Flags:
             table = oriented(edges, axis < across)[1]
             smooth = ~(edges.modulus[table[:, end]] > 0).any(axis=1)
             held = pinned[:, across] & (rigid[:, side] | pinned[other, across])
-            # Between a large leaf and small ones, those tell: the edges between them carry too.
+            # Between a large leaf and small ones the edges of the small ones count.
             divided = (other >= 0) & (grid.length[other] < grid.length)
             sliding = smooth & ((other >= 0) | rigid[:, side]) & ~held & ~divided
             loose |= sliding
@@ -143,12 +143,11 @@ def slender(grid: CompositeGrid) -> Flags:
 
 
 def first_agents(ground: PosedBody) -> tuple[Equilibrium, list[str]]:
-    """Return the first agents, and what is to be noted."""
-    # Members one agent wide and pins get smaller ones.
+    """Return the first cells, halved in members one cell wide and at pins, and notes on these."""
     leaves, notes = ground.start(), list[str]()
     balance = Equilibrium(_stiff(ground, leaves, notes))
     if loose_part(balance) is not None:
-        # Beside rigid cells inside the array, of which a single one is a pin.
+        # Cells beside rigid ones inside the array are halved, since a single one is a pin.
         pinned = ((balance.grid.kinds == RIGID) & ~balance.grid.outer).any(axis=1)
         leaves = balance.grid.leaves.split(pinned, 0, np.zeros(len(pinned))).balanced(0)
         balance = Equilibrium(_stiff(ground, leaves, notes))
@@ -158,7 +157,7 @@ def first_agents(ground: PosedBody) -> tuple[Equilibrium, list[str]]:
 
 
 def _stiff(ground: PosedBody, leaves: LeafCells, notes: list[str]) -> CompositeGrid:
-    """Lay leaves so small that every one is held by its neighbours against sliding."""
+    """Return a grid on which no leaf can slide past its neighbours."""
     grid = CompositeGrid(ground, leaves)
     while True:
         thin = slender(grid)

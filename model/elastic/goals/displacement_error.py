@@ -121,9 +121,9 @@ def displacement_error(
         return run.errors[-1] <= accuracy
 
     off[free] = hierarchy.solve(force, off[free], done).solution
-    bends = curvature.of(off, curvature.resting)
+    second = curvature.of(off, curvature.resting)
     work = float(dot(force, off[free]))
-    whole = work + float(curvature.energy(bends, bends).sum())
+    whole = work + float(curvature.energy(second, second).sum())
     off *= work / whole if whole > 0.0 else 0.0
     far = np.linalg.norm(CellFields(balance, off).displacement, axis=1)
     stiffness = grid.law.shear * grid.length ** (grid.dimension - 2)
@@ -134,8 +134,8 @@ def displacement_error(
 class DisplacementTarget(Target):
     """The largest displacement error anywhere, relative to the largest displacement."""
 
-    def look(self, spawner: RefineLoop) -> Aimed:
-        """Return how far off the agents are, after they have settled."""
+    def estimate(self, spawner: RefineLoop) -> Aimed:
+        """Return the estimated error of settled agents, and the marks for the next generation."""
         balance, square = spawner.balance, spawner.indicator.square
         error = displacement_error(
             balance, spawner.displacement, spawner.indicator, spawner.hierarchy, ROUGHLY

@@ -55,7 +55,7 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import LAST, NestedMultigrid
 from kaju.model.elastic.posed_body import LeafForces, PosedBody
-from kaju.model.elastic.refine.estimator import Bends, Curvature
+from kaju.model.elastic.refine.estimator import Curvature, SecondDifferences
 from kaju.model.elastic.refine.refine_loop import RefineLoop, Target
 from kaju.model.elastic.refine.targets import SPARE, Aimed, Answer
 from kaju.model.results.result import finite
@@ -149,8 +149,8 @@ class GoalTarget(Target):
         self._functionals = [functional_of(quantity, ground) for quantity in quantities]
         self._duals = [[DualSolution() for _ in f.directions] for f in self._functionals]
 
-    def look(self, spawner: RefineLoop) -> Aimed:
-        """Return how far off the agents are, after they have settled."""
+    def estimate(self, spawner: RefineLoop) -> Aimed:
+        """Return the estimated error of settled agents, and the marks for the next generation."""
         grid = spawner.balance.grid
         large = np.any([f.coarse(grid) for f in self._functionals], axis=0)
         large &= grid.leaves.size > grid.ground.smallest
@@ -158,11 +158,11 @@ class GoalTarget(Target):
             return Aimed(inf, large.astype(np.float64), large, 0.0)
         fields = CellFields(spawner.balance, spawner.displacement)
         curvature = Curvature(spawner.balance)
-        bends = curvature.of(spawner.displacement)
+        second = curvature.of(spawner.displacement)
         answers, parts = [], []
         for functional, duals in zip(self._functionals, self._duals, strict=True):
             value = functional.of(fields)
-            errors, part = _estimated(value, duals, spawner, curvature, bends)
+            errors, part = _estimated(value, duals, spawner, curvature, second)
             error = float(np.linalg.norm(errors)) + value.sampling_error
             scale = value.scale or 1.0
             answers.append(Answer(value.value, error, error / scale, scale))
@@ -295,10 +295,14 @@ def _certain(answer: Answer, found: list[FunctionalBounds] | str) -> Answer:
 
 
 def _estimated(
-    value: Value, duals: list[DualSolution], spawner: RefineLoop, curvature: Curvature, bends: Bends
+    value: Value,
+    duals: list[DualSolution],
+    spawner: RefineLoop,
+    curvature: Curvature,
+    second: SecondDifferences,
 ) -> tuple[list[float], Floats]:
     """Return the errors of a quantity's components, and what every agent adds at most."""
-    # `bends` are the second differences of the settled displacement.
+    # `second` are the second differences of the settled displacement.
     balance, squares = spawner.balance, spawner.indicator.square
     errors, part, free = [], np.zeros(len(squares)), balance.free
     for row, dual in enumerate(duals):
@@ -306,12 +310,12 @@ def _estimated(
         z = np.zeros(balance.grid.size) if value.held is None else value.held[row].copy()
         z[free] = dual.of(derivative, balance, spawner.hierarchy)
         walls = curvature.resting if value.walls is None else value.walls[row]
-        dual_bends = curvature.of(z, walls)
-        own = curvature.energy(dual_bends, dual_bends)
+        dual_second = curvature.of(z, walls)
+        own = curvature.energy(dual_second, dual_second)
         whole = float(dot(derivative, z[free]))
         square = float(own.sum()) / whole if whole > 0.0 else 0.0
         dual.off = min(sqrt(square), 1.0)
-        both = curvature.energy(bends, dual_bends)
+        both = curvature.energy(second, dual_second)
         # The body's own stiffness, K + C'C, yields less to a force than K alone.
         error = 0.5 * (abs(float(both.sum())) + float(np.abs(both).sum())) / (1.0 + square)
         errors.append(FACTOR * error)

@@ -285,7 +285,8 @@ _NO_GHOSTS = np.zeros((0, 2))
 
 def is_box(problem: ElasticProblem) -> bool:
     """Tell whether a body is a full box of one material, sides of one kind, to be coarsened."""
-    if any(n % 2 or n < FEWEST for n in problem.shape):
+    # Edge moduli that are given do not follow from the cells, so coarse cells would lose them.
+    if problem.edges is not None or any(n % 2 or n < FEWEST for n in problem.shape):
         return False
     inside = problem.kinds[problem.inner]
     if inside.flat[0] < 0 or not np.all(inside == inside.flat[0]):

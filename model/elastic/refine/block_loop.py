@@ -1,8 +1,8 @@
-"""Agents that spawn in blocks, on a forest.
+"""Adaptive refinement by blocks of agents, on a forest.
 
-Agents and blocks are smoothed one after the other, so an iteration that ends early is not quite
-symmetric, and of two agents that leave alike only one might spawn. Where body, supports and
-loads are symmetric, a displacement and its image are therefore replaced by their mean.
+Gauss-Seidel smoothing goes through agents and blocks in order, so an iteration that ends early is
+not quite symmetric, and of two mirror images only one might be marked. Where body, supports and
+loads are symmetric, a displacement is therefore replaced by the mean of itself and its image.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
-from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, bracket_of
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields
 from kaju.model.elastic.cells.leaf_cells import LeafCells, morton
@@ -26,7 +25,7 @@ from kaju.model.elastic.multigrid.block_types import PLACES
 from kaju.model.elastic.multigrid.blocks import BlockOperator, Window
 from kaju.model.elastic.multigrid.forest import ACROSS, Forest, first_forest, offsets
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
-from kaju.model.elastic.multigrid.nested import WORST, relative_error
+from kaju.model.elastic.multigrid.nested import WORST
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.problem import is_rubber
 from kaju.model.elastic.refine.estimator import Indicator
@@ -37,28 +36,28 @@ from kaju.model.scene.cell_types import RIGID, ROLLER
 
 LAST = 1e-9  # The last generation's forces balance to this share of the loads
 ON_THE_WAY = 0.07
-"""Every generation is solved to this share of the error before, the last one further."""
+"""Every generation is iterated to this share of the error before, the last one further."""
 CYCLE = {2: 0.1, 3: 0.25}
-"""Share of an error, smooth like that of children who begin as their parents, left by a cycle."""
+"""Share of a smooth error, like that of a prolonged displacement, left by a V-cycle."""
 FEWEST = {2: 1.0, 3: 0.5}
 """Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
 SPREAD = 3.0  # Agents, of which fewer are expected at least, are about this many times more
-AT_ONCE = 2_000  # Blocks of which the stresses are worked out at a time
+AT_ONCE = 2_000  # Blocks whose stresses are worked out together
 MANY, FIRST = {2: 12_000, 3: 3_000}, 3_000
-"""Of fewer expected agents each may as well stand for itself, unless there are so many first."""
+"""With fewer expected agents single ones are as quick, unless there are so many first agents."""
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
 """The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
-CONTRAST = 100.0  # Of materials, up to which the parents' own stiffness serves as a coarse level
-ROUNDING = 1e-12  # Loads that differ by less from their images, of the largest, are alike
+CONTRAST = 100.0  # Of materials, up to which the law on coarse cells serves as a coarse level
+ROUNDING = 1e-12  # Loads that differ from their images by less, of the largest, are symmetric
 
 
 def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
     """Return the first blocks for a scene; None where single agents do better."""
-    # These do what blocks cannot do yet: bodies on foundations or with displaced sides, materials
-    # of a contrast above 100 or nearly incompressible. They also stand where a tolerance asks for
-    # few agents, or fewer than the first blocks hold, for instance in bodies of fine shape.
+    # Blocks know no foundations, prescribed displacements, contrasts above 100, or nearly
+    # incompressible materials. Single agents are also quicker where few are needed, or fewer than
+    # the first blocks hold, for instance in bodies of fine shape.
     moduli, scene = ground.moduli, ground.scene
     conditions = [scene.side_condition(name) for name in scene.lattice.sides]
     unusual = any(c.displacement is not None or c.stiffness for c in conditions)
@@ -75,10 +74,7 @@ def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
 
 
 class BlockSpawning(Spawning):
-    """Agents that stand in blocks, and how they came to be.
-
-    What stands agent by agent is laid out when it is asked for.
-    """
+    """Agents in blocks, and their generations; arrays over agents are made on demand."""
 
     def __init__(
         self, blocks: BlockOperator, u: Floats, root: Root, allowed: float, **ended: Any
@@ -89,7 +85,7 @@ class BlockSpawning(Spawning):
 
     @cached_property
     def leaves(self) -> LeafCells:
-        """The agents, with the loads (N) for which they spawned."""
+        """The agents, with the load (N) of their parent for which they spawned."""
         cells = self.blocks.forest.agents
         cause, unit = cells.cause.copy(), self.ground.scales.force
         for step in range(1, len(self.generations)):
@@ -101,7 +97,7 @@ class BlockSpawning(Spawning):
 
     @property
     def ground(self) -> PosedBody:
-        """What they stand on."""
+        """The posed body."""
         return self.blocks.forest.ground
 
     @cached_property
@@ -119,7 +115,7 @@ class BlockSpawning(Spawning):
         return self._window.displacement(self.u)
 
     def near(self, agent: Ints) -> tuple[CellFields, Ints]:
-        """Return the fields of agents and of those about them, and which of these they are."""
+        """Return fields of a window that holds agents, and their places in it."""
         forest = self.blocks.forest
         block = forest.leaves[np.unique(agent // len(forest.corners))]
         around = forest.with_neighbours(block)
@@ -154,7 +150,7 @@ class BlockSpawning(Spawning):
         return np.concatenate(parts)
 
     def boxes(self) -> BoundCells:
-        """Return the agents as bounds see them."""
+        """Return the agents as energy bounds need them."""
         u = self.u.copy()
         self.blocks.fill_coarse(u)
         return boxes_of_blocks(self.blocks, u)
@@ -175,9 +171,9 @@ class BlockSpawning(Spawning):
 
     @property
     def aimed(self) -> Aimed:  # type: ignore[override]
-        """The error that the tolerance is about, and who contributes to it."""
-        nobody = np.zeros(self.blocks.forest.count, dtype=np.bool_)
-        return Aimed(self.error, self.indicator.square, nobody, self._allowed)
+        """The error that the tolerance limits, and the agents' contributions to it."""
+        unmarked = np.zeros(self.blocks.forest.count, dtype=np.bool_)
+        return Aimed(self.error, self.indicator.square, unmarked, self._allowed)
 
 
 def spawner_of(
@@ -187,7 +183,7 @@ def spawner_of(
     aim: Target | None = None,
     previous: Spawning | None = None,
 ) -> RefineLoop:
-    """Return agents that will spawn: in blocks, where these can do what is asked."""
+    """Return a loop over blocks where these serve, or else over single agents."""
     forest = blocks_for(ground, tolerance) if aim is None else None
     most = most_agents or (MOST_AGENTS if forest is None else IN_BLOCKS)[ground.dimension]
     if forest is not None and forest.count <= most:
@@ -197,7 +193,7 @@ def spawner_of(
 
 
 class BlockLoop(RefineLoop):
-    """Blocks of agents that spawn together; see `RefineLoop`."""
+    """Agents that spawn block by block, on a forest; see `RefineLoop`."""
 
     def __init__(
         self,
@@ -207,7 +203,7 @@ class BlockLoop(RefineLoop):
         previous: BlockSpawning | None = None,
     ) -> None:
         super().__init__(forest.ground, tolerance, most_agents)
-        self._rest = CYCLE[forest.dimension]
+        self._reduction = CYCLE[forest.dimension]
         self._mirrors: tuple[int, ...] = ()
         if previous is None:
             blocks = BlockOperator(forest)
@@ -239,7 +235,7 @@ class BlockLoop(RefineLoop):
 
     @property
     def sharp(self) -> Ints:
-        """Which blocks are at points where stress has no limit."""
+        """Blocks at points where stress is singular."""
         return np.unique(self.blocks.forest.holding(self.ground.sharp)[0])
 
     def outcome(self) -> BlockSpawning:
@@ -249,7 +245,7 @@ class BlockLoop(RefineLoop):
         return BlockSpawning(*own, **self._ended(levels))
 
     def _stand(self, blocks: BlockOperator, old: Floats | None = None) -> None:
-        """Take blocks for the agents of this generation, `old` being how those before moved."""
+        """Set the blocks of this generation, at the displacement `old` of the last, prolonged."""
         self.blocks = blocks
         self.multigrid = BlockCycle(blocks, self.root)
         self.displacement = (
@@ -262,12 +258,13 @@ class BlockLoop(RefineLoop):
         split[before.leaves[marked]] = True
         self._stand(BlockOperator(before.refined(split, len(self.generations))), self.displacement)
 
-    def _settle(self, *, for_good: bool) -> Iteration:
-        share = min(ON_THE_WAY * self.error, WORST)  # of which one more cycle leaves a part
+    def _solve(self, *, for_good: bool) -> tuple[Iteration, float]:
+        # Corrections estimate the error before the last cycle, which has reduced it once more.
+        share = min(ON_THE_WAY * self.error, WORST)
 
         def done(run: Iteration) -> bool:
             if not for_good:
-                return self._rest * run.errors[-1] <= share
+                return self._reduction * run.errors[-1] <= share
             return max(run.residuals[-1], run.errors[-1]) <= LAST
 
         load, u = self.blocks.load, self.displacement
@@ -276,33 +273,31 @@ class BlockLoop(RefineLoop):
             self.multigrid = BlockCycle(self.blocks, self.root, np.float64)
             run = self.multigrid.solve(load, u, done)
         symmetrise(self.blocks, u, self._mirrors)
-        self._look(self._rest * run.errors[-1])
-        return run
+        return run, self._reduction * run.errors[-1]
 
-    def _look(self, algebraic: float) -> None:
+    def _estimate(self) -> tuple[float, Floats, Floats]:
         u, loaded = self.displacement, self.blocks.loaded
-        self.energy = 0.5 * dot(self.blocks.load[loaded].ravel(), u[loaded].ravel())
+        energy = 0.5 * dot(self.blocks.load[loaded].ravel(), u[loaded].ravel())
         self.blocks.fill_coarse(u)
-        self.square, self.left = self.blocks.errors(u)
-        self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
-        self.aimed = self.aim.look(self)
+        return energy, *self.blocks.errors(u)
 
-    def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
-        return bracket_of(boxes_of_blocks(self.blocks, self.displacement), settled)
+    def _bound_cells(self) -> BoundCells:
+        return boxes_of_blocks(self.blocks, self.displacement)
 
 
 def mirrors(blocks: BlockOperator) -> tuple[int, ...]:
-    """Return the axes along which body, supports and loads of the first blocks are symmetric."""
+    """Return the axes along which body, supports and loads are symmetric."""
     forest = blocks.forest
     found = []
     largest = float(np.abs(blocks.load).max(initial=0.0))
     for axis in range(forest.dimension):
-        partner, turned = partners(forest, axis), offsets(forest.dimension)
+        partner, mirrored = partners(forest, axis), offsets(forest.dimension)
         if (partner < 0).any():
             continue
-        turned[:, axis] *= -1
-        way = (turned + 1) @ 3 ** np.arange(forest.dimension)
-        alike = np.array_equal(forest.kinds[forest.leaves][:, way], forest.kinds[partner])
+        # Column of every mirrored offset: offsets (-1, 0, 1) are counted in base three.
+        mirrored[:, axis] *= -1
+        column = (mirrored + 1) @ 3 ** np.arange(forest.dimension)
+        alike = np.array_equal(forest.kinds[forest.leaves][:, column], forest.kinds[partner])
         off = np.abs(_image(blocks, blocks.load, axis, partner) - blocks.load[forest.leaves])
         off *= blocks.types.mask[blocks.type_of[1, forest.leaves]]
         if alike and float(off.max(initial=0.0)) <= ROUNDING * largest:
@@ -313,6 +308,7 @@ def mirrors(blocks: BlockOperator) -> tuple[int, ...]:
 def partners(forest: Forest, axis: int) -> Ints:
     """Return the images of the leaf blocks along an axis, -1 where there is none."""
     lower, size = forest.lower[forest.leaves], forest.size[forest.leaves] * ACROSS
+    # The image's lower corner is the mirrored upper one; it is found among the sorted codes.
     image = lower.copy()
     ends = lower[:, axis] + size
     image[:, axis] = lower[:, axis].min() + ends.max() - ends
@@ -323,7 +319,7 @@ def partners(forest: Forest, axis: int) -> Ints:
 
 
 def symmetrise(blocks: BlockOperator, u: Floats, axes: tuple[int, ...]) -> None:
-    """Replace a displacement by the mean of itself and its images: in place."""
+    """Replace a displacement by the mean of itself and its images, in place."""
     leaves = blocks.forest.leaves
     for axis in axes:
         partner = partners(blocks.forest, axis)
@@ -340,7 +336,7 @@ def _image(blocks: BlockOperator, u: Floats, axis: int, partner: Ints) -> Floats
     kernels.exchange_halos(u, blocks.forest.beside, blocks.layout.halo)
     own = u[partner].reshape(len(partner), d, *(PLACES,) * d)
     image = np.flip(own, axis=axis + 2).copy()
-    # A cell's lower face is its image's upper one, and moves the other way.
+    # A cell's lower face is its image's upper one (one place on), with the opposite displacement.
     normal = np.roll(image[:, axis], 1, axis=axis + 1)
     image[:, axis] = -normal
     return image.reshape(len(partner), d, -1)

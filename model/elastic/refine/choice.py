@@ -1,8 +1,8 @@
 """`kaju.solve` with a tolerance and no strategy: equal cells, or agents that spawn.
 
 The scene's own cells are solved first, unless these are more than agents would be. Their error
-tells how many of a smaller size it takes: where nothing is local these are few, and they are
-solved. Elsewhere, or when they turn out to be more, agents spawn.
+tells how many cells of a smaller size the tolerance needs: where the solution is smooth these are
+few, and they are solved. Otherwise, or when more turn out to be needed, agents spawn.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from kaju.errors import ConvergenceError, SceneError
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
 from kaju.model.elastic.bounds.energy_bounds import worth_proving
-from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.posed_body import face_keys
@@ -29,30 +28,30 @@ from kaju.model.scene import Scene
 from kaju.model.scene.selection import AppliedLoads
 from kaju.stopping import interrupt_requested
 
+Method = Literal["box", "matrices", "pressures"]
+"""Multigrid of equal cells on full boxes, on other bodies, and in mixed form (rubber)."""
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
-"""An agent, spawned generation by generation, costs as much as so many equal cells."""
-SPARE = 0.9  # Cells are chosen for this share of the tolerance
-STRIDE = {2: 4, 3: 2}
-"""Cells this many times smaller tell how the error falls, where many more may be needed."""
-QUICK = {2: 100_000, 3: 20_000}  # So few cells are solved without finding out
-ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
-"""Powers of the cells' size with which the error is taken to fall: before it is known, the
-least and the greatest."""
-DIVISIONS = sorted({1, *(1 << n for n in range(1, 15)), *(3 << n for n in range(14))})
-"""How often a cell may be divided; even numbers suit multigrid."""
+"""An agent, spawned generation by generation, costs as much as this many equal cells."""
 MOST_CELLS: dict[Method, int] = {"box": 40_000_000, "matrices": 8_000_000, "pressures": 1_000_000}
 """More equal cells do not fit in some 10 GB, and are not considered."""
-Method = Literal["box", "matrices", "pressures"]
-"""Equal cells of full boxes, of other bodies, and with pressures of their own (rubber)."""
+SPARE = 0.9  # Cells are chosen for this share of the tolerance
+STRIDE = {2: 4, 3: 2}
+"""Refinement of the second run, which measures the order of convergence for the next ones."""
+QUICK = {2: 100_000, 3: 20_000}  # Up to so many cells are solved without measuring the order first
+ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
+"""Order of convergence: assumed before it is measured, and the least and greatest accepted."""
+DIVISIONS = sorted({1, *(1 << n for n in range(1, 15)), *(3 << n for n in range(14))})
+"""How often a cell may be divided; even numbers suit multigrid."""
 
 
 class UniformRefinement:
-    """Runs with equal cells, one finer than the other, until one is within the tolerance.
+    """Solutions with equal cells, each finer than the last, until one is within the tolerance.
 
-    None is smaller than the cells that describe the body (`resolution`). The first run continues
-    from a previous answer. Cells are divided even where smaller ones make round shapes rounder and
-    point loads sharper if `divides`. `last` is the finest answer so far; `error` its own estimate
-    in the energy norm, or what the energy of the answer before tells, if that is more.
+    No cell is smaller than `resolution` allows. The first solution starts from a previous answer.
+    If `divides`, cells are divided even where the refined scene differs from the given one (round
+    shapes become rounder, point loads sharper). `last` is the finest answer so far; `error` its
+    estimate in the energy norm, or that from the change of energy since the answer before, if
+    larger.
     """
 
     def __init__(
@@ -69,8 +68,8 @@ class UniformRefinement:
         self._divides = divides
         self.last: ElasticResult | None = None
         self.error = inf
-        self._order: float | None = None
-        self._estimated = 0
+        self._order: float | None = None  # of convergence, once measured
+        self._agents_estimated = 0  # of the first answer whose estimate kept the tolerance
         self.method: Method = "box" if scene.uniform else "matrices"
         if is_rubber(scene_moduli(scene), scene.plane):
             self.method = "pressures"
@@ -78,50 +77,50 @@ class UniformRefinement:
         self._cells = float(np.prod((upper - lower).astype(np.float64)))
         self._allowed = DIVISIONS
         if resolution is not None:
-            within = [k for k in DIVISIONS if k < resolution and resolution % k == 0]
-            self._allowed = (
-                [*within, resolution] if self._poses_the_same(resolution) else [resolution]
-            )
+            coarser = [k for k in DIVISIONS if k < resolution and resolution % k == 0]
+            same = self._poses_the_same(resolution)
+            self._allowed = [*coarser, resolution] if same else [resolution]
 
     @property
     def cells(self) -> float:
-        """How many cells are expected to do; infinite if none can."""
-        return inf if not self._allowed else self._count(self._last_division())
+        """Expected number of cells that keep the tolerance; infinite if none can."""
+        return self._count(self._needed_division()) if self._allowed else inf
 
-    @property
-    def fit(self) -> bool:
-        """Whether so many can be solved."""
-        return self.cells <= MOST_CELLS[self.method]
+    def run(self, most: float) -> ElasticResult | None:
+        """Return the first answer that suffices; None if more than `most` cells are expected."""
+        while self.cells <= MOST_CELLS[self.method]:
+            restarts = self.previous is not None and self.last is None
+            if self.cells > most and not restarts:
+                return None
+            answer = self._step()
+            if answer is not None:
+                return answer
+        return None
 
-    @property
-    def continues(self) -> bool:
-        """Whether a previous answer waits to be continued."""
-        return self.previous is not None and self.last is None and bool(self._allowed)
-
-    def step(self) -> ElasticResult | None:
-        """Run once; return the answer if it is within the tolerance, or the finest allowed."""
-        division = self._last_division()
-        many = self.cells > QUICK[self.scene.lattice.dimension]
-        if self.last is not None and self._order is None and many:
-            stride = STRIDE[self.scene.lattice.dimension]
-            division = self._at_least(min(division, stride * self.last.subdivision))
+    def _step(self) -> ElasticResult | None:
+        """Solve once; return the answer if it is within the tolerance, or the finest allowed."""
+        dimension = self.scene.lattice.dimension
+        division = self._needed_division()
+        if self.last is not None and self._order is None and self.cells > QUICK[dimension]:
+            measuring = STRIDE[dimension] * self.last.subdivision
+            division = self._at_least(min(division, measuring))
         result = self._solved(division)
         if result is None:
             self._allowed = []
             return None
-        self._learn(result)
+        self._measure(result)
         if interrupt_requested() or division == self.resolution:
             return result
-        if self.error <= self.tolerance:
-            # It is to be proved as well, if that can be.
-            self._estimated = self._estimated or result.agents
-            dimension = self.scene.lattice.dimension
-            bound = result.error_bound if result.provable else None
-            if bound is None or bound <= self.tolerance:
-                return result
-            if not worth_proving(result.agents << dimension, self._estimated, dimension):
-                return result
-            self.error = bound
+        if self.error > self.tolerance:
+            return None
+        # The estimate keeps the tolerance; one more refinement may prove it, if that is cheap.
+        self._agents_estimated = self._agents_estimated or result.agents
+        bound = result.error_bound if result.provable else None
+        if bound is None or bound <= self.tolerance:
+            return result
+        if not worth_proving(result.agents << dimension, self._agents_estimated, dimension):
+            return result
+        self.error = bound
         return None
 
     def _count(self, division: int) -> float:
@@ -130,8 +129,8 @@ class UniformRefinement:
     def _at_least(self, division: float) -> int:
         return next((k for k in self._allowed if k >= division), self._allowed[-1])
 
-    def _last_division(self) -> int:
-        """Return how often cells are expected to be divided in the end."""
+    def _needed_division(self) -> int:
+        """Return the division at which the error is expected to keep the tolerance."""
         if self.last is None:
             return self._at_least(1 if self.previous is None else self.previous.subdivision)
         ratio = self.error / (SPARE * self.tolerance)
@@ -139,7 +138,7 @@ class UniformRefinement:
         return self._at_least(max(needed, self.last.subdivision + 1))
 
     def _solved(self, division: int) -> ElasticResult | None:
-        """Return the answer of cells so small, None if they cannot do."""
+        """Return the answer on cells of a division, None if they pose another problem or fail."""
         if division not in (1, self.resolution) and not self._poses_the_same(division):
             return None
         try:
@@ -150,8 +149,8 @@ class UniformRefinement:
                 raise
             return None
 
-    def _learn(self, result: ElasticResult) -> None:
-        """Note how many cells there are, how far off they are, and how fast the error falls."""
+    def _measure(self, result: ElasticResult) -> None:
+        """Take an answer as the last, and measure its error and the order of convergence."""
         last, self.last = self.last, result
         division = result.subdivision
         self._cells = float(result.agents) / division**self.scene.lattice.dimension
@@ -161,14 +160,13 @@ class UniformRefinement:
         finer = division / last.subdivision
         order = log(max(last.error_estimate, self.error) / self.error) / log(finer)
         self._order = min(max(order, SLOWEST), FASTEST)
-        # Energies differ by squares of errors, that of the coarser cells less ours, which is the
-        # (finer²)th part of it at least.
+        # Energies differ by the squares of the errors, e_c² - e_f² with e_c ≤ finer · e_f (order ≤
+        # 1), so e_f² is at least their difference by finer² - 1.
         gap = abs(last.strain_energy / result.strain_energy - 1.0)
         self.error = max(self.error, sqrt(gap / (finer**2 - 1.0)))
 
     def _poses_the_same(self, division: int) -> bool:
-        """Tell whether smaller cells are of the same body under the same loads."""
-        # Round shapes become rounder on smaller cells, and loads at points sharper.
+        """Tell whether the refined scene is the same body under the same loads."""
         if division == 1 or self._divides:
             return True
         if self._count(division) > MOST_CELLS[self.method]:
@@ -184,27 +182,31 @@ class UniformRefinement:
 
 
 def same_loads(scene: Scene, fine: Scene, division: int, stage: int | None) -> bool:
-    """Tell whether the loads on smaller cells are those of the scene's cells, evenly spread."""
-    whole, parts = _added_up(scene, stage), _added_up(fine, stage)
-    inside = parts.direction < 0
-    axis, upper = np.divmod(parts.direction, 2)
-    cells, offset = np.divmod(parts.cells, division)
+    """Tell whether the loads on refined cells are those of the scene's cells, evenly spread."""
+    coarse_loads, fine_loads = _summed_loads(scene, stage), _summed_loads(fine, stage)
+    d = scene.lattice.dimension
+    # Every fine load has to lie on the loaded face of the coarse cell that it is in.
+    inside = fine_loads.direction < 0
+    axis, upper = np.divmod(fine_loads.direction, 2)
+    cells, offset = np.divmod(fine_loads.cells, division)
     depth = offset[np.arange(len(axis)), axis]
     on_face = inside | (depth == upper * (division - 1))
-    key = face_keys(scene.lattice, cells, parts.direction)
-    known = face_keys(scene.lattice, whole.cells, whole.direction)
-    at = np.minimum(np.searchsorted(known, key), max(len(known) - 1, 0))
-    d = scene.lattice.dimension
-    count = (float(division) ** np.where(whole.direction < 0, d, d - 1)).sum()
-    if len(key) != count or not np.all(on_face) or not np.array_equal(known[at], key):
+    # The coarse load of every fine one, by bisection in the sorted keys.
+    key = face_keys(scene.lattice, cells, fine_loads.direction)
+    coarse_key = face_keys(scene.lattice, coarse_loads.cells, coarse_loads.direction)
+    at = np.minimum(np.searchsorted(coarse_key, key), max(len(coarse_key) - 1, 0))
+    # Together they have to cover every coarse face or cell completely.
+    count = (float(division) ** np.where(coarse_loads.direction < 0, d, d - 1)).sum()
+    if len(key) != count or not np.all(on_face) or not np.array_equal(coarse_key[at], key):
         return False
     share = float(division) ** -np.where(inside, d, d - 1)
-    largest = np.abs(whole.force).max(initial=0.0)
-    return bool(np.all(np.abs(parts.force / share[:, None] - whole.force[at]) <= 1e-9 * largest))
+    largest = np.abs(coarse_loads.force).max(initial=0.0)
+    difference = np.abs(fine_loads.force / share[:, None] - coarse_loads.force[at])
+    return bool(np.all(difference <= 1e-9 * largest))
 
 
-def _added_up(scene: Scene, stage: int | None) -> AppliedLoads:
-    """Return the loads with those on one face of a cell added up, in the order of their keys."""
+def _summed_loads(scene: Scene, stage: int | None) -> AppliedLoads:
+    """Return the loads, those on the same face of a cell summed, in the order of their keys."""
     applied = scene.applied(stage)
     keys = face_keys(scene.lattice, applied.cells, applied.direction)
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
@@ -223,29 +225,26 @@ def solve_cheaply(
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
     """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper."""
-    # Arguments and errors are those of `kaju.solve`. The scene's cells may be divided; equal cells
-    # are considered only if they pose the same problem when they are. As many as in the previous
-    # answer are tried first. The answer's notes say what was chosen, and why.
+    # Arguments and errors are those of `kaju.solve`. Equal cells are considered only if the refined
+    # scene poses the same problem; first as many as in the previous answer. The answer's notes say
+    # what was chosen, and why.
     start = perf_counter()
     check_numbers(tolerance, resolution)
     cells = UniformRefinement(scene, tolerance, resolution, stage, previous)
     d = scene.lattice.dimension
     expected = SPREAD * FEWEST[d] / tolerance**d
     allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[d])
-    most = WORTH[cells.method] * expected if allowed else inf
-    while cells.fit and (cells.continues or cells.cells <= most):
-        equal = cells.step()
-        if equal is not None:
-            taken = (
-                f"{equal.agents:,} equal cells were taken for a tolerance of {tolerance:g}; of "
-                f"agents that spawn about {expected:,.0f} were expected"
-            )
-            said = [taken, *above_note(equal, tolerance)]
-            return with_notes(equal, said, tolerance, perf_counter() - start)
-    told = f"about {cells.cells:,.0f} equal cells were expected"
+    equal = cells.run(most=WORTH[cells.method] * expected if allowed else inf)
+    if equal is not None:
+        taken = (
+            f"{equal.agents:,} equal cells were taken for a tolerance of {tolerance:g}; of "
+            f"agents that spawn about {expected:,.0f} were expected"
+        )
+        return _finished(equal, [taken, *_missed_note(equal, tolerance)], tolerance, start)
+    reason = f"about {cells.cells:,.0f} equal cells were expected"
     if cells.cells == inf:
-        told = "equal cells would not pose the same problem, or not be solved"
-    note = f"agents were taken for a tolerance of {tolerance:g}; {told}"
+        reason = "equal cells would not pose the same problem, or not be solved"
+    note = f"agents were taken for a tolerance of {tolerance:g}; {reason}"
     return solve_spawning(
         scene, tolerance, resolution, stage=stage, most_agents=most_agents, note=note
     )
@@ -261,33 +260,30 @@ def solve_equal(
 ) -> ElasticResult:
     """Solve a scene by equal cells that are small enough for a tolerance.
 
-    With a resolution all cells are as small as that. Where their error is above the tolerance,
-    however small, the answer's notes say so; their equations are solved to it at least.
+    With a resolution all cells have that size; if their error is above the tolerance, the answer's
+    notes say so. Their equations are always solved to the tolerance.
     """
     start = perf_counter()
     if resolution is not None or tolerance < SMALLEST_TOLERANCE:
         result = solve(scene, tolerance, resolution, stage=stage, previous=previous)
-        said = above_note(result, tolerance)
-        return with_notes(result, said, tolerance, perf_counter() - start)
+        return _finished(result, _missed_note(result, tolerance), tolerance, start)
     cells = UniformRefinement(scene, tolerance, None, stage, previous, divides=True)
-    while cells.fit:
-        enough = cells.step()
-        if enough is not None:
-            return with_notes(enough, [], tolerance, perf_counter() - start)
-    best = cells.last
-    if best is not None and best.error_estimate <= tolerance:
-        return with_notes(best, [], tolerance, perf_counter() - start)
+    best = cells.run(most=inf)
+    if best is None and cells.last is not None and cells.last.error_estimate <= tolerance:
+        best = cells.last
+    if best is not None:
+        return _finished(best, [], tolerance, start)
     raise ConvergenceError(
         f"solve: a tolerance of {tolerance:g} needs about {cells.cells:.2g} equal cells, more than "
         "fit, or cells that cannot be solved; take a larger tolerance, or strategy='spawning'. The "
         "error's `best` holds the result so far",
-        () if best is None else best.residuals,
-        best,
+        () if cells.last is None else cells.last.residuals,
+        cells.last,
     )
 
 
-def above_note(result: ElasticResult, tolerance: float) -> list[str]:
-    """Say that the smallest cells allowed do not do, if so."""
+def _missed_note(result: ElasticResult, tolerance: float) -> list[str]:
+    """Return a note if the smallest cells allowed miss the tolerance."""
     if result.error_estimate <= tolerance:
         return []
     return [
@@ -296,11 +292,9 @@ def above_note(result: ElasticResult, tolerance: float) -> list[str]:
     ]
 
 
-def with_notes(
-    equal: ElasticResult, said: list[str], tolerance: float, seconds: float
+def _finished(
+    result: ElasticResult, notes: list[str], tolerance: float, start: float
 ) -> ElasticResult:
-    """Return an answer of equal cells with what was asked of it, and what else is to be said."""
-    found = equal.found
-    assert isinstance(found, CellAgents)
-    found = replace(found, solution=replace(found.solution, notes=[*found.solution.notes, *said]))
-    return replace(equal, found=found, tolerance=tolerance, seconds=seconds)
+    """Return an answer with its tolerance, more notes, and the seconds since `start`."""
+    result.found.solution.notes.extend(notes)
+    return replace(result, tolerance=tolerance, seconds=perf_counter() - start)

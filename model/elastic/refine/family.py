@@ -1,4 +1,4 @@
-"""Who spawned whom: every agent that ever stood, told from the generations."""
+"""The family of agents: every one that ever stood, with parent and children."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ _ROW = np.dtype(
 class Family:
     """All agents as rows of a table, in the order in which they spawned.
 
-    An agent that spawns retires: its children do its work. Where neighbours are to be kept
-    alike in size, a child may spawn children of its own in the same step.
+    An agent that spawns retires: its children take its place. To keep neighbours of similar
+    size, a child may spawn children of its own in the same step.
 
     Parameters
     ----------
@@ -101,11 +101,13 @@ class Family:
         return corners(self.rows["code"][start:], self.dimension)
 
     def grow(self, code: Ints, size: Ints) -> None:
-        """Go on to the agents of the next generation (units), in the order of their codes."""
+        """Add the agents of the next generation (units), in the order of their codes."""
         self.step += 1
         if self.step == 0:
             self.working = self._append(code, size, NOBODY, 0.0)
             return
+        # Every agent of the new generation lies in a working one: parents spawn until the rows of
+        # their children have the sizes of the generation.
         before = self.working
         holder = before[np.searchsorted(self.rows["code"][before], code, side="right") - 1]
         parents = np.unique(holder[self.rows["size"][holder] > size])
@@ -118,7 +120,7 @@ class Family:
         self.working = holder
 
     def settle(self, load: Floats, chosen: Flags) -> None:
-        """Note what the working agents leave unbalanced (N), and who will spawn for it."""
+        """Note the load (N) that the working agents leave unbalanced, and which are marked."""
         self.rows["unbalanced_load"][self.working] = load
         self.rows["chosen"][self.working] = chosen
 
@@ -137,6 +139,7 @@ class Family:
         """Let agents retire; return the rows of their children."""
         many, rows = 1 << self.dimension, self.rows
         half = rows["size"][parents] // 2
+        # The codes of a family follow one another, as far apart as a child has unit cells.
         code = rows["code"][parents, None] + np.arange(many) * half[:, None] ** self.dimension
         cause = np.where(rows["chosen"][parents], rows["unbalanced_load"][parents], np.nan)
         rows["retired_step"][parents] = self.step

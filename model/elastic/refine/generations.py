@@ -1,4 +1,4 @@
-"""What spawning leaves: the agents at last, and every generation on the way."""
+"""The outcome of adaptive refinement: the last agents, and every generation before them."""
 
 from __future__ import annotations
 
@@ -22,50 +22,42 @@ class Generation(NamedTuple):
     """One step of spawning."""
 
     agents: int
-    error: float
-    """Estimated error in the energy norm, relative."""
+    error: float  # Estimated, in the energy norm, relative
     energy: float
     iterations: int
-    aimed_error: float
-    """Estimated error that the tolerance is about, relative."""
-    code: Ints
-    size: Ints
-    """Morton code of the lower corner and edge (units) of every agent. Shape (agents,)."""
-    load: Floats
-    """Load that every agent left unbalanced. Shape (agents,)."""
-    chosen: Flags
-    """Who of them spawns children for that load in the next step. Shape (agents,)."""
+    aimed_error: float  # Estimated error that the tolerance limits, relative
+    code: Ints  # Morton code of every agent's lower corner. Shape (agents,)
+    size: Ints  # Edge (units) of every agent. Shape (agents,)
+    load: Floats  # Load that every agent leaves unbalanced. Shape (agents,)
+    chosen: Flags  # Which agents are marked, to spawn in the next step. Shape (agents,)
 
     def __repr__(self) -> str:
-        """Return its figures, without the arrays, which fill a screen."""
+        """Return its figures without the arrays."""
         return f"Generation(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"
 
 
 @dataclass
 class Spawning:
-    """The agents and how they came to be; scaled."""
+    """The last agents and their generations; scaled."""
 
     method: ClassVar[str] = "spawning"  # How the equations were solved
-    balance: Equilibrium  # The last generation's grid
+    balance: Equilibrium  # On the last generation's grid
     displacement: Floats  # Shape (faces,)
-    indicator: Indicator  # What each agent leaves unbalanced
-    aimed: Aimed  # The error that the tolerance is about, and who contributes to it
+    indicator: Indicator  # Squared error and unbalanced load of each agent
+    aimed: Aimed  # The error that the tolerance limits, and the agents' contributions to it
     energy: float
-    error: float
-    """Estimated error in the energy norm, relative."""
+    error: float  # Estimated, in the energy norm, relative
     generations: list[Generation]
-    residuals: list[float]
-    """History of the last generation's iteration."""
+    residuals: list[float]  # History of the last generation's iteration
     levels: int  # Levels of the last multigrid cycle
     reached: bool  # Whether the error is within the tolerance
     stopped: str
-    """Why it ended, if it is not: "depth" (the smallest agents allowed), "agents", "iteration", or
-    "blind" (bounds say that agents do not see their errors)."""
+    """Why the loop ended if not: "depth" (the smallest agents allowed), "agents", "iteration", or
+    "blind" (bounds contradict the estimate)."""
     notes: list[str] = field(default_factory=list)
-    retired: int = 0
-    """Agents of the previous answer for which a parent has come back."""
+    retired: int = 0  # Agents of the previous answer that were coarsened
     bracket: EnergyBounds | str | None = field(default=None, repr=False)
-    """What is certain of the answer, if that has been looked for; in words why nothing is."""
+    """Energy bounds, or why there are none; None if they have not been worked out."""
 
     @property
     def leaves(self) -> LeafCells:
@@ -74,7 +66,7 @@ class Spawning:
 
     @property
     def ground(self) -> PosedBody:
-        """What they stand on."""
+        """The posed body."""
         return self.balance.grid.ground
 
     @cached_property
@@ -83,7 +75,7 @@ class Spawning:
         return CellFields(self.balance, self.displacement)
 
     def near(self, agent: Ints) -> tuple[CellFields, Ints]:
-        """Return the fields of agents and of those about them, and which of these they are."""
+        """Return fields that hold some agents, and their places in these."""
         return self.fields, agent
 
     @property
@@ -97,7 +89,7 @@ class Spawning:
         return self.fields.stress
 
     def boxes(self) -> BoundCells:
-        """Return the agents as bounds see them."""
+        """Return the agents as energy bounds need them."""
         return boxes_of_agents(self.balance, self.displacement)
 
     def reactions(self) -> dict[str, Floats]:

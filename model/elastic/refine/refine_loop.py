@@ -1,4 +1,4 @@
-"""From the first agents to the last: solve, look for unbalanced load, spawn, and again."""
+"""The loop of adaptive refinement: solve, estimate, mark, refine (Doerfler 1996)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.energy_bounds import (
     MOST_PROVED,
@@ -33,55 +34,55 @@ from kaju.model.elastic.multigrid.nested import (
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.refine.estimator import Indicator, indicate
 from kaju.model.elastic.refine.generations import Generation, Spawning
-from kaju.model.elastic.refine.targets import BULK, SPARE, Aimed, mark_largest
+from kaju.model.elastic.refine.targets import DORFLER, SPARE, Aimed, mark_largest
 from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 MOST_GENERATIONS = 60
-TELLING, FAR = 500, 600.0
-"""From so many agents on they tell how many more it takes; so many times too many are not tried."""
-TOLD = 1e-5  # Share of the applied forces that may be left on agents without a word
-ASKED = {2: 0, 3: 4_000}
-"""So many at most are asked for bounds before they have settled: more take too long, and in the
-plane bounds say much the same everywhere."""
-EARLY = 0.1
-"""Of the error allowed: what those at points without a limit of stress may keep together."""
-LEAST_SHARE = 0.5  # Of the estimate, that bounds are expected to be
-FIRST_GUESS = 0.3  # Of the first generation's error
+PREDICTS, FAR = 500, 600.0
+"""From so many agents on their number in the end is predicted from the error; if it is so many
+times above what is allowed, the loop ends."""
+NOTED_RESIDUAL = 1e-5  # Residual, as a share of the applied forces, from which on it is noted
+MOST_BOUNDED_EARLY = {2: 0, 3: 4_000}
+"""Up to so many agents bounds are worked out once before the end: of more they take too long, and
+in the plane their ratio to the estimate varies little."""
+SHARP_BUDGET = 0.1  # Share of the error budget for agents at points where stress is singular
+LEAST_SHARE = 0.5  # Of the estimate that bounds are expected to be
+FIRST_GUESS = 0.3  # Relative error assumed before the first generation
 ALGEBRAIC_SHARE = 0.05
-"""Every generation is solved to this share of its estimated error, the last one further."""
+"""Every generation is iterated to this share of its estimated error, the last one further."""
 
 
 class Target:
-    """What the tolerance is about: the error in the energy norm, unless a subclass says else."""
+    """The error that the tolerance limits: in the energy norm, unless a subclass replaces it."""
 
-    def look(self, spawner: RefineLoop) -> Aimed:
-        """Return how far off the agents are, after they have settled."""
+    def estimate(self, spawner: RefineLoop) -> Aimed:
+        """Return the estimated error of settled agents, and the marks for the next generation."""
         allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
         marked = spawner.mark_for_energy(spawner.square, allowed)
         return Aimed(spawner.error, spawner.square, marked, allowed)
 
     def bounded(self, spawner: RefineLoop) -> Aimed:
-        """Return the same with what is certain of it, if that is not for the agents to find."""
+        """Return the same with bounds; those of the energy norm are the loop's own."""
         return spawner.aimed
 
 
 class RefineLoop(ABC):
-    """Agents that settle, look for what they leave unbalanced, and spawn, step by step.
+    """Agents that settle, estimate their errors, and spawn, generation by generation.
 
-    They spawn one by one, or the agents of a block together; `most_agents` ends that short of the
-    tolerance, which is about the error in the energy norm unless an `aim` is given. `square` is the
-    energy of the error by those who spawn together, `left` the load that every agent leaves;
-    `error` the estimate in the energy norm (the target before agents settle); `aimed` the error
-    that the tolerance is about, and who has to spawn for it; `stopped` why there is no step left
-    short of it: "depth", "agents", "iteration" or "blind". Goals ask single agents for `balance`,
-    `displacement`, `indicator` and `hierarchy`.
+    The loop is the same whether agents spawn one by one or block by block (the *elements* of the
+    refinement), up to `most_agents`. `square` is the squared error (energy norm) of every element,
+    `unbalanced` the load that every agent leaves unbalanced; `error` the relative estimate in the
+    energy norm (a guess before agents settle); `aimed` the error that the tolerance limits, with
+    the marks for the next generation; `stopped` why the loop ends above the tolerance: "depth",
+    "agents", "iteration" or "blind". Goals read `balance`, `indicator` and `hierarchy`, which only
+    single agents have.
     """
 
     square: Floats
-    left: Floats
+    unbalanced: Floats
     aimed: Aimed
-    balance: Equilibrium
     displacement: Floats
+    balance: Equilibrium
     indicator: Indicator
     hierarchy: NestedMultigrid
 
@@ -97,7 +98,8 @@ class RefineLoop(ABC):
         self.notes: list[str] = []
         self.residuals: list[float] = []
         self.generations: list[Generation] = []
-        self._estimated = 0.0
+        self._needed = 0.0  # Agents whose estimate is expected to keep the tolerance
+        # Expected ratio of the bound to the estimate.
         self._share = PROVED_AT[ground.dimension] if self._of_energy else 1.0
         self._marked: Flags | None = None
 
@@ -109,12 +111,12 @@ class RefineLoop(ABC):
     @property
     @abstractmethod
     def smallest(self) -> Flags:
-        """Which of those who spawn together are as small as may be."""
+        """Which elements are as small as they may be."""
 
     @property
     @abstractmethod
     def sharp(self) -> Ints:
-        """Which of those who spawn together are at points where stress has no limit."""
+        """Elements at points where stress is singular."""
 
     @abstractmethod
     def outcome(self) -> Spawning:
@@ -122,15 +124,19 @@ class RefineLoop(ABC):
 
     @abstractmethod
     def _spawn(self, marked: Flags) -> None:
-        """Replace agents by their children, who begin as their parents stand."""
+        """Replace agents by their children, which start from the prolonged displacement."""
 
     @abstractmethod
-    def _settle(self, *, for_good: bool) -> Iteration:
-        """Balance the forces, to a share of the error before or for good, and look."""
+    def _solve(self, *, for_good: bool) -> tuple[Iteration, float]:
+        """Solve, to a share of the last error or for good; return the relative algebraic error."""
 
     @abstractmethod
-    def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
-        """Hold the true energy between two that can be computed; estimate them if not settled."""
+    def _estimate(self) -> tuple[float, Floats, Floats]:
+        """Return the energy, the squared error of every element, and every agent's load."""
+
+    @abstractmethod
+    def _bound_cells(self) -> BoundCells:
+        """Return the agents as energy bounds need them."""
 
     @property
     def agents(self) -> int:
@@ -138,7 +144,7 @@ class RefineLoop(ABC):
         return len(self.leaves)
 
     def _ended(self, levels: int) -> dict[str, Any]:
-        """Return what is to be told of agents as they are, with so many levels of multigrid."""
+        """Return the fields of `Spawning` that do not depend on how agents are stored."""
         return {
             "energy": self.energy,
             "error": self.error,
@@ -153,7 +159,7 @@ class RefineLoop(ABC):
 
     @property
     def target(self) -> float:
-        """The estimated error at which bounds, if there can be any, may keep the tolerance."""
+        """The estimated error at which the bound, if one is affordable, may keep the tolerance."""
         few = self.agents <= MOST_PROVED[self.ground.dimension]
         return self.tolerance / self._share if few else self.tolerance
 
@@ -168,12 +174,12 @@ class RefineLoop(ABC):
         return (self.aimed.error <= self.tolerance or self.proved) and self.stopped != "iteration"
 
     def step(self) -> None:
-        """Spawn, but for the first time, and settle."""
+        """Spawn, except in the first step, and settle."""
         if self._marked is not None:
-            self.bracket = None  # of those that were there before
+            self.bracket = None  # that of the last generation
             self._spawn(self._marked)
         runs = [self._settle(for_good=False)]
-        self._expect()
+        self._expect_bounds()
         if self._ends():
             if not runs[-1].errors[-1] <= LAST:
                 runs.append(self._settle(for_good=True))
@@ -181,54 +187,66 @@ class RefineLoop(ABC):
             last = runs[-1]
             if last.errors[-1] > 0.1 * max(self.error, self.tolerance):
                 self.stopped, self.finished = "iteration", True
-            left = last.residuals[-1] if not last.converged else self._left_of_loads()
-            if self.finished and (not last.converged or left > TOLD):
-                short = f"the forces on the agents balance to {left:.1g} of the loads only"
+            residual = self._residual() if last.converged else last.residuals[-1]
+            if self.finished and (not last.converged or residual > NOTED_RESIDUAL):
+                short = f"the forces on the agents balance to {residual:.1g} of the loads only"
                 self.notes.append(short)
             self._prove()
         # A few large agents may turn about a hinge that their children stiffen.
-        if self.finished or self.agents >= TELLING:
-            said = self._rounding()
-            self.notes += said if self.finished else []
+        if self.finished or self.agents >= PREDICTS:
+            rounding = self._rounding()
+            self.notes += rounding if self.finished else []
         self.residuals = runs[-1].residuals
         self._marked = None if self.finished else self.aimed.marked
         leaves, iterations = self.leaves, sum(run.iterations for run in runs)
         spawn = self.aimed.marked & (not self.finished)
         spawn = np.repeat(spawn, len(leaves) // len(spawn))
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
-        self.generations.append(Generation(*cost, leaves.code, leaves.size, self.left, spawn))
+        self.generations.append(Generation(*cost, leaves.code, leaves.size, self.unbalanced, spawn))
+
+    def _settle(self, *, for_good: bool) -> Iteration:
+        """Solve, estimate the error, and mark."""
+        run, algebraic = self._solve(for_good=for_good)
+        self.energy, self.square, self.unbalanced = self._estimate()
+        self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
+        self.aimed = self.aim.estimate(self)
+        return run
+
+    def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
+        """Return bounds of the true energy, or why there are none; estimated if not settled."""
+        return bracket_of(self._bound_cells(), settled)
 
     def mark(self, part: Floats, allowed: float) -> Flags:
-        """Choose who spawns: those with the largest parts in an error (see `mark_largest`)."""
-        return mark_largest(part, allowed, self.smallest, BULK[self.ground.dimension])
+        """Mark the elements with the largest contributions to an error."""
+        return mark_largest(part, allowed, self.smallest, DORFLER[self.ground.dimension])
 
     def mark_for_energy(self, part: Floats, allowed: float) -> Flags:
-        """Choose who spawns for the energy norm: first those where stress has no limit."""
+        """Return the same for the energy norm, and all that contribute most at singular points."""
         marked = self.mark(part, allowed)
         if marked.any():
-            # They are few, and each step takes half of their error at most: in the end all others
-            # would settle once more for them.
+            # Elements at singular points are few, and a halving takes half of their squared error
+            # at most. Refined with the others they would need generations of their own at the end.
             at, own = self.sharp, np.zeros(len(part))
             own[at] = part[at]
-            marked |= mark_largest(own, EARLY * allowed, self.smallest, 1.0)
+            marked |= mark_largest(own, SHARP_BUDGET * allowed, self.smallest, 1.0)
         return marked
 
-    def _expect(self) -> None:
-        """Ask bounds once, long before the end, for which share of the estimate they will be."""
-        known = self._share != PROVED_AT[self.ground.dimension]
-        some = TELLING <= self.agents <= ASKED[self.ground.dimension]
-        if known or not some or not self.target < self.error < inf:
+    def _expect_bounds(self) -> None:
+        """Work out bounds once, long before the end, for their expected ratio to the estimate."""
+        expected = self._share != PROVED_AT[self.ground.dimension]
+        some = PREDICTS <= self.agents <= MOST_BOUNDED_EARLY[self.ground.dimension]
+        if expected or not some or not self.target < self.error < inf:
             return
         bracket = self._bounds(settled=False)
         if isinstance(bracket, EnergyBounds):
             self._share = min(max(bracket.error / self.error, LEAST_SHARE), 1.0)
 
     def _ends(self) -> bool:
-        """Tell whether no step is left."""
+        """Tell whether this is the last generation, and set why."""
         marked, expected = self.aimed.marked, 0.0
-        if self._of_energy and self.ground.smallest == 1 and self.agents >= TELLING:
-            # They grow in number at least with the error's fall to the power of the dimension,
-            # unless a resolution does not let them be smaller.
+        if self._of_energy and self.ground.smallest == 1 and self.agents >= PREDICTS:
+            # The error falls at most with the agents' size, so their number grows at least by the
+            # error's ratio to the power of the dimension (unless a resolution limits their size).
             expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
         many = self._after(marked) > self.most_agents or expected > FAR * self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
@@ -239,25 +257,25 @@ class RefineLoop(ABC):
         return self.finished
 
     def _after(self, marked: Flags) -> int:
-        """Return how many agents there are when some have spawned."""
+        """Return the number of agents after those marked have spawned."""
         more = ((1 << self.ground.dimension) - 1) * (self.agents // max(len(marked), 1))
         return self.agents + more * int(np.count_nonzero(marked))
 
-    def _left_of_loads(self) -> float:
-        """Return what is left beside the applied forces; those of moved sides may be far larger."""
-        return 0.0
+    def _residual(self) -> float:
+        """Return the residual relative to the applied forces alone, without those of supports."""
+        return 0.0  # where no side is displaced, the iteration's residual says it
 
     def _rounding(self) -> list[str]:
-        """Say what rounding leaves unbalanced; refuse what it hides before more agents spawn."""
+        """Return notes on digits lost by rounding; refuse a body that loses too many."""
         return []
 
     def _prove(self) -> None:
-        """Go on where the mean stress may be further off than the tolerance."""
+        """Work out bounds, and go on where they miss the tolerance and a proof is affordable."""
         dimension = self.ground.dimension
         if self.agents > MOST_PROVED[dimension] or self.stopped == "iteration":
             return
         ratio = max(self.aimed.error / self.tolerance, 1.0) ** dimension
-        self._estimated = self._estimated or ratio * self.agents
+        self._needed = self._needed or ratio * self.agents
         if not self._of_energy:
             self._bound_goals()
             return
@@ -268,21 +286,22 @@ class RefineLoop(ABC):
             return
         if isinstance(self.bracket, EnergyBounds):
             self._share = min(self.bracket.error / max(self.error, self.tolerance), 1.0)
-            # The bound is half the distance of two stresses, of which the shares are the squares.
+            # The bound is half the distance between two stresses (Prager and Synge 1947), and the
+            # shares are the squared distances: their budget is that of twice the tolerance.
             shares = self.bracket.shares.reshape(len(self.square), -1).sum(axis=1)
             allowed = 2 * self.bracket.lower * (2 * SPARE * self.tolerance) ** 2
             marked = self.mark_for_energy(shares, allowed)
             if self._worth(marked):
                 self.aimed, self.finished = self.aimed._replace(marked=marked), False
                 return
-        # Without a proof the estimate has to do.
+        # Without a proof the estimate alone has to keep the tolerance.
         self._share = 1.0
         if self.aimed.error > self.tolerance:
-            self.aimed = self.aim.look(self)
+            self.aimed = self.aim.estimate(self)
             self._ends()
 
     def _bound_goals(self) -> None:
-        """Hold goals between bounds, and go on where these say that estimates are blind."""
+        """Bound the goals, and go on where bounds contradict the estimates."""
         estimated, self.aimed = self.aimed, self.aim.bounded(self)
         if self.aimed.error > self.tolerance >= estimated.error:
             self.finished = not self._worth(self.aimed.marked)
@@ -291,15 +310,15 @@ class RefineLoop(ABC):
             self.aimed = estimated
 
     def _worth(self, marked: Flags) -> bool:
-        """Tell whether to go on for a proof if these spawn."""
+        """Tell whether one more generation, for a proof, is affordable."""
         agents = self._after(marked)
-        worth = worth_proving(agents, self._estimated, self.ground.dimension)
+        worth = worth_proving(agents, self._needed, self.ground.dimension)
         worth = worth and agents <= self.most_agents
         return bool(marked.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS
 
 
 class LeafLoop(RefineLoop):
-    """Agents of which each may spawn; see `RefineLoop`."""
+    """Agents that spawn one by one, on a composite grid; see `RefineLoop`."""
 
     indicator: Indicator
 
@@ -317,7 +336,7 @@ class LeafLoop(RefineLoop):
             self.displacement = self.balance.grid.value.copy()
         else:
             self.balance, self.error = previous.balance.loaded_by(ground), previous.error
-            zeros = np.zeros(self.agents)  # as if they had been there from the start
+            zeros = np.zeros(self.agents)  # step and cause of first agents
             first = replace(self.leaves, step=zeros.astype(np.int64), cause=zeros)
             self.balance.grid.leaves = first
             self.displacement = previous.displacement.copy()
@@ -331,12 +350,12 @@ class LeafLoop(RefineLoop):
 
     @property
     def smallest(self) -> Flags:
-        """Which agents are as small as may be."""
+        """Which agents are as small as they may be."""
         return np.asarray(self.leaves.size <= self.ground.smallest)
 
     @property
     def sharp(self) -> Ints:
-        """Which agents are at points where stress has no limit."""
+        """Agents at points where stress is singular."""
         return self.leaves.holding(self.ground.sharp)
 
     def outcome(self) -> Spawning:
@@ -351,27 +370,24 @@ class LeafLoop(RefineLoop):
         self.balance = Equilibrium(CompositeGrid(self.ground, leaves))
         self.displacement = self.hierarchy.grow(self.balance, self.displacement)
 
-    def _settle(self, *, for_good: bool) -> Iteration:
+    def _solve(self, *, for_good: bool) -> tuple[Iteration, float]:
         share = LAST if for_good else ALGEBRAIC_SHARE * self.error
         run = settle(self.balance, self.hierarchy, self.displacement, share)
-        self.indicator = indicate(self.balance, self.displacement)
-        self.square, self.left = self.indicator
-        self.energy = energy_of(self.balance, self.displacement)
-        self.error = float(np.hypot(relative_error(self.square, self.energy), run.errors[-1]))
-        self.aimed = self.aim.look(self)
-        return run
+        return run, run.errors[-1]
 
-    def _left_of_loads(self) -> float:
-        """Return what is left beside the applied forces; those of moved sides may be far larger."""
-        rest = (self.balance.force(self.displacement) - self.balance.load)[self.balance.free]
+    def _estimate(self) -> tuple[float, Floats, Floats]:
+        self.indicator = indicate(self.balance, self.displacement)
+        return energy_of(self.balance, self.displacement), *self.indicator
+
+    def _residual(self) -> float:
+        residual = (self.balance.force(self.displacement) - self.balance.load)[self.balance.free]
         applied = float(np.abs(self.balance.load).sum())
-        return float(np.abs(rest).sum()) / applied if applied > 0.0 else 0.0
+        return float(np.abs(residual).sum()) / applied if applied > 0.0 else 0.0
 
     def _rounding(self) -> list[str]:
-        """Say what rounding leaves unbalanced; refuse what it hides before more agents spawn."""
         free, right = self.balance.free, self.balance.load - self.balance.pull
         stiffness = self.hierarchy.matrix.diagonal()
         return rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
 
-    def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
-        return bracket_of(boxes_of_agents(self.balance, self.displacement), settled)
+    def _bound_cells(self) -> BoundCells:
+        return boxes_of_agents(self.balance, self.displacement)

@@ -1,4 +1,4 @@
-"""`kaju.solve` with a tolerance: agents spawn where load is left unbalanced."""
+"""`kaju.solve` by agents that spawn: adaptive refinement until a tolerance is kept."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
+from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import Asked, aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
@@ -20,7 +21,7 @@ from kaju.model.scene.lattice import Lattice
 from kaju.stopping import NOTE, interrupt_requested
 
 CONTRAST = 1e4
-"""Of materials, from which on estimates of what a tolerance is about were seen to fail."""
+"""Contrast of materials from which on error estimates of goals were seen to fail."""
 
 
 def solve_spawning(
@@ -41,33 +42,31 @@ def solve_spawning(
     half their size, and all settle again, until the estimated error is within the tolerance.
     The scene's cells say where the body is; it is never rasterised as a whole.
 
-    What is not given is as in the previous answer, whose agents are those to begin with where the
-    body and the places of the loads are the same, and the tolerance is not larger. `note` is what
-    else is to be said of the answer.
+    Arguments that are not given are those of the previous answer. Its agents are the first ones if
+    the body and the places of the loads are the same, and the tolerance is not larger. `note` is
+    added to the answer's notes.
     """
     start = perf_counter()
-    before, tolerance, resolution = _continued(previous, tolerance, resolution)
-    if previous is not None and tolerance_at is None:
-        tolerance_at = previous.tolerance_at
+    before = None if previous is None else _spawning_of(previous)
+    if previous is not None:
+        tolerance = previous.tolerance if tolerance is None else tolerance
+        resolution = previous.resolution if resolution is None else resolution
+        tolerance_at = previous.tolerance_at if tolerance_at is None else tolerance_at
+    tolerance = TOLERANCE if tolerance is None else tolerance
     goals = asked(tolerance_at)
     check_numbers(tolerance, resolution, stage, most_agents)
     ground = ground_of(scene, stage, resolution)
-    start_from = None
+    restart = None
     if previous is not None and before is not None:
         check_previous(before.ground.scene.lattice, ground.scene.lattice)
-        alike = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
-        start_from = before if alike and serves(before, ground) else None
-    spawner = spawner_of(ground, tolerance, most_agents, aim_of(goals, ground), start_from)
+        as_strict = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
+        restart = before if as_strict and _can_restart(before, ground) else None
+    spawner = spawner_of(ground, tolerance, most_agents, aim_of(goals, ground), restart)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
     if before is not None:
-        # For so many agents a larger one stands now.
-        old, now = before.leaves, spawning.leaves
-        at = np.maximum(np.searchsorted(now.code, old.code, side="right") - 1, 0)
-        inside = old.lower - now.lower[at]
-        here = np.all((inside >= 0) & (inside < now.size[at, None]), axis=1)
-        spawning.retired = int(np.count_nonzero(here & (now.size[at] > old.size)))
+        spawning.retired = _coarsened(before.leaves, spawning.leaves)
     spawning.notes += [note] if note else []
     spawning.notes += [NOTE] if interrupt_requested() else []
     seconds = perf_counter() - start
@@ -101,8 +100,9 @@ def answer_of(
     tolerance_at: Asked,
     seconds: float,
 ) -> ElasticResult:
-    """Return agents as they are as a result, with what there is to be said of them."""
-    spawning.notes += rest_of(spawning, tolerance, resolution)
+    """Return the agents of a refinement, finished or not, as a result with its notes."""
+    missed = missed_note(spawning, tolerance, resolution)
+    spawning.notes += [missed] if missed else []
     shear = spawning.ground.moduli.shear
     contrast = float(shear.max() / shear.min())
     if tolerance_at is not None and contrast >= CONTRAST:
@@ -114,42 +114,24 @@ def answer_of(
     return ElasticResult(scene, stage, found, seconds, tolerance, resolution, tolerance_at)
 
 
-def _continued(
-    previous: ElasticResult | None, tolerance: float | None, resolution: int | None
-) -> tuple[Spawning | None, float, int | None]:
-    """Return the previous agents, and what was not given as it was for them."""
-    if previous is None:
-        return None, TOLERANCE if tolerance is None else tolerance, resolution
-    found = previous.found
-    if not isinstance(found, LeafAgents):
-        raise ParameterError(
-            "previous: spawning agents continue from agents that have spawned, and its cells are "
-            "all equal; take strategy='uniform', or leave `previous` out"
-        )
-    tolerance = previous.tolerance if tolerance is None else tolerance
-    resolution = previous.resolution if resolution is None else resolution
-    return found.spawning, TOLERANCE if tolerance is None else tolerance, resolution
-
-
-def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> list[str]:
-    """Return what agents that ended, or stand, above the tolerance leave to be said."""
+def missed_note(spawning: Spawning, tolerance: float, resolution: int | None) -> str:
+    """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
     if spawning.reached or spawning.stopped not in ("", "depth", "blind"):
-        return []
+        return ""
     error = spawning.aimed.error
     above = f"an estimated error of {error:.2g}, above the tolerance of {tolerance:g}"
     if not spawning.stopped:
-        steps = len(spawning.generations)
-        return [f"looked at after {steps} steps, which leave {above}"]
+        return f"looked at after {len(spawning.generations)} steps, which leave {above}"
     if spawning.stopped == "blind":
-        return [f"bounds far above what agents see of their errors leave {above}"]
+        return f"bounds far above what agents see of their errors leave {above}"
     remedy = "a larger resolution allows smaller ones"
     if resolution is None:
         remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"
-    return [f"the smallest agents allowed leave {above}; {remedy}"]
+    return f"the smallest agents allowed leave {above}; {remedy}"
 
 
 def check_previous(previous: Lattice, lattice: Lattice) -> None:
-    """Refuse agents that stand on other cells."""
+    """Refuse a previous answer on other cells."""
     if previous != lattice:
         before, now = (
             f"{' x '.join(map(str, one.shape))} cells of {one.cell_size:g} m"
@@ -161,16 +143,34 @@ def check_previous(previous: Lattice, lattice: Lattice) -> None:
         )
 
 
-def serves(previous: Spawning, ground: PosedBody) -> bool:
-    """Tell whether agents may begin as those of a previous answer ended."""
-    # Where body or places of the loads have changed, others are soon found afresh, and are fewer.
+def _spawning_of(previous: ElasticResult) -> Spawning:
+    """Return the agents of a previous answer; refuse equal cells."""
+    if not isinstance(previous.found, LeafAgents):
+        raise ParameterError(
+            "previous: spawning agents continue from agents that have spawned, and its cells are "
+            "all equal; take strategy='uniform', or leave `previous` out"
+        )
+    return previous.found.spawning
+
+
+def _can_restart(previous: Spawning, ground: PosedBody) -> bool:
+    """Tell whether the last agents of a previous answer may be the first ones of this."""
+    # Elsewhere a new refinement is as quick, and ends with fewer agents.
     before, leaves, scene = previous.ground, previous.leaves, ground.scene
     sides = [scene.side_condition(name) for name in scene.lattice.sides]
-    moved = any(side.displacement is not None for side in sides)
+    prescribed = any(side.displacement is not None for side in sides)
     return (
         scene.same_body(before.scene)
         and ground.loaded_where(before)
-        and not (moved and ground.scales != before.scales)
+        and not (prescribed and ground.scales != before.scales)
         and int(leaves.size.min()) >= ground.smallest
         and not ground.unevenly_loaded(leaves).any()
     )
+
+
+def _coarsened(before: LeafCells, now: LeafCells) -> int:
+    """Return how many cells lie in a larger one now."""
+    at = np.maximum(np.searchsorted(now.code, before.code, side="right") - 1, 0)
+    offset = before.lower - now.lower[at]
+    inside = np.all((offset >= 0) & (offset < now.size[at, None]), axis=1)
+    return int(np.count_nonzero(inside & (now.size[at] > before.size)))

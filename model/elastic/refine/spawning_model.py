@@ -1,4 +1,4 @@
-"""The Mesa model of agents that spawn where load is left unbalanced."""
+"""The Mesa model of agents that spawn where they leave load unbalanced: adaptive refinement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kaju.model.elastic.posed_body import ground_of
 from kaju.model.elastic.refine.block_loop import spawner_of
 from kaju.model.elastic.refine.family import Family
 from kaju.model.elastic.refine.generations import Generation
-from kaju.model.elastic.refine.solve_spawning import answer_of, rest_of
+from kaju.model.elastic.refine.solve_spawning import answer_of, missed_note
 from kaju.model.scene import scene_needed
 from kaju.stepping import Until
 
@@ -205,8 +205,8 @@ class SpawningModel(SteppedModel):
             "agents": f"more than the {self.most_agents} agents allowed would be needed",
             "iteration": "the agents do not settle",
         }
-        rest = rest_of(spawning, self.tolerance, self.resolution)
-        return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or rest[0]}"
+        missed = missed_note(spawning, self.tolerance, self.resolution)
+        return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or missed}"
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""

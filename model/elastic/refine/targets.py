@@ -1,4 +1,8 @@
-"""What the tolerance is about: how far off the answer is, and who spawns to mend it."""
+"""Marking: which cells are split for an error to fall below its budget.
+
+Those with the largest contributions are, until they hold a share of the squared error (Dörfler
+1996), or what has to go if that is less.
+"""
 
 from __future__ import annotations
 
@@ -8,52 +12,46 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats
 
-BULK = {2: 0.85, 3: 0.75}
-"""The agents that spawn children stand for this share of the error (Dörfler 1996)."""
+DORFLER = {2: 0.85, 3: 0.75}  # Share of the squared error that marked cells hold
 SPARE = 0.9  # The last generation aims at this share of the tolerance
 ALIKE = 0.01
-"""Who contributes as much as the last one marked, but for this share, spawns as well.
-
-So children keep the symmetry of their parents."""
-GAIN = 0.7  # Share of its part of the error that an agent's children are expected to take away
+"""Cells that contribute less than the last one marked only by this share are marked, too, so that
+marks keep the symmetry of the body."""
+GAIN = 0.7  # Share of a cell's contribution that its halving is expected to remove
 
 
 class Answer(NamedTuple):
-    """What has been found of a quantity; scaled."""
+    """The value of a goal and its error; scaled."""
 
     value: Floats  # Shape (components,)
-    error: float
-    relative_error: float
-    """Estimated; the latter is the share of the scale."""
+    error: float  # Estimated
+    relative_error: float  # The same as a share of the scale
     scale: float = 1.0
-    bound: float | None = None
-    """What the error is at most."""
-    no_bound: str = ""  # Why that is not known
+    bound: float | None = None  # Upper bound of the error
+    no_bound: str = ""  # Why there is none
 
 
 class Aimed(NamedTuple):
-    """How far off a generation is."""
+    """The error of a generation that the tolerance limits, and the marks for the next one."""
 
-    error: float  # Estimated error, relative: what the tolerance is compared with
-    part: Floats  # What every agent contributes to it. Shape (agents,)
-    marked: Flags
-    """Who has to spawn children, if the tolerance is to be kept; nobody, if none may. Shape
-    (agents,)."""
-    allowed: float  # What all may contribute together
-    answers: tuple[Answer, ...] = ()
-    """The quantities that the tolerance is about, if it is about any."""
+    error: float  # Estimated, relative: compared with the tolerance
+    part: Floats  # Contribution of every cell to it. Shape (cells,)
+    marked: Flags  # Cells to be halved; none once the tolerance is kept. Shape (cells,)
+    allowed: float  # Error budget: sum of the contributions that keeps the tolerance
+    answers: tuple[Answer, ...] = ()  # The goals, if there are any
 
 
-def mark_largest(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
-    """Choose who spawns: those with the largest parts in an error, but none of the smallest."""
-    # What the smallest leave cannot be helped: the others make up for it, unless it is more than
-    # what is allowed of them all. Those marked stand for a share `bulk` of the error.
-    helpless = float(part[smallest].sum())
+def mark_largest(part: Floats, allowed: float, smallest: Flags, share: float) -> Flags:
+    """Mark the cells with the largest contributions `part`, but none of the smallest."""
+    # The smallest cells keep their contributions: the others share the remaining budget, or all of
+    # it where the smallest alone exceed it. Marked cells hold a `share` of the error (Dörfler), or
+    # what has to go if that is less.
+    fixed = float(part[smallest].sum())
     part = np.where(smallest, 0.0, part)
     total = float(part.sum())
-    excess = total - (allowed - helpless if helpless < allowed else allowed)
-    goal = max(min(bulk * total, excess / GAIN), 0.0)
+    excess = total - (allowed - fixed if fixed < allowed else allowed)
+    wanted = max(min(share * total, excess / GAIN), 0.0)
     order = np.argsort(-part, kind="stable")
-    count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1
-    enough = part[order[count - 1]] if count <= len(part) else 0.0
-    return (part >= (1.0 - ALIKE) * enough) & (part > 0.0) & (excess > 0.0)
+    count = int(np.searchsorted(np.cumsum(part[order]), wanted)) + 1
+    threshold = part[order[count - 1]] if count <= len(part) else 0.0
+    return (part >= (1.0 - ALIKE) * threshold) & (part > 0.0) & (excess > 0.0)

@@ -314,10 +314,14 @@ class ElasticResult(BodyResult):
 
     @property
     def provable(self) -> bool:
-        """Whether its bounds are cheap enough to be worked out without being asked for."""
+        """Whether its bounds are known, or cheap enough to be worked out without being asked."""
         from kaju.model.elastic.bounds.energy_bounds import MOST_PROVED
 
-        return self.agents <= MOST_PROVED[self.scene.lattice.dimension]
+        if self.agents <= MOST_PROVED[self.scene.lattice.dimension]:
+            return True
+        from kaju.model.elastic.leaf_agents import LeafAgents
+
+        return isinstance(self.found, LeafAgents) and self.found.spawning.bracket is not None
 
     @property
     def _promised(self) -> bool:

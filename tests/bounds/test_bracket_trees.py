@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from goal_bodies import plate
 from spawning_bodies import STEEL
 from spawning_bodies import drawn as coded
 
@@ -173,3 +174,11 @@ def test_bounds_go_on_up_to_incompressible_bodies(ratio):
     usual, answer = solve(bridge(0.4999)), solve(bridge(ratio))
     np.testing.assert_allclose(answer.energy_bounds, usual.energy_bounds, rtol=0.06)
     assert answer.error_bound == pytest.approx(usual.error_bound, rel=0.15)
+
+
+def test_a_proof_found_on_the_way_counts_however_many_agents_there_are(monkeypatch):
+    """Agents in blocks are bounded in larger numbers than a result works out unasked."""
+    monkeypatch.setattr("kaju.model.elastic.bounds.energy_bounds.MOST_PROVED", {2: 1_000})
+    result = solve(plate(), tolerance=0.005, strategy="spawning")
+    assert result.agents > 12_000
+    assert result.tolerance_kept == "proved"

@@ -143,6 +143,7 @@ def test_every_page_that_a_lesson_points_to_is_made(name):
 
 def test_the_index_shows_every_lesson(tmp_path, chromium, request):
     tab = chromium.new_page(offline=True, locale="en-GB")
+    tab.set_default_timeout(120_000)
     request.addfinalizer(tab.close)
     tab.goto(lesson_index.write_index(tmp_path).as_uri())
     cards = tab.locator(".card")

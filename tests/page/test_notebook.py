@@ -85,6 +85,7 @@ def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium,
     shown = tmp_path / "lesson.html"
     shown.write_text(document, encoding="utf-8")
     with chromium.new_context(offline=True) as context:
+        context.set_default_timeout(120_000)
         tab = context.new_page()
         tab.goto(shown.as_uri(), wait_until="domcontentloaded")
         frame = tab.frame_locator("iframe[title=kaju]")
@@ -111,6 +112,7 @@ def test_a_widget_steps_its_run_in_a_browser(chromium):
     widget = live(Scene(**PLATE), height=500)
     traits = {name: getattr(widget, name) for name in ("page", "height")}
     tab = chromium.new_context().new_page()
+    tab.set_default_timeout(120_000)
     errors = []
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.goto("about:blank")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import replace
 from math import inf, isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -78,6 +79,7 @@ class RefineLoop(ABC):
     single agents have.
     """
 
+    most_proved: ClassVar[Mapping[int, int]] = MOST_PROVED  # Agents, by dimension
     square: Floats
     unbalanced: Floats
     aimed: Aimed
@@ -160,7 +162,7 @@ class RefineLoop(ABC):
     @property
     def target(self) -> float:
         """The estimated error at which the bound, if one is affordable, may keep the tolerance."""
-        few = self.agents <= MOST_PROVED[self.ground.dimension]
+        few = self.agents <= self.most_proved[self.ground.dimension]
         return self.tolerance / self._share if few else self.tolerance
 
     @property
@@ -272,7 +274,7 @@ class RefineLoop(ABC):
     def _prove(self) -> None:
         """Work out bounds, and go on where they miss the tolerance and a proof is affordable."""
         dimension = self.ground.dimension
-        if self.agents > MOST_PROVED[dimension] or self.stopped == "iteration":
+        if self.agents > self.most_proved[dimension] or self.stopped == "iteration":
             return
         ratio = max(self.aimed.error / self.tolerance, 1.0) ** dimension
         self._needed = self._needed or ratio * self.agents

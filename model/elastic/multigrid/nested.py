@@ -31,7 +31,7 @@ FACTORISED, PATIENCE, MOST = {2: 400_000, 3: 30_000}, 40, {2: 100, 3: 400}
 larger ones get MOST iterations: in the plane a hundred take a minute."""
 DIRECT, SEVERAL = {2: 20_000, 3: 5_000}, {2: 15_000, 3: 5_000}
 """Generations of fewer faces are factorised, and serve as the coarsest level: of one material, and
-of several, when what children feel makes it dense."""
+of several, where P'AP makes the coarsest matrix denser."""
 RUBBER = {2: 400_000, 3: 15_000}
 """Up to so many faces every generation is factorised if a material is nearly incompressible."""
 LAST = 1e-10  # Share of an answer to which its last generation settles
@@ -43,10 +43,10 @@ class NestedMultigrid:
 
     def __init__(self, balance: Equilibrium) -> None:
         ground = balance.grid.ground
-        self.several = len(np.unique(ground.moduli.stretch)) > 1
-        limits = SEVERAL if self.several else DIRECT
+        self._several = len(np.unique(ground.moduli.stretch)) > 1
+        limits = SEVERAL if self._several else DIRECT
         limits = RUBBER if is_rubber(ground.moduli, ground.scene.plane) else limits
-        direct = self.most_direct = limits[ground.dimension]  # Faces of a factorised generation
+        direct = self._direct_limit = limits[ground.dimension]  # Faces of a factorised generation
         self._levels: list[_NestedLevel] = []
         ancestors = [balance]
         while len(ancestors[-1].free) > direct:
@@ -73,14 +73,14 @@ class NestedMultigrid:
     def grow(self, balance: Equilibrium, before: Floats) -> Floats:
         """Add a generation; return a displacement to begin with, after one of the last."""
         grid, start = balance.grid, balance.grid.value.copy()
-        if len(balance.free) <= self.most_direct:
-            self._factorise(balance)  # for which any start does
+        if len(balance.free) <= self._direct_limit:
+            self._factorise(balance)  # a direct solution needs no start
         else:
             whole = prolongation(self._balance.grid, grid)
             start = np.where(grid.state == ACTIVE, whole @ before, start)
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
             self._levels.append(_NestedLevel(balance.stiffness(balance.free), prolong))
-            self._projected = not self.several
+            self._projected = not self._several
         self._balance = balance
         return start
 

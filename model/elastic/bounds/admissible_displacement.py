@@ -1,9 +1,11 @@
-"""A displacement field without gaps: from the faces' displacements to the corners of the boxes.
+"""A displacement field without gaps: from the faces' displacements to the nodes of the boxes.
 
 Every corner begins with the mean of what is round it, weighted by stiffness, and with what the
-supports give; between the corners the field is linear along every axis. Such a field is
-kinematically admissible, so its potential energy is never below that of the true one. A few steps
-of conjugate gradients lower it further.
+supports give. Between the corners the field is linear along every axis, and in the plane every edge
+has a quadratic besides (serendipity elements). Such a field is kinematically admissible, so its
+potential energy is never below that of the true one. Some steps of conjugate gradients lower it
+further: they find the quadratics, which a staggered grid's answer has no room for though its faces
+are accurate enough for them (superconvergence).
 
 A box on which smaller ones hang is cut into quarters, so that it follows their corners.
 """
@@ -13,21 +15,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import product
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.bounds.bilinear_kernels import (
-    add_forces,
-    corner_displacements,
-    element_stiffness,
-    forces,
-)
+from kaju.model.elastic.bounds.bilinear_kernels import add_forces, forces, node_displacements
 from kaju.model.elastic.bounds.bound_cells import BoundCells, Foundation, corner_ends
+from kaju.model.elastic.bounds.shape_functions import (
+    BULGE,
+    EDGES,
+    element_stiffness,
+    mean_slopes,
+    mean_values,
+    shape_slopes,
+    shape_values,
+    side_mass,
+)
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.krylov import dot
 from kaju.model.scene.cell_types import RIGID, ROLLER
 
+MOST_QUADRATIC = 300_000  # Boxes of more take linear fields only
 STEPS, MOST_STEPS = 4, 60  # Of conjugate gradients, at least and at most
 WORTHWHILE = 0.1
 """So much of the gap between the energies the last few steps must have closed for more."""
@@ -60,20 +69,79 @@ def descend(
         before = now
 
 
+class Slaves(NamedTuple):
+    """Nodes whose displacement follows from others'."""
+
+    node: Ints  # Shape (n,)
+    masters: Ints  # Shape (masters, n)
+    weights: tuple[float, ...]  # Of each master
+
+
 class AdmissibleDisplacement:
-    """Displacements of the corners of boxes, shape (nodes, dimension)."""
+    """Displacements of the nodes of boxes, shape (nodes, dimension).
+
+    The nodes are the corners of elements (`Mesh`) and, if it is `quadratic`, their edges, whose
+    entries are how far the middle is off the straight line between the ends.
+    """
 
     def __init__(self, boxes: BoundCells) -> None:
         self.boxes, self.mesh = boxes, boxes.mesh
-        self._ends = corner_ends(boxes.dimension)
-        scale = self.mesh.edge ** (boxes.dimension - 2)
+        d = boxes.dimension
+        self.quadratic = d == 2 and len(boxes.size) <= MOST_QUADRATIC
+        self.element, self._edge_keys = self.mesh.element, np.zeros(0, dtype=np.int64)
+        masters = self.mesh.masters
+        self._slaves = [Slaves(self.mesh.slave, masters, (1.0 / len(masters),) * len(masters))]
+        if self.quadratic:
+            self._add_edges()
+        self.forms = element_stiffness(d, self.quadratic)
+        scale = self.mesh.edge ** (d - 2)
         self._moduli = Moduli(*(modulus[self.mesh.owner] * scale for modulus in boxes.law))
+        self._count = len(self.mesh.start) + len(self._edge_keys)
         self._load = self.forces()
         # What supports give (NaN: nothing), and whether they give a node two displacements at once.
         self.given, self.jumps = self._supports()
-        self.displacement = self.mesh.start
+        self.displacement = np.zeros((self._count, d))
+        self.displacement[: len(self.mesh.start)] = self.mesh.start
         self.hold()
         self._residual = np.zeros_like(self.displacement)
+
+    def _add_edges(self) -> None:
+        """Give every edge of an element a node, and the halves of straight sides the side's."""
+        corner, slave, (first, last) = self.mesh.element, self.mesh.slave, self.mesh.masters
+        own = [self._edge_key(corner[i], corner[j]) for i, j in EDGES]
+        key = [*own, *(self._edge_key(*ends) for ends in ((first, last), (first, slave), (last, slave)))]
+        self._edge_keys, number = np.unique(np.concatenate(key), return_inverse=True)
+        number += len(self.mesh.start)
+        edges, of_sides = np.split(number, [4 * corner.shape[1]])
+        self.element = np.concatenate([corner, edges.reshape(4, -1)])
+        whole, *halves = of_sides.reshape(3, -1)
+        self._sides = whole
+        # A quadratic over a side is one on each half, of a quarter of its height.
+        self._slaves = [
+            Slaves(slave, np.stack([first, last, whole]), (0.5, 0.5, 1.0)),
+            *(Slaves(half, whole[None], (0.25,)) for half in halves),
+        ]
+
+    def _edge_key(self, first: Ints, last: Ints) -> Ints:
+        """Return a number for the edge between two corners."""
+        return np.minimum(first, last) * len(self.mesh.start) + np.maximum(first, last)
+
+    def halves(self) -> tuple[Ints, Floats]:
+        """Return the axes and lengths of straight sides with a node in the middle."""
+        edges = self.element[4:]
+        axis, length = (np.zeros(self._count, kind) for kind in (np.int64, np.float64))
+        axis[edges[2:]] = 1
+        length[edges] = 2.0 * self.mesh.edge
+        half = self._slaves[1].node
+        return axis[half], length[half]
+
+    def side_nodes(self, box: Ints, side: int) -> Ints:
+        """Return the nodes of the elements on a side of boxes, shape (functions, parts, n)."""
+        corners = self.boxes.side_nodes(box, side)
+        if not self.quadratic:
+            return corners
+        edge = np.searchsorted(self._edge_keys, self._edge_key(*corners))
+        return np.concatenate([corners, (len(self.mesh.start) + edge)[None]])
 
     def hold(self) -> None:
         """Make the field fit: at the supports, and along straight sides."""
@@ -81,78 +149,88 @@ class AdmissibleDisplacement:
         self._straighten(self.displacement)
 
     def _straighten(self, v: Floats) -> None:
-        """Put the middles of straight sides between their ends."""
-        v[self.mesh.slave] = v[self.mesh.masters].mean(axis=0)
+        """Let the nodes within straight sides follow those of the sides."""
+        for slaves in self._slaves:
+            v[slaves.node] = 0.0
+            for master, weight in zip(slaves.masters, slaves.weights, strict=True):
+                v[slaves.node] += weight * v[master]
 
     def _restrict(self, force: Floats) -> None:
-        """Move the forces on middles of straight sides to their ends: the adjoint."""
-        slave = self.mesh.slave
-        for master in self.mesh.masters:
-            np.add.at(force, master, force[slave] / len(self.mesh.masters))
-        force[slave] = 0.0
+        """Move the forces on nodes within straight sides to those of the sides: the adjoint."""
+        for slaves in self._slaves:
+            for master, weight in zip(slaves.masters, slaves.weights, strict=True):
+                np.add.at(force, master, weight * force[slaves.node])
+            force[slaves.node] = 0.0
 
     def _gathered(self, node: Ints, force: Floats) -> Floats:
         """Add forces, shape (..., dimension), up at nodes of shape (...)."""
-        at, count = node.ravel(), len(self.mesh.start)
+        at = node.ravel()
         flat = force.reshape(len(at), force.shape[-1])
-        return np.stack([np.bincount(at, column, count) for column in flat.T], axis=1)
+        return np.stack([np.bincount(at, column, self._count) for column in flat.T], axis=1)
 
-    def forces(self, across: bool = True) -> Floats:
-        """Return the loads at the nodes, or only those along surfaces."""
+    def forces(self) -> Floats:
+        """Return the loads at the nodes."""
         boxes, mesh, d = self.boxes, self.mesh, self.boxes.dimension
-        load = np.zeros_like(mesh.start)
-        if across and boxes.body.any():
-            each = (boxes.body[:, mesh.owner] * mesh.edge**d / len(self._ends)).T
-            shape = (len(self._ends), *each.shape)
-            load += self._gathered(mesh.element, np.broadcast_to(each, shape))
+        load = np.zeros((self._count, d))
+        if boxes.body.any():
+            each = (boxes.body[:, mesh.owner] * mesh.edge**d).T
+            share = mean_values(d, self.quadratic)[:, None, None] * each
+            load += self._gathered(self.element, share)
+        parts = 1 << (d - 1)
+        # Shares of an even load's functions, and of one that grows from -1 to 1 over a side.
+        even = np.full(parts, 1.0 / parts)
+        even = np.append(even, BULGE) if self.quadratic else even
         for side in range(2 * d):
             on = boxes.loads.side == side
             box, force = boxes.loads.box[on], boxes.loads.force[on]
-            if not across:
-                force[:, side // 2] = 0.0
-            node = boxes.side_nodes(box, side)
-            share = np.broadcast_to(force / len(node) ** 2, (*node.shape, d))
+            node = self.side_nodes(box, side)
+            share = even[:, None, None, None] * np.broadcast_to(force / parts, (*node.shape[1:], d))
             load += self._gathered(node, share)
             # What loads add that lie unevenly on the side: linear tractions.
             uneven = boxes.uneven_loads.some(boxes.uneven_loads.side == side)
-            node, parts = boxes.side_nodes(uneven.box, side), mesh.parts[:, uneven.box]
-            cut, axes = parts[0] != parts[1], [a for a in range(d) if a != side // 2]
+            node, part = self.side_nodes(uneven.box, side), mesh.parts[:, uneven.box]
+            cut, axes = part[0] != part[1], [a for a in range(d) if a != side // 2]
             ends = 2.0 * corner_ends(d - 1) - 1.0
             along = np.einsum("nik,ek->eni", uneven.moment[:, :, axes], ends)
-            along = along / (boxes.size[uneven.box, None] * len(node) ** 2)
+            along = along / (boxes.size[uneven.box, None] * parts**2)
             # On a whole side by its corners; on parts by where these lie, and by their corners.
             share = np.where(cut[:, None], 3.0 * along[None] + along[:, None], 2.0 * along[:, None])
+            if self.quadratic:
+                # Of an odd traction a quadratic feels the means of the halves alone.
+                share = np.concatenate([share, np.where(cut[:, None], 4.0 * along, 0.0)[None]])
             load += self._gathered(node, share)
         self._restrict(load)
         return load
 
     def _supports(self) -> tuple[Floats, bool]:
         """Return the given displacements (NaN where free), and whether they contradict."""
-        given = np.full_like(self.mesh.start, np.nan)
-        jumps = False
+        given = np.full((self._count, self.boxes.dimension), np.nan)
+        corners, jumps = len(self.mesh.start), False
         for kind in (ROLLER, RIGID):
             for held in self.boxes.held:
                 if held.kind != kind:
                     continue
                 axis = held.side // 2
-                sides = self.boxes.side_nodes(held.box, held.side)
+                sides = self.side_nodes(held.box, held.side)
                 for node in sides.reshape(-1, sides.shape[-1]):
+                    straight = node >= corners
                     for component in [axis] if kind == ROLLER else range(self.boxes.dimension):
-                        old, new = given[node, component], held.value[:, component]
+                        new = np.where(straight, 0.0, held.value[:, component])
+                        old = given[node, component]
                         jumps |= bool(np.any(~np.isnan(old) & (old != new)))
                         given[node, component] = new
+        if self.quadratic:
+            given[self._sides] = np.where(np.isnan(given[self.mesh.slave]), given[self._sides], 0.0)
         return given, jumps
 
     def force(self, v: Floats) -> Floats:
-        """Return the forces that hold corners at a displacement."""
-        d, out = self.boxes.dimension, np.zeros_like(v)
-        add_forces(self.mesh.element, self._moduli, v, out)
+        """Return the forces that hold nodes at a displacement."""
+        out = np.zeros_like(v)
+        add_forces(self.element, self._moduli, v, out, self.forms)
+        mass = side_mass(self.boxes.dimension, self.quadratic)
         for bed in self.boxes.beds:
             axis = bed.side // 2
-            node = self.boxes.side_nodes(bed.box, bed.side)
-            # The mass matrix of a side: what an even bed does to its corners.
-            ends = corner_ends(d - 1)
-            mass = 2.0 ** -np.abs(ends[:, None] - ends).sum(axis=2) / 3.0 ** (d - 1)
+            node = self.side_nodes(bed.box, bed.side)
             pull = np.tensordot(mass, v[node, axis] * self._bed_stiffness(bed), 1)
             out[:, axis] += np.bincount(node.ravel(), pull.ravel(), len(out))
         self._restrict(out)
@@ -168,7 +246,8 @@ class AdmissibleDisplacement:
         # walls: the potential energy of no field is below its negative.
         diagonal = self._diagonal()
         free = np.isnan(self.given) & (diagonal > 0.0)
-        free[self.mesh.slave] = False
+        for slaves in self._slaves:
+            free[slaves.node] = False
         weight = np.where(free, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
         self._residual = self._load - self.force(self.displacement)
         gap = above + self.whole_energy() - self.work()
@@ -185,25 +264,26 @@ class AdmissibleDisplacement:
         self._residual = (1.0 - share) * self._load + share * self._residual
 
     def _diagonal(self) -> Floats:
-        d = self.boxes.dimension
-        # Of a corner's own function every component has the same stiffness.
-        one = [form[0, 0] for form in element_stiffness(d)]
-        own = sum(share * modulus for share, modulus in zip(one, self._moduli, strict=True))
-        column = np.zeros(len(self.mesh.start))
-        for node in self.mesh.element:
-            column += np.bincount(node, own, len(column))
-        out = np.repeat(column[:, None], d, axis=1)
+        """Return the diagonal of the stiffness, that of slaves shared out among their masters."""
+        d, out = self.boxes.dimension, np.zeros_like(self.displacement)
+        own = self.forms.diagonal(axis1=1, axis2=2).reshape(3, len(self.element), d)
+        for node, (one, two, three) in zip(self.element, own.transpose(1, 0, 2), strict=True):
+            for a in range(d):
+                share = one[a], two[a], three[a]
+                each = sum(k * modulus for k, modulus in zip(share, self._moduli, strict=True))
+                out[:, a] += np.bincount(node, each, len(out))
+        mass = side_mass(d, self.quadratic).diagonal()[:, None, None]
         for bed in self.boxes.beds:
-            node = self.boxes.side_nodes(bed.box, bed.side)
-            stiff = np.broadcast_to(self._bed_stiffness(bed) / 3.0 ** (d - 1), node.shape)
+            node = self.side_nodes(bed.box, bed.side)
+            stiff = np.broadcast_to(self._bed_stiffness(bed) * mass, node.shape)
             out[:, bed.side // 2] += np.bincount(node.ravel(), stiff.ravel(), len(out))
         self._restrict(out)
         return out
 
     def energies(self) -> Floats:
         """Return the strain energy of every box, scaled."""
-        moved = corner_displacements(self.mesh.element, self.displacement)
-        energy = 0.5 * np.einsum("ni,ni->n", moved, forces(self._moduli, moved))
+        moved = node_displacements(self.element, self.displacement)
+        energy = 0.5 * np.einsum("ni,ni->n", moved, forces(self._moduli, moved, self.forms))
         return np.asarray(np.bincount(self.mesh.owner, energy, len(self.boxes.size)), np.float64)
 
     def work(self) -> float:
@@ -217,19 +297,21 @@ class AdmissibleDisplacement:
             return total
         for side, rest in enumerate(boxes.rest):
             axis, upper = divmod(side, 2)
-            if rest.any():
-                own = self.displacement[:, axis].copy()
-                on = self.mesh.corner[self._ends[:, axis] == upper]
-                force = rest * boxes.size ** (boxes.dimension - 1)
-                total += (1 - 2 * upper) * float(np.sum(force * sum(own[node] for node in on)))
-        return total / (len(self._ends) // 2)
+            box = np.flatnonzero(rest)
+            node = self.side_nodes(box, side)
+            moved = self.displacement[node, axis].mean(axis=1)  # over the parts of the side
+            corners = node.shape[1]
+            mean = moved[:corners].mean(axis=0) + BULGE * moved[corners:].sum(axis=0)
+            force = rest[box] * boxes.size[box] ** (boxes.dimension - 1)
+            total += (1 - 2 * upper) * float(np.vdot(force, mean))
+        return total
 
     def whole_energy(self) -> float:
         """Return the energy in body and bed, once settled."""
         force = self._load - self._residual
         return 0.5 * float(dot(self.displacement.ravel(), force.ravel()))
 
-    def _located(self, box: Ints, inside: Floats) -> tuple[Ints, Floats]:
+    def located(self, box: Ints, inside: Floats) -> tuple[Ints, Floats]:
         """Return the elements in which places in boxes lie, and the places in these."""
         d, parts = self.boxes.dimension, self.mesh.parts
         upper = (inside >= 0.5).astype(np.int64)
@@ -239,32 +321,25 @@ class AdmissibleDisplacement:
 
     def displacement_at(self, box: Ints, inside: Floats) -> Floats:
         """Return the displacement at a place in each of n boxes, shape (n, d) from 0 to 1."""
-        element, local = self._located(box, inside)
-        share = np.where(self._ends[:, None], local, 1.0 - local).prod(axis=2)
-        values = self.displacement[self.mesh.element[:, element]]
-        return np.asarray(np.einsum("cn,cna->na", share, values))
+        element, local = self.located(box, inside)
+        values = self.displacement[self.element[:, element]]
+        return np.asarray(np.einsum("cn,cna->na", shape_values(local, self.quadratic), values))
 
     def strain_at(self, box: Ints, inside: Floats) -> Floats:
         """Return the strain tensors, shape (n, d, d), there."""
-        return self._strains(*self._located(box, inside))
-
-    def _strains(self, element: Ints | slice, local: Floats) -> Floats:
-        share = np.where(self._ends[:, None], local, 1.0 - local)
-        values, d = self.displacement[self.mesh.element[:, element]], self.boxes.dimension
-        slope = np.empty((values.shape[1], d, d))
-        for b in range(d):
-            along = np.delete(share, b, axis=2).prod(axis=2) * (2.0 * self._ends[:, None, b] - 1.0)
-            slope[:, :, b] = np.einsum("cn,cna->na", along, values)
-        slope /= self.mesh.edge[element, None, None]
-        return np.asarray(0.5 * (slope + slope.transpose(0, 2, 1)))
+        element, local = self.located(box, inside)
+        values = self.displacement[self.element[:, element]]
+        slopes = np.einsum("cnb,cna->nab", shape_slopes(local, self.quadratic), values)
+        slopes /= self.mesh.edge[element, None, None]
+        return np.asarray(0.5 * (slopes + slopes.transpose(0, 2, 1)))
 
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, d, d)."""
         mesh, d = self.mesh, self.boxes.dimension
-        # The mean over an element is what there is in its middle.
-        strain = self._strains(slice(None), np.full((1, d), 0.5))
-        strain *= ((mesh.edge / self.boxes.size[mesh.owner]) ** d)[:, None, None]
-        columns = strain.reshape(-1, d * d).T
+        values = self.displacement[self.element]
+        slopes = np.einsum("cb,cna->nab", mean_slopes(d, self.quadratic), values)
+        slopes *= (mesh.edge ** (d - 1) / self.boxes.size[mesh.owner] ** d)[:, None, None]
+        columns = (0.5 * (slopes + slopes.transpose(0, 2, 1))).reshape(-1, d * d).T
         mean = [np.bincount(mesh.owner, column, len(self.boxes.size)) for column in columns]
         return np.asarray(np.stack(mean, axis=1).reshape(-1, d, d), np.float64)
 

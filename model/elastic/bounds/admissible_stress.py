@@ -27,6 +27,8 @@ from itertools import combinations
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
+from kaju.model.elastic.bounds.bilinear_kernels import node_displacements
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.equilibration import (
     EquilibratedTractions,
@@ -35,8 +37,16 @@ from kaju.model.elastic.bounds.equilibration import (
     uneven_modes,
 )
 from kaju.model.elastic.bounds.macroelement import Macroelement
+from kaju.model.elastic.bounds.shape_functions import gauss_points
+from kaju.model.elastic.bounds.stress_function import (
+    UNKNOWNS,
+    StressFunction,
+    compliance,
+    strains_of_nodes,
+    stresses_of_unknowns,
+)
 from kaju.model.elastic.fields import between_corners
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.cell_types import AIR
 
@@ -135,7 +145,9 @@ class AdmissibleStress:
         wrong = gap > WRONG
         if np.count_nonzero(wrong) > MOST_UNBALANCED and gap.max() > BALANCED:
             self.irregular = EquilibratedTractions.none(boxes.dimension)
+            self.equilibrated = False
         else:
+            self.equilibrated = True
             uneven = boxes.uneven | wrong
             uneven[boxes.uneven_loads.box] = True
             given = normal, self._pressed, self._springs
@@ -144,6 +156,51 @@ class AdmissibleStress:
         self.normal = normal
         self.left = float(gap.max(initial=0.0))  # Unbalanced share of the largest stress
         self._forms = Macroelement.of_laws(boxes.dimension, boxes.law, self.irregular.box)
+        self.function: StressFunction | None = None
+        self._on_nodes = np.zeros((0, 0))
+
+    def improve(self, field: AdmissibleDisplacement, gap: float) -> None:
+        """Add a stress function; `gap` is how far the energy may be above the least."""
+        felt, self._on_nodes = self._products(field)
+        self.function, self._field = StressFunction(field, felt, gap), field
+        self.__dict__.pop("energies", None)
+
+    def _products(self, field: AdmissibleDisplacement) -> tuple[Floats, Floats]:
+        """Return products with stress functions, by the law, and with strains of nodes."""
+        # Shape (elements, 16) each, in unit elements.
+        boxes, mesh = self.boxes, field.mesh
+        felt, on_nodes = (np.zeros((len(mesh.owner), UNKNOWNS)) for _ in range(2))
+        (like, unlike, shear), n = compliance(boxes.law), len(boxes.size)
+        regular = np.ones(n, dtype=np.bool_)
+        regular[self.irregular.box] = False
+        box = np.flatnonzero(regular)
+        for point, weight in zip(*gauss_points(2, 3), strict=True):
+            inside = point[None]
+            (x, y), (tau,) = self.plain.at(box, np.broadcast_to(inside, (len(box), 2)))
+            strain = np.stack([like[box] * x + unlike[box] * y, like[box] * y + unlike[box] * x])
+            strain = np.concatenate([strain, [shear[box] * tau]])
+            felt[box] += weight * (strain.T @ stresses_of_unknowns(inside)[..., 0])
+            on_nodes[box] += weight * (np.stack([x, y, tau]).T @ strains_of_nodes(inside)[..., 0])
+        for some, form in self._forms:
+            law = compliance(moduli_at(boxes.law, some[:1]))[:, 0]
+            cut = mesh.parts[0, some] != mesh.parts[1, some]
+            data = self._data(some)
+            for part, tables in enumerate(form.products(law)):
+                whole_felt, whole_nodes, felt_part, nodes_part = tables
+                uncut = some[~cut]
+                felt[uncut] += data[~cut] @ whole_felt
+                on_nodes[uncut] += data[~cut] @ whole_nodes
+                at = mesh.parts[part, some[cut]]
+                felt[at], on_nodes[at] = data[cut] @ felt_part, data[cut] @ nodes_part
+        return felt, on_nodes
+
+    def works(self) -> Floats:
+        """Return the work of the stress on the strain of the improving field, box by box."""
+        assert self.function is not None
+        field = self._field
+        moved = node_displacements(field.element, field.displacement)
+        each = np.einsum("ni,ni->n", self._on_nodes, moved) * field.mesh.edge
+        return self.function.works() + np.bincount(field.mesh.owner, each, len(self.boxes.size))
 
     def _gaps(self, normal: Floats) -> Floats:
         """Return the largest jump of the normal traction on the sides of every box."""
@@ -182,7 +239,7 @@ class AdmissibleStress:
         if len(self.irregular.box):
             at = self.irregular.at(box)
             found[:, at >= 0] = self.irregular.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
-        return found
+        return found if self.function is None else found + self.function.traction(side, box)
 
     def borne(self, side: int, box: Ints) -> Floats:
         """Return the stress that a bed bears on sides of boxes, their loads not among it."""
@@ -203,7 +260,8 @@ class AdmissibleStress:
         energy = self.plain.energy(self.boxes.law)
         for box, form in self._forms:
             energy[box] = form.energy(self._data(box))
-        return np.asarray(energy * self.boxes.size**self.boxes.dimension)
+        energy = energy * self.boxes.size**self.boxes.dimension
+        return np.asarray(energy if self.function is None else energy + self.function.energies())
 
     def means(self) -> Floats:
         """Return the mean stress tensors of the boxes, shape (boxes, d, d)."""
@@ -212,6 +270,8 @@ class AdmissibleStress:
         found = np.concatenate([normal, shear])
         for box, form in self._forms:
             found[:, box] = form.mean(self._data(box))
+        if self.function is not None:
+            found += self.function.means()
         return _tensors(found, self.boxes.dimension)
 
     def at(self, box: Ints, inside: Floats) -> Floats:
@@ -220,6 +280,8 @@ class AdmissibleStress:
         for some, form in self._forms:
             here = np.flatnonzero(np.isin(box, some))
             found[:, here] = form.at(self._data(box[here]), inside[here])
+        if self.function is not None:
+            found += self.function.at(*self._field.located(box, inside))
         return _tensors(found, self.boxes.dimension)
 
     def _data(self, box: Ints) -> Floats:

@@ -6,7 +6,7 @@ are their strains, which makes the stiffness short.
 
 from __future__ import annotations
 
-from functools import lru_cache, reduce
+from functools import reduce
 
 import numpy as np
 
@@ -17,56 +17,27 @@ from kaju.model.elastic.moduli import Moduli
 FEW = 50_000  # The forces on so few boxes take no compiled loop
 
 
-def add_forces(element: Ints, law: Moduli, v: Floats, out: Floats) -> None:
-    """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d)."""
-    # `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
-    # moduli are times the edge in three dimensions.
-    if element.shape[1] > FEW:
+def add_forces(element: Ints, law: Moduli, v: Floats, out: Floats, forms: Floats) -> None:
+    """Add the forces that hold the nodes of boxes at a displacement, both of shape (nodes, d)."""
+    # `element` are the nodes, first those at the corners, shape (functions, n), the last axis
+    # running fastest; the moduli are times the edge in three dimensions; `forms` is the stiffness.
+    if element.shape[1] > FEW and len(element) == 1 << v.shape[1]:
         _add_by_modes(element, *law, v, out, (0.0,) * v.shape[1])
         return
-    d, force = v.shape[1], forces(law, corner_displacements(element, v))
+    d, force = v.shape[1], forces(law, node_displacements(element, v), forms)
     for a in range(d):
         out[:, a] += np.bincount(element.T.ravel(), force[:, a::d].ravel(), len(out))
 
 
-def corner_displacements(element: Ints, v: Floats) -> Floats:
-    """Return the displacements of the corners of boxes, shape (n, 2^d · d)."""
+def node_displacements(element: Ints, v: Floats) -> Floats:
+    """Return the displacements of the nodes of boxes, shape (n, functions · d)."""
     return v[element].transpose(1, 0, 2).reshape(element.shape[1], -1)
 
 
-def forces(law: Moduli, moved: Floats) -> Floats:
-    """Return the forces that hold the corners of boxes, by their displacements."""
-    forms = element_stiffness({8: 2, 24: 3}[moved.shape[1]])
+def forces(law: Moduli, moved: Floats, forms: Floats) -> Floats:
+    """Return the forces that hold the nodes of boxes, by their displacements."""
     parts = (modulus[:, None] * (moved @ form) for modulus, form in zip(law, forms, strict=True))
     return reduce(np.add, parts)
-
-
-@lru_cache(maxsize=2)
-def element_stiffness(dimension: int) -> tuple[Floats, Floats, Floats]:
-    """Return the forces at corners by their displacements, of moduli C₁₁, C₁₂ and μ of one."""
-    mass, stiff = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0, np.array([[1.0, -1.0], [-1.0, 1.0]])
-    slope = np.array([[-0.5, -0.5], [0.5, 0.5]])
-    axes = range(dimension)
-
-    def product(a: int, b: int) -> Floats:
-        """Return the integral of ∂N/∂x_a times ∂N/∂x_b."""
-        line = [
-            (stiff if a == b else slope if c == a else slope.T) if c in (a, b) else mass
-            for c in axes
-        ]
-        return reduce(np.kron, line)
-
-    count = 1 << dimension
-    forms = np.zeros((3, count, dimension, count, dimension))
-    for a in axes:
-        forms[0, :, a, :, a] = product(a, a)
-        for b in axes:
-            if a != b:
-                forms[1, :, a, :, b] = product(a, b)
-                forms[2, :, a, :, a] += product(b, b)
-                forms[2, :, a, :, b] += product(b, a)
-    one, two, three = forms.reshape(3, count * dimension, count * dimension)
-    return one, two, three
 
 
 @njit(cache=True, fastmath=True)

@@ -18,6 +18,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.bounds.stress_function import strains_of_nodes, stresses_of_unknowns
 from kaju.model.elastic.moduli import Moduli
 
 Point = tuple[float, ...]
@@ -67,6 +68,47 @@ class Macroelement:
             own = data[here] @ self.parts[one].T
             found[:, here] = np.einsum("nk,kcp,np->cn", weight[here], self.stress[corners], own)
         return found
+
+
+    def products(self, law: Floats) -> list[tuple[Floats, Floats, Floats, Floats]]:
+        """Return products with stress functions and with strains of nodes, part by part."""
+        # Tables, shape (data, 16), of what every part of a plane box adds to the products of the
+        # whole box as an element, then of the part as an element of its own; for unit elements.
+        # `law` is the compliance.
+        (like, unlike, shear), found = law, []
+        points, weight, which, share = triangle_points(_simplices(2))
+        stress = np.einsum("nk,nkcd->ncd", share, self.stress[which])
+
+        def products_at(inside: Floats, by_data: Floats) -> tuple[Floats, Floats]:
+            xx, yy, xy = stresses_of_unknowns(inside)
+            strain = np.stack([like * xx + unlike * yy, like * yy + unlike * xx, shear * xy])
+            of_nodes = strains_of_nodes(inside)
+            felt, on_nodes = (
+                np.einsum("n,ncd,cin->di", weight, by_data, one, optimize=True)
+                for one in (strain, of_nodes)
+            )
+            return felt, on_nodes
+
+        for end, part in zip(corner_ends(2), self.parts, strict=True):
+            by_data = stress @ part
+            whole = products_at(0.5 * (points + end), 0.25 * by_data)
+            found.append((*whole, *products_at(points, by_data)))
+        return found
+
+
+def triangle_points(triangles: list[list[Point]]) -> tuple[Floats, Floats, Ints, Floats]:
+    """Return points in triangles of equal area, their weights, triangles, and shares of corners."""
+    # A rule of seven points is exact for polynomials of degree 5 (Radon 1948).
+    root = 15.0**0.5
+    shares, weights = [[1 / 3] * 3], [9 / 40]
+    for near, weight in (((6 - root) / 21, 155 - root), ((6 + root) / 21, 155 + root)):
+        shares += [np.roll([1 - 2 * near, near, near], k).tolist() for k in range(3)]
+        weights += [weight / 1200] * 3
+    count = len(triangles)
+    share = np.tile(np.array(shares), (count, 1))
+    which = np.repeat(np.arange(count), len(weights))
+    points = np.einsum("nk,nkd->nd", share, np.array(triangles)[which])
+    return points, np.tile(np.array(weights) / count, count), which, share
 
 
 @lru_cache(maxsize=2)

@@ -39,8 +39,9 @@ ON_THE_WAY = 0.07
 """Every generation is iterated to this share of the error before, the last one further."""
 CYCLE = {2: 0.1, 3: 0.25}
 """Share of a smooth error, like that of a prolonged displacement, left by a V-cycle."""
-FEWEST = {2: 1.0, 3: 0.5}
-"""Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
+FEWEST, ORDER = {2: 5.0, 3: 0.5}, {2: 1, 3: 3}
+"""Agents times the tolerance to the power of the order, in the simplest of bodies: in the plane
+bounds are of second order."""
 SPREAD = 3.0  # Agents, of which fewer are expected at least, are about this many times more
 AT_ONCE = 2_000  # Blocks whose stresses are worked out together
 MANY, FIRST = {2: 12_000, 3: 3_000}, 3_000
@@ -54,6 +55,11 @@ CONTRAST = 100.0  # Of materials, up to which the law on coarse cells serves as 
 ROUNDING = 1e-12  # Loads that differ from their images by less, of the largest, are symmetric
 
 
+def fewest_agents(tolerance: float, dimension: int) -> float:
+    """Return how many agents keep a tolerance in the simplest of bodies."""
+    return FEWEST[dimension] / tolerance ** ORDER[dimension]
+
+
 def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
     """Return the first blocks for a scene; None where single agents do better."""
     # Blocks know no foundations, prescribed displacements, contrasts above 100, or nearly
@@ -64,7 +70,7 @@ def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
     unusual = any(c.displacement is not None or c.stiffness for c in conditions)
     rubber = is_rubber(moduli, scene.plane)
     contrast = moduli.shear.max() / moduli.shear.min()
-    expected = FEWEST[ground.dimension] / tolerance**ground.dimension
+    expected = fewest_agents(tolerance, ground.dimension)
     if rubber or unusual or contrast > CONTRAST or expected < FIRST:
         return None
     forest = first_forest(ground)

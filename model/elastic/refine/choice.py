@@ -21,7 +21,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.posed_body import face_keys
 from kaju.model.elastic.problem import is_rubber
-from kaju.model.elastic.refine.block_loop import FEWEST, MOST_AGENTS, SPREAD
+from kaju.model.elastic.refine.block_loop import MOST_AGENTS, SPREAD, fewest_agents
 from kaju.model.elastic.refine.solve_spawning import solve_spawning
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
@@ -232,7 +232,7 @@ def solve_cheaply(
     check_numbers(tolerance, resolution)
     cells = UniformRefinement(scene, tolerance, resolution, stage, previous)
     d = scene.lattice.dimension
-    expected = SPREAD * FEWEST[d] / tolerance**d
+    expected = SPREAD * fewest_agents(tolerance, d)
     allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[d])
     equal = cells.run(most=WORTH[cells.method] * expected if allowed else inf)
     if equal is not None:

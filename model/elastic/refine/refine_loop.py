@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.energy_bounds import (
@@ -95,6 +96,7 @@ class RefineLoop(ABC):
         self.aim = aim or Target()
         self._of_energy = aim is None
         self.error, self.energy = FIRST_GUESS, 0.0
+        self.accuracy = FIRST_GUESS  # The least error that is known: estimated, or proved
         self.finished, self.stopped = False, ""
         self.bracket: EnergyBounds | str | None = None
         self.notes: list[str] = []
@@ -181,13 +183,12 @@ class RefineLoop(ABC):
             self.bracket = None  # that of the last generation
             self._spawn(self._marked)
         runs = [self._settle(for_good=False)]
-        self._expect_bounds()
         if self._ends():
             if not runs[-1].errors[-1] <= LAST:
                 runs.append(self._settle(for_good=True))
                 self._ends()
             last = runs[-1]
-            if last.errors[-1] > 0.1 * max(self.error, self.tolerance):
+            if last.errors[-1] > 0.1 * max(self.accuracy, self.tolerance):
                 self.stopped, self.finished = "iteration", True
             residual = self._residual() if last.converged else last.residuals[-1]
             if self.finished and (not last.converged or residual > NOTED_RESIDUAL):
@@ -211,8 +212,40 @@ class RefineLoop(ABC):
         run, algebraic = self._solve(for_good=for_good)
         self.energy, self.square, self.unbalanced = self._estimate()
         self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
-        self.aimed = self.aim.estimate(self)
+        self.aimed, self.accuracy = self.aim.estimate(self), self.error
+        if self._certifies:
+            self._judge()
+        else:
+            self._expect_bounds()
         return run
+
+    @property
+    def _certifies(self) -> bool:
+        """Whether bounds judge every generation: in the plane they converge twice as fast."""
+        few = self.agents <= MOST_QUADRATIC and self.ground.dimension == 2
+        return self._of_energy and few
+
+    def _judge(self) -> None:
+        """Let the bounds say how far off the answer is, and which agents spawn."""
+        self.bracket = self._bounds(settled=False)
+        if not (isinstance(self.bracket, EnergyBounds) and self.bracket.error < inf):
+            return
+        error, judged = self.bracket.error, self._by_bounds(self.bracket)
+        self.accuracy = min(self.error, error)
+        if self.error <= self.tolerance < error:
+            # The estimate would be content: a proof may take some more agents, not any number.
+            self._needed = self._needed or self.agents
+            if not self._worth(judged.marked):
+                return
+        self._share, self.aimed = 1.0, judged
+
+    def _by_bounds(self, bracket: EnergyBounds) -> Aimed:
+        """Return the error that is proved, and the marks that let it fall to the tolerance."""
+        # The bound is half the distance between two stresses (Prager and Synge 1947), and the
+        # shares are the squared distances: their budget is that of twice the tolerance.
+        shares = bracket.shares.reshape(len(self.square), -1).sum(axis=1)
+        allowed = 2 * bracket.lower * (2 * SPARE * self.tolerance) ** 2
+        return Aimed(bracket.error, shares, self.mark_for_energy(shares, allowed), allowed)
 
     def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
         """Return bounds of the true energy, or why there are none; estimated if not settled."""
@@ -249,7 +282,8 @@ class RefineLoop(ABC):
         if self._of_energy and self.ground.smallest == 1 and self.agents >= PREDICTS:
             # The error falls at most with the agents' size, so their number grows at least by the
             # error's ratio to the power of the dimension (unless a resolution limits their size).
-            expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
+            power = 1 if self._certifies else self.ground.dimension
+            expected = self.agents * (self.aimed.error / self.tolerance) ** power
         many = self._after(marked) > self.most_agents or expected > FAR * self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
             self.stopped = "agents"
@@ -283,18 +317,15 @@ class RefineLoop(ABC):
             return
         if self.aimed.error > self.target:
             return
-        self.bracket = self._bounds()
+        if not (self._certifies and self.proved and self.bracket.balanced):
+            self.bracket = self._bounds()
         if self.proved:
             return
         if isinstance(self.bracket, EnergyBounds):
             self._share = min(self.bracket.error / max(self.error, self.tolerance), 1.0)
-            # The bound is half the distance between two stresses (Prager and Synge 1947), and the
-            # shares are the squared distances: their budget is that of twice the tolerance.
-            shares = self.bracket.shares.reshape(len(self.square), -1).sum(axis=1)
-            allowed = 2 * self.bracket.lower * (2 * SPARE * self.tolerance) ** 2
-            marked = self.mark_for_energy(shares, allowed)
-            if self._worth(marked):
-                self.aimed, self.finished = self.aimed._replace(marked=marked), False
+            judged = self._by_bounds(self.bracket)
+            if self._worth(judged.marked):
+                self.aimed, self.finished = self.aimed._replace(marked=judged.marked), False
                 return
         # Without a proof the estimate alone has to keep the tolerance.
         self._share = 1.0
@@ -373,7 +404,7 @@ class LeafLoop(RefineLoop):
         self.displacement = self.hierarchy.grow(self.balance, self.displacement)
 
     def _solve(self, *, for_good: bool) -> tuple[Iteration, float]:
-        share = LAST if for_good else ALGEBRAIC_SHARE * self.error
+        share = LAST if for_good else ALGEBRAIC_SHARE * self.accuracy
         run = settle(self.balance, self.hierarchy, self.displacement, share)
         return run, run.errors[-1]
 

@@ -29,7 +29,7 @@ DEGREE, LOW = 4, 0.15
 FACTORISED, PATIENCE, MOST = {2: 400_000, 3: 30_000}, 40, {2: 100, 3: 400}
 """A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
 larger ones get MOST iterations: in the plane a hundred take a minute."""
-DIRECT, SEVERAL = {2: 20_000, 3: 5_000}, {2: 15_000, 3: 5_000}
+DIRECT, SEVERAL = {2: 150_000, 3: 5_000}, {2: 150_000, 3: 5_000}
 """Generations of fewer faces are factorised, and serve as the coarsest level: of one material, and
 of several, where P'AP makes the coarsest matrix denser."""
 RUBBER = {2: 400_000, 3: 15_000}

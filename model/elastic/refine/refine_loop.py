@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf, isfinite, log2
 from typing import Any, ClassVar
 
 import numpy as np
@@ -47,6 +47,7 @@ NOTED_RESIDUAL = 1e-5  # Residual, as a share of the applied forces, from which 
 MOST_BOUNDED_EARLY = {2: 0, 3: 4_000}
 """Up to so many agents bounds are worked out once before the end: of more they take too long, and
 in the plane their ratio to the estimate varies little."""
+MOST_HALVINGS = 2
 SHARP_BUDGET = 0.1  # Share of the error budget for agents at points where stress is singular
 LEAST_SHARE = 0.5  # Of the estimate that bounds are expected to be
 FIRST_GUESS = 0.3  # Relative error assumed before the first generation
@@ -106,6 +107,7 @@ class RefineLoop(ABC):
         # Expected ratio of the bound to the estimate.
         self._share = PROVED_AT[ground.dimension] if self._of_energy else 1.0
         self._marked: Flags | None = None
+        self.more_halvings = 0  # Of cells at singular points, in one generation
 
     @property
     @abstractmethod
@@ -245,6 +247,11 @@ class RefineLoop(ABC):
         # shares are the squared distances: their budget is that of twice the tolerance.
         shares = bracket.shares.reshape(len(self.square), -1).sum(axis=1)
         allowed = 2 * bracket.lower * (2 * SPARE * self.tolerance) ** 2
+        # A halving takes about half of the share of a cell at a singular point: so many more follow
+        # at once.
+        sharp = shares[self.sharp]
+        times = sharp.max(initial=0.0) * len(sharp) / (SHARP_BUDGET * allowed)
+        self.more_halvings = int(np.clip(log2(max(times, 1.0)) - 1.0, 0, MOST_HALVINGS))
         return Aimed(bracket.error, shares, self.mark_for_energy(shares, allowed), allowed)
 
     def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
@@ -399,6 +406,11 @@ class LeafLoop(RefineLoop):
     def _spawn(self, marked: Flags) -> None:
         number, leaves = len(self.generations), self.leaves
         leaves = leaves.split(marked, number, self.indicator.load * self.ground.scales.force)
+        for _ in range(self.more_halvings):
+            again = np.zeros(len(leaves), dtype=np.bool_)
+            again[leaves.holding(self.ground.sharp)] = True
+            again &= (leaves.step == number) & (leaves.size > self.ground.smallest)
+            leaves = leaves.split(again, number, leaves.cause)
         leaves = leaves.balanced(number, young=leaves.step == number)
         self.balance = Equilibrium(CompositeGrid(self.ground, leaves))
         self.displacement = self.hierarchy.grow(self.balance, self.displacement)

@@ -251,11 +251,13 @@ class ElasticResult(BodyResult):
 
         Its square estimates the relative error of the strain energy. On equal cells it is the
         difference to the answer of cells twice as large, with what the iteration left. Where a
-        tolerance was asked for and bounds contradict the estimate, it is `error_bound`: they do
-        where they are above twice of it, or the energy of `stress` lies further outside of them.
+        tolerance was asked for it is `error_bound` if that is smaller, or contradicts the estimate:
+        if it is above twice of it, or the energy of `stress` lies further outside of the bounds.
         """
         bounds, own = self._promised_bounds, self.found.solution.error
-        return max(own, bounds.error) if bounds is not None and self._contradicted else own
+        if bounds is None:
+            return own
+        return max(own, bounds.error) if self._contradicted else min(own, bounds.error)
 
     @property
     def _bounds(self) -> EnergyBounds | None:
@@ -284,13 +286,12 @@ class ElasticResult(BodyResult):
 
         Worked out when first asked for, from a stress that balances and a displacement without
         gaps (Prager and Synge 1947). `strain_energy` is their middle where a tolerance is
-        proved; else they are as wide as it takes to hold it too.
+        proved; else it is the energy of `stress`, which may lie outside of them.
         """
-        bounds = self._bounds
+        bounds, unit = self._bounds, self.found.scales.energy
         if bounds is None:
             return self.found.energy_bounds
-        unit, energy = self.found.scales.energy, self.strain_energy
-        return min(bounds.lower * unit, energy), max(bounds.upper * unit, energy)
+        return bounds.lower * unit, bounds.upper * unit
 
     @property
     def error_bound(self) -> float | None:

@@ -25,8 +25,8 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ConvergenceError, SceneError
-from kaju.model.elastic.bounds.shape_functions import element_stiffness
 from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.bounds.shape_functions import element_stiffness
 from kaju.model.elastic.fields import node_displacement
 from kaju.model.elastic.solve import solve
 

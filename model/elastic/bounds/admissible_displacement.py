@@ -20,7 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.bounds.bilinear_kernels import add_forces, forces, node_displacements
+from kaju.model.elastic.bounds.bilinear_kernels import (
+    FEW,
+    LawForms,
+    add_forces,
+    node_displacements,
+)
 from kaju.model.elastic.bounds.bound_cells import BoundCells, Foundation, corner_ends
 from kaju.model.elastic.bounds.shape_functions import (
     BULGE,
@@ -93,9 +98,12 @@ class AdmissibleDisplacement:
         self._slaves = [Slaves(self.mesh.slave, masters, (1.0 / len(masters),) * len(masters))]
         if self.quadratic:
             self._add_edges()
-        self.forms = element_stiffness(d, self.quadratic)
-        scale = self.mesh.edge ** (d - 2)
-        self._moduli = Moduli(*(modulus[self.mesh.owner] * scale for modulus in boxes.law))
+        scale, law = self.mesh.edge ** (d - 2), np.stack(boxes.law)[:, self.mesh.owner]
+        self._stiffness = LawForms(law, element_stiffness(d, self.quadratic), scale)
+        # Of many boxes the compiled loop over bilinear fields takes the moduli.
+        self._moduli = None
+        if not self.quadratic and len(self.mesh.owner) > FEW:
+            self._moduli = Moduli(*(law * scale))
         self._count = len(self.mesh.start) + len(self._edge_keys)
         self._load = self.forces()
         # What supports give (NaN: nothing), and whether they give a node two displacements at once.
@@ -109,7 +117,10 @@ class AdmissibleDisplacement:
         """Give every edge of an element a node, and the halves of straight sides the side's."""
         corner, slave, (first, last) = self.mesh.element, self.mesh.slave, self.mesh.masters
         own = [self._edge_key(corner[i], corner[j]) for i, j in EDGES]
-        key = [*own, *(self._edge_key(*ends) for ends in ((first, last), (first, slave), (last, slave)))]
+        key = [
+            *own,
+            *(self._edge_key(*ends) for ends in ((first, last), (first, slave), (last, slave))),
+        ]
         self._edge_keys, number = np.unique(np.concatenate(key), return_inverse=True)
         number += len(self.mesh.start)
         edges, of_sides = np.split(number, [4 * corner.shape[1]])
@@ -226,7 +237,13 @@ class AdmissibleDisplacement:
     def force(self, v: Floats) -> Floats:
         """Return the forces that hold nodes at a displacement."""
         out = np.zeros_like(v)
-        add_forces(self.element, self._moduli, v, out, self.forms)
+        if self._moduli is not None:
+            add_forces(self.element, self._moduli, v, out)
+        else:
+            each = self._stiffness.apply(node_displacements(self.element, v))
+            at = self.element.T.ravel()
+            for a in range(len(out.T)):
+                out[:, a] = np.bincount(at, each[:, a :: len(out.T)].ravel(), len(out))
         mass = side_mass(self.boxes.dimension, self.quadratic)
         for bed in self.boxes.beds:
             axis = bed.side // 2
@@ -266,12 +283,10 @@ class AdmissibleDisplacement:
     def _diagonal(self) -> Floats:
         """Return the diagonal of the stiffness, that of slaves shared out among their masters."""
         d, out = self.boxes.dimension, np.zeros_like(self.displacement)
-        own = self.forms.diagonal(axis1=1, axis2=2).reshape(3, len(self.element), d)
-        for node, (one, two, three) in zip(self.element, own.transpose(1, 0, 2), strict=True):
+        own = self._stiffness.diagonal().reshape(-1, len(self.element), d)
+        for node, each in zip(self.element, own.swapaxes(0, 1), strict=True):
             for a in range(d):
-                share = one[a], two[a], three[a]
-                each = sum(k * modulus for k, modulus in zip(share, self._moduli, strict=True))
-                out[:, a] += np.bincount(node, each, len(out))
+                out[:, a] += np.bincount(node, each[:, a], len(out))
         mass = side_mass(d, self.quadratic).diagonal()[:, None, None]
         for bed in self.boxes.beds:
             node = self.side_nodes(bed.box, bed.side)
@@ -283,7 +298,7 @@ class AdmissibleDisplacement:
     def energies(self) -> Floats:
         """Return the strain energy of every box, scaled."""
         moved = node_displacements(self.element, self.displacement)
-        energy = 0.5 * np.einsum("ni,ni->n", moved, forces(self._moduli, moved, self.forms))
+        energy = 0.5 * np.einsum("ni,ni->n", moved, self._stiffness.apply(moved))
         return np.asarray(np.bincount(self.mesh.owner, energy, len(self.boxes.size)), np.float64)
 
     def work(self) -> float:

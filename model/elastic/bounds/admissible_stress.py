@@ -21,7 +21,7 @@ surface) the tractions are those of `equilibration`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -36,7 +36,7 @@ from kaju.model.elastic.bounds.equilibration import (
     traction_data,
     uneven_modes,
 )
-from kaju.model.elastic.bounds.macroelement import Macroelement
+from kaju.model.elastic.bounds.macroelement import Macroelement, products_of
 from kaju.model.elastic.bounds.shape_functions import gauss_points
 from kaju.model.elastic.bounds.stress_function import (
     UNKNOWNS,
@@ -170,22 +170,20 @@ class AdmissibleStress:
         # Shape (elements, 16) each, in unit elements.
         boxes, mesh = self.boxes, field.mesh
         felt, on_nodes = (np.zeros((len(mesh.owner), UNKNOWNS)) for _ in range(2))
-        (like, unlike, shear), n = compliance(boxes.law), len(boxes.size)
-        regular = np.ones(n, dtype=np.bool_)
+        regular = np.ones(len(boxes.size), dtype=np.bool_)
         regular[self.irregular.box] = False
         box = np.flatnonzero(regular)
-        for point, weight in zip(*gauss_points(2, 3), strict=True):
-            inside = point[None]
-            (x, y), (tau,) = self.plain.at(box, np.broadcast_to(inside, (len(box), 2)))
-            strain = np.stack([like[box] * x + unlike[box] * y, like[box] * y + unlike[box] * x])
-            strain = np.concatenate([strain, [shear[box] * tau]])
-            felt[box] += weight * (strain.T @ stresses_of_unknowns(inside)[..., 0])
-            on_nodes[box] += weight * (np.stack([x, y, tau]).T @ strains_of_nodes(inside)[..., 0])
+        like, unlike, shear = compliance(moduli_at(boxes.law, box))
+        for inside, of_unknowns, of_nodes in zip(*_at_points(), strict=True):
+            (x, y), (tau,) = self.plain.at(box, inside)
+            strain = np.stack([like * x + unlike * y, like * y + unlike * x, shear * tau])
+            felt[box] += strain.T @ of_unknowns
+            on_nodes[box] += np.stack([x, y, tau]).T @ of_nodes
         for some, form in self._forms:
-            law = compliance(moduli_at(boxes.law, some[:1]))[:, 0]
+            law = compliance(moduli_at(boxes.law, some[:1]))[:, 0].tolist()
             cut = mesh.parts[0, some] != mesh.parts[1, some]
             data = self._data(some)
-            for part, tables in enumerate(form.products(law)):
+            for part, tables in enumerate(products_of(form, *law)):
                 whole_felt, whole_nodes, felt_part, nodes_part = tables
                 uncut = some[~cut]
                 felt[uncut] += data[~cut] @ whole_felt
@@ -286,6 +284,14 @@ class AdmissibleStress:
 
     def _data(self, box: Ints) -> Floats:
         return traction_data(self.boxes, self.irregular, self.irregular.at(box))
+
+
+@lru_cache(maxsize=1)
+def _at_points() -> tuple[Floats, Floats, Floats]:
+    """Return points, and weighted stresses of unknowns and strains of nodes there."""
+    points, weights = gauss_points(2, 3)
+    own = stresses_of_unknowns(points) * weights, strains_of_nodes(points) * weights
+    return points[:, None], np.moveaxis(own[0], 2, 0), np.moveaxis(own[1], 2, 0)
 
 
 def _tensors(stress: Floats, d: int) -> Floats:

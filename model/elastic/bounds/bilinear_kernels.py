@@ -6,8 +6,6 @@ are their strains, which makes the stiffness short.
 
 from __future__ import annotations
 
-from functools import reduce
-
 import numpy as np
 
 from kaju.arrays import Floats, Ints
@@ -17,27 +15,48 @@ from kaju.model.elastic.moduli import Moduli
 FEW = 50_000  # The forces on so few boxes take no compiled loop
 
 
-def add_forces(element: Ints, law: Moduli, v: Floats, out: Floats, forms: Floats) -> None:
-    """Add the forces that hold the nodes of boxes at a displacement, both of shape (nodes, d)."""
-    # `element` are the nodes, first those at the corners, shape (functions, n), the last axis
-    # running fastest; the moduli are times the edge in three dimensions; `forms` is the stiffness.
-    if element.shape[1] > FEW and len(element) == 1 << v.shape[1]:
-        _add_by_modes(element, *law, v, out, (0.0,) * v.shape[1])
-        return
-    d, force = v.shape[1], forces(law, node_displacements(element, v), forms)
-    for a in range(d):
-        out[:, a] += np.bincount(element.T.ravel(), force[:, a::d].ravel(), len(out))
+class LawForms:
+    """One matrix for the boxes of each law, made of one for each modulus, times a factor."""
+
+    def __init__(self, moduli: Floats, forms: Floats, factor: Floats) -> None:
+        # Shapes (moduli, n), (moduli, data, data) and (n,).
+        key = np.array([1.0, np.pi, np.e]) @ moduli
+        whole = bool(key.min(initial=np.inf) == key.max(initial=-np.inf))
+        first = np.zeros(1, dtype=np.int64)
+        if not whole:
+            _, first, which = np.unique(key, return_index=True, return_inverse=True)
+        self._groups: list[tuple[Ints | slice, Floats]] = [
+            (slice(None) if whole else np.flatnonzero(which == k), np.tensordot(law, forms, 1))
+            for k, law in enumerate(moduli.T[first[: len(key)]])
+        ]
+        self._factor = factor[:, None]
+
+    def apply(self, values: Floats) -> Floats:
+        """Return the product of the matrices and values, shape (n, data)."""
+        found = np.empty_like(values)
+        for some, form in self._groups:
+            found[some] = values[some] @ form
+        found *= self._factor
+        return found
+
+    def diagonal(self) -> Floats:
+        """Return the diagonals of the matrices, shape (n, data)."""
+        found = np.empty((len(self._factor), len(self._groups[0][1]) if self._groups else 0))
+        for some, form in self._groups:
+            found[some] = form.diagonal()
+        return np.asarray(found * self._factor)
 
 
 def node_displacements(element: Ints, v: Floats) -> Floats:
     """Return the displacements of the nodes of boxes, shape (n, functions · d)."""
-    return v[element].transpose(1, 0, 2).reshape(element.shape[1], -1)
+    return v[element.T].reshape(element.shape[1], -1)
 
 
-def forces(law: Moduli, moved: Floats, forms: Floats) -> Floats:
-    """Return the forces that hold the nodes of boxes, by their displacements."""
-    parts = (modulus[:, None] * (moved @ form) for modulus, form in zip(law, forms, strict=True))
-    return reduce(np.add, parts)
+def add_forces(element: Ints, law: Moduli, v: Floats, out: Floats) -> None:
+    """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d)."""
+    # `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
+    # moduli are times the edge in three dimensions.
+    _add_by_modes(element, *law, v, out, (0.0,) * v.shape[1])
 
 
 @njit(cache=True, fastmath=True)

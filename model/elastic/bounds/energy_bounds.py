@@ -24,12 +24,10 @@ from kaju.model.elastic import fields
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
 from kaju.model.elastic.bounds.admissible_stress import BALANCED, AdmissibleStress
 from kaju.model.elastic.bounds.bound_cells import BoundCells
-from kaju.model.elastic.bounds.divergence_exact import LOCKING, DivergenceExactField
 from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.scene.cell_types import ROLLER
 
-OLD = False
-SETTLED = 0.015
+SETTLED = 0.002
 """Share of the estimated error that the iteration may leave, and that is added to the bound."""
 MOST_PROVED = {2: 1_000_000, 3: 100_000}
 """Of more boxes bounds are worked out only when they are asked for."""
@@ -91,7 +89,7 @@ def bracket_of(boxes: BoundCells, checked: bool = True) -> EnergyBounds | str:
     return _between(stress, field)
 
 
-def _between(stress: AdmissibleStress, plain: AdmissibleDisplacement) -> EnergyBounds | str:
+def _between(stress: AdmissibleStress, field: AdmissibleDisplacement) -> EnergyBounds | str:
     """Compare the two stresses: the hypercircle."""
     # With a residual the stress balances loads that differ a little from the true ones; the lower
     # bound holds for the true ones all the same.
@@ -99,25 +97,17 @@ def _between(stress: AdmissibleStress, plain: AdmissibleDisplacement) -> EnergyB
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
     moved = any(held.value.any() for held in boxes.held)
-    fields: list[AdmissibleDisplacement | DivergenceExactField] = [plain]
-    stiff = boxes.law.lateral > LOCKING * boxes.law.stretch
-    plain_sides = not boxes.beds and not len(boxes.uneven_loads.box)
-    if OLD and boxes.dimension == 2 and plain_sides and stiff.any():
-        # So nearly incompressible that sides have to bend.
-        fields.append(DivergenceExactField(plain))
-    for v in fields:
-        v.settle(complementary - wall_work)
-        whole = 2.0 * v.whole_energy()
-        if not moved and whole > 0.0:
-            v.scale(v.work() / whole)  # to the least potential energy
-    v = max(fields, key=lambda v: v.work() - v.whole_energy())
-    work, whole = v.work(), v.whole_energy()
-    if plain.quadratic and stress.equilibrated:
-        stress.improve(plain, complementary - wall_work + whole - work)
+    field.settle(complementary - wall_work)
+    whole = 2.0 * field.whole_energy()
+    if not moved and whole > 0.0:
+        field.scale(field.work() / whole)  # to the least potential energy
+    work, whole = field.work(), field.whole_energy()
+    if field.quadratic and stress.equilibrated:
+        stress.improve(field, complementary - wall_work + whole - work)
         bed, wall_work = _at_supports(stress)
         complementary = float(stress.energies.sum()) + bed
     rest = boxes.unsettled * sqrt(2.0 * complementary) + boxes.data_error
-    balanced = work - v.work_of_rest()
+    balanced = work - field.work_of_rest()
     gap = complementary - wall_work - balanced + whole
     exact = not boxes.of  # differences of answers cross by rounding of their parts
     if exact and gap < -CROSSED * (complementary + whole):
@@ -142,7 +132,7 @@ def _between(stress: AdmissibleStress, plain: AdmissibleDisplacement) -> EnergyB
         return EATEN
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
     potential = wall_work - complementary, whole - work
-    return EnergyBounds(lower, upper, error, potential, smallest, MiddleStress(stress, v))
+    return EnergyBounds(lower, upper, error, potential, smallest, MiddleStress(stress, field))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +140,7 @@ class MiddleStress:
     """The middle of the circle: the mean of a stress that balances and that of a displacement."""
 
     balanced: AdmissibleStress
-    field: AdmissibleDisplacement | DivergenceExactField
+    field: AdmissibleDisplacement
 
     def at(self, box: Ints, inside: Floats) -> Floats:
         """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
@@ -189,8 +179,7 @@ class MiddleStress:
         boxes, v = self.balanced.boxes, self.field
         # The product of the two stresses is the work of the tractions of the one on the other.
         product = v.work() - v.work_of_rest() + _at_supports(self.balanced)[1]
-        if isinstance(v, AdmissibleDisplacement):
-            product += v.work_on_beds(self.balanced.borne)
+        product += v.work_on_beds(self.balanced.borne)
         whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
         balanced, strain = self._means
         strain = 0.5 * (strain + fields.strain_of(balanced, boxes.law, slice(None)))

@@ -9,7 +9,7 @@ per material.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
@@ -70,30 +70,32 @@ class Macroelement:
         return found
 
 
-    def products(self, law: Floats) -> list[tuple[Floats, Floats, Floats, Floats]]:
-        """Return products with stress functions and with strains of nodes, part by part."""
-        # Tables, shape (data, 16), of what every part of a plane box adds to the products of the
-        # whole box as an element, then of the part as an element of its own; for unit elements.
-        # `law` is the compliance.
-        (like, unlike, shear), found = law, []
-        points, weight, which, share = triangle_points(_simplices(2))
-        stress = np.einsum("nk,nkcd->ncd", share, self.stress[which])
+@lru_cache(maxsize=64)
+def products_of(
+    form: Macroelement, like: float, unlike: float, shear: float
+) -> list[tuple[Floats, Floats, Floats, Floats]]:
+    """Return products with stress functions and with strains of nodes, part by part."""
+    # Tables, shape (data, 16), of what every part of a plane box adds to the products of the whole
+    # box as an element, then of the part as an element of its own; for unit elements. The numbers
+    # are the compliance.
+    points, weight, which, share = triangle_points(_simplices(2))
+    stress = np.einsum("nk,nkcd->ncd", share, form.stress[which])
 
-        def products_at(inside: Floats, by_data: Floats) -> tuple[Floats, Floats]:
-            xx, yy, xy = stresses_of_unknowns(inside)
-            strain = np.stack([like * xx + unlike * yy, like * yy + unlike * xx, shear * xy])
-            of_nodes = strains_of_nodes(inside)
-            felt, on_nodes = (
-                np.einsum("n,ncd,cin->di", weight, by_data, one, optimize=True)
-                for one in (strain, of_nodes)
-            )
-            return felt, on_nodes
+    def products_at(inside: Floats, by_data: Floats) -> tuple[Floats, Floats]:
+        xx, yy, xy = stresses_of_unknowns(inside)
+        strain = np.stack([like * xx + unlike * yy, like * yy + unlike * xx, shear * xy])
+        felt, on_nodes = (
+            np.einsum("n,ncd,cin->di", weight, by_data, one, optimize=True)
+            for one in (strain, strains_of_nodes(inside))
+        )
+        return felt, on_nodes
 
-        for end, part in zip(corner_ends(2), self.parts, strict=True):
-            by_data = stress @ part
-            whole = products_at(0.5 * (points + end), 0.25 * by_data)
-            found.append((*whole, *products_at(points, by_data)))
-        return found
+    found = []
+    for end, part in zip(corner_ends(2), form.parts, strict=True):
+        by_data = stress @ part
+        whole = products_at(0.5 * (points + end), 0.25 * by_data)
+        found.append((*whole, *products_at(points, by_data)))
+    return found
 
 
 def triangle_points(triangles: list[list[Point]]) -> tuple[Floats, Floats, Ints, Floats]:
@@ -271,10 +273,3 @@ def inside_simplices(simplices: Sequence[Sequence[Point]], place: Floats) -> tup
     share = np.einsum("ni,sik->nsk", np.c_[np.ones(len(place)), place], to)
     simplex = share.min(axis=2).argmax(axis=1)
     return simplex, share[np.arange(len(place)), simplex]
-
-
-def triangles() -> Iterator[list[tuple[float, float]]]:
-    """Yield the corners of the 16 triangles of a plane box of unit edge."""
-    for x, y in product((0.0, 0.5), repeat=2):
-        for points in _simplices(2):
-            yield [(x + 0.5 * p, y + 0.5 * q) for p, q in points]

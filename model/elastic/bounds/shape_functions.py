@@ -46,7 +46,10 @@ def shape_slopes(inside: Floats, quadratic: bool) -> Floats:
     d, ends = inside.shape[1], corner_ends(inside.shape[1])
     share = np.where(ends[:, None], inside, 1.0 - inside)
     slopes = np.stack(
-        [np.delete(share, b, axis=2).prod(axis=2) * (2.0 * ends[:, None, b] - 1.0) for b in range(d)],
+        [
+            np.delete(share, b, axis=2).prod(axis=2) * (2.0 * ends[:, None, b] - 1.0)
+            for b in range(d)
+        ],
         axis=2,
     )
     if not quadratic:

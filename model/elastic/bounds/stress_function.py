@@ -10,7 +10,7 @@ for which the staggered grid's equations have no room.
 
 from __future__ import annotations
 
-from functools import lru_cache, reduce
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement, descend
-from kaju.model.elastic.bounds.bilinear_kernels import node_displacements
+from kaju.model.elastic.bounds.bilinear_kernels import LawForms, node_displacements
 from kaju.model.elastic.bounds.shape_functions import gauss_points, shape_slopes
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.scene.cell_types import RIGID, ROLLER
@@ -82,7 +82,8 @@ class StressFunction:
         self.boxes, self.mesh, self._felt = field.boxes, field.mesh, felt
         edge, corner = self.mesh.edge, self.mesh.element
         # Stresses are second derivatives.
-        self._law = compliance(self.boxes.law)[:, self.mesh.owner] / edge**2
+        law = compliance(self.boxes.law)[:, self.mesh.owner]
+        self._products = LawForms(law, _forms()[0], edge**-2.0)
         one = np.ones_like(edge)
         self._unit = np.tile(np.stack([one, edge, edge, edge**2]), (4, 1)).T
         self._at = (4 * corner.T[:, :, None] + np.arange(4)).reshape(-1, UNKNOWNS)
@@ -97,24 +98,17 @@ class StressFunction:
         """Lower the complementary energy by conjugate gradients; see `descend`."""
         strain = self._felt - self._moved @ _forms()[1]
         residual = -self._gathered(strain)
-        diagonal = sum(
-            c[:, None] * form.diagonal() for c, form in zip(self._law, _forms()[0], strict=True)
-        )
-        squares = np.bincount(self._at.ravel(), (diagonal * self._unit**2).ravel())
+        diagonal = self._products.diagonal() * self._unit**2
+        squares = np.bincount(self._at.ravel(), diagonal.ravel(), len(self._unknowns))
         whole = self._follow.power(2).T @ squares
         free = self._free() & (whole > 0.0)
         weight = np.where(free, 1.0 / np.where(free, whole, 1.0), 0.0)
 
         def force(search: Floats) -> Floats:
             search[:] = self._follow @ search
-            return self._gathered(self._products(search[self._at] * self._unit))
+            return self._gathered(self._products.apply(search[self._at] * self._unit))
 
         descend(self._unknowns, residual, weight, gap, force)
-
-    def _products(self, own: Floats) -> Floats:
-        """Return the derivatives of the elements' energies by their unknowns."""
-        parts = (c[:, None] * (own @ form) for c, form in zip(self._law, _forms()[0], strict=True))
-        return np.asarray(reduce(np.add, parts))
 
     def _gathered(self, by_element: Floats) -> Floats:
         """Add up at the nodes what belongs to unknowns of elements, and hand on that of slaves."""
@@ -162,7 +156,7 @@ class StressFunction:
 
     def energies(self) -> Floats:
         """Return what it adds to the complementary energy of every box."""
-        each = self.own * (self._felt + 0.5 * self._products(self.own))
+        each = self.own * (self._felt + 0.5 * self._products.apply(self.own))
         return self._by_box(each.sum(axis=1))
 
     def works(self) -> Floats:

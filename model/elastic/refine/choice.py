@@ -16,6 +16,7 @@ import numpy as np
 
 from kaju.errors import ConvergenceError, SceneError
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
+from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
 from kaju.model.elastic.bounds.energy_bounds import worth_proving
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
@@ -31,15 +32,17 @@ from kaju.stopping import interrupt_requested
 Method = Literal["box", "matrices", "pressures"]
 """Multigrid of equal cells on full boxes, on other bodies, and in mixed form (rubber)."""
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
-"""An agent, spawned generation by generation, costs as much as this many equal cells."""
+"""An agent, spawned generation by generation, costs as much as this many equal cells in space; in
+the plane, where both are proved as they go, as two."""
 MOST_CELLS: dict[Method, int] = {"box": 40_000_000, "matrices": 8_000_000, "pressures": 1_000_000}
 """More equal cells do not fit in some 10 GB, and are not considered."""
 SPARE = 0.9  # Cells are chosen for this share of the tolerance
 STRIDE = {2: 4, 3: 2}
 """Refinement of the second run, which measures the order of convergence for the next ones."""
 QUICK = {2: 100_000, 3: 20_000}  # Up to so many cells are solved without measuring the order first
-ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
-"""Order of convergence: assumed before it is measured, and the least and greatest accepted."""
+ORDER, SLOWEST, FASTEST, PROVED = 0.8, 0.2, 1.0, 2.0
+"""Order of convergence: assumed before it is measured, and the least and greatest accepted; the
+greatest of bounds in the plane."""
 DIVISIONS = sorted({1, *(1 << n for n in range(1, 15)), *(3 << n for n in range(14))})
 """How often a cell may be divided; even numbers suit multigrid."""
 
@@ -49,9 +52,9 @@ class UniformRefinement:
 
     No cell is smaller than `resolution` allows. The first solution starts from a previous answer.
     If `divides`, cells are divided even where the refined scene differs from the given one (round
-    shapes become rounder, point loads sharper). `last` is the finest answer so far; `error` its
-    estimate in the energy norm, or that from the change of energy since the answer before, if
-    larger.
+    shapes become rounder, point loads sharper). `last` is the finest answer so far; `error` in the
+    plane the bound of its error; else the estimate in the energy norm, or that from the change of
+    energy since the answer before, if larger.
     """
 
     def __init__(
@@ -67,7 +70,7 @@ class UniformRefinement:
         self.resolution, self.stage, self.previous = resolution, stage, previous
         self._divides = divides
         self.last: ElasticResult | None = None
-        self.error = inf
+        self.error = self._estimate = inf
         self._order: float | None = None  # of convergence, once measured
         self._agents_estimated = 0  # of the first answer whose estimate kept the tolerance
         self.method: Method = "box" if scene.uniform else "matrices"
@@ -111,7 +114,7 @@ class UniformRefinement:
         self._measure(result)
         if interrupt_requested() or division == self.resolution:
             return result
-        if self.error > self.tolerance:
+        if min(self.error, self._estimate) > self.tolerance:
             return None
         # The estimate keeps the tolerance; one more refinement may prove it, if that is cheap.
         self._agents_estimated = self._agents_estimated or result.agents
@@ -152,18 +155,25 @@ class UniformRefinement:
     def _measure(self, result: ElasticResult) -> None:
         """Take an answer as the last, and measure its error and the order of convergence."""
         last, self.last = self.last, result
-        division = result.subdivision
+        error_before, division = self.error, result.subdivision
         self._cells = float(result.agents) / division**self.scene.lattice.dimension
-        self.error = result.error_estimate
-        if last is None or not self.error > 0.0:
-            return
-        finer = division / last.subdivision
-        order = log(max(last.error_estimate, self.error) / self.error) / log(finer)
-        self._order = min(max(order, SLOWEST), FASTEST)
-        # Energies differ by the squares of the errors, e_c² - e_f² with e_c ≤ finer · e_f (order ≤
-        # 1), so e_f² is at least their difference by finer² - 1.
-        gap = abs(last.strain_energy / result.strain_energy - 1.0)
-        self.error = max(self.error, sqrt(gap / (finer**2 - 1.0)))
+        self.error = self._estimate = result.error_estimate
+        bound = result.error_bound if self._bounded(result) else None
+        finer = division / last.subdivision if last is not None else 1.0
+        if bound is not None:
+            self.error = bound
+        elif last is not None:
+            # Energies differ by the squares of the errors, e_c² - e_f² with e_c ≤ finer · e_f
+            # (order ≤ 1), so e_f² is at least their difference by finer² - 1.
+            gap = abs(last.strain_energy / result.strain_energy - 1.0)
+            self.error = self._estimate = max(self.error, sqrt(gap / (finer**2 - 1.0)))
+        if last is not None and self.error > 0.0:
+            order = log(max(error_before, self.error) / self.error) / log(finer)
+            self._order = min(max(order, SLOWEST), FASTEST if bound is None else PROVED)
+
+    def _bounded(self, result: ElasticResult) -> bool:
+        """Tell whether bounds are of second order, and cheap."""
+        return self.scene.lattice.dimension == 2 and result.agents <= MOST_QUADRATIC
 
     def _poses_the_same(self, division: int) -> bool:
         """Tell whether the refined scene is the same body under the same loads."""
@@ -234,7 +244,8 @@ def solve_cheaply(
     d = scene.lattice.dimension
     expected = SPREAD * fewest_agents(tolerance, d)
     allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[d])
-    equal = cells.run(most=WORTH[cells.method] * expected if allowed else inf)
+    worth = WORTH[cells.method] if d == 3 else 2
+    equal = cells.run(most=worth * expected if allowed else inf)
     if equal is not None:
         taken = (
             f"{equal.agents:,} equal cells were taken for a tolerance of {tolerance:g}; of "

@@ -41,7 +41,7 @@ from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.krylov import dot
 from kaju.model.scene.cell_types import RIGID, ROLLER
 
-MOST_QUADRATIC = 300_000  # Boxes of more take linear fields only
+MOST_QUADRATIC = 500_000  # Boxes of more take linear fields only: memory
 STEPS, MOST_STEPS = 4, 60  # Of conjugate gradients, at least and at most
 WORTHWHILE = 0.1
 """So much of the gap between the energies the last few steps must have closed for more."""

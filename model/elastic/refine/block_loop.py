@@ -62,16 +62,17 @@ def fewest_agents(tolerance: float, dimension: int) -> float:
 
 def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
     """Return the first blocks for a scene; None where single agents do better."""
-    # Blocks know no foundations, prescribed displacements, contrasts above 100, or nearly
-    # incompressible materials. Single agents are also quicker where few are needed, or fewer than
-    # the first blocks hold, for instance in bodies of fine shape.
+    # In the plane bounds of second order keep any tolerance with few agents. Blocks know no
+    # foundations, prescribed displacements, contrasts above 100, or nearly incompressible
+    # materials. Single agents are also quicker where few are needed, or fewer than the first blocks
+    # hold, for instance in bodies of fine shape.
     moduli, scene = ground.moduli, ground.scene
     conditions = [scene.side_condition(name) for name in scene.lattice.sides]
     unusual = any(c.displacement is not None or c.stiffness for c in conditions)
     rubber = is_rubber(moduli, scene.plane)
     contrast = moduli.shear.max() / moduli.shear.min()
     expected = fewest_agents(tolerance, ground.dimension)
-    if rubber or unusual or contrast > CONTRAST or expected < FIRST:
+    if ground.dimension == 2 or rubber or unusual or contrast > CONTRAST or expected < FIRST:
         return None
     forest = first_forest(ground)
     if forest is None or forest.count > SPREAD * expected:

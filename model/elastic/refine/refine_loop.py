@@ -36,7 +36,14 @@ from kaju.model.elastic.multigrid.nested import (
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.refine.estimator import Indicator, indicate
 from kaju.model.elastic.refine.generations import Generation, Spawning
-from kaju.model.elastic.refine.targets import DORFLER, SPARE, Aimed, mark_largest
+from kaju.model.elastic.refine.targets import (
+    DORFLER,
+    GAIN,
+    GAIN_OF_BOUNDS,
+    SPARE,
+    Aimed,
+    mark_largest,
+)
 from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 MOST_GENERATIONS = 60
@@ -252,7 +259,8 @@ class RefineLoop(ABC):
         sharp = shares[self.sharp]
         times = sharp.max(initial=0.0) * len(sharp) / (SHARP_BUDGET * allowed)
         self.more_halvings = int(np.clip(log2(max(times, 1.0)) - 1.0, 0, MOST_HALVINGS))
-        return Aimed(bracket.error, shares, self.mark_for_energy(shares, allowed), allowed)
+        gain = GAIN_OF_BOUNDS if self._certifies else GAIN
+        return Aimed(bracket.error, shares, self.mark_for_energy(shares, allowed, gain), allowed)
 
     def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
         """Return bounds of the true energy, or why there are none; estimated if not settled."""
@@ -262,9 +270,10 @@ class RefineLoop(ABC):
         """Mark the elements with the largest contributions to an error."""
         return mark_largest(part, allowed, self.smallest, DORFLER[self.ground.dimension])
 
-    def mark_for_energy(self, part: Floats, allowed: float) -> Flags:
+    def mark_for_energy(self, part: Floats, allowed: float, gain: float = GAIN) -> Flags:
         """Return the same for the energy norm, and all that contribute most at singular points."""
-        marked = self.mark(part, allowed)
+        dorfler = DORFLER[self.ground.dimension]
+        marked = mark_largest(part, allowed, self.smallest, dorfler, gain)
         if marked.any():
             # Elements at singular points are few, and a halving takes half of their squared error
             # at most. Refined with the others they would need generations of their own at the end.

@@ -17,7 +17,9 @@ SPARE = 0.9  # The last generation aims at this share of the tolerance
 ALIKE = 0.01
 """Cells that contribute less than the last one marked only by this share are marked, too, so that
 marks keep the symmetry of the body."""
-GAIN = 0.7  # Share of a cell's contribution that its halving is expected to remove
+GAIN, GAIN_OF_BOUNDS = 0.7, 0.9
+"""Share of a cell's contribution that its halving is expected to remove: of an estimate's of first
+order, and of a bound's in the plane."""
 
 
 class Answer(NamedTuple):
@@ -41,7 +43,9 @@ class Aimed(NamedTuple):
     answers: tuple[Answer, ...] = ()  # The goals, if there are any
 
 
-def mark_largest(part: Floats, allowed: float, smallest: Flags, share: float) -> Flags:
+def mark_largest(
+    part: Floats, allowed: float, smallest: Flags, share: float, gain: float = GAIN
+) -> Flags:
     """Mark the cells with the largest contributions `part`, but none of the smallest."""
     # The smallest cells keep their contributions: the others share the remaining budget, or all of
     # it where the smallest alone exceed it. Marked cells hold a `share` of the error (Dörfler), or
@@ -50,7 +54,7 @@ def mark_largest(part: Floats, allowed: float, smallest: Flags, share: float) ->
     part = np.where(smallest, 0.0, part)
     total = float(part.sum())
     excess = total - (allowed - fixed if fixed < allowed else allowed)
-    wanted = max(min(share * total, excess / GAIN), 0.0)
+    wanted = max(min(share * total, excess / gain), 0.0)
     order = np.argsort(-part, kind="stable")
     count = int(np.searchsorted(np.cumsum(part[order]), wanted)) + 1
     threshold = part[order[count - 1]] if count <= len(part) else 0.0

@@ -140,7 +140,7 @@ class AdmissibleDisplacement:
     def halves(self) -> tuple[Ints, Floats]:
         """Return the axes and lengths of straight sides with a node in the middle."""
         edges = self.element[4:]
-        axis, length = (np.zeros(self._count, kind) for kind in (np.int64, np.float64))
+        axis, length = np.zeros(self._count, dtype=np.int64), np.zeros(self._count)
         axis[edges[2:]] = 1
         length[edges] = 2.0 * self.mesh.edge
         half = self._slaves[1].node

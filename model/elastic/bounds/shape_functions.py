@@ -32,7 +32,7 @@ def shape_values(inside: Floats, quadratic: bool) -> Floats:
     ends = corner_ends(inside.shape[1])
     values = np.where(ends[:, None], inside, 1.0 - inside).prod(axis=2)
     if not quadratic:
-        return values
+        return np.asarray(values)
     bulge = [
         4.0 * along * (1.0 - along) * across
         for along, other in zip(inside.T, inside.T[::-1], strict=True)

@@ -180,7 +180,7 @@ class StressFunction:
     def traction(self, side: int, box: Ints) -> Floats:
         """Return its mean tractions on a side of boxes, as stress components: shape (2, n)."""
         axis, upper = divmod(side, 2)
-        corner = self.mesh.corner.reshape(2, 2, -1).take(upper, axis)[:, box]
+        corner = np.take(self.mesh.corner.reshape(2, 2, -1), upper, axis)[:, box]
         low, high = self._unknowns.reshape(-1, 4)[corner]
         change = (high - low).T / self.boxes.size[box]
         found = np.empty((2, len(box)))

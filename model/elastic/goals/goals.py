@@ -62,8 +62,9 @@ from kaju.model.results.result import finite
 
 FACTOR = 1.25  # Of the estimate, found on the bodies of `benchmarks/goals.py`
 MOST = 50  # Quantities at a time
-BLIND = 1.5
-"""Where bounds are so many times the estimates, these miss a part of the errors."""
+BLIND = {2: 0.75, 3: 1.5}
+"""Where bounds are so many times the estimates, these miss a part of the errors: in the plane,
+where bounds are of second order, at hinges; else they are a tenth to a half of the estimates."""
 ROUNDING = 1e-13  # Share of the energies that rounding may take
 SMALL = 1e-12
 """Share of a displacement's square that stands for the energy of its error if there is none."""
@@ -183,7 +184,7 @@ class GoalTarget(Target):
         answers, parts = [], []
         for number, (answer, cover) in enumerate(zip(spawner.aimed.answers, covers, strict=True)):
             bounds = cover if isinstance(cover, str) else self._bounds(spawner, own, number, cover)
-            answers.append(_certain(answer, bounds))
+            answers.append(_certain(answer, bounds, grid.dimension))
             shares = [] if isinstance(bounds, str) else [one.shares for one in bounds]
             parts.append(sum(shares, np.zeros(len(cut))) / answer.scale)
         found = _aimed(spawner, answers, parts)
@@ -283,14 +284,14 @@ def under_forces(balance: Equilibrium, forces: LeafForces) -> Equilibrium:
     return balance.loaded_by(ground)
 
 
-def _certain(answer: Answer, found: list[FunctionalBounds] | str) -> Answer:
+def _certain(answer: Answer, found: list[FunctionalBounds] | str, dimension: int) -> Answer:
     """Return an answer with its bound, round the middle of what is possible."""
     if isinstance(found, str):
         return answer._replace(no_bound=found)
     bound = float(np.linalg.norm([bounds.off for bounds in found]))
     middle = np.array([bounds.middle for bounds in found])
     blind = max(bounds.blind for bounds in found)
-    error = min(answer.error * max(1.0, blind / BLIND) ** 2, bound)
+    error = min(answer.error * max(1.0, blind / BLIND[dimension]) ** 2, bound)
     return Answer(middle, error, error / answer.scale, answer.scale, bound)
 
 

@@ -333,7 +333,8 @@ class RefineLoop(ABC):
             return
         if self.aimed.error > self.target:
             return
-        if not (self._certifies and self.proved and self.bracket.balanced):
+        known = self.bracket if self._certifies else None
+        if not (isinstance(known, EnergyBounds) and known.balanced):
             self.bracket = self._bounds()
         if self.proved:
             return

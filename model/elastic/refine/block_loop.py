@@ -39,13 +39,10 @@ ON_THE_WAY = 0.07
 """Every generation is iterated to this share of the error before, the last one further."""
 CYCLE = {2: 0.1, 3: 0.25}
 """Share of a smooth error, like that of a prolonged displacement, left by a V-cycle."""
-FEWEST, ORDER = {2: 5.0, 3: 0.5}, {2: 1, 3: 3}
-"""Agents times the tolerance to the power of the order, in the simplest of bodies: in the plane
-bounds are of second order."""
+FEWEST = 0.5  # Agents times the tolerance to the power of 3, in the simplest of solids
 SPREAD = 3.0  # Agents, of which fewer are expected at least, are about this many times more
 AT_ONCE = 2_000  # Blocks whose stresses are worked out together
-MANY, FIRST = {2: 12_000, 3: 3_000}, 3_000
-"""With fewer expected agents single ones are as quick, unless there are so many first agents."""
+FIRST = 3_000  # With fewer expected agents single ones are as quick
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
@@ -53,11 +50,6 @@ IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
 PROVED_IN_BLOCKS = {2: 20_000_000, 3: 200_000}  # Agents whose bounds the loop works out
 CONTRAST = 100.0  # Of materials, up to which the law on coarse cells serves as a coarse level
 ROUNDING = 1e-12  # Loads that differ from their images by less, of the largest, are symmetric
-
-
-def fewest_agents(tolerance: float, dimension: int) -> float:
-    """Return how many agents keep a tolerance in the simplest of bodies."""
-    return FEWEST[dimension] / tolerance ** ORDER[dimension]
 
 
 def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
@@ -71,14 +63,11 @@ def blocks_for(ground: PosedBody, tolerance: float) -> Forest | None:
     unusual = any(c.displacement is not None or c.stiffness for c in conditions)
     rubber = is_rubber(moduli, scene.plane)
     contrast = moduli.shear.max() / moduli.shear.min()
-    expected = fewest_agents(tolerance, ground.dimension)
+    expected = FEWEST / tolerance**3
     if ground.dimension == 2 or rubber or unusual or contrast > CONTRAST or expected < FIRST:
         return None
     forest = first_forest(ground)
-    if forest is None or forest.count > SPREAD * expected:
-        return None
-    few = expected < MANY[ground.dimension] and forest.count < FIRST
-    return None if few else forest
+    return None if forest is None or forest.count > SPREAD * expected else forest
 
 
 class BlockSpawning(Spawning):

@@ -1,8 +1,9 @@
 """`kaju.solve` with a tolerance and no strategy: equal cells, or agents that spawn.
 
-The scene's own cells are solved first, unless these are more than agents would be. Their error
-tells how many cells of a smaller size the tolerance needs: where the solution is smooth these are
-few, and they are solved. Otherwise, or when more turn out to be needed, agents spawn.
+In the plane agents spawn. In space the scene's own cells are solved first, unless these are more
+than agents would be. Their error tells how many cells of a smaller size the tolerance needs: where
+the solution is smooth these are few, and they are solved. Otherwise, or when more turn out to be
+needed, agents spawn.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.posed_body import face_keys
 from kaju.model.elastic.problem import is_rubber
-from kaju.model.elastic.refine.block_loop import MOST_AGENTS, SPREAD, fewest_agents
+from kaju.model.elastic.refine.block_loop import FEWEST, MOST_AGENTS, SPREAD
 from kaju.model.elastic.refine.solve_spawning import solve_spawning
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
@@ -32,8 +33,7 @@ from kaju.stopping import interrupt_requested
 Method = Literal["box", "matrices", "pressures"]
 """Multigrid of equal cells on full boxes, on other bodies, and in mixed form (rubber)."""
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
-"""An agent, spawned generation by generation, costs as much as this many equal cells in space; in
-the plane, where both are proved as they go, as two."""
+"""An agent, spawned generation by generation, costs as much as this many equal cells in space."""
 MOST_CELLS: dict[Method, int] = {"box": 40_000_000, "matrices": 8_000_000, "pressures": 1_000_000}
 """More equal cells do not fit in some 10 GB, and are not considered."""
 SPARE = 0.9  # Cells are chosen for this share of the tolerance
@@ -235,17 +235,18 @@ def solve_cheaply(
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
     """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper."""
-    # Arguments and errors are those of `kaju.solve`. Equal cells are considered only if the refined
-    # scene poses the same problem; first as many as in the previous answer. The answer's notes say
-    # what was chosen, and why.
+    # Arguments and errors are those of `kaju.solve`. In the plane agents always need less, since
+    # their bounds are of second order. In space equal cells are considered if the refined scene
+    # poses the same problem, first as many as in the previous answer. The answer's notes say what
+    # was chosen, and why.
     start = perf_counter()
+    if scene.lattice.dimension == 2:
+        return solve_spawning(scene, tolerance, resolution, stage=stage, most_agents=most_agents)
     check_numbers(tolerance, resolution)
     cells = UniformRefinement(scene, tolerance, resolution, stage, previous)
-    d = scene.lattice.dimension
-    expected = SPREAD * fewest_agents(tolerance, d)
-    allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[d])
-    worth = WORTH[cells.method] if d == 3 else 2
-    equal = cells.run(most=worth * expected if allowed else inf)
+    expected = SPREAD * FEWEST / tolerance**3
+    allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[3])
+    equal = cells.run(most=WORTH[cells.method] * expected if allowed else inf)
     if equal is not None:
         taken = (
             f"{equal.agents:,} equal cells were taken for a tolerance of {tolerance:g}; of "

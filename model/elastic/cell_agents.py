@@ -13,7 +13,6 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE
 
 from . import fields
 from .grid import problem_of_scene, repeated
@@ -173,14 +172,8 @@ class CellAgents:
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
-        lattice, shape = self.grid.lattice, self.problem.shape
-        names = []
-        for index, name in enumerate(lattice.sides):
-            axis, upper = divmod(index, 2)
-            end = self.origin[axis] + shape[axis] == lattice.shape[axis]
-            reached = end if upper else self.origin[axis] == 0
-            names.append(name if reached else INSIDE)
-        return reactions(self.problem, self.solution.displacement, tuple(names))
+        u = self.solution.displacement
+        return reactions(self.problem, u, self.grid.lattice, self.origin)
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""

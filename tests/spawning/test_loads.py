@@ -16,7 +16,6 @@ from kaju.model.elastic.problem import SIDES
 from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.supports import check_supports, slender_cell
-from kaju.model.scene.cell_types import INSIDE
 
 SOME_ARE_LOOSE = [HealthCheck.filter_too_much, HealthCheck.too_slow]
 LEGEND = {0: "air", 1: "a", 2: "b", 3: "rigid"}
@@ -89,12 +88,7 @@ def settled_cells(scene):
 
 
 def reactions_of_cells(scene, problem, origin, u):
-    names = []
-    for index, name in enumerate(scene.lattice.sides):
-        axis, upper = divmod(index, 2)
-        end = origin[axis] + problem.shape[axis] == scene.lattice.shape[axis]
-        names.append(name if (end if upper else origin[axis] == 0) else INSIDE)
-    found = reactions(problem, u, tuple(names))
+    found = reactions(problem, u, scene.lattice, origin)
     return {name: problem.scales.force * force for name, force in found.items()}
 
 

@@ -155,7 +155,7 @@ def proofs(runs: int = 3) -> Iterator[str]:
     yield f"\n{'tolerance':>9}{'agents':>10}{'time (s)':>10}{'proof':>8}"
     for tolerance in (2e-2, 1e-2, 3e-3):
         result, whole = priced(plate(20), runs, strategy="spawning", tolerance=tolerance)
-        spawning = result.found.spawning
+        spawning = result.found
         _, proof = in_turn(runs, lambda: bracket_of(spawning.boxes()))[0]  # noqa: B023
         yield f"{tolerance:9g}{result.agents:10,}{whole:10.2f}{proof / whole:8.0%}"
 

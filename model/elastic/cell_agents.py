@@ -13,7 +13,6 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE
 
 from . import fields
 from .grid import problem_of_scene, repeated
@@ -21,19 +20,21 @@ from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Scales
 from .reactions import reactions
 from .solver import Solution, settled
-from .staggered import Pair, Strains, energy_of_cells
+from .staggered import Strains, energy_of_cells
 
 if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
-    from kaju.model.elastic.leaf_agents import LeafAgents
+    from kaju.model.elastic.refine.generations import Spawning
 
 
 @dataclass(frozen=True, eq=False)
 class CellAgents:
-    """Agents of one size, as arrays over the box around the body; values are in SI units."""
+    """Agents of one size, as arrays over the box around the body; scaled.
+
+    Lengths are in cells, and agents row by row.
+    """
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
-    levels: ClassVar[int] = 1  # Sizes of agents
     grid: Scene  # The scene on the cells that were solved
     stage: int | None
     problem: ElasticProblem  # The scaled arrays that were solved
@@ -44,7 +45,7 @@ class CellAgents:
 
     @property
     def scales(self) -> Scales:
-        """Units of the scaled problem."""
+        """Units of the scaled values."""
         return self.problem.scales
 
     @property
@@ -67,8 +68,13 @@ class CellAgents:
 
     @cached_property
     def cells(self) -> Ints:
-        """The grid's cells that are agents, shape (agents, dimension), row by row."""
+        """The grid's cells that are agents, shape (agents, dimension)."""
         return np.asarray(np.argwhere(self.body) + np.asarray(self.origin), dtype=np.int64)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners of the agents."""
+        return self.cells.astype(np.float64)
 
     @cached_property
     def count(self) -> int:
@@ -76,14 +82,9 @@ class CellAgents:
         return int(np.count_nonzero(self.body))
 
     @property
-    def lower(self) -> Floats:
-        """Lower corners of the agents."""
-        return np.asarray(self.cells * self.grid.lattice.cell_size)
-
-    @property
     def size(self) -> Floats:
         """Edges of the agents."""
-        return np.full(self.count, self.grid.lattice.cell_size)
+        return np.ones(self.count)
 
     @property
     def law(self) -> Ints:
@@ -116,47 +117,36 @@ class CellAgents:
         return np.zeros(self.count)
 
     @property
-    def energy(self) -> Floats:
+    def energies(self) -> Floats:
         """Energy stored in each agent, with its share of the edges round it."""
-        energy = energy_of_cells(self.problem, self.solution.displacement)[self.body]
-        return np.asarray(self.scales.energy * energy)
+        return energy_of_cells(self.problem, self.solution.displacement)[self.body]
 
     @property
-    def displacement(self) -> Floats:
+    def moved(self) -> Floats:
         """Displacement of the agents' middles."""
-        means = fields.cell_means(self.problem, self.solution.displacement)
-        return np.asarray(self.scales.displacement * means[self.body])
+        return fields.cell_means(self.problem, self.solution.displacement)[self.body]
 
     @property
     def stress(self) -> Floats:
         """Stress tensors of the agents."""
-        tensor = fields.cell_tensor(self.problem, self._parts)
-        return np.asarray(self.scales.stress * tensor[self.body])
+        return fields.cell_tensor(self.problem, self.parts)[self.body]
 
     @cached_property
-    def _parts(self) -> Strains:
-        """Scaled normal stresses of the box's cells, shear stresses of its edges."""
+    def parts(self) -> Strains:
+        """Normal stresses of the box's cells, shear stresses of its edges."""
         return fields.stress_parts(self.problem, self.solution.displacement)
 
     @property
-    def edge_shear(self) -> dict[Pair, Floats]:
-        """Shear stresses of the box's edges, per pair of axes."""
-        return {pair: self.scales.stress * shear for pair, shear in self._parts.edges.items()}
-
-    @cached_property
     def face_displacement(self) -> FaceFields:
         """Normal displacement of the box's faces per axis; NaN where there is no body."""
-        unit, states = self.scales.displacement, self.problem.face_states
-        return tuple(
-            unit * np.where(state == ABSENT, np.nan, values)[self.problem.inner]
-            for values, state in zip(self.solution.displacement, states, strict=True)
-        )
+        pairs = zip(self.solution.displacement, self.problem.face_states, strict=True)
+        inner = self.problem.inner
+        return tuple(np.where(state == ABSENT, np.nan, values)[inner] for values, state in pairs)
 
     @cached_property
     def corner_displacement(self) -> Floats:
         """Displacement of the corners of the box's cells; NaN where there is no body."""
-        corners = fields.node_displacement(self.problem, self.solution.displacement)
-        return self.scales.displacement * corners
+        return fields.node_displacement(self.problem, self.solution.displacement)
 
     @cached_property
     def bracket(self) -> EnergyBounds | str:
@@ -182,15 +172,8 @@ class CellAgents:
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
-        lattice, shape = self.grid.lattice, self.problem.shape
-        names = []
-        for index, name in enumerate(lattice.sides):
-            axis, upper = divmod(index, 2)
-            end = self.origin[axis] + shape[axis] == lattice.shape[axis]
-            reached = end if upper else self.origin[axis] == 0
-            names.append(name if reached else INSIDE)
-        found = reactions(self.problem, self.solution.displacement, tuple(names))
-        return {name: self.scales.force * force for name, force in found.items()}
+        u = self.solution.displacement
+        return reactions(self.problem, u, self.grid.lattice, self.origin)
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
@@ -198,8 +181,7 @@ class CellAgents:
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        stress = fields.stress_at(self._parts, self._laws, *self._within(points, cells))
-        return self.scales.stress * stress
+        return fields.stress_at(self.parts, self._laws, *self._within(points, cells))
 
     @cached_property
     def _laws(self) -> NDArray[np.int32]:
@@ -219,16 +201,18 @@ class CellAgents:
         return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
 
     @cached_property
-    def tree(self) -> LeafAgents:
+    def tree(self) -> Spawning:
         """The same agents as a tree of one level, with an estimated error for each."""
         if self.field is not None:
             raise ResultError(
                 "stiffness: agents with a field of stiffness have no errors one by one, nor "
                 "values of goals; `displacement_at`, `stress_at` and `energy_bounds` tell theirs"
             )
-        from kaju.model.elastic.leaf_agents import tree_of_cells
+        from kaju.model.elastic.refine.generations import tree_of_cells
 
-        return tree_of_cells(self.grid, self.stage, self.problem, self.origin, self.solution)
+        return tree_of_cells(
+            self.grid, self.stage, self.cells, self.law, self.origin, self.scales, self.solution
+        )
 
     def from_tree(self, values: Floats) -> Floats:
         """Return values of the tree's agents in the order of these."""

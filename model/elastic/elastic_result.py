@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
-    from kaju.model.elastic.leaf_agents import LeafAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Generation, Spawning
 
@@ -68,8 +67,8 @@ class ElasticResult(BodyResult):
         What was asked.
     stage : int or None
         Stage of loading; None is the last.
-    found : CellAgents or LeafAgents
-        The agents, how their faces move and how that was solved, as the solver keeps them.
+    found : CellAgents or Spawning
+        The agents, how their faces move and how that was solved, in the solver's units.
     seconds : float
     tolerance : float or None
         Relative error that was asked for: in the energy norm, unless `tolerance_at` says else.
@@ -96,7 +95,7 @@ class ElasticResult(BodyResult):
     kind: ClassVar[str] = "elastic"
     scene: Scene
     stage: int | None
-    found: CellAgents | LeafAgents
+    found: CellAgents | Spawning
     seconds: float
     tolerance: float | None = None
     resolution: int | None = None
@@ -142,12 +141,12 @@ class ElasticResult(BodyResult):
     @cached_property
     def lower(self) -> Floats:
         """Lower corners (m) of the agents, shape (agents, dimension)."""
-        return self.found.lower
+        return self.found.lower * self.grid.lattice.cell_size
 
     @cached_property
     def size(self) -> Floats:
         """Edges (m) of the agents, shape (agents,)."""
-        return self.found.size
+        return self.found.size * self.grid.lattice.cell_size
 
     @property
     def middle(self) -> Floats:
@@ -185,7 +184,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the agents' middles, shape (agents, dimension)."""
-        return self.found.displacement
+        return self.found.scales.displacement * self.found.moved
 
     @cached_property
     def stress(self) -> Floats:
@@ -194,7 +193,7 @@ class ElasticResult(BodyResult):
         The operator's own, in the middles of the agents. Nothing is proved of it; see
         `balanced_stress_at`.
         """
-        return self.found.stress
+        return self.found.scales.stress * self.found.stress
 
     @cached_property
     def strain(self) -> Floats:
@@ -216,7 +215,8 @@ class ElasticResult(BodyResult):
     @cached_property
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
-        return self.found.reactions()
+        unit = self.found.scales.force
+        return {name: unit * force for name, force in self.found.reactions().items()}
 
     @property
     def strain_energy(self) -> float:
@@ -243,7 +243,13 @@ class ElasticResult(BodyResult):
         ResultError
             If the agents spawned: those of many sizes share their edges.
         """
-        return self.found.energy
+        found = self.found
+        if found.storage == "tree":
+            raise ResultError(
+                "energy: agents of many sizes do not tell their energies one by one; equal ones do "
+                "(strategy='uniform')"
+            )
+        return found.scales.energy * found.energies
 
     @property
     def error_estimate(self) -> float:
@@ -320,9 +326,7 @@ class ElasticResult(BodyResult):
 
         if self.agents <= MOST_PROVED[self.scene.lattice.dimension]:
             return True
-        from kaju.model.elastic.leaf_agents import LeafAgents
-
-        return isinstance(self.found, LeafAgents) and self.found.spawning.bracket is not None
+        return self.found.storage == "tree" and self.found.known is not None
 
     @property
     def _promised(self) -> bool:
@@ -464,7 +468,7 @@ class ElasticResult(BodyResult):
     def unbalanced_load(self) -> Floats:
         """Load (N) each agent leaves unbalanced, as its children would feel it."""
         tree = self.found.tree
-        return self.found.from_tree(tree.spawning.indicator.load * tree.scales.force)
+        return self.found.from_tree(tree.indicator.load * tree.scales.force)
 
     @property
     def error_share(self) -> Floats:
@@ -486,7 +490,8 @@ class ElasticResult(BodyResult):
         """Every agent that ever stood, with its parent, step and cause."""
         from kaju.model.elastic.refine.family import Family
 
-        return Family.of(self.generations, self.scene.lattice.dimension, self.found.tree.metre)
+        metre = self.grid.lattice.cell_size / self.found.tree.ground.cell
+        return Family.of(self.generations, self.scene.lattice.dimension, metre)
 
     @property
     def residuals(self) -> tuple[float, ...]:
@@ -626,7 +631,8 @@ class ElasticResult(BodyResult):
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        return self.found.displacement_at(*self._located(points))
+        moved = self.found.displacement_at(*self._located(points))
+        return self.found.scales.displacement * moved
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
@@ -634,12 +640,11 @@ class ElasticResult(BodyResult):
         `stress` of the agents, running from each to the next. Nothing is proved of it; see
         `balanced_stress_at`.
         """
-        return self.found.stress_at(*self._located(points))
+        return self.found.scales.stress * self.found.stress_at(*self._located(points))
 
     def strain_at(self, points: Floats) -> Floats:
         """Return strain tensors at points (m), shape (n, dimension, dimension)."""
-        place = self._located(points)
-        return self._strain_of(self.found.stress_at(*place), self.found.law_at(*place))
+        return self._strain_of(self.stress_at(points), self.found.law_at(*self._located(points)))
 
     def _carrying(self, axis: int) -> Carrying:
         volume = self.size**self.scene.lattice.dimension
@@ -670,7 +675,7 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         refuse_singular(self.scene, asked, self.stage, "value_of")
-        value = functional_of(asked, tree.ground).of(tree.spawning.fields).value
+        value = functional_of(asked, tree.ground).of(tree.fields).value
         return plain(unit_of(asked, tree.scales) * value)
 
     def cells(self, resolution: int | None = None) -> EqualArrays:
@@ -713,7 +718,7 @@ class ElasticResult(BodyResult):
             "rule": "elastic",
             "plane": self.scene.plane,
             "agents": self.agents,
-            "levels": self.found.levels,
+            "levels": len(np.unique(size)),
             "smallest_agent": float(size.min()),
             "largest_agent": float(size.max()),
             "strain_energy": self.strain_energy,
@@ -778,7 +783,7 @@ class ElasticResult(BodyResult):
 
     @property
     def _spawning(self) -> Spawning:
-        return self.found.tree.spawning
+        return self.found.tree
 
     def _located(self, points: Floats) -> tuple[Floats, Ints]:
         return cells_of_points(self.grid, points)
@@ -807,14 +812,13 @@ class ElasticResult(BodyResult):
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         from kaju.model.elastic.goals.goals import asked_again
-        from kaju.model.elastic.leaf_agents import LeafAgents
+        from kaju.model.elastic.refine.generations import Spawning
 
         from .cell_agents import CellAgents
 
         about = archive.about
         storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
-        holders: dict[str, type[CellAgents | LeafAgents]]
-        holders = {"cells": CellAgents, "tree": LeafAgents}
+        holders: dict[str, type[CellAgents | Spawning]] = {"cells": CellAgents, "tree": Spawning}
         if storage == "solid":
             from kaju.model.solid.solid_agents import SolidAgents
 

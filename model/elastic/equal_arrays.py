@@ -13,11 +13,12 @@ from kaju.model.results.result import cells_of_points
 from kaju.model.scene import body_cells
 
 from . import fields
-from .cell_agents import CellAgents
 from .staggered import Pair, axis_pairs
 
 if TYPE_CHECKING:
-    from .leaf_agents import LeafAgents
+    from kaju.model.elastic.refine.generations import Spawning
+
+    from .cell_agents import CellAgents
 
 MOST_CELLS = 40_000_000  # More cells than this are not laid out as arrays
 
@@ -28,12 +29,12 @@ class EqualArrays:
     The first cell's lower corner lies at ``origin × cell_size`` (m).
     """
 
-    def __init__(self, found: CellAgents | LeafAgents, own_division: int, division: int) -> None:
-        """Lay out cells by their number per cell of the scene; the grid has `own_division`."""
+    def __init__(self, found: CellAgents | Spawning, own: int, division: int) -> None:
+        """Lay out cells by their number per cell of the scene; the agents' grid has its `own`."""
         lower, upper = found.grid.bounds()
         # Cells of the grid that are not whole cells of the arrays round the box up.
-        first = np.floor_divide(lower * division, own_division)
-        last = -np.floor_divide(-upper * division, own_division)
+        first = np.floor_divide(lower * division, own)
+        last = -np.floor_divide(-upper * division, own)
         self.origin, self.shape = tuple(first.tolist()), tuple((last - first).tolist())
         count = float(np.prod(np.asarray(self.shape, dtype=np.float64)))
         if count > MOST_CELLS:
@@ -41,11 +42,10 @@ class EqualArrays:
                 f"cells: {count:.2g} cells are more than the {MOST_CELLS:.0e} that are laid out as "
                 "arrays; take a smaller resolution, or the agents' own arrays"
             )
-        self.cell_size = found.grid.lattice.cell_size * (own_division / division)
-        self._found = found
+        self.cell_size = found.grid.lattice.cell_size * (own / division)
+        self._found, self._grid = found, found.grid
         # Where the agents are these very cells, their arrays need no interpolation.
-        own = isinstance(found, CellAgents) and division == own_division
-        self._agents = found if own and isinstance(found, CellAgents) else None
+        self._agents = None if found.storage == "tree" or division != own else found
 
     @property
     def dimension(self) -> int:
@@ -58,7 +58,7 @@ class EqualArrays:
         if self._agents is not None:
             return self._agents.body
         middles = self._middles(np.ones(self.shape, np.bool_))
-        return body_cells(self._found.grid, middles)[1].reshape(self.shape)
+        return body_cells(self._grid, middles)[1].reshape(self.shape)
 
     @cached_property
     def middle(self) -> Floats:
@@ -69,26 +69,22 @@ class EqualArrays:
     def material(self) -> Ints:
         """Index into `scene.cell_materials` of each cell, -1 where there is no body."""
         material = np.full(self.shape, -1, dtype=np.int64)
-        grid = self._found.grid
-        material[self.body] = grid.kinds(cells_of_points(grid, self.middle)[1])
+        material[self.body] = self._grid.kinds(cells_of_points(self._grid, self.middle)[1])
         return material
-
-    @cached_property
-    def _law(self) -> Ints:
-        """Index of the moduli of each cell of the body."""
-        return self._found.law_at(*cells_of_points(self._found.grid, self.middle))
 
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the cells' middles, shape (n, ..., dimension)."""
-        own = self._agents
-        return self._spread(self._displacement_at(self.middle) if own is None else own.displacement)
+        if self._agents is None:
+            return self._spread(self._displacement_at(self.middle))
+        return self._spread(self._agents.scales.displacement * self._agents.moved)
 
     @cached_property
     def stress(self) -> Floats:
         """Stress tensors (Pa) of the cells, shape (n, ..., dimension, dimension)."""
-        own = self._agents
-        return self._spread(self._stress_at(self.middle) if own is None else own.stress)
+        if self._agents is None:
+            return self._spread(self._stress_at(self.middle))
+        return self._spread(self._agents.scales.stress * self._agents.stress)
 
     @cached_property
     def strain(self) -> Floats:
@@ -99,9 +95,8 @@ class EqualArrays:
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the cells."""
-        moduli, plane = self._found.moduli, self._found.grid.plane
-        stress = self.stress[self.body]
-        return self._spread(fields.equivalent_stress(stress, moduli, self._law, plane))
+        stress, moduli = self.stress[self.body], self._found.moduli
+        return self._spread(fields.equivalent_stress(stress, moduli, self._law, self._grid.plane))
 
     @cached_property
     def principal_stress(self) -> Floats:
@@ -112,7 +107,7 @@ class EqualArrays:
     def corner_displacement(self) -> Floats:
         """Displacement (m) of the cells' corners, shape (n + 1, ..., dimension)."""
         if self._agents is not None:
-            return self._agents.corner_displacement
+            return self._agents.scales.displacement * self._agents.corner_displacement
         nodes, points = self._round(tuple(range(self.dimension)))
         field = np.full((*nodes.shape, self.dimension), np.nan)
         field[nodes] = self._displacement_at(points)
@@ -122,7 +117,8 @@ class EqualArrays:
     def face_displacement(self) -> tuple[Floats, ...]:
         """Normal displacement (m) of the faces' middles per axis, one more along that axis."""
         if self._agents is not None:
-            return self._agents.face_displacement
+            unit = self._agents.scales.displacement
+            return tuple(unit * values for values in self._agents.face_displacement)
         found = []
         for axis in range(self.dimension):
             faces, points = self._round((axis,))
@@ -135,7 +131,8 @@ class EqualArrays:
     def edge_shear(self) -> dict[Pair, Floats]:
         """Shear stress (Pa) at the corners (edges) of the cells, per pair of axes."""
         if self._agents is not None:
-            return self._agents.edge_shear
+            unit = self._agents.scales.stress
+            return {pair: unit * shear for pair, shear in self._agents.parts.edges.items()}
         found = {}
         for pair in axis_pairs(self.dimension):
             edges, points = self._round(pair)
@@ -143,11 +140,18 @@ class EqualArrays:
             found[pair][edges] = self._stress_at(points)[:, pair[0], pair[1]]
         return found
 
+    @cached_property
+    def _law(self) -> Ints:
+        """Index of the moduli of each cell of the body."""
+        return self._found.law_at(*cells_of_points(self._grid, self.middle))
+
     def _displacement_at(self, points: Floats) -> Floats:
-        return self._found.displacement_at(*cells_of_points(self._found.grid, points))
+        unit = self._found.scales.displacement
+        return unit * self._found.displacement_at(*cells_of_points(self._grid, points))
 
     def _stress_at(self, points: Floats) -> Floats:
-        return self._found.stress_at(*cells_of_points(self._found.grid, points))
+        unit = self._found.scales.stress
+        return unit * self._found.stress_at(*cells_of_points(self._grid, points))
 
     def _spread(self, values: Floats) -> Floats:
         """Return values of the body's cells as an array over all cells."""

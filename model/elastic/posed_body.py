@@ -48,9 +48,9 @@ class LeafForces(NamedTuple):
 class PosedBody:
     """A scene whose cell types, supports and loads are looked up for boxes of any size.
 
-    `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed (units);
-    scales and moduli are those of equal cells; `loaded` are the loaded cells of the scene, shape
-    (n, dimension).
+    `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed, and
+    `extent` those of the array (units); scales and moduli are those of equal cells; `loaded` are
+    the loaded cells of the scene, shape (n, dimension).
     """
 
     def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
@@ -66,6 +66,7 @@ class PosedBody:
             )
         self.cell = 1 << min(spare, DEEPEST)
         self.smallest = self.cell if at_cells else 1
+        self.extent = np.asarray(lattice.shape) * self.cell
         self._purity = scene.purity()
         self._collect_loads(stage)
         self._scale()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.cell_types import FOUNDATION, INSIDE, RIGID, ROLLER
+from kaju.model.scene.lattice import Lattice
 
 from .problem import FIXED, ElasticProblem, FaceFields
 from .staggered import internal_force
@@ -14,19 +15,22 @@ from .staggered import internal_force
 def reactions(
     problem: ElasticProblem,
     u: FaceFields,
-    names: tuple[str, ...],
+    lattice: Lattice,
+    origin: tuple[int, ...] | Ints,
     counted: tuple[Flags, ...] | None = None,
 ) -> dict[str, Floats]:
     """Return the force (scaled) of every support on the body; of cells inside as "rigid"."""
-    # `names` are those of the sides, lower before upper, axis by axis; `counted` the faces that
-    # count, if the cells are a part of a body.
+    # `origin` is the lattice's cell that is the arrays' first; `counted` are the faces that count,
+    # if the cells are a part of a body.
     found: dict[str, Floats] = {}
     kinds, nothing = problem.kinds, 2 * problem.dimension
     side = np.full(kinds.shape, -1, dtype=np.int64)
-    for index, name in enumerate(names):
-        # At a corner of arrays that were cut to the body, the side is the one not cut.
-        if name != INSIDE:
-            np.moveaxis(side, index // 2, 0)[-1 if index % 2 else 0] = index
+    for index in range(nothing):
+        axis, upper = divmod(index, 2)
+        end = origin[axis] + problem.shape[axis] == lattice.shape[axis]
+        # Ends of arrays that were cut to the body are no sides: cells inside may hold it there.
+        if end if upper else origin[axis] == 0:
+            np.moveaxis(side, axis, 0)[-upper] = index
     holding = np.where(np.isin(kinds, (RIGID, ROLLER, FOUNDATION)), side, nothing)
     inner = internal_force(problem, u)
     for axis, force in enumerate(inner):
@@ -40,7 +44,7 @@ def reactions(
         lines = np.moveaxis(np.pad(holding, width, constant_values=nothing), axis, 0)
         owner = np.moveaxis(np.minimum(lines[:-1], lines[1:]), 0, axis)
         for index in np.unique(owner[pull != 0.0]):
-            name = INSIDE if index < 0 else names[index]
+            name = INSIDE if index < 0 else lattice.sides[index]
             total = found.setdefault(name, np.zeros(problem.dimension))
             total[axis] += pull[owner == index].sum()
     return found

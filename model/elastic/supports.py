@@ -34,7 +34,7 @@ def check_supports(
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
         rows = stops[owner == part]
-        motion = _free_motion(rows, problem.dimension)
+        motion = free_motion(rows, problem.dimension)
         if motion:
             cell = np.argwhere(parts == part)[0] - 1
             first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
@@ -62,7 +62,7 @@ def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
     return labelled.astype(np.int32), count
 
 
-def _free_motion(rows: Floats, dimension: int) -> str:
+def free_motion(rows: Floats, dimension: int) -> str:
     """Return in words a rigid motion that the rows do not stop, "" if there is none."""
     if not len(rows):
         return "move anywhere"

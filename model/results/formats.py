@@ -3,7 +3,7 @@
 Files are read by these tables and documented by them (docs/formats.md). Sizes go by name:
 "agents" is the number of rows of the first array that has that name in its shape; sizes of the
 scene come from `sizes_of`. Elastic answers are checked where their agents are built
-(`CellAgents.of_archive`, `TreeAgents.of_archive`).
+(`CellAgents.of_archive`, `Spawning.of_archive`).
 """
 
 from __future__ import annotations

@@ -42,7 +42,6 @@ from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.solver import Solution
 from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE
 
 from .partition import (
     HALO,
@@ -174,14 +173,8 @@ class PetscWindow:
 
     def reactions(self) -> dict[str, Floats]:
         """Return what the supports bear by this process's faces (N)."""
-        lattice, names = self.body.scene.lattice, []
-        shape = np.array(self.problem.shape)
-        for index, name in enumerate(lattice.sides):
-            axis, upper = divmod(index, 2)
-            first = (self.body.lower + self.origin + 1)[axis]
-            reached = first + shape[axis] == lattice.shape[axis] if upper else first == 0
-            names.append(name if reached else INSIDE)
-        found = reactions(self.problem, self.faces, tuple(names), self.owned)
+        lattice, origin = self.body.scene.lattice, self.body.lower + self.origin + 1
+        found = reactions(self.problem, self.faces, lattice, origin, self.owned)
         return {name: self.problem.scales.force * force for name, force in found.items()}
 
 

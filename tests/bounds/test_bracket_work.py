@@ -64,7 +64,7 @@ def work_of(stress, field, v):
 
 def assert_same_work(result, times, share, left=np.inf):
     """A stress that balances does the work of the loads on random displacements without gaps."""
-    spawning = result.found.tree.spawning
+    spawning = result.found.tree
     boxes = boxes_of_agents(spawning.balance, spawning.displacement)
     stress, field = AdmissibleStress(boxes), AdmissibleDisplacement(boxes)
     assert stress.left < left
@@ -215,9 +215,7 @@ def test_what_keeps_its_volume_does_not_lock(rows, how, monkeypatch):
     result = solve(scene, **({"strategy": "spawning"} | how))
     lower, upper = result.energy_bounds
     assert 0.95 * truth < lower < truth < upper
-    boxes = boxes_of_agents(
-        result.found.tree.spawning.balance, result.found.tree.spawning.displacement
-    )
+    boxes = boxes_of_agents(result.found.tree.balance, result.found.tree.displacement)
     found = [bracket_of(boxes)]
     monkeypatch.setattr(bracket, "LOCKING", 2.0)
     found.append(bracket_of(boxes))
@@ -281,7 +279,7 @@ def in_cells(dimension, missing=()):
 def test_equal_cells_are_told_as_agents_of_one_size_are(dimension, missing):
     found = in_cells(dimension, missing)
     cells = boxes_of_cells(found.problem, found.solution.displacement, 0.0, found.grid, None)
-    spawning, order = found.tree.spawning, found._in_tree
+    spawning, order = found.tree, found._in_tree
     agents = boxes_of_agents(spawning.balance, spawning.displacement)
     unit = found.scales.displacement / found.tree.scales.displacement
     scale = found.scales.force / found.tree.scales.force

@@ -156,9 +156,9 @@ def turned(load, at):
     """Force and moment of the reactions of a square, and those of the load."""
     result = solve(square(load, 5))
     moved = result.found.tree
-    entered, grid = moved.spawning.balance.load, moved.spawning.balance.grid
+    entered, grid = moved.balance.load, moved.balance.grid
     force = np.where(grid.axis[:, None] == np.arange(2), entered[:, None], 0.0)
-    arm = grid.place * moved.metre - at
+    arm = grid.place * (moved.grid.lattice.cell_size / moved.ground.cell) - at
     moment = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
     return moved.scales.force * force.sum(axis=0), moved.scales.force * moment
 

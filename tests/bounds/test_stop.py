@@ -31,7 +31,7 @@ def test_the_bound_is_what_ends_it(tolerance):
 
 def test_in_blocks_the_same_bound_ends_it():
     result = spawned(0.008)
-    assert type(result.found.spawning).__name__ == "BlockSpawning"
+    assert type(result.found).__name__ == "BlockSpawning"
     assert 0.5 * 0.008 < result.error_bound <= 0.008 < result.error_estimate
 
 

@@ -103,11 +103,11 @@ def test_a_cycle_is_symmetric(name, real, rounding):
 @pytest.mark.parametrize("name", ["plate", "dragged", "layered"])
 def test_answers_are_those_of_single_agents(name):
     result = solve(BODIES[name](), tolerance=0.015, strategy="spawning")
-    balance = result.found.spawning.balance
-    u = result.found.spawning.displacement
+    balance = result.found.balance
+    u = result.found.displacement
     left = balance.force(u)[balance.free] - balance.load[balance.free]
     assert np.abs(left).max() < 1e-7 * np.abs(balance.load).max()
-    assert balance.energy(u) == pytest.approx(result.found.spawning.energy, rel=1e-8)
+    assert balance.energy(u) == pytest.approx(result.found.energy, rel=1e-8)
     assert result.agents == len(balance.grid.leaves) == len(result.cause)
     assert len(balance.grid.leaves.balanced(0)) == result.agents
 
@@ -115,7 +115,7 @@ def test_answers_are_those_of_single_agents(name):
 @pytest.mark.parametrize("name", ["dragged", "layered"])
 def test_what_is_looked_up_near_by_is_what_all_agents_say(name):
     result = solve(BODIES[name](), tolerance=0.012, strategy="spawning")
-    spawning, scales = result.found.spawning, result.found.scales
+    spawning, scales = result.found, result.found.scales
     every = CellFields(spawning.balance, spawning.displacement)
     np.testing.assert_allclose(spawning.moved, every.displacement, atol=1e-13)
     agent = np.random.default_rng(3).integers(0, result.agents, 5)
@@ -191,7 +191,7 @@ def test_family_of_blocks_is_a_family():
     result = solve(plate(), tolerance=0.015, strategy="spawning")
     family = result.family
     np.testing.assert_array_equal(np.sort(family.rows["code"][family.working]),
-                                  np.sort(result.found.spawning.leaves.code))  # fmt: skip
+                                  np.sort(result.found.leaves.code))  # fmt: skip
     np.testing.assert_array_equal(family.rows["cause"][family.working], result.cause)
     assert np.nanmax(result.cause) > 0.0
 

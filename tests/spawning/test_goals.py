@@ -204,7 +204,7 @@ def test_derivatives_tell_how_quantities_change(plane):
     """With every displacement for a reaction, with linear ones for all; by differences."""
     scene = rubber().with_overrides({"body.plane": plane})
     result = spawned_by(scene, tolerance=0.2)
-    balance, u = result.found.spawning.balance, result.found.spawning.displacement
+    balance, u = result.found.balance, result.found.displacement
     grid, ground = balance.grid, balance.grid.ground
     place = grid.place / ground.cell
     rng = np.random.default_rng(1)

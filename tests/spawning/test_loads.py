@@ -10,13 +10,13 @@ from kaju import Scene
 from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.cells.leaf_supports import loose_part
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.problem import SIDES
 from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.supports import check_supports, slender_cell
-from kaju.model.scene.cell_types import INSIDE
 
 SOME_ARE_LOOSE = [HealthCheck.filter_too_much, HealthCheck.too_slow]
 LEGEND = {0: "air", 1: "a", 2: "b", 3: "rigid"}
@@ -89,12 +89,7 @@ def settled_cells(scene):
 
 
 def reactions_of_cells(scene, problem, origin, u):
-    names = []
-    for index, name in enumerate(scene.lattice.sides):
-        axis, upper = divmod(index, 2)
-        end = origin[axis] + problem.shape[axis] == scene.lattice.shape[axis]
-        names.append(name if (end if upper else origin[axis] == 0) else INSIDE)
-    found = reactions(problem, u, tuple(names))
+    found = reactions(problem, u, scene.lattice, origin)
     return {name: problem.scales.force * force for name, force in found.items()}
 
 
@@ -151,11 +146,49 @@ def test_no_force_and_no_moment_is_lost_on_agents_of_several_sizes(scene):
         assert moment == pytest.approx(expected, abs=1e-11 * size)
 
 
+@settings(max_examples=20)
+@given(bodies(held=False))
+def test_no_force_and_no_moment_is_lost_on_equal_cells(scene):
+    fine = scene.refine(2)  # members one cell wide take no couples
+    problem, origin = problem_of_scene(fine)
+    applied, d = fine.applied(), fine.lattice.dimension
+    force, place = applied.force / problem.scales.force, applied.cells + 0.5
+    axis, end = np.divmod(applied.direction, 2)
+    place[np.arange(len(place)), axis] += np.where(applied.direction < 0, 0.0, end - 0.5)
+    size = np.abs(force).sum() * max(fine.lattice.shape)
+    moments = np.zeros((d, d))  # of every component along every axis
+    for a, entered in enumerate(problem.force):
+        assert entered.sum() == pytest.approx(force[:, a].sum(), abs=1e-11 * size)
+        for b in range(d):
+            arm = np.arange(entered.shape[b]) - 1 + origin[b] + 0.5 * (a != b)
+            others = tuple(c for c in range(d) if c != b)
+            moments[a, b] = arm @ entered.sum(axis=others)
+    expected = force.T @ place
+    turns = moments - moments.T - (expected - expected.T)
+    assert np.abs(turns).max() < 1e-11 * size
+
+
+def floating(shape):
+    body = {"cells": shape, "cell_size": 1.0, "material": "steel", "allow_floating": True}
+    return agents(Scene(body=body), smallest=False)
+
+
 def test_bodies_of_agents_of_several_sizes_are_among_those():
-    scene = Scene(
-        body={"cells": [4, 4], "cell_size": 1.0, "material": "steel", "allow_floating": True}
-    )
-    assert len(np.unique(agents(scene, smallest=False).grid.length)) > 1
+    assert len(np.unique(floating([4, 4]).grid.length)) > 1
+
+
+@pytest.mark.parametrize("shape", [[4, 4], [3, 3, 3]])
+def test_agents_of_several_sizes_that_nothing_holds_are_loose(shape):
+    assert loose_part(floating(shape)) == (0, "move anywhere")
+
+
+def test_agents_in_line_between_walls_are_not_loose():
+    """Their turn about the line moves no face."""
+    codes = np.full((3, 3, 4), 3)
+    codes[1, 1, 1:3] = 1
+    scene = Scene.from_array(codes, legend=LEGEND, materials=MATERIALS, cell_size=0.5)
+    ground = PosedBody(scene, None, at_cells=True)
+    assert loose_part(Equilibrium(CompositeGrid(ground, ground.start()))) is None
 
 
 def test_force_on_a_held_face_goes_into_the_wall():

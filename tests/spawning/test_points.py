@@ -71,7 +71,7 @@ def test_point_on_a_face_has_one_displacement(scene):
 
 
 def test_all_agents_round_a_point_are_found():
-    grid = spawned_by(plate(), tolerance=0.3).found.spawning.balance.grid
+    grid = spawned_by(plate(), tolerance=0.3).found.balance.grid
     leaves = grid.leaves
     points = leaves.lower.astype(np.float64)
     point, leaf = sampling.touching(grid, points, np.arange(len(leaves)))

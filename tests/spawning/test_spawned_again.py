@@ -38,7 +38,7 @@ def first_answer():
 
 def assert_as_good(again, fresh):
     """As near to the truth, in balance with its loads, and of not many more agents."""
-    assert again.found.spawning.reached
+    assert again.found.reached
     # The energy is too large by the square of the error.
     gap = again.strain_energy / fresh.strain_energy - 1
     assert abs(gap) < 1.5 * (again.error_estimate**2 + fresh.error_estimate**2)
@@ -50,7 +50,7 @@ def assert_as_good(again, fresh):
 
 def assert_well_placed(result):
     """Neighbours alike in size, agents in one material each, evenly loaded."""
-    grid = result.found.spawning.balance.grid
+    grid = result.found.balance.grid
     leaves, ground = grid.leaves, grid.ground
     assert len(leaves.balanced(0)) == len(leaves)
     assert not ground.unevenly_loaded(leaves).any()
@@ -80,8 +80,8 @@ def test_agents_that_suit_another_load_keep_their_matrices():
     first = first_answer()
     turned = plate(loads=press(force=(0.3, -2.0)))
     again = spawned(turned, previous=first)
-    assert again.found.spawning.balance.strains is first.found.spawning.balance.strains
-    assert again.found.spawning.retired == 0
+    assert again.found.balance.strains is first.found.balance.strains
+    assert again.found.retired == 0
     assert_as_good(again, spawned(turned))
 
 
@@ -89,8 +89,8 @@ def test_agents_retire_where_a_load_has_gone():
     first = spawned(plate(loads=press(2)), tolerance=0.02)
     moved = plate(loads=press(26))
     again = spawned(moved, previous=first)
-    assert again.found.spawning.retired > 0
-    assert again.summary()["retired"] == again.found.spawning.retired
+    assert again.found.retired > 0
+    assert again.summary()["retired"] == again.found.retired
     fresh = spawned(moved, tolerance=0.02)
     assert_as_good(again, fresh)
 
@@ -139,7 +139,7 @@ def test_another_tolerance_goes_on_from_the_same_agents():
     assert finer.generations[0].agents == first.agents
     assert_as_good(finer, spawned(plate(), tolerance=0.02))
     coarser = spawned(plate(), tolerance=0.1, previous=finer)
-    assert coarser.found.spawning.retired > 0.5 * finer.agents
+    assert coarser.found.retired > 0.5 * finer.agents
     assert_as_good(coarser, spawned(plate(), tolerance=0.1))
     assert spawned(plate(), tolerance=None, previous=finer).tolerance == 0.02
 
@@ -156,9 +156,7 @@ def test_a_resolution_bounds_the_agents_again():
 def test_twice_the_same_gives_the_same():
     first = first_answer()
     one, other = (spawned(CHANGES["moved"], previous=first) for _ in range(2))
-    np.testing.assert_array_equal(
-        one.found.spawning.displacement, other.found.spawning.displacement
-    )
+    np.testing.assert_array_equal(one.found.displacement, other.found.displacement)
     np.testing.assert_array_equal(one.lower, other.lower)
 
 
@@ -179,8 +177,8 @@ def test_a_tolerance_of_the_displacement_goes_on_too(loads):
     first = spawned(plate(), tolerance=0.005, tolerance_at="displacement")
     again = spawned(plate(loads=loads), tolerance=None, previous=first)
     assert again.tolerance_at == "displacement"
-    assert again.found.spawning.reached
-    assert again.found.spawning.aimed.error <= 0.005
+    assert again.found.reached
+    assert again.found.aimed.error <= 0.005
     fresh = spawned(plate(loads=loads), tolerance=0.005, tolerance_at="displacement")
     assert again.agents <= 1.4 * fresh.agents
     gap = again.displacement_at(fresh.middle) - fresh.displacement_at(fresh.middle)
@@ -198,7 +196,7 @@ def test_agents_that_may_not_be_larger_do_not_retire():
     first = spawned(block, tolerance=0.5)
     load = {"region": {"box": [[0.4375, 0.5, 1.0], [0.5625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}
     again = spawned(block.replace(loads=[load]), tolerance=0.5, previous=first)
-    assert again.found.spawning.reached
+    assert again.found.reached
     assert again.agents <= 1.1 * first.agents
 
 
@@ -223,8 +221,8 @@ def test_a_stored_answer_serves_too(tmp_path):
 def test_nothing_keeps_the_answers_before_alive():
     result, before = spawned(plate()), []
     for first in (14, 15, 2, 2, 20, 21, 22):
-        before += [weakref.ref(result), weakref.ref(result.found.spawning)]
-        before.append(weakref.ref(result.found.spawning.balance))
+        before += [weakref.ref(result), weakref.ref(result.found)]
+        before.append(weakref.ref(result.found.balance))
         result = spawned(plate(loads=press(first)), previous=result)
     gc.collect()
     assert [reference for reference in before if reference() is not None] == []
@@ -253,7 +251,7 @@ def in_blocks(monkeypatch):
     """Tell whether agents stand in blocks, as they do here wherever they can."""
     monkeypatch.setattr(block_spawner, "MANY", {2: 0, 3: 0})
     monkeypatch.setattr(block_spawner, "FIRST", 0)
-    return lambda result: isinstance(result.found.spawning, block_spawner.BlockSpawning)
+    return lambda result: isinstance(result.found, block_spawner.BlockSpawning)
 
 
 @cache
@@ -271,7 +269,7 @@ def test_agents_in_blocks_go_on_too(in_blocks, change):
     assert_as_good(again, fresh)
     ours, theirs = (sum(g.iterations for g in found.generations) for found in (again, fresh))
     assert ours < theirs if change == "turned" else ours == theirs
-    leaves, before = again.found.spawning.leaves, first.found.spawning.leaves
+    leaves, before = again.found.leaves, first.found.leaves
     there = leaves.find(before.lower)
     larger = (there >= 0) & (leaves.size[there] > before.size)
     assert again.summary()["retired"] == np.count_nonzero(larger)

@@ -52,15 +52,15 @@ def settled(scene, leaves):
 def three():
     """Two loads and both together, on the agents that both together spawn."""
     both = spawned_by(two_materials([FIRST, SECOND]), tolerance=0.1)
-    leaves = both.found.spawning.balance.grid.leaves
+    leaves = both.found.balance.grid.leaves
     parts = [settled(two_materials([load]), leaves) for load in (FIRST, SECOND)]
     return both, parts
 
 
 def test_loads_add_up(three):
     both, parts = three
-    scale = both.found.spawning.balance.grid.ground.scales.displacement
-    whole = both.found.spawning.displacement * scale
+    scale = both.found.balance.grid.ground.scales.displacement
+    whole = both.found.displacement * scale
     total = parts[0][1] + parts[1][1]
     np.testing.assert_allclose(total, whole, atol=1e-7 * np.abs(whole).max())
 
@@ -80,10 +80,10 @@ def test_moments_balance(force, column):
     scene = two_materials([on_top(CODES, column, force)])
     scene = scene.replace(sides={"bottom": "roller", "left": "roller"})
     result = spawned_by(scene, tolerance=0.1)
-    balance, grid = result.found.spawning.balance, result.found.spawning.balance.grid
+    balance, grid = result.found.balance, result.found.balance.grid
     held = grid.support >= 0
     unit = grid.ground.scales.force * CELL / grid.ground.cell
-    hold = unit * (balance.force(result.found.spawning.displacement) - balance.load)
+    hold = unit * (balance.force(result.found.displacement) - balance.load)
     lever = np.where(grid.axis == 1, grid.place[:, 0], -grid.place[:, 1])
     row = np.flatnonzero(CODES[column]).max()
     moment = CELL * ((column + 0.5) * force[1] - (row + 1) * force[0])
@@ -149,7 +149,7 @@ def test_force_stiffness_and_size_only_scale():
     changed = drawn(codes, [soft], [load], cell_size=8 * CELL, thickness=0.25)
     here, there = (spawned_by(s, tolerance=0.1) for s in (base, changed))
     np.testing.assert_array_equal(
-        here.found.spawning.balance.grid.leaves.code, there.found.spawning.balance.grid.leaves.code
+        here.found.balance.grid.leaves.code, there.found.balance.grid.leaves.code
     )
     u, v = here.displacement, there.displacement
     np.testing.assert_allclose(v, -3 * 1e3 / 0.25 * u, atol=1e-8 * np.abs(v).max())
@@ -191,9 +191,7 @@ def test_distant_material_costs_large_agents_only(joined_on):
 @pytest.mark.parametrize("scene", [ragged(1), under_a_patch(3)], ids=["ragged", "cubes"])
 def test_same_numbers_bit_by_bit(scene):
     first, second = (spawned_by(scene, tolerance=0.15) for _ in range(2))
-    np.testing.assert_array_equal(
-        first.found.spawning.displacement, second.found.spawning.displacement
-    )
+    np.testing.assert_array_equal(first.found.displacement, second.found.displacement)
     assert first.residuals == second.residuals
     assert first.error_estimate == second.error_estimate
 

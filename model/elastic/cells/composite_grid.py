@@ -181,8 +181,7 @@ class CompositeGrid:
     @cached_property
     def outer(self) -> Flags:
         """Which sides are those of the array. Shape as `beside`."""
-        ends = np.asarray(self.ground.scene.lattice.shape) * self.ground.cell
-        met = [self.leaves.lower == 0, self.leaves.upper >= ends]
+        met = [self.leaves.lower == 0, self.leaves.upper >= self.ground.extent]
         return np.stack(met, axis=2).reshape(self.beside.shape)
 
     def _hold_faces(self) -> None:
@@ -200,7 +199,7 @@ class CompositeGrid:
     def outside(self, point: Ints, side: int) -> Flags:
         """Tell which unit cells lie beyond a side of the array."""
         axis, upper = divmod(side, 2)
-        end = self.ground.scene.lattice.shape[axis] * self.ground.cell
+        end = self.ground.extent[axis]
         return np.asarray(point[:, axis] >= end if upper else point[:, axis] < 0)
 
 

@@ -1,26 +1,35 @@
-"""Forces on cells of many sizes as loads of faces; for equal cells see `model.elastic.cell_loads`.
+"""Forces on cells of many sizes as loads of faces, and stencils of these for equal cells.
 
-Couples load the gradients of the displacement at edges. These are exact for rotations of the whole
-body whatever the sizes of the cells, so that no moment is lost.
+A force *along* a free surface is a shear stress τ on the surface. The face that it drags lies half
+a cell below, so that it reaches the surface as a couple: u(surface) = u(below) + (h/2)(γ − ∂u_n/∂s)
+with γ given. Couples load the gradients of the displacement at edges. These are exact for rotations
+of the whole body whatever the sizes of the cells, so that no moment is lost.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import oriented
+from kaju.model.elastic.cells.leaf_cells import LeafCells
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 ROUNDING = 1e-9
+KEPT = 32  # Sets of stencils that are kept: of bodies like those that were loaded before
+WIDE = 4  # Neighbourhoods begin so far apart
 
 
 class FaceLoads(NamedTuple):
@@ -54,6 +63,72 @@ def face_loads(grid: CompositeGrid) -> FaceLoads:
         here = uneven.side == side
         entering.turn(int(side), uneven.box[here], uneven.moment[here])
     return entering.loads()
+
+
+@lru_cache(maxsize=KEPT)
+def stencils(
+    kinds: bytes, dimension: int, side: int, units: tuple[int, ...]
+) -> tuple[Floats, dict[Pair, Floats]]:
+    """Return what unit loads on a side of equal cells put on the faces and edges near each."""
+    # `kinds` are those of the 3^d cells round each one, 0 for body. Unit loads are a force along
+    # every axis, then a moment of every component along every axis. Of faces the shape is (axis,
+    # places along each axis, neighbourhoods, units), of edges (2, 2, neighbourhoods, units).
+    body = _Neighbourhoods(np.frombuffer(kinds, dtype=np.int8).reshape(-1, *[3] * dimension))
+    grid, many = CompositeGrid(body, body.leaves), (len(body.middle), len(units))
+    leaf = grid.leaves.find(body.middle)
+    place = np.floor(grid.place).astype(np.int64) - 1
+    number, place[:, 0] = np.divmod(place[:, 0], WIDE)
+    faces = np.zeros((dimension, *[WIDE] * dimension, *many))
+    shears = {pair: np.zeros((2, 2, *many)) for pair in grid.edges}
+    for column, unit in enumerate(units):
+        entering = _Entering(grid)
+        if unit < dimension:
+            entering.drag(unit, side, leaf, np.ones(len(leaf)))
+        else:
+            moment = np.zeros((len(leaf), dimension**2))
+            moment[:, unit - dimension] = 1.0
+            entering.turn(side, leaf, moment.reshape(-1, dimension, dimension))
+        found = entering.loads()
+        faces[(grid.axis, *place.T, number, column)] = found.face
+        for some, wall, axis, value in entering.borne:  # in halves by the ghost's faces
+            ghost, at = np.ones(dimension, dtype=np.int64), (grid.leaves.lower[some, 0] - 1) // WIDE
+            ghost[wall // 2] += 2 * (wall % 2) - 1
+            for end in (0, 1):
+                ghost[axis] += end
+                np.add.at(faces, (axis, *ghost, at, column), 0.5 * value)
+        for pair, shear in found.surface_shear.items():
+            shears[pair][..., column] = np.moveaxis(shear[grid.edges[pair].of_leaf[leaf]], 0, -1)
+    return faces, shears
+
+
+class _Neighbourhoods(PosedBody):
+    """Equal cells with the 3^d cells round each, side by side along the first axis, in air."""
+
+    def __init__(self, around: NDArray[np.int8]) -> None:
+        self.dimension, self.cell = around.ndim - 1, 1
+        self.moduli = Moduli(np.ones(1), np.zeros(1), np.ones(1))
+        cells = np.full((len(around) + 1, WIDE, *[5] * (self.dimension - 1)), AIR)
+        cells[(slice(-1), slice(1, None), *[slice(1, 4)] * (self.dimension - 1))] = around
+        self._cells = cells.reshape(-1, *cells.shape[2:])
+        self.extent = np.array(self._cells.shape)
+        self.middle = np.full((len(around), self.dimension), 2)
+        self.middle[:, 0] += WIDE * np.arange(len(around))
+
+    @property
+    def leaves(self) -> LeafCells:
+        """The cells of body."""
+        lower = np.argwhere(self._cells == 0)
+        zeros = np.zeros(len(lower), dtype=np.int64)
+        return LeafCells.of(lower, zeros + 1, zeros, zeros, zeros.astype(np.float64))
+
+    def kinds_at(self, points: Ints) -> Ints:
+        return np.asarray(self._cells[tuple(points.T)])
+
+    def given(self, side: int) -> Floats:
+        return np.zeros(self.dimension)
+
+    def foundation(self, side: int) -> float:
+        return 0.0
 
 
 class _Dragged(NamedTuple):
@@ -92,7 +167,8 @@ class _Entering:
         self.grid = grid
         d = grid.dimension
         self._share = np.zeros(len(grid.leaves) * 2 * d)
-        self._wall = np.zeros((2 * d + 1, d))
+        self.borne: list[tuple[Ints, int, int, Floats]] = []
+        """Forces on walls: leaves and the side beyond which these are, axis, and values."""
         self._turn = {p: np.zeros((2, len(e.modulus))) for p, e in grid.edges.items()}
         self._shear = {p: np.zeros(len(e.modulus)) for p, e in grid.edges.items()}
 
@@ -103,7 +179,11 @@ class _Entering:
             for gradient, weight in zip(edges.gradients, self._turn[pair], strict=True):
                 if weight.any():
                     force = force + gradient.matrix.T @ weight
-        return FaceLoads(np.asarray(force), self._wall, self._shear)
+        d = self.grid.dimension
+        wall = np.zeros((2 * d + 1, d))
+        for leaf, side, axis, value in self.borne:
+            np.add.at(wall[:, axis], np.where(self.grid.outer[leaf, side], side, 2 * d), value)
+        return FaceLoads(np.asarray(force), wall, self._shear)
 
     def push(self, leaf: Ints, side: Ints | int, value: Floats) -> None:
         """Enter forces normal to sides of leaves."""
@@ -117,7 +197,7 @@ class _Entering:
         held, inside = _holds(kind), kind >= 0
         for end in (0, 1):
             self.push(leaf, 2 * axis + end, np.where(held, 0.0, 0.5) * value)
-        self._into_wall(leaf[held], side, axis, value[held])
+        self.borne.append((leaf[held], side, axis, value[held]))
         moment = (upper - 0.5) * self.grid.length[leaf] * value
         dragged = self._dragged(axis, normal, upper, leaf, moment)
         for edge in dragged.outer:
@@ -165,7 +245,7 @@ class _Entering:
             self._tilt(dragged, edge, np.where(runs_on, -0.5 * moment, 0.0))
             pull = np.where(walled, (2 * end - 1) * moment / length, 0.0)
             self.push(leaf, 2 * normal + upper, pull)
-            self._into_wall(leaf, 2 * axis + end, normal, -pull)
+            self.borne.append((leaf, 2 * axis + end, normal, -pull))
             lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
             running.append(runs_on)
             # The force on the wall acts half a leaf from it: one more couple.
@@ -196,7 +276,7 @@ class _Entering:
         side = dragged.opposite
         held = _holds(self.grid.kinds[dragged.leaf, side])
         pull = np.where(held, self._sums(dragged, edge, dragged.axis)[0] * weight, 0.0)
-        self._into_wall(dragged.leaf, side, dragged.axis, -pull)
+        self.borne.append((dragged.leaf, side, dragged.axis, -pull))
 
     def _slope(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
         """Load ∂u/∂n, u along the forces, with couples at edges."""
@@ -227,11 +307,6 @@ class _Entering:
         """Tell at which edges a component has faces on both sides that are free to move."""
         held = abs(self._rows(dragged, edge, component)) @ (self.grid.state != ACTIVE)
         return np.asarray(self._two_sided(dragged, edge, component) & (held == 0))
-
-    def _into_wall(self, leaf: Ints, side: int, axis: int, value: Floats) -> None:
-        """Add forces along an axis to the wall beyond a side of leaves."""
-        wall = np.where(self.grid.outer[leaf, side], side, 2 * self.grid.dimension)
-        np.add.at(self._wall[:, axis], wall, value)
 
 
 def _pair(first: int, second: int) -> Pair:

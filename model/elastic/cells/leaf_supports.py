@@ -10,17 +10,17 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.factors import rigid_motions
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import oriented
 from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.problem import FIXED
-from kaju.model.elastic.supports import unheld
+from kaju.model.elastic.staggered import axis_pairs
+from kaju.model.elastic.supports import FREE, free_motion, unheld
 from kaju.model.scene.cell_types import DISPLACED, RIGID
 
-FREE = 1e-13
-"""A rigid motion that is resisted less than the most resisted one by this factor is free."""
 HALVED = "were halved"  # End of notes on halved cells
 
 
@@ -35,55 +35,37 @@ def check_held(balance: Equilibrium) -> None:
 
 def loose_part(balance: Equilibrium) -> tuple[int, str] | None:
     """Return a leaf of a part with a free rigid motion, and the motion in words, or None."""
-    # With prescribed faces set to rest, a rigid motion strains only the cells at supports.
-    grid, d = balance.grid, balance.grid.dimension
-    part = _parts(grid)
-    modes = rigid_motions(grid, part)
-    modes[grid.state == FIXED] = 0.0
-    count = int(part.max()) + 1
-    of_rows = [part] * d
-    for edges in grid.edges.values():
-        of_edge = np.zeros(len(edges.modulus), dtype=np.int64)
-        of_edge[edges.of_leaf] = part[:, None, None]
-        of_rows.append(of_edge)
-    founded, of_face = grid.spring > 0, part[grid.owner]
-    mass = _products(modes, of_face, count)
-    resistance = _products(balance.strains @ modes, np.concatenate(of_rows), count)
-    resistance += _products(modes[founded], of_face[founded], count)
-    for number in range(count):
-        motion = _free_motion(mass[number], resistance[number], d)
+    part, d = _parts(balance.grid), balance.grid.dimension
+    leaves, (owner, stops) = balance.grid.leaves, _stops(balance)
+    middle = leaves.lower + 0.5 * leaves.size[:, None]
+    for number in range(int(part.max()) + 1):
+        own, rows = np.flatnonzero(part == number), stops[part[owner] == number]
+        # A turn about the line on which the middles of all leaves lie moves none of their faces.
+        still = [not np.ptp(middle[own][:, pair], axis=0).any() for pair in axis_pairs(d)]
+        turns = np.eye(stops.shape[1])[d:][still]
+        motion = free_motion(np.concatenate([rows, turns]) if len(rows) else rows, d)
         if motion:
-            return int(np.flatnonzero(part == number)[0]), motion
+            return int(own[0]), motion
     return None
 
 
-def _products(rows: Floats, part: Ints, count: int) -> Floats:
-    """Return the Gram matrix of the columns for every part, shape (count, k, k)."""
-    some = rows.any(axis=1)
-    rows, part, k = rows[some], part[some], rows.shape[1]
-    total = np.zeros((count, k, k))
-    for i, j in np.ndindex(k, k):
-        total[:, i, j] = np.bincount(part, rows[:, i] * rows[:, j], minlength=count)
-    return total
-
-
-def rigid_motions(grid: CompositeGrid, part: Ints) -> Floats:
-    """Return the faces' displacements in every rigid motion, one column each."""
-    # Every part turns about its own middle, scaled to a largest displacement of about one.
-    d = grid.dimension
-    of_face = part[grid.owner]
-    place = grid.place / grid.ground.cell
-    count = np.bincount(of_face)
-    for axis in range(d):
-        place[:, axis] -= (np.bincount(of_face, place[:, axis]) / count)[of_face]
-    reach = np.ones(len(count))
-    np.maximum.at(reach, of_face, np.abs(place).max(axis=1))
-    place /= reach[of_face, None]
-    columns = [(grid.axis == a).astype(np.float64) for a in range(d)]
-    for a, b in grid.edges:
-        turn = np.where(grid.axis == a, -place[:, b], 0.0)
-        columns.append(np.where(grid.axis == b, place[:, a], turn))
-    return np.stack(columns, axis=1)
+def _stops(balance: Equilibrium) -> tuple[Ints, Floats]:
+    """Return what is held: leaves, and how far every rigid motion moves it (in cells)."""
+    # These are held faces, springs, and edges that shear when held faces round them stay.
+    grid, n = balance.grid, len(balance.grid.leaves)
+    modes, fixed = rigid_motions(grid.place / grid.ground.cell, grid.axis), grid.state == FIXED
+    held = fixed | (grid.spring > 0)
+    owners, rows = [grid.owner[held]], [modes[held]]
+    modes[fixed] = 0.0
+    strain = balance.strains[n * grid.dimension :] @ modes
+    for edges in grid.edges.values():
+        owners.append(np.zeros(len(edges.modulus), dtype=np.int64))
+        owners[-1][edges.of_leaf] = np.arange(n)[:, None, None]
+    owner = np.concatenate(owners)
+    rows.append(strain * grid.length[owner[len(rows[0]) :], None])
+    stops = np.concatenate(rows)
+    some = np.abs(stops).max(axis=1) > FREE
+    return owner[some], stops[some]
 
 
 def _parts(grid: CompositeGrid) -> Ints:
@@ -94,25 +76,6 @@ def _parts(grid: CompositeGrid) -> Ints:
     )
     # A large leaf lists only one small neighbour, but each of these lists it.
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
-
-
-def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
-    """Return in words a rigid motion that nothing resists, "" if there is none."""
-    # Generalised eigenvalues of resistance by mass, over the motions that move a free face.
-    size, motion = np.linalg.eigh(mass)
-    moves = size > 1e-12 * size[-1]
-    if size[-1] <= 0:
-        return ""
-    motion = motion[:, moves] / np.sqrt(size[moves])
-    values = np.linalg.eigvalsh(motion.T @ resistance @ motion)
-    if values[-1] <= 0:
-        return "move anywhere"
-    if values[0] > FREE * values[-1]:
-        return ""
-    for a in range(dimension):
-        if mass[a, a] > 0 and resistance[a, a] <= FREE * values[-1] * mass[a, a]:
-            return f"move along {'xyz'[a]}"
-    return "turn"
 
 
 def slender(grid: CompositeGrid) -> Flags:

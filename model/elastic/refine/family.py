@@ -8,7 +8,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.cells.leaf_cells import BITS
-from kaju.model.elastic.refine.generations import Generation
+from kaju.model.elastic.refine.generations import Generation, halvings
 
 NOBODY = -1  # Parent of the first agents, and first child of those that have none
 WORKING = -1  # Retirement of agents that have not retired
@@ -94,7 +94,7 @@ class Family:
     def level(self) -> Ints:
         """How often the largest of the first agents would be halved to give each agent."""
         size = self.rows["size"]
-        return levels(size, size[self.rows["spawn_step"] == 0].max())
+        return halvings(size, size[self.rows["spawn_step"] == 0].max())
 
     def corners(self, start: int = 0) -> Ints:
         """Return the lower corners (units) of the rows from `start` onwards."""
@@ -154,11 +154,6 @@ class Family:
         fresh["spawn_step"], fresh["unbalanced_load"] = self.step, np.nan
         self.rows = np.concatenate([self.rows, fresh])
         return np.arange(len(self.rows) - len(fresh), len(self.rows))
-
-
-def levels(size: Ints, largest: int) -> Ints:
-    """Return how often the largest edge would be halved to give each edge (units)."""
-    return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
 
 
 def corners(code: Ints, dimension: int) -> Ints:

@@ -167,7 +167,7 @@ class RefineLoop(ABC):
             "reached": self.reached,
             "stopped": "" if self.reached else self.stopped,
             "notes": list(self.notes),
-            "bracket": self.bracket,
+            "known": self.bracket,
         }
 
     @property

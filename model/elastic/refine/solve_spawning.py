@@ -12,7 +12,6 @@ from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import Asked, aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
-from kaju.model.elastic.leaf_agents import LeafAgents
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.refine.block_loop import spawner_of
 from kaju.model.elastic.refine.generations import Spawning
@@ -110,8 +109,7 @@ def answer_of(
             f"materials differ by a factor of {contrast:.1g} in stiffness: where stiff parts touch "
             "at corners only, the estimated error may be far from the true one"
         )
-    found = LeafAgents(spawning, stage)
-    return ElasticResult(scene, stage, found, seconds, tolerance, resolution, tolerance_at)
+    return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, tolerance_at)
 
 
 def missed_note(spawning: Spawning, tolerance: float, resolution: int | None) -> str:
@@ -145,12 +143,12 @@ def check_previous(previous: Lattice, lattice: Lattice) -> None:
 
 def _spawning_of(previous: ElasticResult) -> Spawning:
     """Return the agents of a previous answer; refuse equal cells."""
-    if not isinstance(previous.found, LeafAgents):
+    if not isinstance(previous.found, Spawning):
         raise ParameterError(
             "previous: spawning agents continue from agents that have spawned, and its cells are "
             "all equal; take strategy='uniform', or leave `previous` out"
         )
-    return previous.found.spawning
+    return previous.found
 
 
 def _can_restart(previous: Spawning, ground: PosedBody) -> bool:

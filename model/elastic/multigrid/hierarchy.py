@@ -318,8 +318,10 @@ def _by_law(problem: ElasticProblem, ghost_weights: Floats | None = None) -> Lev
     place = np.minimum(place, described - 1)
     parts = [x.reshape(len(x), -1, int(box[2])) for x in (law, inverse)]
     number = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
-    if number[-1] < len(number) - 1:
+    if 2 * number[-1] < len(number):
         parts = [x.take(np.flatnonzero(np.diff(number, prepend=-1)), 1) for x in parts]
+    else:
+        number = np.arange(len(number))
     rows = number.reshape(described, -1)[place].ravel()
     arrays = (*(x.ravel() for x in parts), _NO_COUPLINGS, box, rows)
     n = problem.dimension * int(box[sweeps.SIZE])
@@ -342,8 +344,11 @@ def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
     first = int(steps.sum())
     for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
         back = (0, steps[a], steps[b], steps[a] + steps[b])
-        around = [kinds.ravel()[first - k : n - k] for k in back]
-        law[1 + a + b, first:] = modulus_between(around, moduli.shear)
+
+        def around(cells: NDArray[Any], back: tuple[int, ...] = back) -> list[NDArray[Any]]:
+            return [cells[first - k : n - k] for k in back]
+
+        law[1 + a + b, first:] = modulus_between(kinds.ravel(), moduli.shear, around)
     for (a, b), values in (problem.edges or {}).items():  # one further than the cells
         further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
         places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)

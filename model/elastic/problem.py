@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.scene.cell_types import RIGID, ROLLER
+from kaju.model.scene.cell_types import DISPLACED, RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
 
 from .moduli import Moduli, moduli_at
@@ -133,7 +133,21 @@ class ElasticProblem:
     @cached_property
     def face_states(self) -> tuple[NDArray[np.int8], ...]:
         """Per axis which faces are ABSENT, FIXED or ACTIVE."""
-        return tuple(_states(self.kinds, axis) for axis in range(self.dimension))
+        # By what is on either side of a face, as bits: body, roller, rigid.
+        of_kind = np.pad(np.full(len(self.moduli.shear), 1, dtype=np.int8), (0, -DISPLACED))
+        of_kind[[ROLLER, RIGID]] = 2, 4
+        state_of = np.full(8, FIXED, dtype=np.int8)
+        state_of[:3] = ABSENT, ACTIVE, ABSENT
+        beside, states = of_kind.take(self.kinds, mode="wrap"), []
+        for axis in range(self.dimension):
+            state = np.full(self.face_shape(axis), ABSENT, dtype=np.int8)
+            low, high, inner = (
+                (slice(None),) * axis + (part,)
+                for part in (slice(None, -1), slice(1, None), slice(1, -1))
+            )
+            state_of.take(beside[low] | beside[high], out=state[inner], mode="clip")
+            states.append(state)
+        return tuple(states)
 
     @property
     def needs_mixed_form(self) -> bool:
@@ -141,18 +155,6 @@ class ElasticProblem:
         if not is_rubber(self.moduli, self.plane):
             return False
         return is_rubber(moduli_at(self.moduli, self.kinds[self.kinds >= 0]), self.plane)
-
-
-def _states(kinds: NDArray[np.int32], axis: int) -> NDArray[np.int8]:
-    low = np.moveaxis(kinds, axis, 0)[:-1]
-    high = np.moveaxis(kinds, axis, 0)[1:]
-    body = (low >= 0) | (high >= 0)
-    rigid = (low == RIGID) | (high == RIGID)
-    roller = (low == ROLLER) | (high == ROLLER)
-    state = np.where(rigid | (roller & body), FIXED, np.where(body, ACTIVE, ABSENT))
-    padded = np.full((len(state) + 2, *state.shape[1:]), ABSENT, dtype=np.int8)
-    padded[1:-1] = state
-    return np.ascontiguousarray(np.moveaxis(padded, 0, axis))
 
 
 Side = tuple[str, float | Sequence[float]]

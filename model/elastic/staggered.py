@@ -13,7 +13,7 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -67,27 +67,32 @@ def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     # Shape: one more than the cells (ghosts included) along both axes of the pair.
     if problem.edges is not None:
         return problem.edges[pair]
-    kinds = problem.kinds
-    width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
-    around = around_edges(np.pad(kinds, width, constant_values=AIR), pair)
-    return modulus_between(around, problem.moduli.shear)
+    width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]
+    padded = np.pad(problem.kinds, width, constant_values=AIR)
+    return modulus_between(padded, problem.moduli.shear, lambda cells: around_edges(cells, pair))
 
 
-def modulus_between(kinds: Iterable[NDArray[Any]], shear: Floats) -> Floats:
-    """Return the shear modulus of edges by the kinds of the four cells round them: (4, ...)."""
+def modulus_between(
+    kinds: NDArray[Any],
+    shear: Floats,
+    around: Callable[[NDArray[Any]], Iterable[NDArray[Any]]] = list,
+) -> Floats:
+    """Return the shear modulus of edges, of which `around` picks the four cells round them."""
     # Kinds that are no material are negative: they count from the end of these tables. Cells are
     # counted in digits of base 16: those of body or rigid, those of body, and those of air.
     of_kind = np.pad(np.full(len(shear), 0x011, dtype=np.int16), (0, -DISPLACED))
     of_kind[[RIGID, DISPLACED]], of_kind[AIR] = 0x001, 0x100
-    compliance = np.pad(1.0 / shear, (0, -DISPLACED))
-    around = list(kinds)
-    counts = reduce(np.add, [of_kind.take(kind, mode="wrap") for kind in around])
-    total: Floats = reduce(np.add, [compliance.take(kind, mode="wrap") for kind in around])
+    counts = reduce(np.add, around(of_kind.take(kinds, mode="wrap")))
     # The harmonic mean of four cells that are body or rigid; a share of it at re-entrant corners.
     table = np.arange(0x401)
     bodies, corner = (table >> 4) & 0xF, table >> 4 == 0x13
     factors = np.where((table & 0xF == 4) & (bodies > 0), 4.0, 0.0)
-    modulus: Floats = np.where(corner, 3.0 * REENTRANT_WEIGHT, factors).take(counts)
+    factors[corner] = 3.0 * REENTRANT_WEIGHT
+    if len(shear) == 1:
+        return np.asarray((factors * shear / np.maximum(bodies, 1)).take(counts))
+    compliance = np.pad(1.0 / shear, (0, -DISPLACED))
+    total: Floats = reduce(np.add, around(compliance.take(kinds, mode="wrap")))
+    modulus: Floats = factors.take(counts)
     return np.divide(modulus, total, out=modulus, where=total > 0.0)
 
 
@@ -109,7 +114,7 @@ def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
     return np.asarray(energy[problem.inner])
 
 
-def around_edges(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
+def around_edges(padded: NDArray[Any], pair: Pair) -> list[NDArray[Any]]:
     """Return the four cells round every edge."""
     return [corner for side in ends(padded, pair[0]) for corner in ends(side, pair[1])]
 

@@ -108,7 +108,7 @@ def _shear(kind: Ints, state: Ints, pair: tuple[int, int], shear: Floats) -> Flo
     before = [_shifted(v, a, -1, e) for v, e in zip(around[1], (-1, NOTHING), strict=True)]
     # (a-, b-), (a-, b+), (a+, b-), (a+, b+)
     quads = [tuple(before), around[2], around[1], around[0]]
-    modulus = modulus_between([k for k, _ in quads], shear)
+    modulus = modulus_between(np.stack([k for k, _ in quads]), shear)
     irregular = np.any([(s == COARSE) | (s == REFINED) for _, s in quads], axis=0)
     return np.where(irregular | ~_within(kind.ndim - 1, pair), 0.0, modulus)
 

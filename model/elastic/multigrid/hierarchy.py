@@ -22,7 +22,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid import row_kernels as sweeps
-from kaju.model.elastic.multigrid.krylov import best_of, dot
+from kaju.model.elastic.multigrid.krylov import dot
 from kaju.model.elastic.multigrid.stencils import Stencil, Terms, coarsening, finest_entries
 from kaju.model.elastic.problem import ElasticProblem, FaceFields, rim_layer
 from kaju.model.elastic.staggered import Numbering, modulus_between, stiffness_matrix
@@ -60,9 +60,6 @@ class Level(NamedTuple):
     stencil: Stencil | None  # None where moduli of cells and edges are all there is
     u: Floats  # Displacement and
     load: Floats  # load of all places
-    ghost_weights: Floats
-    """On coarse levels of a full box: weights of the first two faces beside a side, by which ghosts
-    beyond it are extrapolated; else empty. Shape (sides, 2)."""
 
 
 class Hierarchy:
@@ -80,25 +77,19 @@ class Hierarchy:
             by_law = PLAIN_SWEEPS[self.dimension]
         own = replace(problem, moduli=moduli or problem.moduli)
         self.levels = [_by_law(own)]
+        self._ghost_weights = ghost_weights_of(problem)
         while is_box(own):
-            # Ghosts beyond a free side are extrapolated, beyond a rigid one mirrored, so that a
-            # coarse box obeys the law on its own cells.
             own = coarse_box(own)
-            self.levels.append(_by_law(own, ghost_weights_of(problem)))
-        stencils, coarsest = 0, SMALLEST[self.dimension]
+            self.levels.append(_by_law(own))
+        self._laws = laws = len(self.levels)
         few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
-        while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
-            stencils += 1
-            self.levels.append(_coarse_level(self.levels[-1], stencils))
-        laws = len(self.levels) - stencils
-        self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * stencils
+        while not few and (
+            len(self.levels) == laws or max(self.levels[-1].cells) > SMALLEST[self.dimension]
+        ):
+            self.levels.append(_coarse_level(self.levels[-1], len(self.levels) + 1 - laws))
+        self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * len(self.levels)
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
         self._direct = _Direct(self.levels[-1], own if few else None)
-
-    @property
-    def depth(self) -> int:
-        """Number of levels."""
-        return len(self.levels)
 
     @cached_property
     def moving(self) -> Flags:
@@ -152,8 +143,8 @@ class Hierarchy:
 
     def full_multigrid(self, load: Floats, guess: Floats | None = None) -> tuple[Floats, float]:
         """Start from the coarsest answer and improve it level by level."""
-        # On the finest level from the best combination of the coarse answer and the guess, if that
-        # is far better. Also returns the potential energy there of the coarse answer.
+        # On the finest level from the guess, whatever the size of its loads, if that is far better.
+        # Also returns the potential energy there of the coarse answer.
         loads = [load]
         for at in range(len(self.levels) - 1):
             loads.append(self.restrict(at, loads[at]))
@@ -162,12 +153,13 @@ class Hierarchy:
             x, residual, more = self.prolong(at, x), self.levels[at].load, self.levels[at].u
             self._pass(at, x, loads[at], residual, 0, sweeps.RESIDUAL)
             if at == 0:
-                energy = -0.5 * float(dot(load, x) + dot(residual, x))
+                energy = -0.5 * (dot(load, x) + dot(residual, x))
                 if guess is not None:
-                    both, force = best_of(load, x, load - residual, guess, self.apply(guess))
-                    other = load - force
+                    force = self.apply(guess)
+                    size = dot(guess, load) / (dot(guess, force) or 1.0)
+                    other = load - size * force
                     if dot(other, other) < ALMOST**2 * dot(residual, residual):
-                        x, residual = both, other
+                        x, residual = size * guess, other
             self._cycle(at, residual, more)
             x += more
         return x, energy
@@ -211,13 +203,13 @@ class Hierarchy:
         share: float = 1.0,
     ) -> None:
         """Take `row_kernels.pass_level`, which says what the vectors are."""
-        level, below = self.levels[at].arrays, self.levels[at + 1]
-        coarse, plain = below.arrays[3], len(below.ghost_weights) > 0
+        level, coarse = self.levels[at].arrays, self.levels[at + 1].arrays[3]
+        plain = at + 1 < self._laws
         if plain and way == sweeps.FROM_COARSE:
-            _extrapolate_to_ghosts(out, coarse, below.ghost_weights, back=False)
+            _extrapolate_to_ghosts(out, coarse, self._ghost_weights, back=False)
         sweeps.pass_level(u, load, out, level, coarse, self._parity, count, way, share)
         if plain and way == sweeps.TO_COARSE:
-            _extrapolate_to_ghosts(out, coarse, below.ghost_weights, back=True)
+            _extrapolate_to_ghosts(out, coarse, self._ghost_weights, back=True)
 
 
 class _Direct:
@@ -280,7 +272,6 @@ def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None
 
 
 _NO_COUPLINGS = np.zeros((0, 3), dtype=np.int64)
-_NO_GHOSTS = np.zeros((0, 2))
 
 
 def is_box(problem: ElasticProblem) -> bool:
@@ -295,7 +286,7 @@ def is_box(problem: ElasticProblem) -> bool:
     return all(bool(np.all(layer == layer.flat[0])) for layer in layers)
 
 
-def _by_law(problem: ElasticProblem, ghost_weights: Floats | None = None) -> Level:
+def _by_law(problem: ElasticProblem) -> Level:
     """Return a level of which only moduli are stored."""
     # A plane of cells that is equal to the next and to the two before has the same law and the same
     # stiffness as the plane before it: it shares the rows of that one.
@@ -318,13 +309,14 @@ def _by_law(problem: ElasticProblem, ghost_weights: Floats | None = None) -> Lev
     place = np.minimum(place, described - 1)
     parts = [x.reshape(len(x), -1, int(box[2])) for x in (law, inverse)]
     number = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
-    if number[-1] < len(number) - 1:
+    if 2 * number[-1] < len(number):
         parts = [x.take(np.flatnonzero(np.diff(number, prepend=-1)), 1) for x in parts]
+    else:
+        number = np.arange(len(number))
     rows = number.reshape(described, -1)[place].ravel()
     arrays = (*(x.ravel() for x in parts), _NO_COUPLINGS, box, rows)
     n = problem.dimension * int(box[sweeps.SIZE])
-    ghost_weights = _NO_GHOSTS if ghost_weights is None else ghost_weights
-    return Level(problem.shape, arrays, None, np.empty(n), np.empty(n), ghost_weights)
+    return Level(problem.shape, arrays, None, np.empty(n), np.empty(n))
 
 
 def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
@@ -342,8 +334,11 @@ def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
     first = int(steps.sum())
     for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
         back = (0, steps[a], steps[b], steps[a] + steps[b])
-        around = [kinds.ravel()[first - k : n - k] for k in back]
-        law[1 + a + b, first:] = modulus_between(around, moduli.shear)
+
+        def around(cells: NDArray[Any], back: tuple[int, ...] = back) -> list[NDArray[Any]]:
+            return [cells[first - k : n - k] for k in back]
+
+        law[1 + a + b, first:] = modulus_between(kinds.ravel(), moduli.shear, around)
     for (a, b), values in (problem.edges or {}).items():  # one further than the cells
         further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
         places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
@@ -393,26 +388,28 @@ def _shape(box: Ints) -> tuple[int, ...]:
 
 def ghost_weights_of(problem: ElasticProblem) -> Floats:
     """Return for every side the weights of the first two faces that extrapolate to its ghosts."""
+    # Beyond a rigid side they mirror: so a coarse box obeys the law on its own cells. Of other
+    # bodies the weights are not used.
     sides = range(2 * problem.dimension)
     ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
     return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
 
 
-def coarse_box(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
-    """Return a full box on cells twice as large, or so many times."""
-    d, wide = problem.dimension, 2.0**times
+def coarse_box(problem: ElasticProblem) -> ElasticProblem:
+    """Return a full box on cells twice as large."""
+    d = problem.dimension
 
     def halved(values: NDArray[Any]) -> NDArray[Any]:
         # The ghost cells beyond both ends stay. Along the normal the last face is kept as well;
         # across it the last two have one coarse face.
-        every = [np.array([0, *range(1, n - 1, 2**times), n - 1]) for n in values.shape]
+        every = [np.array([0, *range(1, n - 1, 2), n - 1]) for n in values.shape]
         return np.ascontiguousarray(values[np.ix_(*every)])
 
     return replace(
         problem,
         kinds=halved(problem.kinds),
-        moduli=Moduli(*(wide ** (d - 2) * values for values in problem.moduli)),
-        spring=tuple(wide ** (d - 1) * halved(values) for values in problem.spring),
+        moduli=Moduli(*(2.0 ** (d - 2) * values for values in problem.moduli)),
+        spring=tuple(2.0 ** (d - 1) * halved(values) for values in problem.spring),
     )
 
 
@@ -459,7 +456,7 @@ def _coarse_level(fine: Level, depth: int) -> Level:
     sweeps.galerkin(fine.arrays, made, joined, box, rows, stencil.own, room, coefficients, inverse)
     arrays = (coefficients, inverse, _flat(stencil, box), box, rows)
     space = d * int(box[sweeps.SIZE])
-    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_GHOSTS)
+    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space))
 
 
 def _shared_coarse_rows(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:

@@ -15,22 +15,8 @@ Operator = Callable[[Floats], Floats]
 
 def dot(a: Floats, b: Floats) -> float:
     """Return a·b, summed in the same order on any number of processors."""
+    # Not BLAS: its threads would wait for each other for longer than these sums take.
     return float(np.einsum("i,i->", a, b))
-
-
-def best_of(
-    load: Floats, one: Floats, force: Floats, other: Floats, other_force: Floats
-) -> tuple[Floats, Floats]:
-    """Return the combination of two displacements nearest to the solution, and its force."""
-    # Nearest in the energy norm (Ritz 1909), for displacements of which the forces that hold them
-    # are known. Either may be of any size.
-    gram = np.array(
-        [[dot(one, force), dot(one, other_force)], [dot(other, force), dot(other, other_force)]]
-    )
-    size = np.sqrt(np.maximum(gram.diagonal(), np.finfo(np.float64).tiny))
-    work = np.array([dot(one, load), dot(other, load)]) / size
-    a, b = np.linalg.lstsq(gram / np.outer(size, size), work, rcond=1e-12)[0] / size
-    return a * one + b * other, a * force + b * other_force
 
 
 @dataclass
@@ -83,10 +69,9 @@ def conjugate_gradients(
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
-    run = Iteration(x, held_back=float(dot(x, r)), residual=r)
+    run = Iteration(x, held_back=dot(x, r), residual=r)
     p: Floats | None = None
-    # Not BLAS: its threads would wait for each other for longer than these sums take.
-    square, previous = float(dot(r, r)), 1.0
+    square, previous = dot(r, r), 1.0
     for step in range(most + 1):
         run.residuals.append(float(np.sqrt(square)) / scale)
         if run.residuals[-1] == 0.0 or not np.isfinite(run.residuals[-1]):
@@ -94,8 +79,8 @@ def conjugate_gradients(
             run.converged = run.residuals[-1] == 0.0
             return run
         z = precondition(r)
-        product = float(dot(r, z))
-        whole = abs(float(dot(load, x)) if energy is None else energy(x))
+        product = dot(r, z)
+        whole = abs(dot(load, x) if energy is None else energy(x))
         positive = product > 0.0 and whole > 0.0
         run.errors.append(float(np.sqrt(product / whole)) if positive else np.inf)
         if done(run):
@@ -112,11 +97,11 @@ def conjugate_gradients(
             p += z
         previous = product
         q = apply(p)
-        length = product / float(dot(p, q))
+        length = product / dot(p, q)
         q *= length
         r -= q
         x += np.multiply(p, length, out=q)
-        square = float(dot(r, r))
+        square = dot(r, r)
     return run
 
 

@@ -49,7 +49,7 @@ MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
 """The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
-PROVED_IN_BLOCKS = {2: 20_000_000, 3: 200_000}  # Agents whose bounds the loop works out
+PROVED_IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}  # Agents whose bounds the loop works out
 CONTRAST = 100.0  # Of materials, up to which the law on coarse cells serves as a coarse level
 ROUNDING = 1e-12  # Loads that differ from their images by less, of the largest, are symmetric
 

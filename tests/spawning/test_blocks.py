@@ -5,7 +5,7 @@ import pytest
 from plates import plate as pressed
 from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, ragged
 
-from kaju import solve
+from kaju import Scene, solve
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
 from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
@@ -98,6 +98,26 @@ def test_a_cycle_is_symmetric(name, real, rounding):
     size = np.vdot(ours[leaves], answers[0][leaves])
     assert size > 0.0
     assert abs(one - other) < rounding * size
+
+
+def test_a_cycle_leaves_less_of_every_error():
+    # Two small blocks that touch along an edge, large ones beside both: there rows have many faces.
+    body = {"cells": [2, 2, 2], "cell_size": 0.5, "material": "steel"}
+    cube = Scene(body=body, materials={"steel": STEEL}, sides={"bottom": "rigid"})
+    forest = first_forest(ground_of(cube, None, None))
+    marked = np.zeros(len(forest), dtype=bool)
+    marked[forest.leaves[[0, 3]]] = True
+    blocks = BlockOperator(forest.refined(marked, 1))
+    multigrid, free = BlockCycle(blocks, real=np.float64), blocks.unknowns
+    error = np.random.default_rng(0).normal(size=len(free))
+    for _ in range(12):
+        u, force = blocks.zeros(), blocks.zeros()
+        u.ravel()[free] = error
+        energy = blocks.apply(u, force)
+        change = multigrid.precondition(force).ravel()[free]
+        assert 0.0 < np.vdot(change, force.ravel()[free]) < 2.0 * energy
+        error = error - change
+        error /= np.abs(error).max()
 
 
 @pytest.mark.parametrize("name", ["plate", "dragged", "layered"])

@@ -101,7 +101,9 @@ def _mesh(corner: Ints, size: Floats, start: Floats, local: Mesh, agent: Ints, i
     from_window = np.concatenate([inner, more])
     node = np.full(len(local.start), -1)
     node[local.corner[0]] = agent
-    used = np.unique(local.element[:, from_window])
+    seen = np.zeros(len(local.start), dtype=np.bool_)
+    seen[local.element[:, from_window]] = True
+    used = np.flatnonzero(seen)
     fresh = used[node[used] < 0]
     node[fresh] = n + np.arange(len(fresh))
     start = np.concatenate([start, np.empty((len(fresh), start.shape[1]))])

@@ -129,27 +129,29 @@ def component(fields: CellFields, leaf: Ints, local: Floats, walls: Floats, axis
 def corner_values(fields: CellFields) -> Floats:
     """Return displacements at the leaves' corners (`corner_ends`), shape (2^d, d, leaves)."""
     grid, d = fields.balance.grid, fields.balance.grid.dimension
-    # Leaves whose edges all have one plain slope are summed in arrays, the others one by one.
-    irregular, slopes = (grid.beside < 0).any(axis=1), {}
+    # Where the slopes at a corner are plain they are summed in arrays, elsewhere one by one.
+    held, slopes = np.zeros(len(grid.leaves), dtype=np.bool_), {}
+    for side in range(2 * d):
+        held |= np.isin(grid.kinds[:, side], (RIGID, DISPLACED))
     for pair, edges in grid.edges.items():
         for axis, across, first in ((*pair, True), (*pair[::-1], False)):
             gradients, table = oriented(edges, first)
             own, single = fields.slopes[pair][not first], gradients[0].one_sided
-            slopes[axis, across] = np.where(gradients[0].valid, single * own, 0.0), table
             unusual = ~gradients[0].valid | (gradients[0].jump & (edges.modulus > 0))
-            irregular |= unusual[table].any(axis=(1, 2))
-    ends, some = corner_ends(d), np.flatnonzero(irregular)
-    walls = walls_beside(grid, some)
+            slopes[axis, across] = single * own, unusual, table
+    ends, walls = corner_ends(d), walls_beside(grid, np.arange(len(held)))
     found = np.empty((len(ends), d, len(grid.leaves)))
     for values, end in zip(found, ends, strict=True):
-        local = np.broadcast_to(end.astype(np.float64), (len(some), d))
         for axis, value in enumerate(values):
-            value[:] = fields.sides[:, 2 * axis + end[axis]]
+            value[:], irregular = fields.sides[:, 2 * axis + end[axis]], held.copy()
             for across in (a for a in range(d) if a != axis):
-                slope, table = slopes[axis, across]
+                slope, unusual, table = slopes[axis, across]
                 edge = table[:, end[axis], end[across]]
                 value += (end[across] - 0.5) * grid.length * slope[edge]
-            value[some] = component(fields, some, local, walls, axis)
+                irregular |= unusual[edge]
+            some = np.flatnonzero(irregular)
+            local = np.broadcast_to(end.astype(np.float64), (len(some), d))
+            value[some] = component(fields, some, local, walls[some], axis)
     return found
 
 

@@ -237,40 +237,55 @@ def _ends_of_leaves(
     # Returns the lower end of every edge, its length, the leaves round its first and second half
     # ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and every leaf's edges by its ends
     # along a and b.
-    n, d = leaves.lower.shape
-    leaf, end = np.repeat(np.arange(n), 4), np.tile(np.arange(4), n)
+    (n, d), size = leaves.lower.shape, leaves.size
+    # Of four equal leaves round an edge only the last one lays it.
+    before, below = beside[:, 2 * a], beside[:, 2 * b]
+    others = np.stack([np.where(before >= 0, beside[before, 2 * b], -1), before, below])
+    last = np.flatnonzero(np.all((others >= 0) & (size[others] == size), axis=0))
+    others, laid = others[:, last], np.ones((n, 4), dtype=np.bool_)
+    for other, end in zip(others, (3, 2, 1), strict=True):
+        laid[other, end] = False
+    leaf, end = np.nonzero(laid)
     upper, right = end >> 1, end & 1
     point = leaves.lower[leaf]
-    point[:, a] += upper * leaves.size[leaf]
-    point[:, b] += right * leaves.size[leaf]
-    _, first, number = np.unique(morton(point), return_index=True, return_inverse=True)
+    point[:, a] += upper * size[leaf]
+    point[:, b] += right * size[leaf]
+    code, first, number = np.unique(morton(point), return_index=True, return_inverse=True)
     leaf, end, point, upper, right = (x[first] for x in (leaf, end, point, upper, right))
     east, north = beside[leaf, 2 * a + upper], beside[leaf, 2 * b + right]
     across = np.where(east >= 0, beside[east, 2 * b + right], -1)
     round_it = np.stack([leaf, east, north, across])
-    plain = np.all((round_it >= 0) & (leaves.size[round_it] == leaves.size[leaf]), axis=0)
+    plain = np.all((round_it >= 0) & (size[round_it] == size[leaf]), axis=0)
     around = np.empty((4, len(leaf)), dtype=np.int64)
     # From an edge at its upper end a leaf is on the lower side: its quadrant is 3 - end.
     for ahead, other in zip((3, 1, 2, 0), round_it, strict=True):
         around[end ^ ahead, np.arange(len(leaf))] = other
     irregular = np.flatnonzero(~plain)
     around[:, irregular] = _look_round(leaves, point[irregular], a, b)
-    far, reach = around, leaves.size[leaf]
-    reach[irregular] = np.where(
-        around[:, irregular] >= 0, leaves.size[around[:, irregular]], 0
-    ).max(axis=0)
+    far, reach = around, size[leaf]
+    sizes = np.where(around[:, irregular] >= 0, size[around[:, irregular]], 0)
+    reach[irregular] = sizes.max(axis=0)
     if d == 3:
-        along, far = 3 - a - b, around.copy()
-        point[irregular, along] -= point[irregular, along] % reach[irregular]
-        around[:, irregular] = _look_round(leaves, point[irregular], a, b)
-        middle = point[irregular]
-        middle[:, along] += reach[irregular] // 2
-        far[:, irregular] = _look_round(leaves, middle, a, b)
+        along, halved = 3 - a - b, np.zeros(len(leaf), dtype=np.bool_)
+        # The second half of an edge may have smaller leaves round it, or some where there was none.
+        halved[irregular] = sizes.min(axis=0) < reach[irregular]
         # An edge that begins in the middle of a longer one is part of that.
-        _, first, longer = np.unique(morton(point), return_index=True, return_inverse=True)
-        point, reach, around, far = point[first], reach[first], around[:, first], far[:, first]
-        number = longer[number]
-    return point, reach, around, far, number.reshape(n, 2, 2)
+        offset = point[:, along] % reach
+        part = np.flatnonzero(offset)
+        point[part, along] -= offset[part]
+        code[part] = morton(point[part])
+        _, first, longer = np.unique(code, return_index=True, return_inverse=True)
+        point, reach, around, number = point[first], reach[first], around[:, first], longer[number]
+        part, halved = np.flatnonzero(offset[first]), np.flatnonzero(halved[first])
+        around[:, part] = _look_round(leaves, point[part], a, b)
+        middle, far = point[halved], around.copy()
+        middle[:, along] += reach[halved] // 2
+        far[:, halved] = _look_round(leaves, middle, a, b)
+    of_leaf = np.empty((n, 4), dtype=np.int64)
+    of_leaf[laid] = number
+    for other, end in zip(others, (3, 2, 1), strict=True):
+        of_leaf[other, end] = of_leaf[last, 0]
+    return point, reach, around, far, of_leaf.reshape(n, 2, 2)
 
 
 def _look_round(leaves: LeafCells, point: Ints, a: int, b: int) -> Ints:

@@ -9,6 +9,7 @@ in the order of their Morton codes, so that the leaf around any point is found b
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import product
 from typing import Any
 
@@ -80,7 +81,7 @@ class LeafCells:
     def find(self, points: Ints) -> Ints:
         """Return the leaf that holds each unit cell, -1 where there is none."""
         # Coordinates beyond the array have more digits than a code holds, or a sign.
-        high = np.bitwise_or.reduce(points, axis=1) >> BITS[self.dimension]
+        high = reduce(np.bitwise_or, points.T) >> BITS[self.dimension]
         code = morton(points)
         at = np.searchsorted(self.code, code, "right") - 1
         # The last leaf that begins before the cell holds it, if its codes reach so far.

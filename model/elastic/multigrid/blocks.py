@@ -229,22 +229,23 @@ class BlockOperator:
 
     @cached_property
     def _entered(self) -> tuple[Floats, Ints]:
-        forest, total = self.forest, self.zeros()
+        forest, total, many = self.forest, self.zeros(), len(self.forest.corners)
         block = forest.leaves[forest.loaded]
+        forces = forest.ground.forces(forest.cells(block))
+        bears = np.zeros((len(block), many), dtype=np.bool_)
+        bears.ravel()[forces.leaf] = True
+        block, bears = block[bears.any(axis=1)], bears[bears.any(axis=1)]
         if not len(block):
             return total, block
-        cells = forest.cells(block)
-        forces = forest.ground.forces(cells)
         rows = np.arange(len(forces.leaf))
         forces_along = forces.force.copy()
         forces_along[rows, np.maximum(forces.direction, 0) // 2] = 0.0
-        if (forces.direction < 0).any() or forces_along.any() or forces.uneven:
+        uneven = forces.uneven is not None and len(forces.uneven.box)
+        if (forces.direction < 0).any() or forces_along.any() or uneven:
             # Forces along sides and in middles act on faces of neighbours, too.
             window = Window(forest, forest.with_neighbours(block))
         else:
-            chosen = np.zeros((len(block), len(forest.corners)), dtype=np.bool_)
-            chosen.ravel()[forces.leaf] = True
-            window = Window(forest, block, chosen)
+            window = Window(forest, block, bears)
         free = window.place >= 0
         place, force = window.place[free], window.balance.load[free]
         total.ravel()[place] = force

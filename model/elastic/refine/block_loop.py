@@ -16,6 +16,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
+from kaju.model.elastic.bounds.energy_bounds import PROVED_AT
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields
 from kaju.model.elastic.cells.leaf_cells import LeafCells, morton
@@ -47,7 +48,13 @@ MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
 """The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
-PROVED_IN_BLOCKS = {2: 20_000_000, 3: 200_000}  # Agents whose bounds the loop works out
+PROVED_IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}  # Agents whose bounds the loop works out
+BOUNDED_EARLY = {2: (0, 0), 3: (25_000, 100_000)}
+"""Between so many agents bounds are worked out once before the end. In cubes, beams and angles
+their ratio to the estimate changes by 5 % from then on, but by 15 % from 4,000 agents on."""
+MEASURED = 0.95
+"""Share of the target that the last generation aims at, once that ratio is known: a cube under a
+small load keeps 0.02 with 590,000 agents, and with 790,000 where it is guessed."""
 CONTRAST = 100.0  # Of materials, up to which the law on coarse cells serves as a coarse level
 ROUNDING = 1e-12  # Loads that differ from their images by less, of the largest, are symmetric
 
@@ -273,6 +280,15 @@ class BlockLoop(RefineLoop):
             run = self.multigrid.solve(load, u, done)
         symmetrise(self.blocks, u, self._mirrors)
         return run, self._reduction * run.errors[-1]
+
+    def _expect_bounds(self) -> None:
+        # Bounds of blocks that have not settled would say little.
+        if self._due(*BOUNDED_EARLY[self.ground.dimension]):
+            self._settle(for_good=True)
+            self._measure_share(settled=True)
+            self.aimed = self.aim.estimate(self)
+            if self._share != PROVED_AT[self.ground.dimension]:
+                self.spare = MEASURED
 
     def _estimate(self) -> tuple[float, Floats, Floats]:
         u, loaded = self.displacement, self.blocks.loaded

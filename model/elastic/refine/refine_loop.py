@@ -67,7 +67,7 @@ class Target:
 
     def estimate(self, spawner: RefineLoop) -> Aimed:
         """Return the estimated error of settled agents, and the marks for the next generation."""
-        allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
+        allowed = 2 * spawner.energy * (spawner.spare * spawner.target) ** 2
         marked = spawner.mark_for_energy(spawner.square, allowed)
         return Aimed(spawner.error, spawner.square, marked, allowed)
 
@@ -89,6 +89,7 @@ class RefineLoop(ABC):
     """
 
     most_proved: ClassVar[Mapping[int, int]] = MOST_PROVED  # Agents, by dimension
+    spare = SPARE  # Share of the target that the last generation aims at
     square: Floats
     unbalanced: Floats
     aimed: Aimed
@@ -282,13 +283,19 @@ class RefineLoop(ABC):
             marked |= mark_largest(own, SHARP_BUDGET * allowed, self.smallest, 1.0)
         return marked
 
-    def _expect_bounds(self) -> None:
-        """Work out bounds once, long before the end, for their expected ratio to the estimate."""
+    def _due(self, fewest: int, most: int) -> bool:
+        """Tell whether to work out bounds once, long before the end, between so many agents."""
         expected = self._share != PROVED_AT[self.ground.dimension]
-        some = PREDICTS <= self.agents <= MOST_BOUNDED_EARLY[self.ground.dimension]
-        if expected or not some or not self.target < self.error < inf:
-            return
-        bracket = self._bounds(settled=False)
+        return fewest <= self.agents <= most and not expected and self.target < self.error < inf
+
+    def _expect_bounds(self) -> None:
+        """Find the ratio of bounds to the estimate that is expected, where that is due."""
+        if self._due(PREDICTS, MOST_BOUNDED_EARLY[self.ground.dimension]):
+            self._measure_share(settled=False)
+
+    def _measure_share(self, *, settled: bool) -> None:
+        """Expect bounds to be in the end what they are of the estimate now."""
+        bracket = self._bounds(settled=settled)
         if isinstance(bracket, EnergyBounds):
             self._share = min(max(bracket.error / self.error, LEAST_SHARE), 1.0)
 

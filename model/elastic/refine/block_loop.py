@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
 from kaju.model.elastic.bounds.energy_bounds import PROVED_AT
@@ -189,7 +190,9 @@ def spawner_of(
 ) -> RefineLoop:
     """Return a loop over blocks where these serve, or else over single agents."""
     forest = blocks_for(ground, tolerance) if aim is None else None
-    most = most_agents or (MOST_AGENTS if forest is None else IN_BLOCKS)[ground.dimension]
+    limits = MOST_AGENTS if forest is None else IN_BLOCKS
+    proved = ground.dimension == 2 and aim is None
+    most = most_agents or (MOST_QUADRATIC if proved else limits[ground.dimension])
     if forest is not None and forest.count <= most:
         before = previous if isinstance(previous, BlockSpawning) else None
         return BlockLoop(forest, tolerance, most, before)

@@ -13,7 +13,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultFileError
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
-from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, bracket_of
+from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress, bracket_of
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields, displacement_at, stress_at
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
@@ -166,14 +166,24 @@ class Spawning:
         return self.fields, agent
 
     @property
+    def proved(self) -> MiddleStress | None:
+        """The displacement and stress that bounds are proved of, where they are of second order."""
+        # In the plane: agents of a tolerance are too few to be read off by themselves.
+        if self.ground.dimension == 3 or isinstance(self.bracket, str):
+            return None
+        return self.bracket.middle if self.bracket.middle.field.quadratic else None
+
+    @property
     def moved(self) -> Floats:
         """Displacement of the agents' middles, shape (agents, dimension)."""
-        return self.fields.displacement
+        if self.proved is None:
+            return self.fields.displacement
+        return self.proved.field.displacement_at(*_middles(self.leaves))
 
     @property
     def stress(self) -> Floats:
         """Stress tensors of the agents, shape (agents, dimension, dimension)."""
-        return self.fields.stress
+        return self.fields.stress if self.proved is None else self.proved.means
 
     def boxes(self) -> BoundCells:
         """Return the agents as energy bounds need them."""
@@ -190,12 +200,16 @@ class Spawning:
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
+        if self.proved is not None:
+            return self.proved.field.displacement_at(*self.placed(points, cells))
         place, agent = self._located(points, cells)
         fields, agent = self.near(agent)
         return displacement_at(fields, place, agent)
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
+        if self.proved is not None:
+            return self.proved.at(*self.placed(points, cells))
         place, agent = self._located(points, cells)
         fields, agent = self.near(agent)
         return stress_at(fields, place, agent)
@@ -257,6 +271,11 @@ class Spawning:
             generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
             **archive.record("spawning", Spawning),
         )
+
+
+def _middles(leaves: LeafCells) -> tuple[Ints, Floats]:
+    """Return all leaves, and their middles from 0 to 1 within each."""
+    return np.arange(len(leaves)), np.full(leaves.lower.shape, 0.5)
 
 
 def _leaves_of(archive: Archive, ground: PosedBody) -> LeafCells:

@@ -47,9 +47,9 @@ from kaju.model.elastic.refine.targets import (
 from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 MOST_GENERATIONS = 60
-PREDICTS, FAR = 500, 600.0
+PREDICTS, FAR, FAR_OF_BOUNDS = 500, 600.0, 10.0
 """From so many agents on their number in the end is predicted from the error; if it is so many
-times above what is allowed, the loop ends."""
+times above what is allowed, the loop ends: by estimates, and by bounds in the plane."""
 NOTED_RESIDUAL = 1e-5  # Residual, as a share of the applied forces, from which on it is noted
 MOST_BOUNDED_EARLY = {2: 0, 3: 4_000}
 """Up to so many agents bounds are worked out once before the end: of more they take too long, and
@@ -258,7 +258,9 @@ class RefineLoop(ABC):
         # A halving takes about half of the share of a cell at a singular point: so many more follow
         # at once.
         sharp = shares[self.sharp]
-        times = sharp.max(initial=0.0) * len(sharp) / (SHARP_BUDGET * allowed)
+        times = 1.0
+        if allowed > 0.0:
+            times = sharp.max(initial=0.0) * len(sharp) / (SHARP_BUDGET * allowed)
         self.more_halvings = int(np.clip(log2(max(times, 1.0)) - 1.0, 0, MOST_HALVINGS))
         gain = GAIN_OF_BOUNDS if self._certifies else GAIN
         return Aimed(bracket.error, shares, self.mark_for_energy(shares, allowed, gain), allowed)
@@ -304,10 +306,11 @@ class RefineLoop(ABC):
         marked, expected = self.aimed.marked, 0.0
         if self._of_energy and self.ground.smallest == 1 and self.agents >= PREDICTS:
             # The error falls at most with the agents' size, so their number grows at least by the
-            # error's ratio to the power of the dimension (unless a resolution limits their size).
-            power = 1 if self._certifies else self.ground.dimension
-            expected = self.agents * (self.aimed.error / self.tolerance) ** power
-        many = self._after(marked) > self.most_agents or expected > FAR * self.most_agents
+            # error's ratio to the power of the dimension (unless a resolution limits their size);
+            # bounds in the plane fall with the square of the size, more slowly at singular points.
+            power, far = (1.4, FAR_OF_BOUNDS) if self._certifies else (self.ground.dimension, FAR)
+            expected = self.agents / far * (self.aimed.error / self.tolerance) ** power
+        many = max(self._after(marked), expected) > self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
             self.stopped = "agents"
         else:

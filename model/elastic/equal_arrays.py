@@ -107,7 +107,8 @@ class EqualArrays:
     def corner_displacement(self) -> Floats:
         """Displacement (m) of the cells' corners, shape (n + 1, ..., dimension)."""
         if self._agents is not None:
-            return self._agents.scales.displacement * self._agents.corner_displacement
+            problem, u = self._agents.problem, self._agents.solution.displacement
+            return problem.scales.displacement * fields.node_displacement(problem, u)
         nodes, points = self._round(tuple(range(self.dimension)))
         field = np.full((*nodes.shape, self.dimension), np.nan)
         field[nodes] = self._displacement_at(points)

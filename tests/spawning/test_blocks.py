@@ -9,11 +9,13 @@ from kaju import Scene, solve
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
 from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
+from kaju.model.elastic.bounds.energy_bounds import PROVED_AT
 from kaju.model.elastic.cells.cell_fields import CellFields
 from kaju.model.elastic.multigrid.block_cycle import BlockCycle
 from kaju.model.elastic.multigrid.blocks import BlockOperator, Window
 from kaju.model.elastic.multigrid.forest import first_forest
 from kaju.model.elastic.posed_body import ground_of
+from kaju.model.elastic.refine.block_loop import MEASURED, spawner_of
 from kaju.model.elastic.refine.estimator import indicate
 
 
@@ -100,11 +102,17 @@ def test_a_cycle_is_symmetric(name, real, rounding):
     assert abs(one - other) < rounding * size
 
 
+def pressed_cube():
+    """Return a cube of eight blocks, held below and pressed on a quarter of its top."""
+    body = {"cells": [2, 2, 2], "cell_size": 0.5, "material": "steel"}
+    part = {"box": [[0.0, 0.0, 1.0], [0.5, 0.5, 1.0]]}
+    loads = [{"region": part, "force": [0.0, 0.0, -1.0]}]
+    return Scene(body=body, materials={"steel": STEEL}, sides={"bottom": "rigid"}, loads=loads)
+
+
 def test_a_cycle_leaves_less_of_every_error():
     # Two small blocks that touch along an edge, large ones beside both: there rows have many faces.
-    body = {"cells": [2, 2, 2], "cell_size": 0.5, "material": "steel"}
-    cube = Scene(body=body, materials={"steel": STEEL}, sides={"bottom": "rigid"})
-    forest = first_forest(ground_of(cube, None, None))
+    forest = first_forest(ground_of(pressed_cube(), None, None))
     marked = np.zeros(len(forest), dtype=bool)
     marked[forest.leaves[[0, 3]]] = True
     blocks = BlockOperator(forest.refined(marked, 1))
@@ -118,6 +126,30 @@ def test_a_cycle_leaves_less_of_every_error():
         assert 0.0 < np.vdot(change, force.ravel()[free]) < 2.0 * energy
         error = error - change
         error /= np.abs(error).max()
+
+
+def test_loads_across_sides_concern_the_loaded_agents_alone(monkeypatch):
+    blocks, seen = BlockOperator(first_forest(ground_of(pressed_cube(), None, None))), []
+
+    def recorded(*args):
+        seen.append(Window(*args))
+        return seen[-1]
+
+    monkeypatch.setattr("kaju.model.elastic.multigrid.blocks.Window", recorded)
+    assert np.count_nonzero(blocks.load) == 8**2
+    assert [len(window.leaves) for window in seen] == [8**2]
+
+
+def test_bounds_worked_out_early_are_those_of_a_settled_answer(monkeypatch):
+    early = {3: (4_000, 100_000)}
+    monkeypatch.setattr("kaju.model.elastic.refine.block_loop.BOUNDED_EARLY", early)
+    loop = spawner_of(ground_of(pressed_cube(), None, None), 0.01, None)
+    guess = loop.target
+    loop.step()
+    bounds = loop._bounds()
+    assert bounds.error < 0.95 * loop.error
+    assert loop.target == pytest.approx(guess * PROVED_AT[3] * loop.error / bounds.error)
+    assert loop.spare == MEASURED
 
 
 @pytest.mark.parametrize("name", ["plate", "dragged", "layered"])

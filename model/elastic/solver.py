@@ -39,9 +39,7 @@ second."""
 ALGEBRAIC_SHARE = 0.15
 """By default the algebraic error before the last correction, which takes nine tenths of it away, is
 at most this share of the grid's."""
-LOOSEST, COARSE_SHARE = 3e-3, 0.03
-"""But never stop above the first, or where cells are so coarse that this is less, above that share
-of the grid's: of missing pixels, 46 % by estimate and 17 % by far smaller cells, it leaves 1 %."""
+LOOSEST = 3e-3  # But never stop above this
 SMALL, SMALL_TOLERANCE = 100_000, 1e-10
 """Bodies of fewer faces are by default solved to this tolerance: it costs little, and forces
 balance to more digits than anyone prints."""
@@ -466,6 +464,7 @@ def _by_multigrid(
             return solution
         watch.patient = True
         run = _iterate(system, hierarchy, run.solution, watch, MOST)
+        run.converged = run.converged and not watch.slow
     run.converged = run.converged and not watch.slow
     method = "full multigrid" if hierarchy.plain else "Galerkin multigrid"
     solution = system.solution(run, method, watch.discretisation, len(hierarchy.levels))
@@ -512,8 +511,7 @@ class _Watch:
             self.discretisation, self._estimate = self._estimate(run), None
         target = self._tolerance
         if target is None:
-            loosest = max(LOOSEST, COARSE_SHARE * self.discretisation)
-            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), loosest)
+            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
         stated = max(target, self.discretisation)
         # Supports are to bear the loads, to a share of the error that is stated.
         residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)

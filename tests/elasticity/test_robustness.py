@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from elastic_cases import cube, make_problem, pixel_body, plate, press
-from scipy.ndimage import label
 from scipy.sparse.linalg import spsolve
 
 from kaju.model.elastic import staggered
@@ -42,29 +41,6 @@ def test_plain_plates_and_blocks_take_at_most_twelve(body, given):
     solution = solve_problem(body(*given), 1e-8)
     assert solution.method == "full multigrid"
     assert solution.iterations <= 12
-
-
-def missing_pixels():
-    """A pressed plate without an eighth of its pixels, each of 2 x 2 cells."""
-    there = np.random.default_rng(1).random((64, 64)) >= 0.12
-    there[:, [0, -1]] = there[[0, -1]] = True
-    parts, _ = label(there)
-    kinds = np.where(parts == parts[0, 0], 0, -1).repeat(2, axis=0).repeat(2, axis=1)
-    loads = press([[i, 127] for i in range(59, 69)], 3, (0.0, -1.0))
-    return make_problem(kinds, [(1.0, 0.3)], 1.0, sides={"bottom": "rigid"}, loads=loads)
-
-
-def test_missing_pixels_take_at_most_twenty_seven():
-    solved(missing_pixels(), 27)
-
-
-def test_coarse_cells_are_iterated_to_a_share_of_their_own_error(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.solver.SMALL", 0)
-    solution = solve_problem(missing_pixels())
-    assert solution.converged
-    assert 3e-3 < solution.algebraic <= 0.03 * solution.discretisation
-    exact = solve_problem(missing_pixels(), 1e-8)
-    assert solution.energy == pytest.approx(exact.energy, rel=1e-3)
 
 
 @pytest.mark.parametrize("n", [20, 80, 120])

@@ -203,15 +203,3 @@ def test_a_full_box_with_given_edge_moduli_is_not_coarsened_by_its_cells():
     given = replace(problem, edges=edges)
     assert Hierarchy(problem).plain
     assert not Hierarchy(given).plain
-
-
-@pytest.mark.parametrize("shape", [(9, 7), (6, 5, 7)])
-def test_a_material_that_is_told_twice_has_the_edges_of_one(shape):
-    rng = np.random.default_rng(2)
-    kinds = rng.choice([-2, -1, 0, 0, 0], size=shape)
-    sides = {"bottom": "rigid", "left": "roller"}
-    once = make_problem(kinds, [(3.0, 0.2)], 1.0, sides=sides)
-    other = np.where((kinds == 0) & (rng.random(shape) < 0.5), 1, kinds)
-    twice = make_problem(other, [(3.0, 0.2)] * 2, 1.0, sides=sides)
-    for pair in axis_pairs(len(shape)):
-        np.testing.assert_allclose(edge_modulus(once, pair), edge_modulus(twice, pair), 1e-14)

@@ -242,9 +242,10 @@ def _ends_of_leaves(
     before, below = beside[:, 2 * a], beside[:, 2 * b]
     others = np.stack([np.where(before >= 0, beside[before, 2 * b], -1), before, below])
     last = np.flatnonzero(np.all((others >= 0) & (size[others] == size), axis=0))
-    others, laid = others[:, last], np.ones((n, 4), dtype=np.bool_)
-    for other, end in zip(others, (3, 2, 1), strict=True):
-        laid[other, end] = False
+    others = others[:, last]
+    laid: Flags = np.ones((n, 4), dtype=np.bool_)
+    corners = np.array([3, 2, 1])
+    laid[others, corners[:, None]] = False
     leaf, end = np.nonzero(laid)
     upper, right = end >> 1, end & 1
     point = leaves.lower[leaf]
@@ -266,9 +267,9 @@ def _ends_of_leaves(
     sizes = np.where(around[:, irregular] >= 0, size[around[:, irregular]], 0)
     reach[irregular] = sizes.max(axis=0)
     if d == 3:
-        along, halved = 3 - a - b, np.zeros(len(leaf), dtype=np.bool_)
+        along, several = 3 - a - b, np.zeros(len(leaf), dtype=np.bool_)
         # The second half of an edge may have smaller leaves round it, or some where there was none.
-        halved[irregular] = sizes.min(axis=0) < reach[irregular]
+        several[irregular] = sizes.min(axis=0) < reach[irregular]
         # An edge that begins in the middle of a longer one is part of that.
         offset = point[:, along] % reach
         part = np.flatnonzero(offset)
@@ -276,15 +277,14 @@ def _ends_of_leaves(
         code[part] = morton(point[part])
         _, first, longer = np.unique(code, return_index=True, return_inverse=True)
         point, reach, around, number = point[first], reach[first], around[:, first], longer[number]
-        part, halved = np.flatnonzero(offset[first]), np.flatnonzero(halved[first])
+        part, halved = np.flatnonzero(offset[first]), np.flatnonzero(several[first])
         around[:, part] = _look_round(leaves, point[part], a, b)
         middle, far = point[halved], around.copy()
         middle[:, along] += reach[halved] // 2
         far[:, halved] = _look_round(leaves, middle, a, b)
     of_leaf = np.empty((n, 4), dtype=np.int64)
     of_leaf[laid] = number
-    for other, end in zip(others, (3, 2, 1), strict=True):
-        of_leaf[other, end] = of_leaf[last, 0]
+    of_leaf[others, corners[:, None]] = of_leaf[last, 0]
     return point, reach, around, far, of_leaf.reshape(n, 2, 2)
 
 

@@ -63,8 +63,9 @@ def test_the_energy_lies_between_its_bounds(how):
     soft = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
     load = {"cell": [1, 5], "side": "top", "force": [0.0, -9.0]}
     result = solve(drawn(codes, [STEEL, soft], [load]), **how)
+    truth = finite_elements(result.scene, order=3, levels=9).strain_energy
     lower, upper = result.energy_bounds
-    assert lower <= result.strain_energy <= upper
+    assert lower * (1 - PRECISE) <= truth <= upper * (1 + PRECISE)
     least = result.found.bracket
     assert (upper - lower) > 0.9 * (least.upper / least.lower - 1.0) * lower
     assert upper / lower - 1.0 < 2.0 * (least.upper / least.lower - 1.0)
@@ -163,7 +164,7 @@ def test_the_estimate_of_a_moved_side_falls_with_its_bound(sides, hole):
     scene = plate(20, body={**body, "regions": regions}, sides=sides, loads=[])
     coarse, fine = (solve(scene, strategy="uniform", resolution=k) for k in (1, 4))
     for result in (coarse, fine):
-        assert result.error_bound < result.error_estimate < 8 * result.error_bound
+        assert result.error_bound < result.error_estimate < 12 * result.error_bound
     assert fine.error_estimate < 0.55 * coarse.error_estimate
     assert fine.error_bound < 0.5 * coarse.error_bound
 

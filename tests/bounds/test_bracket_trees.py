@@ -103,29 +103,34 @@ def test_a_tolerance_is_kept_by_its_bound():
     summary = result.summary()
     assert summary["tolerance_kept"] == "proved"
     assert summary["error_bound"] == result.error_bound
-    estimated = next(g for g in result.generations if g.error <= 0.06)
-    assert result.agents > 1.3 * estimated.agents
+    assert summary["error_estimate"] == result.error_bound
+    # The estimate of first order is far from content.
+    assert result.generations[-1].error > 2 * 0.06
+
+
+def cube(material):
+    return Scene(
+        body={"cell_size": 0.25, "cells": [4, 4, 4], "material": "a"},
+        materials={"a": material},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.25, 0.25, 1], [0.75, 0.75, 1]]}, "force": [0, 0, -1.0]}],
+    )
 
 
 def test_a_proof_that_would_cost_too_much_is_missed_and_said(monkeypatch):
     from kaju.model.elastic.bounds import energy_bounds as bracket
 
     monkeypatch.setattr(bracket, "MORE", 1)
-    monkeypatch.setattr(bracket, "FEW", {2: 0})
-    result = solve(BODIES["two materials"], strategy="spawning", tolerance=0.06)
-    assert result.error_estimate < 0.06 < result.error_bound
+    monkeypatch.setattr(bracket, "FEW", {3: 0})
+    rubber = {"youngs_modulus": 1e9, "poissons_ratio": 0.49}
+    result = solve(cube(rubber), strategy="spawning", tolerance=0.3)
+    assert result.error_estimate < 0.3 < result.error_bound
     assert result.tolerance_kept == "missed"
     assert any("proved to be below" in note for note in result.notes)
 
 
 def test_a_solid_of_many_sizes_keeps_a_tolerance_by_its_bound():
-    scene = Scene(
-        body={"cell_size": 0.25, "cells": [4, 4, 4], "material": "a"},
-        materials={"a": STEEL},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.25, 0.25, 1], [0.75, 0.75, 1]]}, "force": [0, 0, -1.0]}],
-    )
-    result = solve(scene, strategy="spawning", tolerance=0.15)
+    result = solve(cube(STEEL), strategy="spawning", tolerance=0.15)
     assert result.tolerance_kept == "proved"
     assert result.error_bound <= 0.15
     assert len(np.unique(result.size)) > 1
@@ -177,8 +182,8 @@ def test_bounds_go_on_up_to_incompressible_bodies(ratio):
 
 
 def test_a_proof_found_on_the_way_counts_however_many_agents_there_are(monkeypatch):
-    """Agents in blocks are bounded in larger numbers than a result works out unasked."""
+    """In the plane agents are bounded in larger numbers than a result works out unasked."""
     monkeypatch.setattr("kaju.model.elastic.bounds.energy_bounds.MOST_PROVED", {2: 1_000})
     result = solve(plate(), tolerance=0.005, strategy="spawning")
-    assert result.agents > 12_000
+    assert result.agents > 1_000
     assert result.tolerance_kept == "proved"

@@ -11,7 +11,7 @@ from kaju.factors import factors_of
 from kaju.model.elastic.bounds.uneven_loads import LARGEST
 
 EDGE, YOUNG, POISSON = 0.2, 210e9, 0.3
-ELEMENTS = 1e-4
+ELEMENTS = 1e-3
 """Share of the energy that the graded elements miss."""
 
 

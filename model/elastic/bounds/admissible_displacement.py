@@ -59,7 +59,10 @@ def descend(
     gains: list[float] = []
     while before > 0.0 and len(gains) < MOST_STEPS:
         pull = force(search)
-        step = before / float(dot(search.ravel(), pull.ravel()))
+        curvature = float(dot(search.ravel(), pull.ravel()))
+        if not curvature > 0.0:  # Of an exact answer rounding is all that is left
+            return
+        step = before / curvature
         v += step * search
         pull *= step
         residual -= pull

@@ -164,7 +164,7 @@ def test_the_estimate_of_a_moved_side_falls_with_its_bound(sides, hole):
     scene = plate(20, body={**body, "regions": regions}, sides=sides, loads=[])
     coarse, fine = (solve(scene, strategy="uniform", resolution=k) for k in (1, 4))
     for result in (coarse, fine):
-        assert result.error_bound < result.error_estimate < 12 * result.error_bound
+        assert result.error_bound < result.error_estimate < 20 * result.error_bound
     assert fine.error_estimate < 0.55 * coarse.error_estimate
     assert fine.error_bound < 0.5 * coarse.error_bound
 

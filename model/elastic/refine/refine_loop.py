@@ -355,7 +355,8 @@ class RefineLoop(ABC):
                 self.aimed, self.finished = self.aimed._replace(marked=judged.marked), False
                 return
         # Without a proof the estimate alone has to keep the tolerance.
-        self._share, self.aimed = 1.0, self.aim.estimate(self)
+        self._share = 1.0
+        self.aimed = self.aim.estimate(self)
         if self.aimed.error > self.tolerance:
             self._ends()
 

@@ -104,8 +104,8 @@ def test_a_tolerance_is_kept_by_its_bound():
     assert summary["tolerance_kept"] == "proved"
     assert summary["error_bound"] == result.error_bound
     assert summary["error_estimate"] == result.error_bound
-    # The estimate of first order is far from content.
-    assert result.generations[-1].error > 2 * 0.06
+    # The estimate of first order is not content yet.
+    assert result.generations[-1].error > 0.06
 
 
 def cube(material):
@@ -164,9 +164,9 @@ def test_a_long_solid_has_bounds_from_end_to_end(strategy):
     assert lower > 0.85 * upper
 
 
-@pytest.mark.parametrize("ratio", [0.49999, 0.4999999, 0.499999998])
+@pytest.mark.parametrize("ratio", [0.499999, 0.4999999, 0.499999998])
 def test_bounds_go_on_up_to_incompressible_bodies(ratio):
-    """A stress does not care how stiff against compression a body is that hardly shrinks."""
+    """Neither field cares how stiff against compression a body is that hardly shrinks."""
 
     def bridge(ratio):
         gum = {"youngs_modulus": 1.8e11, "poissons_ratio": ratio}
@@ -176,9 +176,9 @@ def test_bounds_go_on_up_to_incompressible_bodies(ratio):
         sides = {"left": "roller", "bottom": "rigid"}
         return drawn(rows, drag, sides, size=0.01, materials=(gum, stiff))
 
-    usual, answer = solve(bridge(0.4999)), solve(bridge(ratio))
-    np.testing.assert_allclose(answer.energy_bounds, usual.energy_bounds, rtol=0.06)
-    assert answer.error_bound == pytest.approx(usual.error_bound, rel=0.15)
+    usual, answer = solve(bridge(0.49999)), solve(bridge(ratio))
+    np.testing.assert_allclose(answer.energy_bounds, usual.energy_bounds, rtol=0.03)
+    assert answer.error_bound == pytest.approx(usual.error_bound, rel=0.05)
 
 
 def test_a_proof_found_on_the_way_counts_however_many_agents_there_are(monkeypatch):

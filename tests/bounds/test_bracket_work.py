@@ -133,9 +133,9 @@ def test_a_long_edge_has_the_bounds_of_a_plane_corner():
     (low, high), (below, above) = (
         solve(scene, strategy="uniform", resolution=4).energy_bounds for scene in (flat, long)
     )
-    assert below == pytest.approx(low, rel=1e-6)
-    # In the plane the stress within may bend more.
-    assert high < above < 1.01 * high
+    # In the plane fields may bend more, on both sides of the truth.
+    assert 0.98 * low < below < low
+    assert high < above < 1.03 * high
 
 
 @pytest.mark.parametrize("missing", [[(1, 1, 1)], [(0, 1, 1), (1, 1, 0)], [(1, 1, 1), (1, 0, 1)]])
@@ -167,8 +167,9 @@ def test_forces_of_linear_fields_are_the_same_in_a_compiled_loop(dimension, monk
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_forces_do_the_work_of_the_strains(dimension):
     """Twice the energy, by points of Gauss that are exact for all fields."""
-    tree = in_cells(dimension, [np.s_[(slice(3, None),) * dimension]]).tree
-    boxes = boxes_of_agents(tree.balance, tree.displacement)
+    found = in_cells(dimension, strategy="spawning", tolerance={2: 0.02, 3: 0.1}[dimension])
+    boxes = boxes_of_agents(found.balance, found.displacement)
+    assert len(boxes.mesh.slave)
     field = AdmissibleDisplacement(boxes)
     rng = np.random.default_rng(dimension)
     field.displacement = rng.normal(size=field.displacement.shape)
@@ -241,9 +242,8 @@ def test_what_keeps_its_volume_does_not_lock(rows):
         spawned = solve(scene, tolerance=0.06)
         assert spawned.tolerance_kept == "proved"
         assert spawned.energy_bounds[0] < truth < spawned.energy_bounds[1]
-        print(result.error_bound, spawned.agents)
         bounds.append(result.error_bound)
-    assert bounds[1] < 2.0 * bounds[0]
+    assert bounds[1] < 2.5 * bounds[0]
 
 
 def test_shares_of_boxes_add_up_to_what_lies_between_the_bounds():
@@ -254,7 +254,7 @@ def test_shares_of_boxes_add_up_to_what_lies_between_the_bounds():
     assert (bounds.shares > 0.0).all()
 
 
-def in_cells(dimension, missing=()):
+def in_cells(dimension, missing=(), **how):
     """Return the answer of a body of two materials, pressed and dragged, on a roller and a bed."""
     n = 12 if dimension == 2 else 6
     codes, middle = np.ones((n,) * dimension, dtype=int), [n // 4] * (dimension - 1)
@@ -268,7 +268,8 @@ def in_cells(dimension, missing=()):
         {"cell": [*middle, n - 3], "force": down},
     ]
     scene = drawn(codes, [STEEL, SOFT], loads, sides=sides)
-    return solve(scene, strategy="uniform", resolution=1, tolerance=1e-12).found
+    exact = {"strategy": "uniform", "resolution": 1, "tolerance": 1e-12}
+    return solve(scene, **(how or exact)).found
 
 
 @pytest.mark.parametrize(

@@ -42,13 +42,20 @@ from kaju.model.elastic.multigrid.krylov import dot
 from kaju.model.scene.cell_types import RIGID, ROLLER
 
 MOST_QUADRATIC = 500_000  # Boxes of more take linear fields only: memory
-STEPS, MOST_STEPS = 4, 60  # Of conjugate gradients, at least and at most
+STEPS, MOST_STEPS = 4, 300  # Of conjugate gradients, at least and at most
+RUBBER, RUBBER_STEPS = 1e3, 40
+"""From so many times the shear modulus on a lateral one makes the energy rest for some steps."""
 WORTHWHILE = 0.1
 """So much of the gap between the energies the last few steps must have closed for more."""
 
 
 def descend(
-    v: Floats, residual: Floats, weight: Floats, gap: float, force: Callable[[Floats], Floats]
+    v: Floats,
+    residual: Floats,
+    weight: Floats,
+    gap: float,
+    force: Callable[[Floats], Floats],
+    least: int = STEPS,
 ) -> None:
     """Lower a field's energy by conjugate gradients, as long as that closes enough of a gap."""
     # The displacements `v` and the residual at the nodes are changed in place; `weight` is one over
@@ -68,7 +75,7 @@ def descend(
         residual -= pull
         gains.append(0.5 * step * before)
         gap -= gains[-1]
-        if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
+        if len(gains) >= least and sum(gains[-least:]) < WORTHWHILE * abs(gap):
             return
         downhill = np.multiply(weight, residual, out=pull)
         now = float(dot(residual.ravel(), downhill.ravel()))
@@ -276,7 +283,9 @@ class AdmissibleDisplacement:
             self._straighten(search)
             return self.force(search)
 
-        descend(self.displacement, self._residual, weight, gap, straight_force)
+        rubber = bool(np.any(self.boxes.law.lateral > RUBBER * self.boxes.law.shear))
+        least = RUBBER_STEPS if rubber else STEPS
+        descend(self.displacement, self._residual, weight, gap, straight_force, least)
 
     def scale(self, share: float) -> None:
         """Multiply the field by a number."""

@@ -56,6 +56,9 @@ MOST_BOUNDED_EARLY = {2: 0, 3: 4_000}
 in the plane their ratio to the estimate varies little."""
 MOST_HALVINGS = 2
 SHARP_BUDGET = 0.1  # Share of the error budget for agents at points where stress is singular
+STALLED = 0.95
+"""Smallest agents that alone exceed the budget end the loop once a bound falls by less: to such a
+share of the last one."""
 LEAST_SHARE = 0.5  # Of the estimate that bounds are expected to be
 FIRST_GUESS = 0.3  # Relative error assumed before the first generation
 ALGEBRAIC_SHARE = 0.05
@@ -314,9 +317,17 @@ class RefineLoop(ABC):
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
             self.stopped = "agents"
         else:
-            self.stopped = "" if marked.any() else "depth"
+            self.stopped = "" if marked.any() and not self._stalls() else "depth"
         self.finished = self.aimed.error <= self.target or bool(self.stopped)
         return self.finished
+
+    def _stalls(self) -> bool:
+        """Tell whether agents as small as they may be keep a bound from falling any further."""
+        # They bend the fields of others as well, whose shares do not fall by halvings either.
+        fixed = float(self.aimed.part[self.smallest].sum())
+        if not (self._certifies and self.generations and fixed > self.aimed.allowed):
+            return False
+        return self.aimed.error > STALLED * self.generations[-1].aimed_error
 
     def _after(self, marked: Flags) -> int:
         """Return the number of agents after those marked have spawned."""

@@ -48,7 +48,7 @@ from kaju.model.elastic.bounds.stress_function import (
 from kaju.model.elastic.fields import between_corners
 from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.elastic.staggered import Pair
-from kaju.model.scene.cell_types import AIR
+from kaju.model.scene.cell_types import AIR, FOUNDATION, ROLLER
 
 WRONG = 1e-7
 """Tractions on two sides of a face that differ by this share of the largest stress disagree."""
@@ -210,6 +210,13 @@ class AdmissibleStress:
             mine, theirs = own - self._pressed[side], normal[side ^ 1] - self._pressed[side ^ 1]
             free = np.flatnonzero((other < 0) & (boxes.kind[side] == AIR))
             gap[free] = np.maximum(gap[free], np.abs(mine[free]))
+            # Beside the end of a drag the corner's shear is half of it, where no force is.
+            slides = np.isin(boxes.kind[side], (AIR, ROLLER, FOUNDATION))
+            slides = np.flatnonzero((other < 0) & slides)
+            for pair, tau in boxes.shear.items():
+                if side // 2 in pair:
+                    ends = np.take(tau[..., slides], side % 2, axis=pair.index(side // 2))
+                    gap[slides] = np.maximum(gap[slides], np.abs(ends).max(axis=0))
             if side % 2:
                 alike = np.flatnonzero((other >= 0) & (boxes.size[other] == boxes.size))
                 other = other[alike]

@@ -243,14 +243,12 @@ class RefineLoop(ABC):
         self.bracket = self._bounds(settled=False)
         if not (isinstance(self.bracket, EnergyBounds) and self.bracket.error < inf):
             return
-        error, judged = self.bracket.error, self._by_bounds(self.bracket)
-        self.accuracy = min(self.error, error)
-        if self.error <= self.tolerance < error:
-            # The estimate would be content: a proof may take some more agents, not any number.
-            self._needed = self._needed or self.agents
-            if not self._worth(judged.marked):
-                return
-        self._share, self.aimed = 1.0, judged
+        if self.bracket.error > self.error:
+            # Almost a hinge: bounds are far from their second order, and would ask for any number.
+            self.more_halvings = 0
+            return
+        self._share, self.aimed = 1.0, self._by_bounds(self.bracket)
+        self.accuracy = self.aimed.error
 
     def _by_bounds(self, bracket: EnergyBounds) -> Aimed:
         """Return the error that is proved, and the marks that let it fall to the tolerance."""

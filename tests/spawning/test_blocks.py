@@ -21,8 +21,11 @@ from kaju.model.elastic.refine.estimator import indicate
 
 @pytest.fixture(autouse=True)
 def in_blocks(monkeypatch):
-    """Agents stand in blocks here at tolerances for which factors would do."""
-    monkeypatch.setattr("kaju.model.elastic.refine.block_loop.MANY", {2: 0, 3: 0})
+    """Agents stand in blocks here where single ones would do: in the plane, and few."""
+    monkeypatch.setattr(
+        "kaju.model.elastic.refine.block_loop.blocks_for",
+        lambda ground, tolerance: first_forest(ground),
+    )
 
 
 def plate(**changes):

@@ -10,6 +10,7 @@ from elastic_scenes import spawned_agents
 
 from kaju import ElasticResult, Scene, solve
 from kaju.errors import ParameterError, SupportError
+from kaju.model.elastic.multigrid.forest import first_forest
 from kaju.model.elastic.refine import block_loop as block_spawner
 
 BODY = {"size": [0.2, 0.1], "cells": [32, 16], "thickness": 0.002, "material": "steel"}
@@ -249,8 +250,7 @@ FINE = 0.015
 @pytest.fixture
 def in_blocks(monkeypatch):
     """Tell whether agents stand in blocks, as they do here wherever they can."""
-    monkeypatch.setattr(block_spawner, "MANY", {2: 0, 3: 0})
-    monkeypatch.setattr(block_spawner, "FIRST", 0)
+    monkeypatch.setattr(block_spawner, "blocks_for", lambda ground, _: first_forest(ground))
     return lambda result: isinstance(result.found, block_spawner.BlockSpawning)
 
 

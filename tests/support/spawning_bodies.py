@@ -167,3 +167,8 @@ def by_themselves(result):
     found = copy(result.found)
     found.__class__ = type("Unproved", (type(found),), {"proved": None})
     return replace(result, found=found)
+
+
+def settled_energy(result):
+    """The energy of the agents as they settled: bounds may contradict it where cells are rough."""
+    return result.found.solution.energy * result.found.scales.energy

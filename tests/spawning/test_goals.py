@@ -53,7 +53,8 @@ def by_agents(result, quantity):
 def test_estimates_are_within_their_factors_of_the_true_errors(number):
     """On the mean of some tolerances, for a single error may vanish by chance.
 
-    Where a value has bounds their middle is nearer than what the agents say by themselves.
+    Where a value has bounds their middle is nearer than what the agents say by themselves; of
+    rubber these are far too wide.
     """
     body, quantity = CASES[number]
     tolerances = np.array([0.03, 0.016]) * (6 if body in (cube, beam) else 1)
@@ -65,7 +66,8 @@ def test_estimates_are_within_their_factors_of_the_true_errors(number):
         assert result.goal_error_estimate <= tolerance
         off = np.linalg.norm(result.goal_values[0] - truth.value) / scale
         own = np.linalg.norm(by_agents(result, quantity) - truth.value) / scale
-        bounded = result.goals[0].error_bound is not None
+        bounded = result.goals[0].error_bound is not None and body is not rubber
+        assert body is not rubber or off == own
         assert off < (1.0 if bounded else 2.0) * tolerance
         factors.append(result.goal_error_estimate / own)
         gains.append(own / off)

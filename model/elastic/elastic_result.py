@@ -177,7 +177,8 @@ class ElasticResult(BodyResult):
     def cause(self) -> Floats:
         """Load (N) its parent left unbalanced, for which each agent spawned.
 
-        0 for the first agents, NaN for those that keep neighbours of similar size.
+        0 for the first agents, NaN for those that keep neighbours of similar size, and those whose
+        parent spawned in the same step.
         """
         return self.found.cause
 

@@ -26,7 +26,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def spawned(scene):
-    return spawned_by(scene, tolerance=0.03)
+    return spawned_by(scene, tolerance=0.005)
 
 
 def test_spawned_agents_and_equal_cells_tell_the_same(scene, spawned):
@@ -41,7 +41,7 @@ def test_spawned_agents_and_equal_cells_tell_the_same(scene, spawned):
 
 def test_fewer_agents_are_further_off(scene, spawned):
     errors = [
-        compare(spawned_by(scene, tolerance=t), spawned).displacement.l2_error for t in (0.3, 0.1)
+        compare(spawned_by(scene, tolerance=t), spawned).displacement.l2_error for t in (0.05, 0.01)
     ]
     assert errors[0] > 2 * errors[1] > 0.0
 
@@ -69,7 +69,7 @@ def test_large_bodies_are_compared_in_the_middles_of_agents():
     load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
     body = {"size": [100.0, 100.0], "cells": [4096, 4096], "material": "steel"}
     huge = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    coarse, fine = (spawned_by(huge, tolerance=t) for t in (0.2, 0.1))
+    coarse, fine = (spawned_by(huge, tolerance=t) for t in (0.05, 0.01))
     with pytest.raises(ResultError, match="`middle`"):
         compare(coarse, fine)
     found = compare(coarse, fine, points=coarse.middle)
@@ -103,9 +103,8 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
 
 
 def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
-    for most in (spawning.MOST_AGENTS, spawning.IN_BLOCKS):
-        monkeypatch.setitem(most, 2, 300)
-    words = ("--strategy", "spawning", "--tolerance", "0.01", "--out", "here")
+    monkeypatch.setattr(spawning, "MOST_QUADRATIC", 300)
+    words = ("--strategy", "spawning", "--tolerance", "0.003", "--out", "here")
     code, out, err = kaju("solve", PLATE, *words)
     assert code == 2
     assert "most_agents" in err

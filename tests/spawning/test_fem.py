@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spawning_bodies import BODIES, PLANE, SOLID
+from spawning_bodies import BODIES, PLANE, SOLID, by_themselves
 
 from kaju import Reference, finite_elements, solve
 
@@ -21,16 +21,25 @@ def test_true_error_is_what_was_asked_for(name, tolerance):
     result = solve(BODIES[name](), strategy="spawning", tolerance=tolerance)
     error = np.sqrt(abs(result.generations[-1].energy / truth.strain_energy - 1))
     estimate = result.found.solution.error
-    assert result.tolerance_kept == "proved" or estimate <= tolerance
-    # The estimate of few agents is less sure.
-    assert 0.5 < estimate / error < (2.0 if tolerance <= 0.05 else 3.5)
+    kept = "proved" if name in PLANE else result.tolerance_kept
+    assert result.tolerance_kept == kept
+    assert kept == "proved" or estimate <= tolerance
+    # The estimate of few agents is less sure, above all where foam is beside steel; what the bounds
+    # take in the plane does not depend on it.
+    assert 0.5 < estimate / error < (10.0 if name == "blotched" else 3.5)
     assert error < 1.6 * max(tolerance, estimate)
-    if result.tolerance_kept == "proved":
-        middle = abs(result.strain_energy / truth.strain_energy - 1)
-        assert middle < max(error, 0.5 * tolerance) ** 2
-    # Displacements converge with the energy, at twice the order of its norm.
-    away = np.linalg.norm(result.displacement_at(truth.points) - truth.displacement, axis=1)
-    assert away.max() < 4 * tolerance**2 * np.linalg.norm(truth.displacement, axis=1).max()
+    if kept == "proved":
+        lower, upper = result.energy_bounds
+        assert lower < truth.strain_energy < upper < (1.0 + 4.1 * tolerance**2) * lower
+    # Displacements converge with the energy, at twice the order of its norm in solids. In the plane
+    # those of the proved field are nearer than those of the agents.
+    largest = np.linalg.norm(truth.displacement, axis=1).max()
+    away, of_agents = (
+        np.linalg.norm(found.displacement_at(truth.points) - truth.displacement, axis=1).max()
+        for found in (result, by_themselves(result))
+    )
+    assert away < (8.5 if name in PLANE else 4) * tolerance**2 * largest
+    assert away < 1.1 * of_agents
 
 
 @pytest.mark.parametrize("name", ["rubber", "rubber-corner"])

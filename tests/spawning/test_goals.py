@@ -19,7 +19,7 @@ from goal_bodies import (
     rubber,
     sheared,
 )
-from spawning_bodies import PLANE, spawned_by
+from spawning_bodies import PLANE, by_themselves, spawned_by
 
 from kaju import Deflection, Reaction, Reference, Scene, Stress, load_result, material, solve
 from kaju.errors import ParameterError
@@ -53,7 +53,8 @@ def by_agents(result, quantity):
 def test_estimates_are_within_their_factors_of_the_true_errors(number):
     """On the mean of some tolerances, for a single error may vanish by chance.
 
-    Where a value has bounds their middle is nearer than what the agents say by themselves.
+    Where a value has bounds their middle is nearer than what the agents say by themselves; of
+    rubber these are far too wide.
     """
     body, quantity = CASES[number]
     tolerances = np.array([0.03, 0.016]) * (6 if body in (cube, beam) else 1)
@@ -65,7 +66,8 @@ def test_estimates_are_within_their_factors_of_the_true_errors(number):
         assert result.goal_error_estimate <= tolerance
         off = np.linalg.norm(result.goal_values[0] - truth.value) / scale
         own = np.linalg.norm(by_agents(result, quantity) - truth.value) / scale
-        bounded = result.goals[0].error_bound is not None
+        bounded = result.goals[0].error_bound is not None and body is not rubber
+        assert body is not rubber or off == own
         assert off < (1.0 if bounded else 2.0) * tolerance
         factors.append(result.goal_error_estimate / own)
         gains.append(own / off)
@@ -109,7 +111,7 @@ def many_loads():
     ],
 )
 def test_fewer_agents_do_than_for_the_energy_norm(body, place):
-    """A third as many or fewer for the same error: errors fall like one over the agents."""
+    """Half as many or fewer for the same error: errors fall like one over the agents."""
     stress = Stress(place, "yy")
     truth = spawned_by(body(), tolerance=5e-4, tolerance_at=stress).goal_values[0]
 
@@ -117,7 +119,7 @@ def test_fewer_agents_do_than_for_the_energy_norm(body, place):
         return np.log(result.agents * abs(by_agents(result, stress) - truth))
 
     aimed = [cost(spawned_by(body(), tolerance=t, tolerance_at=stress)) for t in (0.01, 0.005)]
-    by_energy = [cost(spawned_by(body(), tolerance=t)) for t in (0.07, 0.05, 0.04)]
+    by_energy = [cost(spawned_by(body(), tolerance=t)) for t in (0.03, 0.015, 0.007)]
     assert np.exp(np.mean(aimed) - np.mean(by_energy)) < 0.5
 
 
@@ -131,9 +133,16 @@ def test_values_are_what_the_result_tells_of_these_places():
     ]
     result = spawned_by(plate(), tolerance=0.05, tolerance_at=quantities)
     vector, along, stress, force, mean = result.goal_values
-    np.testing.assert_allclose(vector, result.displacement_at(np.array([[0.1, 0.15]]))[0])
+    # Of points there are no bounds: goals are what the agents say. Proved fields differ by less
+    # than their estimated errors.
+    at, inside = np.array([[0.1, 0.15]]), np.array([[0.03, 0.11]])
+    agents = by_themselves(result)
+    np.testing.assert_allclose(vector, agents.displacement_at(at)[0])
     assert along == pytest.approx(-vector[1])
-    assert stress == pytest.approx(result.stress_at(np.array([[0.03, 0.11]]))[0, 0, 1])
+    assert stress == pytest.approx(agents.stress_at(inside)[0, 0, 1])
+    off = np.linalg.norm(result.displacement_at(at)[0] - vector)
+    assert 0.0 < off < result.goals[0].error_estimate
+    assert abs(result.stress_at(inside)[0, 0, 1] - stress) < result.goals[2].error_estimate
     np.testing.assert_allclose(force, result.reactions["bottom"])
     across = np.stack([np.linspace(0, 0.2, 2001), np.full(2001, 0.2)], axis=1)
     assert mean == pytest.approx(result.displacement_at(across)[:, 1].mean(), rel=0.03)
@@ -234,7 +243,7 @@ def test_small_values_are_compared_with_the_largest():
     result = spawned_by(scene, tolerance=0.05, tolerance_at=Deflection((0.1, 0.1), "x"))
     goal = result.goals[0]
     assert abs(goal.value) < 1e-6 * result.max_displacement
-    hundredth = 0.01 * result.max_displacement
+    hundredth = 0.01 * by_themselves(result).max_displacement
     assert goal.relative_error == pytest.approx(goal.error_estimate / hundredth)
 
 

@@ -18,7 +18,7 @@ from goal_bodies import (
     rubber,
     sheared,
 )
-from spawning_bodies import BODIES, spawned_by
+from spawning_bodies import BODIES, by_themselves, spawned_by
 
 from kaju import Reference, Scene, finite_elements, load_result, solve
 from kaju.errors import ParameterError
@@ -57,8 +57,13 @@ def true_error(result, body):
 def test_estimate_is_within_its_factors_of_the_true_error(body):
     for tolerance in (0.2, 0.08) if body in FLAT else (0.3, 0.15):
         result = spawned_by(body(), tolerance=tolerance)
-        effectivity = result.displacement_error_estimate / true_error(result, body)
+        of_agents = true_error(by_themselves(result), body)
+        effectivity = result.displacement_error_estimate / of_agents
         assert 0.8 < effectivity < 4.5
+        # What the result tells is nearer in the plane, where it is read off a proved field: but for
+        # rubber, whose agents are as good.
+        nearer = 0.9 if body in FLAT and body is not rubber else 1.1
+        assert true_error(result, body) < nearer * of_agents
 
 
 LONG = {"cube-rubber": pytest.mark.slow}

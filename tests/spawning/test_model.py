@@ -18,7 +18,7 @@ def assert_same_rows(one, other):
         np.testing.assert_array_equal(one.rows[name], other.rows[name])
 
 
-TOLERANCE = {2: 0.08, 3: 0.25}
+TOLERANCE = {2: 0.01, 3: 0.25}
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -29,7 +29,7 @@ def model(request):
 
 
 def test_a_step_is_a_generation():
-    model = SpawningModel(under_a_patch(), 0.03)
+    model = SpawningModel(under_a_patch(), 0.01)
     assert (model.generation, model.running) == (0, True)
     assert np.isnan(model.error_estimate)
     errors, counts = [], [len(model.agents)]
@@ -39,10 +39,10 @@ def test_a_step_is_a_generation():
         counts.append(len(model.agents))
     assert model.generation == len(errors) == model.steps > 3
     assert errors == sorted(errors, reverse=True)
-    assert model.result().error_bound <= 0.03 < errors[-2]
+    assert model.result().error_bound <= 0.01 < errors[-2]
     assert counts[0] == counts[1], "in the first step the first agents settle"
     assert counts == sorted(counts)
-    assert model.outcome == f"within the tolerance of 0.03 after {model.generation} steps"
+    assert model.outcome == f"within the tolerance of 0.01 after {model.generation} steps"
     model.step()
     assert model.generation == len(errors)
 
@@ -95,7 +95,7 @@ def test_those_that_leave_most_load_unbalanced_spawn_for_it(model):
 
 
 def test_generations_can_be_looked_at_before_the_end(tmp_path):
-    model = SpawningModel(under_a_patch(), 0.03)
+    model = SpawningModel(under_a_patch(), 0.01)
     with pytest.raises(ResultError, match="take a step first"):
         model.result()
     for _ in range(3):
@@ -130,7 +130,7 @@ def test_history_tells_every_generation(model):
 
 def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(spawning_model, "MOST_OBJECTS", 100)
-    model = SpawningModel(under_a_patch(), 0.08)
+    model = SpawningModel(under_a_patch(), 0.01)
     first = model.agents[0]
     model.run()
     assert len(model.family) > 100 >= len(model.agents_by_type[type(first)])

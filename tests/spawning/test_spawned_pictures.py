@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("coarse")
 
 @pytest.fixture(scope="module")
 def flat():
-    return solve(under_a_patch(2), strategy="spawning", tolerance=0.1)
+    return solve(under_a_patch(2), strategy="spawning", tolerance=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
     load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
     body = {"size": [100.0, 100.0], "cells": [4000, 4000], "material": "steel"}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene, strategy="spawning", tolerance=0.05)
+    result = solve(scene, strategy="spawning", tolerance=0.01)
     assert not layer_of(result).cropped
     layer = layer_of(result, crop=True)
     assert layer.cropped

@@ -100,7 +100,7 @@ def displacement_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
     counts = on_wall | ~np.isin(point, point[on_wall])
     point, leaf, local, walls = point[counts], leaf[counts], local[counts], walls[counts]
     columns = [component(fields, leaf, local, walls, axis) for axis in range(grid.dimension)]
-    return _means(point, np.stack(columns, axis=1))
+    return means(point, np.stack(columns, axis=1))
 
 
 def component(fields: CellFields, leaf: Ints, local: Floats, walls: Floats, axis: int) -> Floats:
@@ -184,12 +184,10 @@ def _slope(fields: CellFields, leaf: Ints, axis: int, across: int, end: int, nea
 def stress_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
     """Return stress tensors at points (units), shape (n, dimension, dimension)."""
     # Normal stresses are linear with the mean differences to neighbours of the same material, shear
-    # stresses bilinear between the leaf's edges. At a point on several leaves the stress is the
-    # mean of those of the same material as `leaf`.
+    # stresses bilinear between the leaf's edges. At a point on several leaves of one material the
+    # stress is the mean of theirs.
     grid, d = fields.balance.grid, fields.balance.grid.dimension
-    point, touched = touching(grid, points, leaf)
-    alike = grid.leaves.kind[touched] == grid.leaves.kind[leaf[point]]
-    point, leaf = point[alike], touched[alike]
+    point, leaf = touching_alike(grid, points, leaf)
     local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
     tensor = np.zeros((len(leaf), d, d))
     for a in range(d):
@@ -197,7 +195,7 @@ def stress_at(fields: CellFields, points: Floats, leaf: Ints) -> Floats:
     for (a, b), shear in fields.edge_shear.items():
         around = np.moveaxis(shear[grid.edges[a, b].of_leaf[leaf]], 0, -1)
         tensor[:, a, b] = tensor[:, b, a] = between_corners(around, local[:, a], local[:, b])
-    return _means(point, tensor)
+    return means(point, tensor)
 
 
 def _along_slopes(grid: CompositeGrid, value: Floats, leaf: Ints, local: Floats) -> Floats:
@@ -232,7 +230,14 @@ def touching(grid: CompositeGrid, points: Floats, leaf: Ints) -> tuple[Ints, Int
     return np.divmod(pairs, len(grid.leaves))
 
 
-def _means(point: Ints, values: Floats) -> Floats:
+def touching_alike(grid: CompositeGrid, points: Floats, leaf: Ints) -> tuple[Ints, Ints]:
+    """Return those of the pairs (`touching`) whose leaf is of the same material as `leaf`."""
+    point, touched = touching(grid, points, leaf)
+    alike = grid.leaves.kind[touched] == grid.leaves.kind[leaf[point]]
+    return point[alike], touched[alike]
+
+
+def means(point: Ints, values: Floats) -> Floats:
     """Return the mean of the values of each point; the points are sorted."""
     if not len(point):
         return values

@@ -65,6 +65,9 @@ MOST = 50  # Quantities at a time
 BLIND = {2: 0.75, 3: 1.5}
 """Where bounds are so many times the estimates, these miss a part of the errors: in the plane,
 where bounds are of second order, at hinges; else they are a tenth to a half of the estimates."""
+WIDE = 100.0
+"""Bounds so many times the estimates say nothing of the value, which stays that of the agents: in
+rubber, of which mean stresses have bounds as large as themselves."""
 ROUNDING = 1e-13  # Share of the energies that rounding may take
 SMALL = 1e-12
 """Share of a displacement's square that stands for the energy of its error if there is none."""
@@ -285,13 +288,16 @@ def under_forces(balance: Equilibrium, forces: LeafForces) -> Equilibrium:
 
 
 def _certain(answer: Answer, found: list[FunctionalBounds] | str, dimension: int) -> Answer:
-    """Return an answer with its bound, round the middle of what is possible."""
+    """Return an answer with its bound: round the middle of what is possible, unless it is wide."""
     if isinstance(found, str):
         return answer._replace(no_bound=found)
     bound = float(np.linalg.norm([bounds.off for bounds in found]))
     middle = np.array([bounds.middle for bounds in found])
     blind = max(bounds.blind for bounds in found)
     error = min(answer.error * max(1.0, blind / BLIND[dimension]) ** 2, bound)
+    if bound > WIDE * error:
+        bound += float(np.linalg.norm(middle - answer.value))
+        middle = answer.value
     return Answer(middle, error, error / answer.scale, answer.scale, bound)
 
 

@@ -15,7 +15,13 @@ from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress, bracket_of
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
-from kaju.model.elastic.cells.cell_fields import CellFields, displacement_at, stress_at
+from kaju.model.elastic.cells.cell_fields import (
+    CellFields,
+    displacement_at,
+    means,
+    stress_at,
+    touching_alike,
+)
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.goals.goal_regions import located
@@ -208,9 +214,10 @@ class Spawning:
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        if self.proved is not None:
-            return self.proved.at(*self.placed(points, cells))
         place, agent = self._located(points, cells)
+        if self.proved is not None:
+            point, agent = touching_alike(self.balance.grid, place, agent)
+            return means(point, self.proved.at(agent, self._inside(place[point], agent)))
         fields, agent = self.near(agent)
         return stress_at(fields, place, agent)
 
@@ -221,8 +228,12 @@ class Spawning:
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
         place, agent = self._located(points, cells)
+        return agent, self._inside(place, agent)
+
+    def _inside(self, place: Floats, agent: Ints) -> Floats:
+        """Return where points (units) lie in agents, from 0 to 1."""
         lower, size = self.leaves.lower[agent], self.leaves.size[agent, None]
-        return agent, np.clip((place - lower) / size, 0.0, 1.0)
+        return np.clip((place - lower) / size, 0.0, 1.0)
 
     def _located(self, points: Floats, cells: Ints) -> tuple[Floats, Ints]:
         """Return points in units, and the agent that each lies in or on."""

@@ -439,7 +439,7 @@ class LeafLoop(RefineLoop):
             again = np.zeros(len(leaves), dtype=np.bool_)
             again[leaves.holding(self.ground.sharp)] = True
             again &= (leaves.step == number) & (leaves.size > self.ground.smallest)
-            leaves = leaves.split(again, number, leaves.cause)
+            leaves = leaves.split(again, number, np.full(len(leaves), np.nan))
         leaves = leaves.balanced(number, young=leaves.step == number)
         self.balance = Equilibrium(CompositeGrid(self.ground, leaves))
         self.displacement = self.hierarchy.grow(self.balance, self.displacement)

@@ -190,8 +190,8 @@ class ElasticResult(BodyResult):
     def stress(self) -> Floats:
         """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension).
 
-        The operator's own, in the middles of the agents. Nothing is proved of it; see
-        `balanced_stress_at`.
+        The operator's own, in the middles of the agents; of agents that spawned in the plane the
+        means of `balanced_stress_at`.
         """
         return self.found.scales.stress * self.found.stress
 

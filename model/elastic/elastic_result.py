@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
+    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
     from kaju.model.elastic.refine.family import Family
@@ -191,8 +191,8 @@ class ElasticResult(BodyResult):
     def stress(self) -> Floats:
         """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension).
 
-        The operator's own, in the middles of the agents. Nothing is proved of it; see
-        `balanced_stress_at`.
+        The operator's own, in the middles of the agents; of agents that spawned in the plane the
+        means of `balanced_stress_at`.
         """
         return self.found.scales.stress * self.found.stress
 
@@ -223,11 +223,11 @@ class ElasticResult(BodyResult):
     def strain_energy(self) -> float:
         """Energy (J) stored in the body, and in a foundation if there is one.
 
-        The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, or where
-        the bounds contradict the estimated error.
+        The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, where
+        the bounds contradict the estimated error, and where agents spawned in the plane for one.
         """
-        bounds, own = self._promised_bounds, self.found.solution.energy
-        if bounds is not None and (bounds.error <= (self.tolerance or 0.0) or self._contradicted):
+        bounds, own = self._deciding_bounds, self.found.solution.energy
+        if bounds is not None:
             own = 0.5 * (bounds.lower + bounds.upper)
         return own * self.found.scales.energy
 
@@ -257,11 +257,12 @@ class ElasticResult(BodyResult):
         """Estimated error in the energy norm, relative to the solution.
 
         Its square estimates the relative error of the strain energy. On equal cells it is the
-        difference to the answer of cells twice as large, with what the iteration left. Where a
-        tolerance was asked for it is `error_bound` if that is smaller, or contradicts the estimate:
-        if it is above twice of it, or the energy of `stress` lies further outside of the bounds.
+        difference to the answer of cells twice as large, with what the iteration left. Where
+        `strain_energy` is the middle of the bounds it is `error_bound` if that is smaller, or
+        contradicts the estimate: if it is above twice of it, or the energy of `stress` lies
+        further outside of the bounds.
         """
-        bounds, own = self._promised_bounds, self.found.solution.error
+        bounds, own = self._deciding_bounds, self.found.solution.error
         if bounds is None:
             return own
         return max(own, bounds.error) if self._contradicted else min(own, bounds.error)
@@ -276,6 +277,20 @@ class ElasticResult(BodyResult):
     def _promised_bounds(self) -> EnergyBounds | None:
         """The bounds that are to meet the tolerance, if there are any."""
         return self._bounds if self._promised else None
+
+    @property
+    def _deciding_bounds(self) -> EnergyBounds | None:
+        """The same where energy and estimated error are theirs, and not those of `stress`."""
+        bounds = self._promised_bounds
+        if bounds is None or bounds.error <= (self.tolerance or 0.0) or self._contradicted:
+            return bounds
+        # Equal cells above a tolerance are off by more than the bounds are.
+        return None if self._proved is None else bounds
+
+    @property
+    def _proved(self) -> MiddleStress | None:
+        """The fields of second order that agents which spawned are read from."""
+        return self.found.tree.proved if self.spawned else None
 
     @property
     def _contradicted(self) -> bool:
@@ -651,7 +666,11 @@ class ElasticResult(BodyResult):
         volume = self.size**self.scene.lattice.dimension
         if self.scene.lattice.dimension == 2:
             volume = volume * self.scene.thickness
-        return Carrying(self.middle, self.size, volume, self.stress)
+        if self._proved is None:
+            return Carrying(self.middle, self.size, volume, self.stress)
+        # Of the two stresses whose mean they are one balances the loads, layer by layer.
+        balanced = self.found.scales.stress * self._proved.balanced.means()
+        return Carrying(self.middle, self.size, volume, balanced)
 
     def value_of(self, quantity: Quantity | Place) -> float | Floats:
         """Return a quantity in m, Pa or N: of a place the displacement.

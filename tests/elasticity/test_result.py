@@ -22,6 +22,13 @@ HOWS = {
 }
 
 
+@pytest.fixture
+def first_order(monkeypatch):
+    """Agents are judged and read by their own operator, as where they are many."""
+    for module in ("refine.refine_loop", "bounds.admissible_displacement"):
+        monkeypatch.setattr(f"kaju.model.elastic.{module}.MOST_QUADRATIC", 0)
+
+
 @pytest.fixture(scope="module", params=HOWS)
 def answer(request):
     return solve(plate(), **HOWS[request.param])
@@ -50,8 +57,14 @@ def test_agents_say_what_points_in_their_middles_say(answer):
     middle = answer.middle[:: max(1, answer.agents // 50)]
     every = slice(None, None, max(1, answer.agents // 50))
     size = answer.max_displacement
+    size_there = answer.size[every, None]
+    # Values of agents that spawned are means: the fields that are proved vary within them.
+    places = (np.arange(8) + 0.5) / 8 - 0.5 if answer.spawned else [0.0]
+    within = [middle + size_there * [x, y] for x in places for y in places]
+    near = 2e-3 if answer.spawned else 1e-9
     for at, known in ((answer.stress_at, answer.stress), (answer.strain_at, answer.strain)):
-        np.testing.assert_allclose(at(middle), known[every], atol=1e-9 * np.abs(known).max())
+        mean = np.mean([at(points) for points in within], axis=0)
+        np.testing.assert_allclose(mean, known[every], atol=near * np.abs(known).max())
     moved = answer.displacement_at(middle)
     inner = (middle[:, 1] > 0.02) & (middle[:, 1] < 0.17)
     np.testing.assert_allclose(moved[inner], answer.displacement[every][inner], atol=0.03 * size)
@@ -93,6 +106,7 @@ def test_arrays_leave_out_what_is_no_body():
         assert np.isnan(cells.corner_displacement[10, 10]).all()
 
 
+@pytest.mark.usefixtures("first_order")
 def test_equal_cells_are_the_tree_of_one_level():
     """What only agents knew that spawn is known of equal cells, and is the same."""
     equal = solve(plate())
@@ -273,6 +287,7 @@ CORNER, FREE = [0.1, 0.2], [0.05, 0.2]
 """Where the load ends, and on the free surface beside it."""
 
 
+@pytest.mark.usefixtures("first_order")
 @pytest.mark.parametrize(
     "how", [{}, {"strategy": "spawning", "tolerance": 1e-6, "resolution": 1}], ids=["cells", "tree"]
 )

@@ -83,7 +83,7 @@ def test_a_step_that_led_elsewhere_is_told(tmp_path):
 MODELS = {
     "wave": lambda: ElasticModel(plate(ElasticRule(order="wave", threshold=0.02))),
     "multilevel": lambda: ElasticModel(plate(ElasticRule()), engine="arrays"),
-    "spawning": lambda: SpawningModel(plate(), tolerance=0.15),
+    "spawning": lambda: SpawningModel(plate(), tolerance=0.02),
     "network": lambda: NetworkModel(triangular(3, force=0.05), increments=6),
 }
 

@@ -310,7 +310,9 @@ class RefineLoop(ABC):
             # error's ratio to the power of the dimension (unless a resolution limits their size);
             # bounds in the plane fall with the square of the size, more slowly at singular points.
             power, far = (1.4, FAR_OF_BOUNDS) if self._certifies else (self.ground.dimension, FAR)
-            expected = self.agents / far * (self.aimed.error / self.tolerance) ** power
+            # Errors above the solution itself say that agents are far from it, not how far.
+            off = min(self.aimed.error, 1.0) / self.tolerance
+            expected = self.agents / far * off**power
         many = max(self._after(marked), expected) > self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
             self.stopped = "agents"

@@ -289,6 +289,9 @@ def _spawned(result: ElasticResult) -> Pictures:
     corners = corner_order(result.lower.shape[1])
     at = np.arange(float(len(generations)))
 
+    # The tolerance limits the bound where there is one; of goals it limits errors of other kinds.
+    errors = [g.error if result.tolerance_at else g.aimed_error for g in generations]
+
     def curve(title: str, values: list[float], unit: str, logarithmic: bool = False) -> Curves:
         line = {title.rsplit(" ", 1)[-1].lower(): np.array(values)}
         return Curves(title, "generation", "", at, line, unit, logarithmic)
@@ -307,7 +310,7 @@ def _spawned(result: ElasticResult) -> Pictures:
         gone=np.where(retired < 0, len(generations), retired),
         curves=[
             curve("Agents", [float(g.agents) for g in generations], ""),
-            curve("Error", [100.0 * g.error for g in generations], "%", True),
+            curve("Error", [100.0 * error for error in errors], "%", True),
             curve("Strain energy", [g.energy for g in generations], "J"),
         ],
         forces=applied(result.scene),

@@ -23,6 +23,7 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.result_kinds import KINDS, fetch
 from kaju.view import motion
+from kaju.view.quadtree import errors_of
 
 from .scene_data import Columns
 
@@ -289,9 +290,6 @@ def _spawned(result: ElasticResult) -> Pictures:
     corners = corner_order(result.lower.shape[1])
     at = np.arange(float(len(generations)))
 
-    # The tolerance limits the bound where there is one; of goals it limits errors of other kinds.
-    errors = [g.error if result.tolerance_at else g.aimed_error for g in generations]
-
     def curve(title: str, values: list[float], unit: str, logarithmic: bool = False) -> Curves:
         line = {title.rsplit(" ", 1)[-1].lower(): np.array(values)}
         return Curves(title, "generation", "", at, line, unit, logarithmic)
@@ -310,7 +308,7 @@ def _spawned(result: ElasticResult) -> Pictures:
         gone=np.where(retired < 0, len(generations), retired),
         curves=[
             curve("Agents", [float(g.agents) for g in generations], ""),
-            curve("Error", [100.0 * error for error in errors], "%", True),
+            curve("Error", [100.0 * error for error in errors_of(result)], "%", True),
             curve("Strain energy", [g.energy for g in generations], "J"),
         ],
         forces=applied(result.scene),

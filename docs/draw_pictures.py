@@ -49,7 +49,7 @@ def main() -> None:
     reel.figure.savefig(folder / "elastic_agents.png", dpi=80)
     jelly = creep(load_scene(EXAMPLES / "jelly.toml"))
     plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
-    animate(_spawned(_square(), 0.03), folder / "agents_spawn.gif", fps=1.5)
+    animate(_spawned(_square(), 0.005), folder / "agents_spawn.gif", fps=1.5)
     plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
     lug = solve(load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
     plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
@@ -83,7 +83,7 @@ def _bracket() -> Figure:
     figure = new_figure((5.4, 3.6))
     ax = figure.subplots()
     equal = [solve(_square(), resolution=k, strategy="uniform") for k in (1, 2, 4, 8)]
-    spawning = [_spawned(_square(), tolerance) for tolerance in (0.2, 0.1, 0.05, 0.025)]
+    spawning = [_spawned(_square(), tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)]
     for answers, colour, name in ((equal, COLOURS[0], "equal cells"), (spawning, COLOURS[1], "")):
         agents = [answer.agents for answer in answers]
         lower, upper = 1e9 * np.array([answer.energy_bounds for answer in answers]).T

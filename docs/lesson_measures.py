@@ -237,8 +237,9 @@ def _many_sizes(run: Callable[..., Any]) -> Words:
         "size_near": size_near,
         "near_share": lambda distance: float(near(distance).mean()),
         "near_area": lambda distance: float((run().size[near(distance)] ** 2).sum() / 0.2**2),
+        "halved": lambda x, y: log(0.02 / size_near(x, y, "hole")) / log(2.0),  # from 20 mm
         "counts": lambda: [step.agents for step in run().generations],
-        "errors": lambda: [step.error for step in run().generations],
+        "errors": lambda: [step.aimed_error for step in run().generations],
     }
 
 

@@ -37,7 +37,7 @@ def plate(cells: int = 20, pressed: int = 10) -> Scene:
     )
 
 
-def spawned(scene: Scene, tolerance: float = 0.05) -> Callable[[], Result]:
+def spawned(scene: Scene, tolerance: float = 0.01) -> Callable[[], Result]:
     """Let agents spawn until the error is below the tolerance."""
     return lambda: SpawningModel(scene, tolerance=tolerance).run()
 
@@ -89,9 +89,9 @@ def bar() -> Scene:
     )
 
 
-def solved(scene: Scene) -> Callable[[], Result]:
-    """Solve a scene on its own cells."""
-    return lambda: solve(scene, strategy="uniform")
+def solved(scene: Scene, resolution: int = 1) -> Callable[[], Result]:
+    """Solve a scene on its own cells, or on cells so many times smaller."""
+    return lambda: solve(scene, strategy="uniform", resolution=resolution)
 
 
 def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Callable[[], Result]:
@@ -146,10 +146,10 @@ HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
 PAGES: dict[str, dict[str, Callable[[], Result]]] = {
     "agents-of-many-sizes": {
         "": spawned(plate()),
-        "rough": spawned(plate(), 0.1),
-        "fine": spawned(plate(), 0.025),
+        "rough": spawned(plate(), 0.02),
+        "fine": spawned(plate(), 0.005),
         "twice-as-large": spawned(plate(40, 20)),
-        "hole": spawned(HOLE),
+        "hole": spawned(HOLE, 0.02),
         "at-the-edge": spawned(plate(pressed=2)),
     },
     "a-lattice-bends": {
@@ -165,7 +165,7 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
         "10-s": bitten(20.0, 10.0),
         "firm": bitten(200.0, 5.0),
     },
-    "two-wrong-answers": {"": spawned(broad(20), 0.02)},
+    "two-wrong-answers": {"": spawned(broad(20), 0.005)},
     "bones-and-bridges": {
         "": bridge(),
         "firm": bridge(right="rigid"),
@@ -188,6 +188,7 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
+    "agents-of-many-sizes": {"even": solved(plate(), 8)},
     "two-wrong-answers": {
         **{f"{n}": solved(broad(n)) for n in (10, 20, 40, 80)},
         **{f"corner-{n}": solved(corner(n)) for n in (16, 32, 64)},

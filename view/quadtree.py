@@ -94,10 +94,18 @@ def generation_text(result: ElasticResult, generation: int | None) -> str:
     number = len(result.generations) - 1 if generation is None else generation
     found = result.generations[number]
     many = "agent" if found.agents == 1 else "agents"
-    return (
-        f"step {number} of spawning: {grouped(found.agents)} {many}, "
-        f"estimated error {found.error:.2g}"
-    )
+    error = errors_of(result)[number]
+    return f"step {number} of spawning: {grouped(found.agents)} {many}, error {error:.2g}"
+
+
+def errors_of(result: ElasticResult) -> list[float]:
+    """Return the relative error in the energy norm of every generation, as far as it is known.
+
+    A tolerance limits the bound where there is one. That of a goal is another error.
+    """
+    *before, _ = result.generations
+    errors = [g.error if result.tolerance_at else g.aimed_error for g in before]
+    return [*errors, result.error_estimate]
 
 
 def agents_of(
@@ -298,7 +306,7 @@ def generations(
     else:
         values = agents_of(result, colour)[0].value
     look, last = look_of(colour, values), len(result.generations) - 1
-    title = "Agents spawn where load is left unbalanced"
+    title = "Agents spawn where the error is largest"
     if result.lower.shape[1] == 3 and cut is None:
         view = view_of(result, crop)
         space, _ = space_for(None, result.grid, view.box, result.stage, MOST_ARROWS)

@@ -23,6 +23,7 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.result_kinds import KINDS, fetch
 from kaju.view import motion
+from kaju.view.quadtree import errors_of
 
 from .scene_data import Columns
 
@@ -307,7 +308,7 @@ def _spawned(result: ElasticResult) -> Pictures:
         gone=np.where(retired < 0, len(generations), retired),
         curves=[
             curve("Agents", [float(g.agents) for g in generations], ""),
-            curve("Error", [100.0 * g.error for g in generations], "%", True),
+            curve("Error", [100.0 * error for error in errors_of(result)], "%", True),
             curve("Strain energy", [g.energy for g in generations], "J"),
         ],
         forces=applied(result.scene),

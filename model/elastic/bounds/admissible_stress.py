@@ -211,8 +211,8 @@ class AdmissibleStress:
             free = np.flatnonzero((other < 0) & (boxes.kind[side] == AIR))
             gap[free] = np.maximum(gap[free], np.abs(mine[free]))
             # Beside the end of a drag the corner's shear is half of it, where no force is.
-            slides = np.isin(boxes.kind[side], (AIR, ROLLER, FOUNDATION))
-            slides = np.flatnonzero((other < 0) & slides)
+            slips = np.isin(boxes.kind[side], (AIR, ROLLER, FOUNDATION))
+            slides = np.flatnonzero((other < 0) & slips)
             for pair, tau in boxes.shear.items():
                 if side // 2 in pair:
                     ends = np.take(tau[..., slides], side % 2, axis=pair.index(side // 2))

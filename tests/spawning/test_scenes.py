@@ -116,7 +116,10 @@ def check_same(scene, resolution, stage):
         equal = solve(scene, strategy="uniform", tolerance=1e-12, **how)
     except (SceneError, SupportError, ConvergenceError):
         reject()
-    agents = solve(scene, strategy="spawning", tolerance=1e-6, **how)
+    with pytest.MonkeyPatch.context() as patch:
+        # Else agents end where the smallest ones keep a bound from falling, and some stay larger.
+        patch.setattr("kaju.model.elastic.refine.refine_loop.STALLED", np.inf)
+        agents = solve(scene, strategy="spawning", tolerance=1e-6, **how)
     assume(equal.subdivision == resolution and equal.strain_energy > 0.0)
     # Equal cells of rubber are iterated with their pressures, and end with fewer digits.
     digits = 1e-4 if equal.summary()["method"] == "mixed form" else 1e-6

@@ -93,7 +93,8 @@ def test_the_corner_of_an_l_has_the_factor_that_its_loads_were_made_for(opens, a
     assert own == pytest.approx(PULL, rel=0.01)
     assert abs(other) < 1e-3 * PULL
     # The loads are means over cells, which makes for 0.1 %.
-    assert abs(own - PULL) < found.error_estimate + 2e-3 * PULL < 0.05 * PULL
+    most = 0.07 if "resolution" in asked else 0.05
+    assert abs(own - PULL) < found.error_estimate + 2e-3 * PULL < most * PULL
 
 
 @pytest.mark.parametrize("opens", [True, False])

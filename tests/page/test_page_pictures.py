@@ -71,6 +71,9 @@ def test_agents_of_every_generation_fill_the_plate():
         assert there.sum() == generation.agents
         assert area[there].sum() == pytest.approx(0.04, rel=1e-6)
     assert header["curves"][0]["lines"]["agents"][-1] == result.agents
+    told = np.array(header["curves"][1]["lines"]["error"])
+    np.testing.assert_allclose(told[-1], 100.0 * result.error_bound, rtol=1e-5)
+    assert told[-1] < 100.0 * result.tolerance < told[0]
 
 
 def test_elastic_agents_wake_and_keep_what_is_left():

@@ -311,7 +311,9 @@ class RefineLoop(ABC):
             # bounds in the plane fall with the square of the size, more slowly at singular points.
             power, far = (1.4, FAR_OF_BOUNDS) if self._certifies else (self.ground.dimension, FAR)
             # Errors above the solution itself say that agents are far from it, not how far.
-            off = min(self.aimed.error, 1.0) / self.tolerance
+            off = self.aimed.error / self.tolerance
+            if self._certifies:
+                off = min(off, 1.0 / self.tolerance)  # beyond 1 bounds tell no order
             expected = self.agents / far * off**power
         many = max(self._after(marked), expected) > self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:

@@ -32,7 +32,7 @@ FEWEST = 4  # So many cells the ring is wide at least; of slits, of a cell's wid
 WIDTH = 0.7
 """What the width of a slit adds to its factors, over what is there of it and beyond: a slit is
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
-FELT = 0.6  # Share of the answer's error that factors may have: of an L it was below 0.56
+FELT = 0.6  # Share of the answer's error that factors may have: of Ls up to 0.33 were needed
 FARTHEST = 500  # So many cells round a tip are looked through
 DIRECTIONS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 

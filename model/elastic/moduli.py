@@ -8,12 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import Moduli, moduli_of
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
-__all__ = ["REENTRANT_WEIGHT", "Moduli", "moduli_at", "moduli_of", "normal_stress", "scene_moduli"]
+__all__ = [
+    "REENTRANT_WEIGHT",
+    "Moduli",
+    "by_law",
+    "moduli_at",
+    "moduli_of",
+    "normal_stress",
+    "scene_moduli",
+]
 
 REENTRANT_WEIGHT = 0.5
 """Share of its shear modulus that a corner keeps when one of its four cells is air.
@@ -35,6 +43,17 @@ def scene_moduli(scene: Scene, unit: float = 1.0) -> Moduli:
 def moduli_at(moduli: Moduli, kinds: NDArray[np.integer] | slice) -> Moduli:
     """Return the moduli of what is of some kinds of material, an entry for each."""
     return Moduli(*(modulus[kinds] for modulus in moduli))
+
+
+def by_law(law: Floats) -> list[tuple[Ints | slice, Floats]]:
+    """Return which entries have each law, and its moduli, of moduli of shape (3, n)."""
+    if not law.size:
+        return []
+    if np.all(law == law[:, :1]):
+        return [(slice(None), law[:, 0])]
+    laws, which = np.unique(law, axis=1, return_inverse=True)
+    which = which.ravel()
+    return [(np.flatnonzero(which == number), one) for number, one in enumerate(laws.T)]
 
 
 def normal_stress(law: Moduli, strain: Floats) -> Floats:

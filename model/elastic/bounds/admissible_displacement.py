@@ -49,6 +49,11 @@ WORTHWHILE = 0.1
 """So much of the gap between the energies the last few steps must have closed for more."""
 
 
+def fits_quadratics(dimension: int, boxes: int) -> bool:
+    """Tell whether fields of so many boxes are quadratic: bounds are of second order then."""
+    return dimension == 2 and boxes <= MOST_QUADRATIC
+
+
 def descend(
     v: Floats,
     residual: Floats,
@@ -102,7 +107,7 @@ class AdmissibleDisplacement:
     def __init__(self, boxes: BoundCells) -> None:
         self.boxes, self.mesh = boxes, boxes.mesh
         d = boxes.dimension
-        self.quadratic = d == 2 and len(boxes.size) <= MOST_QUADRATIC
+        self.quadratic = fits_quadratics(d, len(boxes.size))
         self.element, self._edge_keys = self.mesh.element, np.zeros(0, dtype=np.int64)
         masters = self.mesh.masters
         self._slaves = [Slaves(self.mesh.slave, masters, (1.0 / len(masters),) * len(masters))]
@@ -198,7 +203,7 @@ class AdmissibleDisplacement:
             share = mean_values(d, self.quadratic)[:, None, None] * each
             load += self._gathered(self.element, share)
         parts = 1 << (d - 1)
-        # Shares of an even load's functions, and of one that grows from -1 to 1 over a side.
+        # An even load's shares for the functions of a side.
         even = np.full(parts, 1.0 / parts)
         even = np.append(even, BULGE) if self.quadratic else even
         for side in range(2 * d):

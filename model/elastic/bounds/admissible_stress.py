@@ -28,7 +28,6 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
-from kaju.model.elastic.bounds.bilinear_kernels import node_displacements
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.equilibration import (
     EquilibratedTractions,
@@ -157,13 +156,10 @@ class AdmissibleStress:
         self.left = float(gap.max(initial=0.0))  # Unbalanced share of the largest stress
         self._forms = Macroelement.of_laws(boxes.dimension, boxes.law, self.irregular.box)
         self.function: StressFunction | None = None
-        self._on_nodes = np.zeros((0, 0))
 
     def improve(self, field: AdmissibleDisplacement, gap: float) -> None:
         """Add a stress function; `gap` is how far the energy may be above the least."""
-        felt, self._on_nodes = self._products(field)
-        self.function, self._field = StressFunction(field, felt, gap), field
-        self.__dict__.pop("energies", None)
+        self.function = StressFunction(field, *self._products(field), gap)
 
     def _products(self, field: AdmissibleDisplacement) -> tuple[Floats, Floats]:
         """Return products with stress functions, by the law, and with strains of nodes."""
@@ -191,14 +187,6 @@ class AdmissibleStress:
                 at = mesh.parts[part, some[cut]]
                 felt[at], on_nodes[at] = data[cut] @ felt_part, data[cut] @ nodes_part
         return felt, on_nodes
-
-    def works(self) -> Floats:
-        """Return the work of the stress on the strain of the improving field, box by box."""
-        assert self.function is not None
-        field = self._field
-        moved = node_displacements(field.element, field.displacement)
-        each = np.einsum("ni,ni->n", self._on_nodes, moved) * field.mesh.edge
-        return self.function.works() + np.bincount(field.mesh.owner, each, len(self.boxes.size))
 
     def _gaps(self, normal: Floats) -> Floats:
         """Return the largest jump of the normal traction on the sides of every box."""
@@ -259,14 +247,19 @@ class AdmissibleStress:
         modes[..., 0] -= pressed
         return modes
 
-    @cached_property
+    @property
     def energies(self) -> Floats:
         """The complementary energy of every box, scaled."""
+        own = self._energies_of_plain
+        return own if self.function is None else own + self.function.energies
+
+    @cached_property
+    def _energies_of_plain(self) -> Floats:
+        """The same without the stress function."""
         energy = self.plain.energy(self.boxes.law)
         for box, form in self._forms:
             energy[box] = form.energy(self._data(box))
-        energy = energy * self.boxes.size**self.boxes.dimension
-        return np.asarray(energy if self.function is None else energy + self.function.energies())
+        return np.asarray(energy * self.boxes.size**self.boxes.dimension)
 
     def means(self) -> Floats:
         """Return the mean stress tensors of the boxes, shape (boxes, d, d)."""
@@ -286,7 +279,7 @@ class AdmissibleStress:
             here = np.flatnonzero(np.isin(box, some))
             found[:, here] = form.at(self._data(box[here]), inside[here])
         if self.function is not None:
-            found += self.function.at(*self._field.located(box, inside))
+            found += self.function.at(*self.function.field.located(box, inside))
         return _tensors(found, self.boxes.dimension)
 
     def _data(self, box: Ints) -> Floats:

@@ -6,13 +6,11 @@ are their strains, which makes the stiffness short.
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.compiling import njit
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, by_law
 
 FEW = 50_000  # The forces on so few boxes take no compiled loop
 
@@ -22,16 +20,8 @@ class LawForms:
 
     def __init__(self, moduli: Floats, forms: Floats, factor: Floats) -> None:
         # Shapes (moduli, n), (moduli, data, data) and (n,).
-        key = np.array([1.0, sqrt(2.0), sqrt(3.0)]) @ moduli  # alike for equal laws alone
-        whole = bool(key.min(initial=np.inf) == key.max(initial=-np.inf))
-        first = np.zeros(1, dtype=np.int64)
-        if not whole:
-            _, first, which = np.unique(key, return_index=True, return_inverse=True)
-        self._groups: list[tuple[Ints | slice, Floats]] = [
-            (slice(None) if whole else np.flatnonzero(which == k), np.tensordot(law, forms, 1))
-            for k, law in enumerate(moduli.T[first[: len(key)]])
-        ]
-        self._factor = factor[:, None]
+        self._groups = [(some, np.tensordot(law, forms, 1)) for some, law in by_law(moduli)]
+        self._data, self._factor = forms.shape[1], factor[:, None]
 
     def apply(self, values: Floats) -> Floats:
         """Return the product of the matrices and values, shape (n, data)."""
@@ -43,7 +33,7 @@ class LawForms:
 
     def diagonal(self) -> Floats:
         """Return the diagonals of the matrices, shape (n, data)."""
-        found = np.empty((len(self._factor), len(self._groups[0][1]) if self._groups else 0))
+        found = np.empty((len(self._factor), self._data))
         for some, form in self._groups:
             found[some] = form.diagonal()
         return np.asarray(found * self._factor)

@@ -169,7 +169,7 @@ class MiddleStress:
         # small where the box is small.
         own = self.balanced.energies + self.field.energies()
         if self.balanced.function is not None:
-            return np.asarray(np.maximum(2.0 * (own - self.balanced.works()), 0.0))
+            return np.asarray(np.maximum(2.0 * (own - self.balanced.function.works()), 0.0))
         product = np.einsum("nab,nab->n", *self._means)
         return np.asarray(np.maximum(2.0 * (own - self._volume * product), 0.0))
 

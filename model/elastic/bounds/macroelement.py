@@ -19,7 +19,7 @@ import numpy as np
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.bounds.stress_function import strains_of_nodes, stresses_of_unknowns
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, by_law
 
 Point = tuple[float, ...]
 STIFFEST = 1e6
@@ -41,12 +41,8 @@ class Macroelement:
     @classmethod
     def of_laws(cls, dimension: int, law: Moduli, box: Ints) -> list[tuple[Ints, Macroelement]]:
         """Return boxes of one material each, and their form."""
-        if not len(box):
-            return []
-        rows = np.stack([modulus[box] for modulus in law], axis=1)
-        laws, which = np.unique(rows, axis=0, return_inverse=True)
-        which = which.ravel()
-        return [(box[which == k], _form(dimension, *map(float, one))) for k, one in enumerate(laws)]
+        laws = by_law(np.stack(law)[:, box])
+        return [(box[some], _form(dimension, *map(float, one))) for some, one in laws]
 
     def energy(self, data: Floats) -> Floats:
         """Return the energies by data, shape (n, data)."""

@@ -76,11 +76,14 @@ def _forms() -> tuple[Floats, Floats, Floats]:
 class StressFunction:
     """An Airy function on the elements of a displacement: the one of least energy."""
 
-    def __init__(self, field: AdmissibleDisplacement, felt: Floats, gap: float) -> None:
-        # `felt` are the products of the unknowns' stresses in unit elements with the strain of the
-        # stress to which they are added, shape (elements, unknowns); `gap` is how far its energy
-        # may be above the least.
-        self.boxes, self.mesh, self._felt = field.boxes, field.mesh, felt
+    def __init__(
+        self, field: AdmissibleDisplacement, felt: Floats, on_nodes: Floats, gap: float
+    ) -> None:
+        # Of the stress to which it is added are `felt` the products of its strain with the stresses
+        # of the unknowns, and `on_nodes` its own with the strains of the field's nodes, both in
+        # unit elements, shape (elements, 16); `gap` is how far its energy may be above the least.
+        self.field, self.boxes, self.mesh = field, field.boxes, field.mesh
+        self._on_nodes = on_nodes
         edge, corner = self.mesh.edge, self.mesh.element
         # Stresses are second derivatives.
         law = compliance(self.boxes.law)[:, self.mesh.owner]
@@ -91,14 +94,15 @@ class StressFunction:
         self._moved = node_displacements(field.element, field.displacement) / edge[:, None]
         self._unknowns = np.zeros(4 * len(self.mesh.start))
         self._follow = self._straight(*field.halves())
-        self._settle(gap)
+        self._settle(felt, gap)
         # Of the elements, as if these were of unit size; shape (elements, unknowns)
         self.own = self._unknowns[self._at] * self._unit
+        each = self.own * (felt + 0.5 * self._products.apply(self.own))
+        self.energies = self._by_box(each.sum(axis=1))  # What it adds to every box's
 
-    def _settle(self, gap: float) -> None:
+    def _settle(self, felt: Floats, gap: float) -> None:
         """Lower the complementary energy by conjugate gradients; see `descend`."""
-        strain = self._felt - self._moved @ _forms()[1]
-        residual = -self._gathered(strain)
+        residual = self._gathered(self._moved @ _forms()[1] - felt)
         diagonal = self._products.diagonal() * self._unit**2
         squares = np.bincount(self._at.ravel(), diagonal.ravel(), len(self._unknowns))
         whole = self._follow.power(2).T @ squares
@@ -155,14 +159,10 @@ class StressFunction:
         free[self.mesh.slave] = False
         return free.ravel()
 
-    def energies(self) -> Floats:
-        """Return what it adds to the complementary energy of every box."""
-        each = self.own * (self._felt + 0.5 * self._products.apply(self.own))
-        return self._by_box(each.sum(axis=1))
-
     def works(self) -> Floats:
-        """Return the work of its stress on the strain of the displacement, box by box."""
-        return self._by_box(np.einsum("ni,ij,nj->n", self._moved, _forms()[1], self.own))
+        """Return the work of the whole stress on the strain of the field, box by box."""
+        on_nodes = self._on_nodes * self.mesh.edge[:, None] ** 2 + self.own @ _forms()[1].T
+        return self._by_box(np.einsum("ni,ni->n", on_nodes, self._moved))
 
     def means(self) -> Floats:
         """Return its mean σ_xx, σ_yy and τ in every box, shape (3, boxes)."""

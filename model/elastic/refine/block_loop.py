@@ -47,8 +47,7 @@ AT_ONCE = 2_000  # Blocks whose stresses are worked out together
 FIRST = 3_000  # With fewer expected agents single ones are as quick
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
-IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
-"""The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
+IN_BLOCKS = 4_000_000  # The same in blocks, of solids: about 1 kB an agent
 PROVED_IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}  # Agents whose bounds the loop works out
 BOUNDED_EARLY = {2: (0, 0), 3: (25_000, 100_000)}
 """Between so many agents bounds are worked out once before the end: in a cube under a small load
@@ -190,9 +189,9 @@ def spawner_of(
 ) -> RefineLoop:
     """Return a loop over blocks where these serve, or else over single agents."""
     forest = blocks_for(ground, tolerance) if aim is None else None
-    limits = MOST_AGENTS if forest is None else IN_BLOCKS
-    proved = ground.dimension == 2 and aim is None
-    most = most_agents or (MOST_QUADRATIC if proved else limits[ground.dimension])
+    most = most_agents or (MOST_AGENTS[ground.dimension] if forest is None else IN_BLOCKS)
+    if most_agents is None and aim is None and ground.dimension == 2:
+        most = MOST_QUADRATIC
     if forest is not None and forest.count <= most:
         before = previous if isinstance(previous, BlockSpawning) else None
         return BlockLoop(forest, tolerance, most, before)

@@ -17,7 +17,7 @@ import numpy as np
 
 from kaju.errors import ConvergenceError, SceneError
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
-from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
+from kaju.model.elastic.bounds.admissible_displacement import fits_quadratics
 from kaju.model.elastic.bounds.energy_bounds import worth_proving
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
@@ -158,7 +158,8 @@ class UniformRefinement:
         error_before, division = self.error, result.subdivision
         self._cells = float(result.agents) / division**self.scene.lattice.dimension
         self.error = self._estimate = result.error_estimate
-        bound = result.error_bound if self._bounded(result) else None
+        second = fits_quadratics(self.scene.lattice.dimension, result.agents)
+        bound = result.error_bound if second else None
         finer = division / last.subdivision if last is not None else 1.0
         if bound is not None:
             self.error = bound
@@ -170,10 +171,6 @@ class UniformRefinement:
         if last is not None and self.error > 0.0:
             order = log(max(error_before, self.error) / self.error) / log(finer)
             self._order = min(max(order, SLOWEST), FASTEST if bound is None else PROVED)
-
-    def _bounded(self, result: ElasticResult) -> bool:
-        """Tell whether bounds are of second order, and cheap."""
-        return self.scene.lattice.dimension == 2 and result.agents <= MOST_QUADRATIC
 
     def _poses_the_same(self, division: int) -> bool:
         """Tell whether the refined scene is the same body under the same loads."""
@@ -235,7 +232,7 @@ def solve_cheaply(
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
     """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper."""
-    # Arguments and errors are those of `kaju.solve`. In the plane agents always need less, since
+    # Arguments and errors are those of `kaju.solve`. In the plane agents mostly need less, since
     # their bounds are of second order. In space equal cells are considered if the refined scene
     # poses the same problem, first as many as in the previous answer. The answer's notes say what
     # was chosen, and why.

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
+from kaju.model.elastic.bounds.admissible_displacement import fits_quadratics
 from kaju.model.elastic.bounds.bound_cells import BoundCells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.energy_bounds import (
@@ -52,9 +52,9 @@ PREDICTS, FAR, FAR_OF_BOUNDS = 500, 600.0, 10.0
 times above what is allowed, the loop ends: by estimates, and by bounds in the plane."""
 NOTED_RESIDUAL = 1e-5  # Residual, as a share of the applied forces, from which on it is noted
 MOST_BOUNDED_EARLY = {2: 0, 3: 4_000}
-"""Up to so many agents bounds are worked out once before the end: of more they take too long, and
-in the plane their ratio to the estimate varies little."""
-MOST_HALVINGS = 2
+"""Up to so many agents bounds are worked out once before the end: of more they take too long. In
+the plane they judge every generation."""
+MOST_HALVINGS = 2  # Of agents at singular points, beyond the first, in one generation
 SHARP_BUDGET = 0.1  # Share of the error budget for agents at points where stress is singular
 STALLED = 0.95
 """Smallest agents that alone exceed the budget end the loop once a bound falls by less: to such a
@@ -118,7 +118,6 @@ class RefineLoop(ABC):
         # Expected ratio of the bound to the estimate.
         self._share = PROVED_AT[ground.dimension] if self._of_energy else 1.0
         self._marked: Flags | None = None
-        self.more_halvings = 0  # Of cells at singular points, in one generation
 
     @property
     @abstractmethod
@@ -235,8 +234,7 @@ class RefineLoop(ABC):
     @property
     def _certifies(self) -> bool:
         """Whether bounds judge every generation: in the plane they converge twice as fast."""
-        few = self.agents <= MOST_QUADRATIC and self.ground.dimension == 2
-        return self._of_energy and few
+        return self._of_energy and fits_quadratics(self.ground.dimension, self.agents)
 
     def _judge(self) -> None:
         """Let the bounds say how far off the answer is, and which agents spawn."""
@@ -245,7 +243,6 @@ class RefineLoop(ABC):
             return
         if self.bracket.error > self.error:
             # Almost a hinge: bounds are far from their second order, and would ask for any number.
-            self.more_halvings = 0
             return
         self._share, self.aimed = 1.0, self._by_bounds(self.bracket)
         self.accuracy = self.aimed.error
@@ -262,22 +259,23 @@ class RefineLoop(ABC):
         times = 1.0
         if allowed > 0.0:
             times = sharp.max(initial=0.0) * len(sharp) / (SHARP_BUDGET * allowed)
-        self.more_halvings = int(np.clip(log2(max(times, 1.0)) - 1.0, 0, MOST_HALVINGS))
+        more = int(np.clip(log2(max(times, 1.0)) - 1.0, 0, MOST_HALVINGS))
         gain = GAIN_OF_BOUNDS if self._certifies else GAIN
-        return Aimed(bracket.error, shares, self.mark_for_energy(shares, allowed, gain), allowed)
+        marked = self.mark_for_energy(shares, allowed, gain)
+        return Aimed(bracket.error, shares, marked, allowed, more_halvings=more)
 
     def _bounds(self, *, settled: bool = True) -> EnergyBounds | str:
         """Return bounds of the true energy, or why there are none; estimated if not settled."""
         return bracket_of(self._bound_cells(), settled)
 
-    def mark(self, part: Floats, allowed: float) -> Flags:
+    def mark(self, part: Floats, allowed: float, gain: float = GAIN) -> Flags:
         """Mark the elements with the largest contributions to an error."""
-        return mark_largest(part, allowed, self.smallest, DORFLER[self.ground.dimension])
+        dorfler = DORFLER[self.ground.dimension]
+        return mark_largest(part, allowed, self.smallest, dorfler, gain)
 
     def mark_for_energy(self, part: Floats, allowed: float, gain: float = GAIN) -> Flags:
         """Return the same for the energy norm, and all that contribute most at singular points."""
-        dorfler = DORFLER[self.ground.dimension]
-        marked = mark_largest(part, allowed, self.smallest, dorfler, gain)
+        marked = self.mark(part, allowed, gain)
         if marked.any():
             # Elements at singular points are few, and a halving takes half of their squared error
             # at most. Refined with the others they would need generations of their own at the end.
@@ -310,11 +308,9 @@ class RefineLoop(ABC):
             # error's ratio to the power of the dimension (unless a resolution limits their size);
             # bounds in the plane fall with the square of the size, more slowly at singular points.
             power, far = (1.4, FAR_OF_BOUNDS) if self._certifies else (self.ground.dimension, FAR)
-            # Errors above the solution itself say that agents are far from it, not how far.
-            off = self.aimed.error / self.tolerance
-            if self._certifies:
-                off = min(off, 1.0 / self.tolerance)  # beyond 1 bounds tell no order
-            expected = self.agents / far * off**power
+            # Bounds above the solution itself say that agents are far from it, not how far.
+            error = min(self.aimed.error, 1.0) if self._certifies else self.aimed.error
+            expected = self.agents / far * (error / self.tolerance) ** power
         many = max(self._after(marked), expected) > self.most_agents
         if many or len(self.generations) + 1 == MOST_GENERATIONS:
             self.stopped = "agents"
@@ -365,7 +361,10 @@ class RefineLoop(ABC):
             self._share = min(self.bracket.error / max(self.error, self.tolerance), 1.0)
             judged = self._by_bounds(self.bracket)
             if self._worth(judged.marked):
-                self.aimed, self.finished = self.aimed._replace(marked=judged.marked), False
+                self.aimed = self.aimed._replace(
+                    marked=judged.marked, more_halvings=judged.more_halvings
+                )
+                self.finished = False
                 return
         # Without a proof the estimate alone has to keep the tolerance.
         self._share = 1.0
@@ -439,7 +438,7 @@ class LeafLoop(RefineLoop):
     def _spawn(self, marked: Flags) -> None:
         number, leaves = len(self.generations), self.leaves
         leaves = leaves.split(marked, number, self.indicator.load * self.ground.scales.force)
-        for _ in range(self.more_halvings):
+        for _ in range(self.aimed.more_halvings):
             again = np.zeros(len(leaves), dtype=np.bool_)
             again[leaves.holding(self.ground.sharp)] = True
             again &= (leaves.step == number) & (leaves.size > self.ground.smallest)

@@ -41,6 +41,7 @@ class Aimed(NamedTuple):
     marked: Flags  # Cells to be halved; none once the tolerance is kept. Shape (cells,)
     allowed: float  # Error budget: sum of the contributions that keeps the tolerance
     answers: tuple[Answer, ...] = ()  # The goals, if there are any
+    more_halvings: int = 0  # Of the cells at singular points, in the same generation
 
 
 def mark_largest(

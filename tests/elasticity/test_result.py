@@ -25,8 +25,7 @@ HOWS = {
 @pytest.fixture
 def first_order(monkeypatch):
     """Agents are judged and read by their own operator, as where they are many."""
-    for module in ("refine.refine_loop", "bounds.admissible_displacement"):
-        monkeypatch.setattr(f"kaju.model.elastic.{module}.MOST_QUADRATIC", 0)
+    monkeypatch.setattr("kaju.model.elastic.bounds.admissible_displacement.MOST_QUADRATIC", 0)
 
 
 @pytest.fixture(scope="module", params=HOWS)

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 from draw_stability import table_of
 
-from kaju.__main__ import app
+from kaju.cli import app
 from kaju.model.results.formats import REFERENCE
 from kaju.result_kinds import KINDS, fetch
 

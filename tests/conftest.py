@@ -77,7 +77,7 @@ def coarse(monkeypatch):
 @pytest.fixture
 def kaju(coarse, monkeypatch, capsys, tmp_path):
     """Type a command in an empty folder; return exit code, output and error output."""
-    from kaju.__main__ import main
+    from kaju.cli import main
 
     monkeypatch.chdir(tmp_path)
 
@@ -96,7 +96,7 @@ def typed(coarse):
     """Type a command; return what `typer` tells of it. Errors are raised as they are."""
     from typer.testing import CliRunner
 
-    from kaju.__main__ import app
+    from kaju.cli import app
 
     def run(*words):
         return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import kaju
-from kaju.__main__ import app
+from kaju.cli import app
 
 NOTCHED = """
 [body]

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import kaju
-from kaju.__main__ import app
+from kaju.cli import app
 
 BRIDGE = Path(__file__).parents[2] / "examples" / "bridge" / "bridge.toml"
 

@@ -65,10 +65,10 @@ def refuse(event, _):
     if event.startswith(("socket.", "urllib.", "http.", "ftplib.", "smtplib.")):
         raise SystemExit(f"the network was asked: {event}")
 sys.addaudithook(refuse)
-import kaju, kaju.__main__
+import kaju, kaju.cli
 sys.argv = ["kaju", "demo", "--no-pictures", "--out", "demo"]
 try:
-    kaju.__main__.main()
+    kaju.cli.main()
 except SystemExit as end:
     assert not end.code, end.code
 scene = kaju.load_scene(sys.argv[-1] + "/../plate.toml")

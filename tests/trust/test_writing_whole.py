@@ -14,9 +14,9 @@ import pytest
 from plates import plate as pressed
 
 from kaju import LoadModel, load_result
+from kaju.cli.output import Folder
 from kaju.errors import ResultFileError
 from kaju.model.results.archive import write_archive
-from kaju.output import Folder
 
 EVENTS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "shutil.rmtree")
 

@@ -8,9 +8,9 @@ from artists import axes_of, drawn
 from PIL import Image
 
 from kaju import LoadModel, Scene, load_scene, plot
-from kaju.commands_run import LOW
+from kaju.cli.commands_run import LOW
+from kaju.cli.options import worked_plate
 from kaju.errors import SceneError
-from kaju.options import worked_plate
 
 FRAME = "#######\n" + 5 * "#.....#\n"
 

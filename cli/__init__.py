@@ -1,0 +1,105 @@
+"""The command: one verb a function, gathered here."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn, TextIO
+
+import typer
+import typer.core
+
+from kaju import __version__
+from kaju.errors import KajuError
+
+from . import (
+    commands_compare,
+    commands_fit,
+    commands_look,
+    commands_many,
+    commands_run,
+    commands_scene,
+)
+
+
+class Verbs(typer.core.TyperGroup):
+    """The verbs; a scene alone is run."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the verb that is meant, and its words."""
+        return super().resolve_command(ctx, ["run", *args] if args[0].endswith(".toml") else args)
+
+
+app = typer.Typer(
+    cls=Verbs,
+    help="Agents that carry load through a body.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for _verb in (
+    commands_run.demo,
+    commands_scene.new,
+    commands_scene.check,
+    commands_run.run,
+    commands_run.solve,
+    commands_run.creep,
+    commands_run.break_,
+    commands_run.grow,
+    commands_look.animate,
+    commands_look.page,
+    commands_look.watch,
+    commands_compare.compare,
+    commands_fit.fit,
+    commands_many.stress,
+    commands_many.sweep,
+    commands_scene.materials,
+):
+    app.command(_verb.__name__.rstrip("_"))(_verb)
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        typer.echo(f"kaju {__version__}")
+        raise typer.Exit
+
+
+def main() -> None:
+    """Run the command; whatever goes wrong is one line and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # ν on a terminal that knows only ASCII
+    try:
+        Path.cwd()  # fails where it was deleted, and every path counts from it
+        app()
+    except KajuError as error:
+        _end(str(error))
+    except MemoryError as error:
+        _end(f"there is not enough memory ({error}); take a coarser or a smaller body")
+    except OSError as error:
+        gone = isinstance(error, FileNotFoundError)  # errors without a name are of a stream
+        where = error.filename or ("the working folder" if gone else "the output")
+        _end(f"{where}: {error.strerror or error}")
+
+
+def _end(message: str) -> NoReturn:
+    """Print an error, on the stream that still takes it, and exit."""
+    _full(sys.stdout)
+    typer.echo(f"error: {message}", err=not _full(sys.stderr))
+    sys.exit(2)
+
+
+def _full(stream: TextIO) -> bool:
+    """Tell whether a stream takes nothing more; what it still holds is then discarded."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return True
+    return False

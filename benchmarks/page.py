@@ -1,7 +1,7 @@
-"""The page's figures: sizes, first picture, frames, certificate, elastic answer, Python behind it.
+"""The page's figures: sizes, first picture, frames, certificate, elastic answer.
 
-Opens exported pages in Debian's chromium, headless and with the network cut off, and a
-server of `kaju watch` with ten sessions. Needs `pip install 'kaju[test]'` and chromium. Run:
+Opens exported pages in Debian's chromium, headless and with the network cut off.
+Needs `pip install 'kaju[test]'` and chromium. Run:
 
     python benchmarks/page.py                                # everything, two minutes
     python benchmarks/page.py figures --part certificate     # one part
@@ -12,7 +12,7 @@ Times are by the clock: medians where several are taken, the number after ± the
 import shutil
 import sys
 import tempfile
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from statistics import median
@@ -36,7 +36,7 @@ from kaju.model.network import triangular
 sys.path.append(str(ROOT / "docs"))
 from make_pages import make
 
-live = of_tests("live_pages")
+browser_pages = of_tests("browser_pages")
 LONG = {"kind": "prescribed", "alpha": [0.5, 0.6, 0.12], "threshold": 1e-5, "accumulate": True}
 
 
@@ -113,7 +113,7 @@ class Bench:
         path = self.folder / f"{name}.html"
         if not path.exists():
             export_page(of(), path)
-        page = live.BrowserPage(self.browser, path.as_uri(), viewport=WINDOW, offline=True)
+        page = browser_pages.BrowserPage(self.browser, path.as_uri(), viewport=WINDOW, offline=True)
         page.until("page?.drawn > 0")
         try:
             yield page
@@ -235,48 +235,13 @@ class Bench:
                 "100 ms",
             )
 
-    # ------------------------------------------------------------------------- Python behind
-
-    def watching(self):
-        """Click on Step with ten sessions open, one of which fails."""
-        for name, scene in (
-            ("rule", plate(200, LONG)),
-            ("elastic agents", plate(200, {"kind": "elastic"})),
-        ):
-            with live.serving(scene) as port, ExitStack() as stack:
-                others = [stack.enter_context(live.session(port)) for _ in range(9)]
-                for other in others[: 9 if name == "rule" else 2]:
-                    live.asked(other, '{"type": "hello"}')
-                    live.asked(other, '{"type": "step", "generations": 20}')
-                assert "error" in live.asked(others[0], "no message")[0]
-                page = live.BrowserPage(self.browser, f"http://127.0.0.1:{port}/", viewport=WINDOW)
-                page.until("page.g === 1", 120)
-                page.js("page.seek(20)")
-                page.until("page.g === 20", 120)
-                spent = []
-                for _ in range(20):
-                    spent.append(
-                        page.js(
-                            "await (async () => { const began = performance.now(), g = page.g + 1; "
-                            "page.root.querySelectorAll('footer button')[3].click(); "
-                            "while (page.g < g || page.pending) await new Promise((d) => "
-                            "setTimeout(d)); return performance.now() - began; })()"
-                        )
-                    )
-                yield (
-                    f"kaju watch: click on Step, 200², ten sessions, {name}",
-                    median_and_largest(spent),
-                    "100 ms",
-                )
-                page.context.close()
-
 
 def median_and_largest(milliseconds):
     """Return times as a cell of the table."""
     return f"{median(milliseconds):.0f} ms (at most {max(milliseconds):.0f})"
 
 
-Part = StrEnum("Part", "every_kind bytes pictures certificate elasticity watching")
+Part = StrEnum("Part", "every_kind bytes pictures certificate elasticity")
 
 
 def figures(part: Part | None = None):

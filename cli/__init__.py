@@ -51,7 +51,6 @@ for _verb in (
     commands_run.grow,
     commands_look.animate,
     commands_look.page,
-    commands_look.watch,
     commands_compare.compare,
     commands_fit.fit,
     commands_many.stress,

@@ -1,9 +1,8 @@
-"""The verbs that show: `animate` what has been stored, `page` in a file, `watch` in a browser."""
+"""The verbs that show: `animate` what has been stored, `page` in a file."""
 
 from __future__ import annotations
 
 from enum import StrEnum
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -76,21 +75,3 @@ def page(
     shown: Any = scene_of(file, settings) if is_scene else load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
     typer.echo(export_page(shown, target, title=headline, language=language and language.value))
-
-
-def watch(
-    scene: Annotated[
-        Path | None,
-        typer.Argument(metavar="SCENE", help="A scene (.toml); the worked plate unless given."),
-    ] = None,
-    port: Annotated[int, typer.Option(help="Where to listen; 0 takes any port.")] = 8000,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open a browser window.")
-    ] = True,
-    settings: Settings = None,
-) -> None:
-    """Watch agents at work in a browser; Python computes them, on this machine only."""
-    from kaju.view.page import watch as serve
-
-    worked = Path(str(files("kaju").joinpath("plate.toml")))
-    serve(scene_of(scene or worked, settings), port, browser=browser)

@@ -171,6 +171,8 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
         "firm": bridge(right="rigid"),
         "quarter": bridge(11),
         "bone": bridge(rule="remodelling", most_steps=160),
+        "60": bridge(volume=0.6),
+        "15": bridge(volume=0.15),
     },
     "how-things-break": {
         "": torn(2.0),
@@ -198,7 +200,6 @@ EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
         **{f"steps-{n}": holed(0.01, 0.01, cells=n) for n in (20, 80, 160)},
         "coarse": holed(0.01, 0.01, tolerance=0.1),
     },
-    "bones-and-bridges": {"60": bridge(volume=0.6), "15": bridge(volume=0.15)},
 }
 """Further runs that a recorded lesson tells of."""
 

@@ -65,7 +65,6 @@ if TYPE_CHECKING:
     from kaju.view import animate as animate
     from kaju.view import plot as plot
     from kaju.view.page import export_page as export_page
-    from kaju.view.page import watch as watch
 
 # Names are fetched when first asked for, so that `import kaju` stays quick: Mesa brings
 # pandas with it, the views bring matplotlib.
@@ -108,7 +107,7 @@ _NAMES = {
     "model.transfer.stability": "stability",
     "model.transfer.transfer_result": "TransferResult",
     "view": "animate plot",
-    "view.page": "export_page watch",
+    "view.page": "export_page",
 }
 _HOME = {name: f"kaju.{home}" for home, names in _NAMES.items() for name in names.split()}
 

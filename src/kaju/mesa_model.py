@@ -163,12 +163,6 @@ class SteppedModel(Model):
             options["allow_unstable"] = True
         return type(self)(scene, **options | changed)
 
-    def watch(self, port: int = 8000, *, browser: bool = True) -> None:
-        """Show a model like this at work in a browser; see `kaju.watch`."""
-        import kaju
-
-        kaju.watch(self, port, browser=browser)
-
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the page, with what has happened so far."""
         html: str = fetch(NOTEBOOK)(self)

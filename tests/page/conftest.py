@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from live_pages import BrowserPage
+from browser_pages import BrowserPage
 
 import kaju
 import kaju.view.page

@@ -1,23 +1,18 @@
-"""Models and results show themselves in notebooks, with and without a kernel."""
+"""Models and results show themselves in notebooks, without a kernel."""
 
 import base64
-import json
 import re
-import sys
 from html import unescape
 from pathlib import Path
 
 import nbconvert
 import nbformat
-import pytest
 from nbconvert import HTMLExporter
 from page_scenes import Leaky
 from plates import PLATE
 
 import kaju
 from kaju import LoadModel, Scene
-from kaju.errors import MissingExtraError, ParameterError
-from kaju.view.page import live, notebook
 from kaju.view.page.packing import unpack
 
 # Beside the packages, wherever those are: an environment may borrow them from another one.
@@ -92,62 +87,3 @@ def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium,
         frame.locator(".count").get_by_text("Generation 8 of 8").wait_for()
         frame.get_by_role("button", name="Back").first.click()
         frame.locator(".count").get_by_text("Generation 7 of 8").wait_for()
-
-
-def test_a_widget_answers_what_its_page_asks(monkeypatch):
-    widget = live(LoadModel(Scene(**PLATE), material_agent=Leaky))
-    sent = []
-    monkeypatch.setattr(type(widget), "send", lambda self, content, buffers: sent.append(buffers))
-    widget._handle_custom_msg({"type": "hello"}, [])
-    widget._handle_custom_msg({"type": "step", "generations": 3}, [])
-    widget._handle_custom_msg("nothing", [])
-    answers = [unpack(buffers[0]) for buffers in sent]
-    assert answers[0][0]["fresh"]
-    assert answers[1][1]["load"].tolist() == pytest.approx([2.0, 1.6, 1.28], rel=1e-6)
-    assert "error" in answers[2][0]
-
-
-def test_a_widget_steps_its_run_in_a_browser(chromium):
-    """Its module in a browser, its run in Python, and between them what a notebook is."""
-    widget = live(Scene(**PLATE), height=500)
-    traits = {name: getattr(widget, name) for name in ("page", "height")}
-    tab = chromium.new_context().new_page()
-    tab.set_default_timeout(120_000)
-    errors = []
-    tab.on("pageerror", lambda error: errors.append(str(error)))
-    tab.goto("about:blank")
-    tab.expose_function(
-        "python", lambda text: base64.b64encode(widget.run.answer(json.loads(text))).decode()
-    )
-    tab.evaluate(
-        """async ([esm, traits]) => {
-          const module = new Blob([esm], { type: "text/javascript" });
-          const { default: widget } = await import(URL.createObjectURL(module));
-          let heard = null;
-          const el = document.body.appendChild(document.createElement("div"));
-          el.id = "cell";
-          const model = { get: (name) => traits[name], on: (_, f) => { heard = f; },
-            send: async (message) => {
-              const text = atob(await python(JSON.stringify(message)));
-              heard({}, [new DataView(Uint8Array.from(text, (c) => c.charCodeAt(0)).buffer)]);
-            } };
-          await widget.render({ model, el });
-        }""",
-        [widget._esm, traits],
-    )
-    tab.locator("#cell .count").get_by_text("Generation 1 of 1").wait_for()
-    tab.get_by_role("button", name="Play").click()
-    tab.locator("#cell .count").get_by_text("Generation 8 of 8").wait_for()
-    assert tab.evaluate("document.getElementById('cell').offsetHeight") == 500
-    assert tab.evaluate("document.adoptedStyleSheets.length") == 0  # the notebook keeps its style
-    assert errors == []
-    tab.context.close()
-
-
-def test_widgets_say_what_they_need(monkeypatch):
-    with pytest.raises(ParameterError, match="got SpawningModel"):
-        live(kaju.SpawningModel(Scene(**PLATE)))
-    notebook._widget.cache_clear()
-    monkeypatch.setitem(sys.modules, "anywidget", None)
-    with pytest.raises(MissingExtraError, match=r"kaju\[notebook\]"):
-        live(Scene(**PLATE))

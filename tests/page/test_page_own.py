@@ -17,8 +17,6 @@ from kaju import (
     Scene,
 )
 from kaju.view.page.export import packed_page
-from kaju.view.page.live import LiveRun, scene_from
-from kaju.view.page.own import acting_controls
 from kaju.view.page.packing import unpack
 
 
@@ -128,28 +126,6 @@ def test_what_overrides_nothing_is_the_standard_rule():
     assert "own" not in unpack(packed_page(LoadModel(plate())))[0]
 
 
-ACTING = {
-    MaterialAgent: ["alpha1", "alpha2", "alpha3"],
-    Leaky: ["alpha1"],
-    Narrow: ["alpha1", "alpha2"],
-}
-
-
-@pytest.mark.parametrize("agent", ACTING)
-def test_controls_that_do_nothing_are_not_offered(agent):
-    found = acting_controls(LoadModel(plate(), engine="agents", material_agent=agent))
-    acting = [name for name in found if name not in ("accumulate", "sense")]
-    assert acting == [*ACTING[agent], "beta", "nu", "modulus", "gamma"]
-
-
-def test_a_live_page_is_told_whose_agents_and_which_controls():
-    header, _ = unpack(LiveRun(plate(), LoadModel(plate(), material_agent=Leaky).again).opening())
-    assert header["own"]["names"] == ["Leaky"]
-    assert "alpha2" not in header["controls"]
-    usual, _ = unpack(LiveRun(plate()).opening())
-    assert not {"own", "controls"} & set(usual)
-
-
 def test_three_hundred_materials_keep_their_numbers(node, tmp_path):
     count = 300
     names = {number + 1: f"m{number}" for number in range(count)}
@@ -165,7 +141,6 @@ def test_three_hundred_materials_keep_their_numbers(node, tmp_path):
     told = described(scene)
     data, cells = told["scene"], told["cells"]
     assert sorted(cells) == list(range(count))
-    np.testing.assert_array_equal(scene_from(data, np.array(cells)).rasterise(), scene.rasterise())
     kind, toml = node(
         'import { Twin } from "./rule.js"; import { tomlOf } from "./scene.js";'
         "const run = new Twin(data.scene, Int16Array.from(data.cells)).run();"

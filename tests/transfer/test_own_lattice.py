@@ -27,7 +27,6 @@ from kaju import (
     plot,
     solve,
     stability,
-    watch,
 )
 from kaju.errors import ParameterError, SceneError
 from kaju.view.page.export import packed_page
@@ -291,7 +290,6 @@ def test_what_triangles_cannot_do_is_said():
         (lambda: SpringNetwork.from_scene(scene), "cells of hexagons, got 'triangle'"),
         (lambda: scene.refine(2), "squares and cubes alone .* got triangles"),
         (lambda: LoadModel(scene).run().to_vtk("x"), "squares and cubes, .* got 10 triangles"),
-        (lambda: watch(scene), "a page runs no triangles.*export_page"),
         (lambda: sheet(size=[0.1, 0.1]), "rows of triangles overlap; give cell_size"),
         (lambda: scene.replace(loads=[plane]), "triangles have no faces in a plane; use side"),
     ):

@@ -22,8 +22,6 @@ FROM_ELSEWHERE = {
 KNOWN = {
     # Jobs between the processes of one user's own sweep.
     ("model/study/sweep.py", "joblib"),
-    # `kaju watch`, which listens on this computer alone.
-    ("view/page/server.py", "socket"),
 }
 
 

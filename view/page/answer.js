@@ -5,19 +5,18 @@ import { RIGID, ROLLER } from "./lattice.js";
 export const BOTH = { along: "N", across: "N", stress: "Pa", move: "m" };
 const HEIGHT = 1e-9;                           // of a cell: rounding
 
-/** Ask for the elastic answer: a worker for squares, Python for cubes. What is known is shown until then. */
+/** Ask for the elastic answer: from a worker. What is known is shown until then. */
 export function askElastic(page) {
   const elastic = page.elastic ??= { answer: null, why: "" };
   clearTimeout(elastic.asking);
   elastic.worker?.terminate();
   elastic.old = true;
   elastic.asking = setTimeout(() => {
-    if (page.scene.lattice.kind !== "square") { page.channel.solve(); return; }
     elastic.worker = atWork(page, ({ answer, error }) => take(page, answer, error));
   }, elastic.answer ? 60 : 0);
 }
-/** A worker that answers with elasticity to the scene as it stands, or lets it grow. */
-export function atWork({ scene, cells, stage }, hear) {
+/** A worker that answers with elasticity to the scene as it stands. */
+function atWork({ scene, cells, stage }, hear) {
   const url = URL.createObjectURL(new Blob([ELASTIC], { type: "text/javascript" })), worker = new Worker(url), part = (load) => Math.min(1, stage / load.steps);
   worker.onmessage = ({ data }) => { URL.revokeObjectURL(url); hear(data); };
   worker.postMessage({ scene, cells, loads: scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) })) });
@@ -28,12 +27,6 @@ function take(page, answer, why) {
   page.scales.clear();
   page.later();
 }
-/** Take the answer that Python sends: one row a component. */
-export function takeElastic(page, { seconds, error }, { displacement, stress }) {
-  const { size } = page.run.lattice, rows = (column) => Array.from({ length: column.length / size }, (_, n) => column.subarray(n * size, (n + 1) * size));
-  take(page, error ? null : { displacement: rows(displacement), stress: rows(stress), seconds }, error);
-}
-
 /** The axis along which the loads press most, and the sense of their sum on it. */
 export function loadAxis({ loads, lattice }) {
   const forces = lattice.shape.map((_, a) => loads.reduce((sum, { force }) => sum + Math.abs(force[a]), 0)), most = Math.max(...forces);

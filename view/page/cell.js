@@ -89,7 +89,7 @@ const newtons = (load) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "
 
 MODES.push({
   name: "cell", alone: true,
-  offered: (page) => page.run.lattice?.dimension === 2 && Boolean(page.run.taken) && page.look.mode !== "guess" && (page.touchable || page.kind === "recorded" || page.kind === "live") && page.limit > 0,
+  offered: (page) => page.run.lattice?.dimension === 2 && Boolean(page.run.taken) && page.look.mode !== "guess" && (page.touchable || page.kind === "recorded") && page.limit > 0,
   tools(page) {
     const { t } = page, { taken, at } = page.picked >= 0 ? studied(page) : { taken: [] };
     const turn = (by) => { page.study = { ...page.study, at: (at + by + taken.length) % taken.length, row: taken[(at + by + taken.length) % taken.length] }; page.refresh(); };

@@ -22,7 +22,6 @@ from kaju.errors import ParameterError, ResultFileError, check_type
 from kaju.files import atomic_file
 from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-from kaju.model.growth.growth_result import GrowthResult
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import from_file
 from kaju.model.rheology.creeping import creep
@@ -33,7 +32,6 @@ from kaju.model.transfer.stability import stability
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .live import certified
 from .motion_data import motion_data
 from .own import own_data
 from .packing import pack
@@ -61,7 +59,7 @@ MODULES = (
     "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
     "modes.js", "markdown.js", "paint.js", "charts.js", "story.js", "save.js", "state.js",
     "loads.js", "cell.js", "worksheet.js", "lesson.js", "answer.js", "twin.js", "cutting.js",
-    "panels.js", "page.js", "motion.js", "growth.js", "open.js",
+    "panels.js", "page.js", "motion.js", "open.js",
 )  # fmt: skip
 """In the order in which they are joined: each uses only those before it at its top level."""
 START = """
@@ -75,19 +73,6 @@ document.body.append(Object.assign(document.createElement("script"),
   { type: "module", textContent: await new Response(plain).text() }));
 """
 """What puts the modules into the page: deflated, they are a fifth of what they were."""
-LIVE = """
-const main = document.getElementById("kaju");
-const data = document.getElementById("kaju-data").textContent;
-const socket = new WebSocket(`ws://${location.host}/session${location.search}`);
-socket.binaryType = "arraybuffer";
-const ask = (question) => socket.send(JSON.stringify(question));
-const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
-takeWindow(main);
-socket.onopen = () => connect(main, data, ask, listen);
-socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("gone"));
-"""
-
-
 LANGUAGES = ("en", "de", "ja")
 """What the page's own words are written in."""
 
@@ -107,10 +92,9 @@ def export_page(
 
     The file needs nothing else: it opens by a double click, without network or server. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
-    loads and the body can be changed in it; so a body of up to 2,700 squares grows anew if it grew
-    by a rule with its usual numbers. All else is recorded: agents and lattices of one's own,
-    elastic agents, agents that spawn, elastic answers, spring networks, what breaks, creep, other
-    growth. Answers with true outlines are drawn with these; rules run on cells, and their pages
+    loads and the body can be changed in it. All else is recorded: agents and lattices of one's own,
+    elastic agents, agents that spawn, elastic answers, spring networks, what breaks, grows or
+    creeps. Answers with true outlines are drawn with these; rules run on cells, and their pages
     say so.
 
     Parameters
@@ -211,10 +195,7 @@ def packed_page(
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
     header |= {"lesson": dict(lesson)} if lesson else {}
-    growth = _growth(shown) if isinstance(shown, GrowthResult) else None
     scene = shown.scene if isinstance(shown, TransferResult) else shown
-    if isinstance(shown, GrowthResult) and growth:
-        scene = shown.scene
     if not isinstance(shown, Scene) and not (
         isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
     ):
@@ -222,18 +203,18 @@ def packed_page(
         return pack(header | pictures | {"kind": "pictures"}, columns)
     assert isinstance(scene, Scene)
     data, columns = scene_data(scene)
-    data |= {"growth": growth} if growth else {}
     header |= {"scene": data, "kind": "runnable"}
     if isinstance(shown, TransferResult) and (own or not _by_the_rule(shown)):
         header |= {
             "kind": "recorded",
             "outcome": shown.last.outcome,
-            **certified(shown.certificate),
+            "stable": bool(shown.certificate.stable) if shown.certificate.known else None,
+            "verdict": shown.certificate.verdict,
             "late": account is None,
         }
         columns |= history_columns(scene, shown.last, exact, account)
     header["presets"] = [
-        _preset(number, name, preset, columns, growth)
+        _preset(number, name, preset, columns)
         for number, (name, preset) in enumerate((presets or {}).items())
     ]
     return pack(header, columns)
@@ -273,49 +254,12 @@ def _preset(
     name: str,
     preset: Scene | tuple[Scene, str],
     columns: dict[str, NDArray[Any]],
-    growth: dict[str, Any] | None,
 ) -> dict[str, Any]:
     scene, note = preset if isinstance(preset, tuple) else (preset, "")
     data, own = scene_data(scene)
-    data |= {"growth": growth} if growth else {}
     if not np.array_equal(own["cells"], columns["cells"]):
         columns[f"cells{number}"] = own["cells"]
     return {"name": name, "note": note, "scene": data}
-
-
-_MOST_GROWN = 2700
-"""Cells that a page grows itself: a step takes it some 25 ms."""
-
-
-def _growth(result: GrowthResult) -> dict[str, Any] | None:
-    """Return how the page grows a body again: None unless its numbers lead to what has grown."""
-    from kaju.model.growth.growth_model import AT_REST, GrowthModel
-
-    scene, rests = result.scene, result.outcome == AT_REST
-    small = scene.lattice.kind == "square" and scene.lattice.size <= _MOST_GROWN
-    rule_known = result.rule in ("compliance", "remodelling")
-    if not (small and rule_known and result.steps and result.stage in (None, scene.stages)):
-        return None
-    steps, at_rest = (max(result.steps, 100), 0.01) if rests else (result.steps, 0.0)
-    again = GrowthModel(
-        scene,
-        rule=result.rule,
-        volume=result.volume,
-        filter_radius=result.filter_radius,
-        most_steps=steps,
-        at_rest=at_rest,
-        keep=False,
-    ).run(progress=False)
-    if again.steps != result.steps or not np.allclose(again.cells, result.cells, atol=1e-3):
-        return None
-    return {
-        "rule": result.rule,
-        "volume": result.volume,
-        "radius": result.filter_radius,
-        "steps": steps,
-        "at_rest": at_rest,
-        "tolerance": 1e-2,
-    }
 
 
 def _by_the_rule(result: TransferResult) -> bool:
@@ -380,24 +324,16 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
 ANSWER = """
 onmessage = ({ data: { scene, cells, loads } }) => {
   try {
-    if (!scene.growth) postMessage({ answer: elasticAnswer(scene, cells, loads) });
-    else for (const step of grown(scene, cells, loads)) postMessage(step);
-  }
-  catch (error) { postMessage({ error: error.message }); }
+    postMessage({ answer: elasticAnswer(scene, cells, loads) });
+  } catch (error) { postMessage({ error: error.message }); }
 };
 """
 
 
-def live_page(opening: bytes) -> str:
-    """Return the page of a live run: it talks to the server that has sent it, to nobody else."""
-    code = joined((*MODULES, "live.js")) + LIVE
-    return page_html(opening, "kaju watch", code, "connect-src 'self'; ")
-
-
 @cache
 def worker() -> str:
-    """Return the text of the worker that answers with elasticity, or lets a body grow."""
-    return joined(("lattice.js", "elastic.js", "growing.js")) + ANSWER
+    """Return the text of the worker that answers with elasticity."""
+    return joined(("lattice.js", "elastic.js")) + ANSWER
 
 
 def page_html(packed: bytes, title: str, code: str | None = None, policy: str = "") -> str:

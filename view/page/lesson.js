@@ -286,7 +286,7 @@ function stepCards(page) {
   if (lesson.step === "predict") return [...about, ...cards];
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
     make("div", {}, button(page.nameOf(preset), () => page.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  if (lesson.step === "step") return [...tries, ...cards, ...story, ...(touchable && !page.ruleRows ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
+  if (lesson.step === "step") return [...tries, ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
   if (lesson.step === "explain") return [...tries, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
   return [...tries, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];

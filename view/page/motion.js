@@ -18,7 +18,7 @@ export class MotionPage extends Page {
     this.each = moved ? dimension * points.length / this.moved[0].length : 0;   // numbers in points to one displacement
     this.look.colour = Object.keys(colours)[0] ?? "";
     this.curveList = curves;
-    this.run = { generation: at.length - 1, atRest: this.kind !== "live" };
+    this.run = { generation: at.length - 1, atRest: true };
     this.sums = {}; this.scales = new Map();
     this.frame();
     this.forces = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));

@@ -1,5 +1,4 @@
-// How a host opens a page: a file, an iframe in a notebook, or a connection to Python.
-import { GrowthPage } from "./growth.js";
+// How a host opens a page: a file, or an iframe in a notebook.
 import { bytesOf, Recorded, unpack } from "./history.js";
 import { MotionPage } from "./motion.js";
 import { Page } from "./page.js";
@@ -32,5 +31,5 @@ export async function openPage(element, base64) {
   if (header.kind === "pictures") return mount(element, { ...header, columns }, MotionPage);
   const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late }).append(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
-  return mount(element, { ...header, cells, run, presets }, header.scene.growth ? GrowthPage : Page);
+  return mount(element, { ...header, cells, run, presets });
 }

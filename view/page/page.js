@@ -1,5 +1,4 @@
-// One view for all hosts: a run is drawn, whoever computed it: the twin in this page, a record in
-// the file, or Python behind a channel.
+// One view for all hosts: a run is drawn, whoever computed it: the twin in this page, or a record in the file.
 import { certifying, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { Sums } from "./history.js";
@@ -22,9 +21,9 @@ const PATIENCE = 24;              // ms of computing at a time: input must not w
 
 export class Page {
   constructor(element, header) {
-    const { kind, title = "", text = "", verdict = "", stable = true, language, lesson, own = null, controls = null } = header;
+    const { kind, title = "", text = "", verdict = "", stable = true, language, lesson, own = null } = header;
     const asked = this.asked = new URLSearchParams(location.hash.slice(1));
-    Object.assign(this, { kind, title, text, own, controls, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
+    Object.assign(this, { kind, title, text, own, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
       given: { verdict, stable }, elastic: { answer: null, why: "" }, parts: {}, presets: [], sheet: 1 });
     const known = (list) => list.map((l) => l?.slice(0, 2)).find((l) => l in LANGUAGES);
     this.language = known([asked.get("lang"), language, ...(navigator.languages ?? [])]) ?? "en";
@@ -34,7 +33,7 @@ export class Page {
     this.begin(header);
     this.loads = new Loads(this);
     this.lesson = lesson ? new Lesson(this, lesson) : null;
-    if (this.lesson && !this.ruleRows) this.look.speed = 1;
+    if (this.lesson) this.look.speed = 1;
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
     this.root = element.shadowRoot ?? element.attachShadow({ mode: "open" });
     this.root.replaceChildren(this.host);
@@ -48,7 +47,7 @@ export class Page {
     for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(() => { this.pressed = false; if (this.stale) this.refresh(); }));
     this.lesson?.begin();
     addEventListener("beforeprint", () => laySheet(this));
-    this.seek(this.lesson || this.kind === "live" ? 0 : Infinity);   // a lesson asks first; else what came of it is seen first
+    this.seek(this.lesson ? 0 : Infinity);   // a lesson asks first; else what came of it is seen first
     if (asked.get("s")) follow(this, asked.get("s"));
     this.draw();
     element.page = this;
@@ -69,14 +68,14 @@ export class Page {
   get mode() { return offered(this).find((mode) => mode.name === this.look.mode); }
   /** How far the page may show: in a lesson no further than the question has got. */
   get limit() { return this.lesson?.limit ?? Infinity; }
-  get touchable() { return this.kind === "runnable" || (this.kind === "live" && this.scene.rule.kind === "prescribed"); }
+  get touchable() { return this.kind === "runnable"; }
   get solid() { return this.run.lattice.dimension === 3; }
   word(key) { return this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
   get deformable() { return this.scene.rule.kind === "prescribed"; }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : [])]; }
-  /** The page answers with elasticity for squares itself; for cubes Python can be asked. */
-  get solvable() { const { kind } = this.scene.lattice; return kind === "square" || (kind === "cube" && this.kind === "live"); }
+  /** The page answers with elasticity for squares. */
+  get solvable() { return this.scene.lattice.kind === "square"; }
 
   // ----------------------------------------------------------------------------- the run
   compute() {
@@ -110,11 +109,8 @@ export class Page {
     this.header();
     this.past?.note();
     clearTimeout(this.rest);                   // nobody will look at the end of the old run
-    if (this.kind === "live") this.channel.change(this.scene, this.cells, this.stage);
-    else {
-      this.due ??= requestAnimationFrame(() => { this.due = setTimeout(() => this.renew(), PATIENCE); });
-      this.goal ??= this.g >= this.run.generation ? Infinity : this.g;
-    }
+    this.due ??= requestAnimationFrame(() => { this.due = setTimeout(() => this.renew(), PATIENCE); });
+    this.goal ??= this.g >= this.run.generation ? Infinity : this.g;
     this.mode?.changed?.(this);
   }
   renew(goal = this.goal) {
@@ -130,7 +126,7 @@ export class Page {
     const first = scene === this.start.scene;
     this.change(() => {});
     this.changed = !first;
-    if (this.kind !== "live") this.renew(generation ?? (this.lesson ? 0 : Infinity));
+    this.renew(generation ?? (this.lesson ? 0 : Infinity));
     this.rebuild();
   }
   /** Change how the page looks: one step back for who undoes. */
@@ -155,7 +151,7 @@ export class Page {
     const { verdict, stable } = this.given, { kind } = this.scene.rule;
     clearTimeout(this.judging);
     this.judging = null;
-    if (kind !== "prescribed" || (verdict && (!this.touchable || this.kind === "live"))) { this.tellVerdict(verdict ?? "", stable); return; }
+    if (kind !== "prescribed" || (verdict && !this.touchable)) { this.tellVerdict(verdict ?? "", stable); return; }
     const steps = certifying(this.scene, this.cells), go = (budget) => {
       const until = performance.now() + budget;
       let next;
@@ -184,7 +180,6 @@ export class Page {
   seek(g) {
     if (g > this.limit && Number.isFinite(g)) this.announce(this.t("answerFirst"));
     g = Math.min(g, this.limit);
-    this.channel?.want(g);
     this.goTo(g);
     this.later();
   }
@@ -497,7 +492,7 @@ const size = (components, k) => Math.hypot(...components.map((u) => u[k]));
 
 /** What everybody tries: presets for a scene that brings none. */
 function usual(scene) {
-  if (scene.rule.kind !== "prescribed" || scene.growth) return [];
+  if (scene.rule.kind !== "prescribed") return [];
   const other = (edit) => { const s = structuredClone(scene); edit(s.rule); return s; };
   const alpha = scene.rule.alpha ?? (scene.lattice.shape.length === 2 ? [0.5, 0.5, 0.25] : [0.5, 0.5, 0.125]);
   return [

@@ -174,9 +174,8 @@ export function showKeys(page) {
 /** The sliders of the rule; `few`: its five numbers only. */
 export function rulePanel(page, few = false) {
   const { t, scene } = page, names = Object.keys(scene.rule.materials ?? {});
-  if (page.ruleRows) return page.ruleRows();
-  const list = parameterRows(page), acts = (key) => !page.controls || key === "loadFactor" || page.controls.includes(key);   // of agents of one's own some do nothing
-  const bar = (key, options, edit) => { if (acts(key)) list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v)))); };
+  const list = parameterRows(page);
+  const bar = (key, options, edit) => list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v))));
   if (names.length) {
     page.material ||= "";
     list.push(choice(t("material"), page.material, [["", scene.materials.filter((m) => !names.includes(m.name)).map((m) => m.name).join(", ") || "*"], ...names.map((n) => [n, n])],
@@ -199,8 +198,8 @@ export function rulePanel(page, few = false) {
   }
   gamma();
   bar("loadFactor", { value: page.factor, min: -2, max: 5, step: 0.05, show: two }, (v) => page.scaleLoads(v));
-  if (acts("accumulate")) list.push(tick(t("accumulate"), scene.rule.accumulate, (on) => page.change(() => { scene.rule.accumulate = on; })));
-  if (page.senseful && acts("sense")) list.push(tick(t("sense"), scene.rule.sense, (on) => page.change(() => { scene.rule.sense = on; })));
+  list.push(tick(t("accumulate"), scene.rule.accumulate, (on) => page.change(() => { scene.rule.accumulate = on; })));
+  if (page.senseful) list.push(tick(t("sense"), scene.rule.sense, (on) => page.change(() => { scene.rule.sense = on; })));
   return list;
 }
 
@@ -211,7 +210,7 @@ function lookPanel(page) {
   if (page.deformable) list.push(tick(t("deformed"), look.deformed, set("deformed")),
     slider(t("magnify"), { value: 10 ** look.magnify, min: 0.1, max: 10, step: 0.05, log: true, show: (v) => `× ${two(v)}`, t }, (v) => page.set("magnify", Math.log10(v))));
   if (page.run.taken) list.push(tick(t("arrows"), look.arrows, set("arrows")));
-  if (page.run.passed || (page.run.taken && page.kind === "live")) list.push(tick(t("path"), look.path, set("path")));
+  if (page.run.passed) list.push(tick(t("path"), look.path, set("path")));
   if (solid) {
     const axes = ["none", "x", "y", "z"], shape = page.run.lattice.shape, put = (part) => page.set("cut", { ...look.cut, ...part });
     list.push(choice(t("cut"), axes[look.cut.axis + 1], axes.map((a) => [a, a === "none" ? t("none") : a]), (v) => put({ axis: axes.indexOf(v) - 1 })),

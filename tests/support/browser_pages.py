@@ -1,16 +1,6 @@
-"""Pages in a browser, and a server of them: what tests and benchmarks of pages need."""
+"""Pages in a browser: what tests and benchmarks of pages need."""
 
-import json
-import socket
-import threading
 import time
-from contextlib import contextmanager
-
-import uvicorn
-from websockets.sync.client import connect
-
-from kaju.view.page import server
-from kaju.view.page.packing import unpack
 
 
 class BrowserPage:
@@ -70,33 +60,3 @@ class BrowserPage:
         """The numbers of the story of what was clicked."""
         self.js("page.draw()")
         return self.tab.locator(".story data").evaluate_all("l => l.map((d) => Number(d.value))")
-
-
-@contextmanager
-def serving(of, **options):
-    """A real server on a free port; yields the port."""
-    app = server.watch_app(of, **options)
-    serving = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error"))
-    thread = threading.Thread(target=serving.run)
-    thread.start()
-    while not serving.started:
-        time.sleep(0.01)
-    try:
-        yield serving.servers[0].sockets[0].getsockname()[1]
-    finally:
-        serving.should_exit = True
-        thread.join()
-
-
-def session(port, name="127.0.0.1", origin=True, query=""):
-    """A websocket of a page of the server; of another page, or by another name, if wanted."""
-    own = f"http://{name}:{port}" if origin is True else origin
-    uri = f"ws://{name}:{port}/session{query}"
-    here = socket.create_connection(("127.0.0.1", port))
-    return connect(uri, sock=here, origin=own, max_size=None, close_timeout=10)
-
-
-def asked(websocket, message):
-    """What a server answers: a header, and columns."""
-    websocket.send(message if isinstance(message, str) else json.dumps(message))
-    return unpack(websocket.recv(timeout=120))

@@ -22,7 +22,7 @@ def check(
 ) -> None:
     """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
 
-    A stored result is read to its end: checksums, its seal, every array; and its books, forces
+    A stored result is read to its end, every array; and its books, forces
     and energies must balance.
     """
     if file.suffix != ".toml" and (file.suffix in (".npz", ".pvti") or file.is_dir()):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,8 +29,8 @@ class Folder:
                 f"{path}: is a folder that you stand in, and results arrive as a whole folder; "
                 f"take a new one, such as {path / 'result'}"
             )
-        self._replaces = _identity(path) if is_there(path) and any(path.iterdir()) else None
-        if self._replaces is not None and not force:
+        self.force = force
+        if is_there(path) and any(path.iterdir()) and not force:
             raise ResultFileError(
                 f"{path}: is not empty; take another folder, "
                 "or --force to replace the results in it"
@@ -42,7 +40,8 @@ class Folder:
     def write(self, result: Result, pictures: str) -> list[Path]:
         """Write summary.json, result.npz and "one", "all" or "none" of the pictures.
 
-        Everything is written aside first; the whole folder then takes its place in one step.
+        Everything is written aside first. A new folder then appears in one step; with `force`
+        whole files replace those of their names, one by one.
         """
         with hidden_folder(self.path, ResultFileError) as scratch:
             result.save(scratch / "result.npz")
@@ -67,44 +66,20 @@ class Folder:
         return [place / name for name in names]
 
     def _move_in(self, scratch: Path, names: list[str]) -> Path:
-        """Let the folder take its place; return which: another if a second run was quicker."""
-        if self._replaces is not None and _identity(self.path) == self._replaces:
-            for entry in self.path.iterdir():
-                if entry.name not in (*names, *OURS):
-                    _keep(entry, scratch / entry.name)
-            move_into_place(scratch, self.path, replace=True)
+        """Give the files their names; return the folder: another if a second run was quicker."""
+        if self.force and is_there(self.path):
+            for name in names:
+                (scratch / name).replace(self.path / name)
+            for name in set(OURS).difference(names):  # of the results that are replaced
+                (self.path / name).unlink(missing_ok=True)
             return self.path
         place = self.path
         for number in count(2):
             try:
-                move_into_place(scratch, place, replace=False)
+                move_into_place(scratch, place)
                 break
             except OSError:
                 if not place.exists():
                     raise
             place = self.path.with_name(f"{self.path.name}-{number}")
         return place
-
-
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what distinguishes a folder from another of the same name; None if there is none."""
-    try:
-        about = path.stat()
-    except FileNotFoundError:
-        return None
-    return about.st_dev, about.st_ino
-
-
-def _keep(entry: Path, copy: Path) -> None:
-    """Put a foreign file or folder under a second name, by links where the system can."""
-    if entry.is_dir() and not entry.is_symlink():
-        shutil.copytree(entry, copy, symlinks=True, copy_function=_link)
-    else:
-        _link(entry, copy)
-
-
-def _link(source: str | Path, target: str | Path) -> None:
-    try:
-        os.link(source, target, follow_symlinks=False)
-    except OSError:
-        shutil.copy2(source, target, follow_symlinks=False)

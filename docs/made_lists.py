@@ -13,6 +13,8 @@ from draw_stability import table_of
 
 from kaju.cli import app
 from kaju.model.results.formats import REFERENCE
+from kaju.model.results.result import Result
+from kaju.model.results.stored import described
 from kaju.result_kinds import KINDS, fetch
 
 
@@ -24,8 +26,13 @@ def with_lists(text: str) -> str:
 
 def columns() -> str:
     """Return the arrays of every kind of result, each with its shape, kind and range."""
-    tables = {name: fetch(at) for kind in KINDS.values() for name, at in kind.columns.items()}
     lines = []
+    for name, kind in KINDS.items():
+        result = fetch(kind.result)
+        if result._stored is Result._stored:
+            told = described(result)
+            lines += [name, *(f"  {column:28}{rule}" for column, rule in told)]
+    tables = {name: fetch(at) for kind in KINDS.values() for name, at in kind.columns.items()}
     for name, table in (tables | {"reference": REFERENCE}).items():
         lines += [name, *(f"  {column:20}{told.text()}" for column, told in table.items())]
     return "\n".join(["```text", *lines, "```"])

@@ -36,4 +36,4 @@ def new_folder(target: Path) -> Iterator[Path]:
         raise ResultFileError(f"{target}: is there already; take another name, or remove it")
     with hidden_folder(target, ResultFileError) as scratch:
         yield scratch
-        move_into_place(scratch, target, replace=False)
+        move_into_place(scratch, target)

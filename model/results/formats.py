@@ -8,43 +8,18 @@ scene come from `sizes_of`. Elastic answers are checked where their agents are b
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
 from typing_extensions import TypedDict
 
 from kaju.model.scene.cell_types import AIR, DISPLACED
 
 from .archive import Column
+from .stored import sizes_of as sizes_of
 
 if TYPE_CHECKING:
-    from kaju.model.scene import Scene
+    pass
 
-STAGE = {
-    "cells": Column("i", "agents dimension", 0, "cells"),
-    "material": Column("i", "agents", 0, "materials"),
-    "spawn_step": Column("i", "agents", 0),
-    "woken_by": Column("i", "agents", 0, "sets of arms"),
-    "taken": Column("f", "agents directions"),
-    "pulled": Column("f", "agents directions"),
-    "kept": Column("f", "agents axes"),
-    "shortened": Column("f", "agents axes"),
-    "widened": Column("f", "agents axes"),
-    "passed": Column("f", "agents directions"),
-    "dropped": Column("f", "agents"),
-    "boundary_cells": Column("i", "boundary dimension", -1, "cells and beyond"),
-    "boundary_kind": Column("i", "boundary", DISPLACED, AIR),
-    "boundary_spawn_step": Column("i", "boundary", 0),
-    "returned": Column("f", "boundary"),
-    "arrived": Column("f", "boundary directions", finite=False, optional=True),
-}
-HISTORY = {
-    "generation": Column("i", "rows", 0),
-    "agent": Column("i", "rows", 0, "agents"),
-    "direction": Column("i", "rows", 0, "directions"),
-    "load": Column("f", "rows"),
-    "pull": Column("b", "rows"),
-}
 FACE_AGENTS = {
     "level": Column("i", "agents", 0, 64),
     "spawn_step": Column("i", "agents", 0),
@@ -146,20 +121,6 @@ REFERENCE = {
     "displacement": Column("f", "points dimension"),
     "stress": Column("f", "points dimension dimension", optional=True),
 }
-
-
-def sizes_of(scene: Scene) -> dict[str, Any]:
-    """Return the sizes that a scene gives to the arrays of its results."""
-    lattice = scene.lattice
-    return {
-        "dimension": lattice.dimension,
-        "directions": lattice.directions,
-        "axes": len(lattice.axes),
-        "materials": len(scene.cell_materials),
-        "sets of arms": 1 << lattice.directions,
-        "cells": np.array(lattice.shape),
-        "cells and beyond": np.array(lattice.shape) + 1,
-    }
 
 
 _Value = float | list[float] | list[list[float]]

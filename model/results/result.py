@@ -21,6 +21,7 @@ from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
 from .archive import Archive, open_archive, reading, write_archive
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
+from .stored import put_together, taken_apart
 
 if TYPE_CHECKING:
     import pandas
@@ -137,10 +138,20 @@ class Result:
 
         Raises
         ------
+        ResultError
+            If agents of your own have left something that no result can hold, such as NaN.
         ResultFileError
             If the file cannot be written.
         """
-        return write_archive(path, self.kind, *self._stored())
+        try:
+            parts = self._stored()
+        except ResultFileError:
+            raise
+        except ResultError as error:
+            raise ResultError(
+                f"save: what could not be read again is not written: {error}"
+            ) from error
+        return write_archive(path, self.kind, *parts)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -155,14 +166,15 @@ class Result:
         with reading(path):
             return cls._restored(archive)
 
-    @abstractmethod
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: arrays, and plain values."""
+        """Return what is stored: arrays, and plain values. Kinds with fields have no other."""
+        return taken_apart(self)
 
     @classmethod
-    @abstractmethod
     def _restored(cls, archive: Archive) -> Self:
         """Return the result that `_stored` took apart."""
+        found: Self = put_together(cls, archive.arrays, archive.about)
+        return found
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:

@@ -296,7 +296,7 @@ class PiecedResult(BodyResult):
             (place / SUMMARY).write_text(summary + "\n", encoding="utf-8")
             about = {"scene": text, "stage": self.stage, "files": _checksums(place)}
             write_archive(place / SCENE, "pieces", arrays, about)
-            move_into_place(place, target, replace=False)
+            move_into_place(place, target)
         except OSError as error:
             raise ResultFileError(f"{target}: cannot be written: {error}") from error
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.results.stored import Column
+from kaju.model.scene.cell_types import AIR, DISPLACED
 
 
 @dataclass(frozen=True)
@@ -42,11 +45,11 @@ class Ledger:
 class TakenHistory:
     """Loads taken: one row per agent, direction and generation."""
 
-    generation: Ints
-    agent: Ints  # row of `Stage.cells`
-    direction: Ints
-    load: Floats  # sum of the loads taken then (N)
-    pull: Flags  # whether these are pulls
+    generation: Annotated[Ints, Column("rows", 0)]
+    agent: Annotated[Ints, Column("rows", 0, "agents")]  # row of `Stage.cells`
+    direction: Annotated[Ints, Column("rows", 0, "directions")]
+    load: Annotated[Floats, Column("rows")]  # sum of the loads taken then (N)
+    pull: Annotated[Flags, Column("rows")]  # whether these are pulls
 
 
 class News(NamedTuple):
@@ -83,23 +86,35 @@ class Stage:
 
     factor: float  # share of the full loads that was applied
     outcome: str  # how the stage ended, in words
-    generations: int  # steps in which loads were taken
-    cells: Ints  # shape (agents, dimension)
-    material: Ints  # index into the scene's `cell_materials`
-    spawn_step: Ints  # generation in which the first load was taken, counted from 1
-    woken_by: Ints  # bit a is set if a load that woke the agent came over its arm a
-    taken: Floats  # loads taken (N), pushes and pulls, by the direction of their force
-    pulled: Floats  # the pulls among them (N); 0 unless the rule has a sense
-    kept: Floats  # own shares (N), pushes less pulls, shape (agents, axes)
-    shortened: Floats  # by which part of its length a cell is shortened along each axis
-    widened: Floats  # by which part it is widened, for that, along the others
-    passed: Floats  # loads handed over (N) to neighbours and boundaries, by arm
-    dropped: Floats  # emissions that were too small (N)
-    boundary_cells: Ints
-    boundary_kind: Ints  # `AIR`, `RIGID` or `ROLLER`
-    boundary_spawn_step: Ints  # generation in which a load was first given back
-    returned: Floats  # loads given back (N)
-    arrived: Floats  # loads that reached it (N), by the direction of their force
+    generations: Annotated[int, Field(ge=0)]  # steps in which loads were taken
+    cells: Annotated[Ints, Column("agents dimension", 0, "cells")]  # shape (agents, dimension)
+    # Index into the scene's `cell_materials`.
+    material: Annotated[Ints, Column("agents", 0, "materials")]
+    # Generation in which the first load was taken, counted from 1.
+    spawn_step: Annotated[Ints, Column("agents", 0)]
+    # Bit a is set if a load that woke the agent came over its arm a.
+    woken_by: Annotated[Ints, Column("agents", 0, "sets of arms")]
+    # Loads taken (N), pushes and pulls, by the direction of their force.
+    taken: Annotated[Floats, Column("agents directions")]
+    # The pulls among them (N); 0 unless the rule has a sense.
+    pulled: Annotated[Floats, Column("agents directions")]
+    # Own shares (N), pushes less pulls, shape (agents, axes).
+    kept: Annotated[Floats, Column("agents axes")]
+    # By which part of its length a cell is shortened along each axis.
+    shortened: Annotated[Floats, Column("agents axes")]
+    # By which part it is widened, for that, along the others.
+    widened: Annotated[Floats, Column("agents axes")]
+    # Loads handed over (N) to neighbours and boundaries, by arm.
+    passed: Annotated[Floats, Column("agents directions")]
+    dropped: Annotated[Floats, Column("agents")]  # emissions that were too small (N)
+    boundary_cells: Annotated[Ints, Column("boundary dimension", -1, "cells and beyond")]
+    # `AIR`, `RIGID` or `ROLLER`.
+    boundary_kind: Annotated[Ints, Column("boundary", DISPLACED, AIR)]
+    # Generation in which a load was first given back.
+    boundary_spawn_step: Annotated[Ints, Column("boundary", 0)]
+    returned: Annotated[Floats, Column("boundary")]  # loads given back (N)
+    # Loads that reached it (N), by the direction of their force.
+    arrived: Annotated[Floats, Column("boundary directions")]
     history: TakenHistory
     ledger: Ledger
 

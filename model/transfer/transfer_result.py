@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
@@ -18,21 +17,22 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.formats import HISTORY, STAGE, sizes_of
 from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import (
     BOOKS,
     BodyResult,
     Check,
+    Result,
     cells_of_points,
     idle_rheology,
 )
+from kaju.model.results.stored import put_together, taken_apart
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 
 from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate
-from .stage import Ledger, Stage, TakenHistory
+from .stage import Stage
 from .transfer import BOUNDARY_NAMES, pulls, split_force
 
 if TYPE_CHECKING:
@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 
 MOST_CELLS = 5_000_000
 """Larger bodies are not written cell by cell."""
+
+IDLE_GENERATIONS = 10_000
+"""More generations than this, in which hardly a load was taken, are no run that anybody waits for:
+pictures and films go through all of them. It is what `LoadModel` makes unless it is told more."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,8 +78,25 @@ class TransferResult(BodyResult):
     """What was known about the stability before the run."""
     seconds: float
     """Time that the run took (s)."""
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, bool | int | float] = field(default_factory=dict)
     """Values of the parameters that agents of one's own declare, by name."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.stages) <= self.scene.stages:
+            raise ResultError(f"it has {len(self.stages)} stages, the scene {self.scene.stages}")
+        for stage in self.stages:
+            rows = stage.history.generation
+            if len(rows) and rows.max() > stage.generations:
+                raise ResultError("loads were taken after its last generation")
+            if stage.generations > max(IDLE_GENERATIONS, len(rows)):
+                raise ResultError(
+                    f"its {stage.generations} generations are more than {IDLE_GENERATIONS}, and "
+                    f"only {len(rows)} loads were taken in them"
+                )
+            if len(np.unique(self.scene.lattice.key(stage.cells))) < len(stage.cells):
+                raise ResultError("two agents are in one cell")
+            if not np.array_equal(self.scene.kinds(stage.cells), stage.material):
+                raise ResultError("its agents are of other materials than the scene's cells")
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -115,8 +136,7 @@ class TransferResult(BodyResult):
 
         By the name of the side, or "rigid" for rigid cells inside. A rigid agent answers a load
         by the opposite of its force, a roller only by the part across it. Loads that end on
-        their way, or come more than once, keep the sum from being the applied one. Not a
-        number in results that were stored before it was kept.
+        their way, or come more than once, keep the sum from being the applied one.
         """
         stage, lattice = self.last, self.scene.lattice
         beyond = lattice.side_beyond(stage.boundary_cells)
@@ -307,11 +327,7 @@ class TransferResult(BodyResult):
             "rigid_boundary_agents": int((stage.boundary_kind == RIGID).sum()),
             "load_taken": stage.ledger.taken,
             "load_dropped": stage.ledger.dropped,
-            "reaction": {
-                name: force.tolist()
-                for name, force in self.reactions.items()
-                if np.isfinite(force).all()
-            },
+            "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "max_displacement": float(size.max(initial=0.0)),
             "spectral_radius": self.certificate.spectral_radius,
             "seconds": self.seconds,
@@ -341,61 +357,17 @@ class TransferResult(BodyResult):
                 columns[f"stress_{a}{b}"] = self.stress[:, i, j]
         return pandas.DataFrame(columns)
 
+    # Creep keeps an answer without time inside its own.
+
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays: dict[str, NDArray[Any]] = {}
-        described = []
-        for number, stage in enumerate(self.stages):
-            arrays |= {f"{number}.{name}": column for name, column in _columns(stage).items()}
-            taken = _columns(stage.history)
-            arrays |= {f"{number}.history.{name}": column for name, column in taken.items()}
-            plain = {name: getattr(stage, name) for name in ("factor", "outcome", "generations")}
-            described.append(plain | {"ledger": asdict(stage.ledger)})
-        about: dict[str, Any] = {"stages": described, "certificate": asdict(self.certificate)}
-        about["parameters"] = dict(self.parameters)
-        try:  # what could not be read again is not written
-            read = Archive(Path("result"), arrays, about | {"seconds": self.seconds})
-            self._from_archive(self.scene, read)
-        except ResultError as error:
-            raise ResultError(f"save: agents of your own have left no result: {error}") from error
-        return arrays, about
+        return taken_apart(self)
 
     @classmethod
-    def _from_archive(cls, scene: Scene, archive: Archive) -> TransferResult:
-        sizes, stages = sizes_of(scene), []
-        for number, plain in enumerate(archive.value("stages", list[StageRecord])):
-            columns: dict[str, Any] = archive.columns(STAGE, sizes, f"{number}.")
-            if not np.array_equal(scene.kinds(columns["cells"]), columns["material"]):
-                raise ResultError("its agents are of other materials than the scene's cells")
-            if "arrived" not in columns:  # written before it was kept
-                unknown = (len(columns["returned"]), scene.lattice.directions)
-                columns["arrived"] = np.full(unknown, np.nan)
-            agents = {"agents": len(columns["cells"])}
-            history = TakenHistory(**archive.columns(HISTORY, sizes | agents, f"{number}.history."))
-            stages.append(Stage(**plain, **columns, history=history))
-        if not 1 <= len(stages) <= scene.stages:
-            raise ResultError(f"it has {len(stages)} stages, the scene {scene.stages}")
-        archive.about.setdefault("parameters", {})  # written before there were any
-        return cls(
-            scene,
-            tuple(stages),
-            archive.value("certificate", Certificate),
-            archive.value("seconds", float),
-            archive.value("parameters", dict[str, bool | int | float]),
-        )
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        found: Self = put_together(cls, archive.arrays, archive.about)
+        return found
 
-
-class StageRecord(TypedDict):
-    """What is stored of a stage besides its arrays."""
-
-    factor: float
-    outcome: str
-    generations: int
-    ledger: Ledger
-
-
-def _columns(record: Stage | TakenHistory) -> dict[str, NDArray[Any]]:
-    every = {field.name: getattr(record, field.name) for field in fields(record)}
-    return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
+    _stored, _restored = Result._stored, Result.__dict__["_restored"]
 
 
 def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:

@@ -1,12 +1,11 @@
-"""Opening files, and writing them and folders: whole or not at all, whenever the process ends.
+"""Opening files, and writing them and folders: whole or not at all.
 
-What is being written has a hidden name (``.kaju-…``) beside its target and a lock that the system
-releases with the process: so the next writer finds what a dead one left behind, and removes it.
+What is being written has a name of its own (``.kaju-…``) beside its target, and takes the target's
+name when it is whole. Nothing is ever removed that this process did not make.
 """
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import os
 import secrets
@@ -17,14 +16,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from kaju.errors import KajuError
-
-try:
-    import fcntl
-except ImportError:  # on Windows: there nothing is locked, so nothing is swept
-    fcntl = None  # type: ignore[assignment]
-
-HIDDEN = ".kaju-"
-_EXCHANGE, _AT_FDCWD = 2, -100  # of Linux and macOS: swap; names count from the working folder
 
 
 def file_to_read(
@@ -68,39 +59,49 @@ def is_there(path: Path) -> bool:
 
 @contextmanager
 def atomic_file(target: Path, error: type[KajuError]) -> Iterator[Path]:
-    """Yield a file to write to, which takes the target's name only if all goes well."""
-    with _named_errors(target, error), _hidden(target.parent, target.suffix) as scratch:
-        yield scratch
-        _to_disk(scratch)
-        scratch.replace(target)
-        _to_disk(target.parent)
+    """Yield a file to write to, which takes the target's name only if all goes well.
+
+    If the target is a link, the file that it leads to is replaced.
+    """
+    with _named_errors(target, error):
+        place = Path(os.path.realpath(target))
+        scratch = _new_name(place.parent, target.suffix)
+        scratch.touch(exist_ok=False)
+        try:
+            yield scratch
+            _to_disk(scratch)
+            scratch.replace(place)
+        finally:
+            scratch.unlink(missing_ok=True)
 
 
 @contextmanager
 def hidden_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
-    """Yield a hidden folder beside a folder to be; it goes when the block ends."""
+    """Yield a new folder beside a folder to be; what is in it when the block ends goes."""
     with _named_errors(target, error):
         target.parent.mkdir(parents=True, exist_ok=True)
-        with _hidden(target.parent, folder=True) as scratch:
+        scratch = _new_name(target.parent)
+        scratch.mkdir()
+        try:
             yield scratch
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
-def move_into_place(scratch: Path, target: Path, *, replace: bool) -> None:
-    """Give a whole folder its name in one step; with `replace` it then has what stood there."""
+def move_into_place(scratch: Path, target: Path) -> None:
+    """Give a whole folder its name in one step; there must be nothing but an empty folder."""
     for path in (*scratch.rglob("*"), scratch):
         _to_disk(path)
-    if replace:
-        _exchange(scratch, target)
-    else:
-        scratch.rename(target)
-    _to_disk(target.parent)
+    scratch.replace(os.path.realpath(target))  # the system refuses one that is not empty
 
 
 def check_writable(target: Path, error: type[KajuError]) -> None:
     """Refuse a place where nothing can be written, before anything is computed for it."""
     above = next(folder for folder in target.absolute().parents if is_there(folder))
-    with _named_errors(target, error), _hidden(above):
-        pass
+    with _named_errors(target, error):
+        scratch = _new_name(above)
+        scratch.touch(exist_ok=False)
+        scratch.unlink()
 
 
 @contextmanager
@@ -114,50 +115,8 @@ def _named_errors(target: Path, error: type[KajuError]) -> Iterator[None]:
         raise error(f"{target}: cannot be written: {reason.strerror or reason}") from reason
 
 
-@contextmanager
-def _hidden(place: Path, suffix: str = "", *, folder: bool = False) -> Iterator[Path]:
-    """Yield a new hidden file or folder, locked until the block ends, and then removed."""
-    for left in place.glob(f"{HIDDEN}*") if fcntl else ():
-        if (lock := _lock(left)) is not None:  # its writer is no longer alive
-            _remove(left)
-            os.close(lock)
-    lock = None
-    while lock is None:  # another writer may sweep it before it is locked
-        path = place / f"{HIDDEN}{secrets.token_hex(6)}{suffix}"
-        if folder:
-            path.mkdir()
-        else:
-            path.touch(exist_ok=False)
-        lock = _lock(path)
-    try:
-        yield path
-    finally:
-        _remove(path)
-        os.close(lock)
-
-
-def _lock(path: Path) -> int | None:
-    """Return an open lock of a file or folder; None if it is gone or belongs to a live writer."""
-    try:
-        handle = os.open(path, os.O_RDONLY)
-    except FileNotFoundError:
-        return None
-    try:
-        if fcntl:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if not fcntl or path.stat().st_ino == os.fstat(handle).st_ino:
-            return handle
-    except OSError:
-        pass
-    os.close(handle)
-    return None
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
+def _new_name(folder: Path, suffix: str = "") -> Path:
+    return folder / f".kaju-{secrets.token_hex(8)}{suffix}"
 
 
 def _to_disk(path: Path) -> None:
@@ -169,21 +128,3 @@ def _to_disk(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _exchange(one: Path, other: Path) -> None:
-    """Let two folders exchange their names, in one step where the system can (Linux, macOS)."""
-    names, system = (os.fsencode(one), os.fsencode(other)), None
-    if os.name != "nt":
-        system = ctypes.CDLL(None)
-    for function, arguments in (
-        ("renameat2", (_AT_FDCWD, names[0], _AT_FDCWD, names[1], _EXCHANGE)),
-        ("renamex_np", (*names, _EXCHANGE)),
-    ):
-        call = getattr(system, function, None)
-        if call is not None and call(*arguments) == 0:
-            return
-    aside = one.with_name(f"{one.name}-old")
-    other.rename(aside)
-    one.rename(other)
-    aside.rename(one)

@@ -55,10 +55,6 @@ KINDS = {
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
         page=f"{_PAGE}:generations_of",
         section="view.agents:plot_agents",
-        columns={
-            "load transfer, every stage": f"{_COLUMNS}:STAGE",
-            "load transfer, every stage's history": f"{_COLUMNS}:HISTORY",
-        },
     ),
     "elastic": Kind(
         "model.elastic.elastic_result:ElasticResult",

@@ -244,17 +244,6 @@ def test_what_is_wrong_in_a_file_is_found_before_it_is_used(stored, tmp_path, wh
     assert "wrong.npz" in str(caught.value)
 
 
-def test_answers_that_an_earlier_version_has_stored_are_read(stored, tmp_path):
-    for which, kind in (("cells", "elasticity"), ("tree", "spawned")):
-
-        def aged(arrays, about, kind=kind):
-            about["kind"] = kind
-            del about["format"], about["storage"], about["seal"]
-
-        old = kaju.load_result(rewritten(stored[which], aged, tmp_path / f"{kind}.npz"))
-        assert old.strain_energy == kaju.load_result(stored[which]).strain_energy
-
-
 def test_checksums_are_read_to_their_end(stored, tmp_path):
     """An array that claims to be shorter than it is would hide what follows."""
     path = tmp_path / "flipped.npz"

@@ -5,8 +5,6 @@ import json
 
 import numpy as np
 
-from kaju.model.results.archive import SEALED, seal_of
-
 
 def parts_of(data):
     """Return the arrays and the plain values of an archive's bytes."""
@@ -15,21 +13,18 @@ def parts_of(data):
     return arrays, json.loads(arrays.pop("json").tobytes()) if "json" in arrays else {}
 
 
-def joined(arrays, about, *, sealed=True):
-    """Return the bytes of an archive; sealed anew, as who forges one would, or not."""
-    if sealed and about.get("format") == SEALED:
-        about.pop("seal", None)
-        about["seal"] = seal_of(arrays, json.loads(json.dumps(about)))
+def joined(arrays, about):
+    """Return the bytes of an archive."""
     arrays = {**arrays, "json": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
     out = io.BytesIO()
     np.savez_compressed(out, **arrays)
     return out.getvalue()
 
 
-def rewritten(path, change, to=None, *, sealed=True):
+def rewritten(path, change, to=None):
     """Write an archive again, its arrays and values changed by a function; return its path."""
     arrays, about = parts_of(path.read_bytes())
     change(arrays, about)
     to = to or path
-    to.write_bytes(joined(arrays, about, sealed=sealed))
+    to.write_bytes(joined(arrays, about))
     return to

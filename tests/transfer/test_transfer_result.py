@@ -37,17 +37,6 @@ def test_a_result_survives_storing(result, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"], "nothing half-written"
 
 
-def test_results_stored_before_arrivals_were_kept_are_read(result, tmp_path):
-    arrays, about = result._archive()
-    text, own = result.scene.to_archive()
-    old = {name: a for name, a in arrays.items() if not name.endswith(".arrived")}
-    old |= {f"scene.{name}": array for name, array in own.items()}
-    about |= {"scene": text, "seconds": 1.0}
-    again = load_result(write_archive(tmp_path / "old", result.kind, old, about))
-    assert np.isnan(again.reactions["rigid"]).all()
-    assert again.summary() == result.summary() | {"reaction": {}, "seconds": 1.0}
-
-
 def test_a_stored_result_is_read_whatever_its_kind(result, tmp_path):
     assert load_result(result.save(tmp_path / "result")).scene == result.scene
     assert load_result(tmp_path).summary() == result.summary()

@@ -1,0 +1,348 @@
+"""Any dataclass in one file: its fields say what is stored, and what it must be when it is read.
+
+To store a result, annotate the fields of its dataclass, in the order in which they are read:
+
+- an array: ``cells: Annotated[Ints, Column("agents dimension", 0, "cells")]``. The sizes of axes
+  go by name: the first array that uses a name decides it, later ones must agree. A scene that was
+  read before gives the names of `sizes_of`. ``high="cells"`` means indices into that size.
+- a `Scene`, another dataclass, ``tuple[X, ...]``, ``list[X]``, ``Mapping[str, X]`` of such, or
+  ``X | None``: each by its own fields. Where a field may hold one of several dataclasses
+  (``Scene | SpringNetwork``), the file keeps the name of the class.
+- anything else must be what JSON can hold, of the type that is annotated: numbers, texts, lists,
+  `Literal`, `NamedTuple`; ``Annotated[X, Coded(encode, decode, form)]`` turns others into that.
+
+Only what the constructor takes is stored; what holds between fields is checked by the class in
+``__post_init__`` (raise `ResultError`). Then `Result.save` and `load_result` need nothing more:
+drop ``_stored``, ``_restored``, ``_archive``, ``_from_archive``, the tables in `formats` and the
+`columns` in `result_kinds`. docs/formats.md lists the fields by itself.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from kaju.errors import ResultError
+from kaju.model.scene import Scene
+
+Arrays = dict[str, NDArray[Any]]
+Sizes = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Column:
+    """What an array must be; the type of its numbers is that of its annotation."""
+
+    shape: str  # sizes along its axes, numbers or names
+    low: float | None = None  # smallest value
+    high: float | str | None = None  # largest; whole numbers stay below a size that is named
+    finite: bool = True  # whether floating-point numbers must be finite
+    order: Literal["", "rising", "never falling"] = ""  # of one value at least
+
+    def check(self, name: str, found: NDArray[Any], dtype: np.dtype[Any], sizes: Sizes) -> None:
+        """Refuse an array that is not so; add the sizes that it is the first to have."""
+        axes = self.shape.split()
+        needed = tuple(int(axis) if axis.isdigit() else sizes.get(axis) for axis in axes)
+        fits = len(needed) == found.ndim and all(
+            size in (None, length) for size, length in zip(needed, found.shape, strict=True)
+        )
+        if found.dtype != dtype:
+            raise _wrong(name, f"must hold {dtype}, and holds {found.dtype}")
+        if not fits:
+            known = ", ".join("any" if size is None else str(size) for size in needed)
+            raise _wrong(name, f"must be of shape ({known}), and is of shape {found.shape}")
+        sizes |= dict(zip(axes, found.shape, strict=True))
+        high: Any = self.high
+        if isinstance(high, str):
+            high = sizes[high] - (dtype.kind == "i")
+        if dtype.kind == "f" and self.finite and not np.isfinite(found).all():
+            raise _wrong(name, "must hold finite numbers, and does not")
+        if self.low is not None and np.any(found < self.low):
+            raise _wrong(name, f"must be {self.low:g} or more, and holds {np.nanmin(found):g}")
+        if high is not None and np.any(found > high):
+            raise _wrong(name, f"must be {high} or less, and holds {np.nanmax(found):g}")
+        step = np.diff(found) if self.order else np.empty(0)
+        if self.order and not (
+            len(found) and np.all(step > 0 if self.order == "rising" else step >= 0)
+        ):
+            raise _wrong(name, f"must hold {self.order} numbers, one or more, and does not")
+
+    def text(self, dtype: np.dtype[Any]) -> str:
+        """Return the same in words."""
+        words = [f"({', '.join(self.shape.split())}) {dtype}"]
+        if self.high is not None:
+            below = isinstance(self.high, str) and dtype.kind != "f"
+            upper = self.high if isinstance(self.high, str) else f"{self.high:g}"
+            low = "(-inf" if self.low is None else f"[{self.low:g}"
+            words += [f"in {low}, {upper}{')' if below else ']'}"]
+        elif self.low is not None:
+            words += [f"≥ {self.low:g}"]
+        return " ".join([*words, *([] if self.finite else ["or NaN"]), self.order]).strip()
+
+
+class Coded(NamedTuple):
+    """How a value that JSON cannot hold is turned into one of a form that it can, and back."""
+
+    encode: Callable[[Any], Any]
+    decode: Callable[[Any], Any]
+    form: Any
+
+
+def taken_apart(value: Any) -> tuple[Arrays, Any]:
+    """Return the arrays in a dataclass, by where they stand, and the rest as JSON can hold it.
+
+    Raises
+    ------
+    ResultError
+        If a field holds what could not be read again.
+    """
+    arrays: Arrays = {}
+    return arrays, _write(type(value), value, "", arrays, {})
+
+
+def put_together(kind: type, arrays: Mapping[str, NDArray[Any]], plain: Any) -> Any:
+    """Return the dataclass that `taken_apart` took apart.
+
+    Raises
+    ------
+    ResultError
+        If something is missing, or is not what a field says; it names the field and the rule.
+    """
+    return _read(kind, plain, "", arrays, {})
+
+
+def described(kind: type, name: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the arrays of a dataclass, by where they stand, each with what it must be."""
+    for field, form in fields_of(kind).items():
+        yield from _described(form, _inside(name, field))
+
+
+def _described(form: Any, name: str) -> Iterator[tuple[str, str]]:
+    mark = _mark(form)
+    if isinstance(mark, Column):
+        yield name, mark.text(_dtype(form))
+    elif _is_record(form) and form is not Scene:
+        yield from described(form, name)
+    elif get_origin(form) in (Union, UnionType):
+        for each in get_args(form):
+            yield from _described(each, name)
+    elif get_args(form) and mark is None:
+        yield from _described(get_args(form)[-1 if _is_mapping(form) else 0], f"{name}.*")
+
+
+def sizes_of(scene: Scene) -> Sizes:
+    """Return the sizes that a scene gives to the arrays of its results."""
+    lattice = scene.lattice
+    return {
+        "dimension": lattice.dimension,
+        "directions": lattice.directions,
+        "axes": len(lattice.axes),
+        "materials": len(scene.cell_materials),
+        "sets of arms": 1 << lattice.directions,
+        "cells": np.array(lattice.shape),
+        "cells and beyond": np.array(lattice.shape) + 1,
+    }
+
+
+# What a form is.
+
+
+@cache
+def fields_of(kind: type) -> dict[str, Any]:
+    """Return what the fields of a dataclass that its constructor takes hold."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {field.name: hints[field.name] for field in fields(kind) if field.init}
+
+
+def _mark(form: Any) -> Column | Coded | None:
+    marks = get_args(form)[1:] if get_origin(form) is Annotated else ()
+    return next((mark for mark in marks if isinstance(mark, Column | Coded)), None)
+
+
+def _dtype(form: Any) -> np.dtype[Any]:
+    array = get_args(form)[0]
+    number: np.dtype[Any] = np.dtype(get_args(get_args(array)[1])[0])
+    return number
+
+
+def _is_mapping(form: Any) -> bool:
+    origin = get_origin(form)
+    return isinstance(origin, type) and issubclass(origin, Mapping)
+
+
+def _is_record(form: Any) -> bool:
+    return isinstance(form, type) and is_dataclass(form)
+
+
+@cache
+def _has_parts(form: Any) -> bool:
+    """Tell whether a form is a dataclass, an array or a `Coded` value, or holds any."""
+    if _is_record(form) or _mark(form) is not None:
+        return True
+    return get_origin(form) not in (None, Annotated, Literal) and any(
+        map(_has_parts, get_args(form))
+    )
+
+
+@cache
+def _adapter(form: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(form)
+
+
+def _inside(name: str, part: object) -> str:
+    return f"{name}.{part}" if name else str(part)
+
+
+def _choices(form: Any, name: str) -> dict[str, Any]:
+    """Return the forms with parts that a union names, by the names of their classes."""
+    choices = {getattr(each, "__name__", ""): each for each in get_args(form) if _has_parts(each)}
+    if len(choices) > 1 and "" in choices:
+        raise TypeError(f"{name}: only one array, or several dataclasses, may be stored here")
+    return choices
+
+
+# The writer and the reader go through the same forms.
+
+
+def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> Any:
+    """Put arrays where they belong, and return the plain rest of a value."""
+    mark, origin = _mark(form), get_origin(form)
+    if isinstance(mark, Column):
+        arrays[name] = np.ascontiguousarray(value).reshape(np.shape(value))
+        mark.check(name, arrays[name], _dtype(form), sizes)
+        return None
+    if isinstance(mark, Coded):
+        return mark.encode(value)
+    if isinstance(value, Scene):
+        text, parts = value.to_archive()
+        arrays |= {_inside(name, key): array for key, array in parts.items()}
+        sizes |= sizes_of(value)
+        return text
+    if not _has_parts(form):
+        return _adapter(form).dump_python(value, mode="json")
+    if _is_record(form):
+        return {
+            field: _write(inner, getattr(value, field), _inside(name, field), arrays, sizes)
+            for field, inner in fields_of(form).items()
+        }
+    if origin in (Union, UnionType):
+        if value is None:
+            return None
+        choices = _choices(form, name)
+        if len(choices) == 1:
+            return _write(next(iter(choices.values())), value, name, arrays, sizes)
+        kind = type(value).__name__
+        return {kind: _write(choices[kind], value, name, arrays, sizes)}
+    parts: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
+    forms = _forms_of_parts(form, len(parts), name)
+    plain = {}
+    for (key, part), inner in zip(parts.items(), forms, strict=True):
+        own = dict(sizes)  # each part has sizes of its own
+        plain[str(key)] = _write(inner, part, _inside(name, key), arrays, own)
+    return plain if _is_mapping(form) else list(plain.values())
+
+
+def _read(
+    form: Any, plain: Any, name: str, arrays: Mapping[str, NDArray[Any]], sizes: Sizes
+) -> Any:
+    """Return a value from its plain part and the arrays below its name."""
+    mark, origin = _mark(form), get_origin(form)
+    if isinstance(mark, Column):
+        if name not in arrays:
+            raise _wrong(name, "is missing")
+        mark.check(name, arrays[name], _dtype(form), sizes)
+        return arrays[name]
+    if isinstance(mark, Coded):
+        return mark.decode(_plain(mark.form, plain, name))
+    if form is Scene:
+        start = _inside(name, "")
+        own = {key.removeprefix(start): a for key, a in arrays.items() if key.startswith(start)}
+        scene = Scene.from_archive(_plain(str, plain, name), own)
+        sizes |= sizes_of(scene)
+        return scene
+    if not _has_parts(form):
+        return _plain(form, plain, name)
+    if _is_record(form):
+        table, made = _holding(dict, plain, name), {}
+        for field, inner in fields_of(form).items():
+            where = _inside(name, field)
+            if field not in table:
+                raise _wrong(where, "is missing")
+            made[field] = _read(inner, table[field], where, arrays, sizes)
+        return form(**made)
+    if origin in (Union, UnionType):
+        choices = _choices(form, name)
+        if type(None) in get_args(form) and plain is None and name not in arrays:
+            return None
+        if len(choices) == 1:
+            return _read(next(iter(choices.values())), plain, name, arrays, sizes)
+        kind = next(iter(_holding(dict, plain, name)), "")
+        if kind not in choices:
+            raise _wrong(name, f"must be of one of the classes {sorted(choices)}, and is {kind!r}")
+        return _read(choices[kind], plain[kind], name, arrays, sizes)
+    if _is_mapping(form):
+        parts = _holding(dict, plain, name)
+    else:
+        parts = {str(key): part for key, part in enumerate(_holding(list, plain, name))}
+    forms = _forms_of_parts(form, len(parts), name)
+    read = {
+        key: _read(inner, part, _inside(name, key), arrays, dict(sizes))
+        for (key, part), inner in zip(parts.items(), forms, strict=True)
+    }
+    return read if _is_mapping(form) else (origin or list)(read.values())
+
+
+def _forms_of_parts(form: Any, count: int, name: str) -> list[Any]:
+    """Return the form of each part of a mapping, list or tuple."""
+    forms = list(get_args(form))
+    if _is_mapping(form) or get_origin(form) is list or forms[-1] is Ellipsis:
+        return [forms[-1] if _is_mapping(form) else forms[0]] * count
+    if len(forms) != count:
+        raise _wrong(name, f"must have {len(forms)} parts, and has {count}")
+    return forms
+
+
+def _holding(kind: type, plain: Any, name: str) -> Any:
+    if not isinstance(plain, kind):
+        what = "a table" if kind is dict else "a list"
+        raise _wrong(name or "json", f"must be {what}, and is {plain!r:.40}")
+    return plain
+
+
+def _plain(form: Any, plain: Any, name: str) -> Any:
+    """Return a value that JSON holds, if it is of a form."""
+    odd = _odd_number(plain)
+    if odd is not None:
+        raise _wrong(name, f"must hold numbers of 64 bits, and holds {odd:.3g}")
+    try:
+        return _adapter(form).validate_json(json.dumps(plain), strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, (name or "json", *first["loc"])))
+        rule = first["msg"].removeprefix("Input should ").replace("be a ", "be ", 1)
+        raise _wrong(where, f"must {rule}, and is {first['input']!r:.40}") from error
+
+
+def _odd_number(value: Any) -> float | None:
+    """Return a number that is NaN, or an integer that is too large to compute with."""
+    if isinstance(value, dict | list):
+        parts = value.values() if isinstance(value, dict) else value
+        return next((odd for odd in map(_odd_number, parts) if odd is not None), None)
+    odd = value != value if isinstance(value, float) else _is_huge(value)
+    return float(value) if odd else None
+
+
+def _is_huge(value: Any) -> bool:
+    return isinstance(value, int) and not -(2**63) <= value < 2**63
+
+
+def _wrong(name: str, what: str) -> ResultError:
+    return ResultError(f"{name!r} {what}")

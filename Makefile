@@ -88,8 +88,8 @@ pages: $(VENV)/.test
 docs: $(VENV)/.docs
 	$(BIN)/python docs/make_pages.py docs/pages
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+	$(BIN)/python -m sphinx -W --keep-going -q -b linkcheck docs docs/_build/links
 	rm -rf site && cp -r docs/_build/html site && cp -r docs/pages site/pages
-	$(BIN)/python docs/check_site.py site
 
 $(VENV)/.docs: $(VENV)/.test
 	$(INSTALL) '.[test,docs]'

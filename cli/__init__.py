@@ -16,7 +16,6 @@ from kaju.errors import KajuError
 
 from . import (
     commands_compare,
-    commands_fit,
     commands_look,
     commands_many,
     commands_run,
@@ -52,7 +51,6 @@ for _verb in (
     commands_look.animate,
     commands_look.page,
     commands_compare.compare,
-    commands_fit.fit,
     commands_many.stress,
     commands_many.sweep,
     commands_scene.materials,

@@ -37,7 +37,7 @@ def sweep(
     run: Annotated[
         str, typer.Option(help="auto (as the scene's rule says), agents, solve or stability.")
     ] = "auto",
-    method: Annotated[str, typer.Option(help="grid, list, sobol, lhs or saltelli.")] = "grid",
+    method: Annotated[str, typer.Option(help="grid, list, sobol or lhs.")] = "grid",
     samples: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="How many points to draw.")
     ] = None,

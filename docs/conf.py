@@ -44,3 +44,4 @@ html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_show_search_summary = False  # it never ends where pages are opened as files
 html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
+linkcheck_ignore = ["https?://.*"]  # only what leads to a place in the site itself is checked

@@ -58,25 +58,6 @@ def test_every_text_is_in_a_menu():
     assert not {text for text in texts - {"index"} if f"\n{text}\n" not in menus}
 
 
-@pytest.mark.parametrize(
-    ("body", "fault"),
-    [
-        ('<a href="other.html#there">x</a>', ""),
-        ('<a href="https://example.org/">x</a>', ""),
-        ('<a href="missing.html">x</a>', "leads nowhere"),
-        ('<a href="other.html#gone">x</a>', "names no anchor"),
-        ('<iframe src="pages/none.html"></iframe>', "leads nowhere"),
-        ('<script src="https://example.org/x.js"></script>', "from outside"),
-    ],
-)
-def test_links_of_the_built_site_are_checked(tmp_path, body, fault):
-    (tmp_path / "other.html").write_text('<h1 id="there">x</h1>')
-    (tmp_path / "index.html").write_text(body)
-    found = script(DOCS / "check_site.py").faults_of(tmp_path)
-    assert len(found) == bool(fault)
-    assert all(fault in line for line in found)
-
-
 def test_the_version_is_told_once():
     assert f"version: {kaju.__version__}\n" in (ROOT / "CITATION.cff").read_text()
 

@@ -1,8 +1,7 @@
 """The verb: run a scene at many points, on many processes, and go on after an interruption.
 
 joblib hands the runs out, in batches sized by what runs have taken so far. A run that kills its
-process takes joblib's other processes with it: the runs under way are then computed one at a time,
-which singles out the one that kills.
+process ends the sweep; with a folder, the rows that were finished are kept, and it goes on there.
 """
 
 from __future__ import annotations
@@ -11,15 +10,13 @@ import gc
 import json
 import os
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from threading import Thread
 from time import sleep
 from typing import TYPE_CHECKING, Any
-from warnings import warn
 
 import numpy as np
 
@@ -28,15 +25,14 @@ from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError, WorkerError
 from kaju.model.scene import Scene, load_scene
 
-from .sweep_job import ERROR, RUN, Measure, Row, SweepJob, begun, by_its_kind
+from .sweep_job import Measure, Row, SweepJob, by_its_kind
 from .sweep_points import Method, SweepPoints, Vary, plain, points_of
-from .sweep_store import identity_of, store_of, write_table
+from .sweep_store import store_of, write_table
 
 if TYPE_CHECKING:
     import pandas
 
 _TRIED = 8  # points that are tried for their scene before anything starts
-DEATHS = 2  # how often a run may kill a process that computes nothing else before it is given up
 
 
 def sweep(
@@ -47,7 +43,6 @@ def sweep(
     samples: int | None = None,
     method: Method = "grid",
     run: Callable[..., Any] = by_its_kind,
-    executor: Executor | None = None,
     workers: int | None = None,
     out: str | Path | None = None,
     seed: int = 0,
@@ -70,23 +65,20 @@ def sweep(
         return a number, or several by name. None: all single figures of the summary.
     samples : int, optional
         Number of points, for the methods that draw them.
-    method : {"grid", "list", "sobol", "lhs", "saltelli"} or sequence of mappings
+    method : {"grid", "list", "sobol", "lhs"} or sequence of mappings
         "grid": every combination of the values. "list": the values go together one by one.
-        "sobol", "lhs": samples of the distributions (lists are drawn from evenly). "saltelli":
-        samples from which SALib makes Sobol indices (see docs/sweeps.md). Or the points
-        themselves, with an empty `vary`.
+        "sobol", "lhs": samples of the distributions (lists are drawn from evenly). Or the
+        points themselves, with an empty `vary`.
     run : callable
         What is done with every subject: a function such as `kaju.solve`, `kaju.stability` or
         ``functools.partial(kaju.creep, times=[1.0])``, or the class of a model, yours or
         kaju's. Unless given, scenes with a prescribed rule are run by `LoadModel`, other scenes
         and networks solved. A function that takes `rng` is given a seed of its own at every
         point.
-    executor : concurrent.futures.Executor, optional
-        Goes in 0.4; take a back end of joblib instead: inside
-        ``with joblib.parallel_config(backend="dask")`` a cluster of Dask computes.
     workers : int, optional
         How many runs are computed at a time; as many as there are processors unless given. 1
-        computes in this process.
+        computes in this process; inside ``with joblib.parallel_config(backend="dask")`` a
+        cluster of Dask computes.
     out : path, optional
         A folder: rows are kept there as they are finished, in a SQLite database, and in the end
         as ``table.parquet``. The same call again computes only what is missing.
@@ -110,7 +102,7 @@ def sweep(
     ResultFileError
         If the folder holds another sweep, or cannot be written.
     WorkerError
-        If no worker is left to compute; what was finished is kept in `out`.
+        If a run kills its process; what was finished is kept in `out`.
 
     Examples
     --------
@@ -125,15 +117,9 @@ def sweep(
     job = SweepJob(subject, run, _checked(measure), seed)
     _try_scenes(job, points)
     workers = _whole("workers", workers or _processors(), 1)
-    if executor is not None:
-        warn(
-            "sweep(executor=) goes in kaju 0.4; use joblib.parallel_config(backend=...)",
-            DeprecationWarning,
-            stacklevel=2,
-        )
     with store_of(Path(out) if out is not None else None, _described(job, points, samples)) as rows:
         missing = rows.missing(len(points))
-        came = _rows_of(job, points, missing, min(workers, len(missing)), executor)
+        came = _rows_of(job, points, missing, min(workers, len(missing)))
         with closing(came), _bar(len(points), len(points) - len(missing), progress) as advance:
             for row in came:
                 rows.add(row)
@@ -188,6 +174,8 @@ def _try_scenes(job: SweepJob, points: SweepPoints) -> None:
 
 def _described(job: SweepJob, points: SweepPoints, samples: int | None) -> dict[str, Any]:
     """Return what is asked, and a digest by which the same sweep is recognised."""
+    from joblib import hash as digest
+
     measure: Any = job.measure
     if isinstance(measure, str) or callable(measure):
         measure = [_named(measure)]
@@ -201,19 +189,10 @@ def _described(job: SweepJob, points: SweepPoints, samples: int | None) -> dict[
         "points": len(points),
         "seed": job.seed,
     }
-
-    def parts() -> Iterator[bytes]:
-        yield json.dumps(about, default=str).encode()
-        if isinstance(job.subject, Scene):
-            text, arrays = job.subject.to_archive()
-            yield text.encode()
-            for name, array in sorted(arrays.items()):
-                yield name.encode()
-                yield np.ascontiguousarray(array).tobytes()
-        for number in range(len(points)):
-            yield json.dumps(points[number], default=str).encode()
-
-    return about | {"kaju_version": __version__, "identity": identity_of(parts())}
+    scene = job.subject.to_archive() if isinstance(job.subject, Scene) else None
+    values = [json.dumps(points[number], default=str) for number in range(len(points))]
+    identity = digest((json.dumps(about, default=str), scene, values))
+    return about | {"kaju_version": __version__, "identity": identity}
 
 
 def _named(what: Any) -> str:
@@ -228,86 +207,28 @@ def _named(what: Any) -> str:
 
 
 def _rows_of(
-    job: SweepJob, points: SweepPoints, runs: Ints, workers: int, executor: Executor | None
+    job: SweepJob, points: SweepPoints, runs: Ints, workers: int
 ) -> Generator[Row, None, None]:
     """Yield the rows of runs as they are finished."""
-    if executor is not None:
-        yield from _rows_by(executor, job, points, runs, workers)
-        return
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    groups = [list(map(int, runs))] if len(runs) else []
-    deaths: dict[int, int] = {}
-    while groups:
-        group = groups.pop()
-        under_way: dict[int, bool] = {}
-        try:
-            for row in _parallel(job, points, group, workers, under_way):
-                del under_way[row[RUN]]
-                yield row
-        except TerminatedWorkerError:
-            started, rest = list(under_way), group[group.index(max(under_way)) + 1 :]
-            groups += [rest] if rest else []
-            if len(group) == 1:
-                deaths[group[0]] = deaths.get(group[0], 0) + 1
-            if deaths.get(started[0], 0) == DEATHS:
-                why = "WorkerError: the process that computed it died, twice"
-                yield begun(started[0], points[started[0]]) | {ERROR: why}
-            else:
-                groups += [[run] for run in started]
-        except Exception as error:  # not of a run: those are in their rows
-            raise WorkerError(
-                f"sweep: the workers failed with {type(error).__name__}: {error}; the rows that "
-                "were finished are kept in out=, and the same sweep goes on from there"
-            ) from error
-
-
-def _parallel(
-    job: SweepJob, points: SweepPoints, runs: list[int], workers: int, started: dict[int, bool]
-) -> Iterable[Row]:
-    """Let joblib compute some runs; `started` holds those that have been handed out."""
     from joblib import Parallel, delayed
 
-    def handed_out() -> Iterator[Any]:
-        for run in runs:
-            started[run] = True
-            yield delayed(job.row)(run, points[run])
-
-    # A single run that may kill its process must not run in this one.
-    count = max(workers, 2) if len(runs) == 1 and workers > 1 else workers
+    if not len(runs):
+        return
     parallel = Parallel(
-        n_jobs=count,
+        n_jobs=workers,
         return_as="generator_unordered",
         mmap_mode=None,
         # Not with a worker's first run: if this process is killed before it, the worker stays.
         initializer=_settle_in,
         initargs=(os.getpid(),),
     )
-    rows: Iterable[Row] = parallel(handed_out())
-    return rows
-
-
-def _rows_by(
-    executor: Executor, job: SweepJob, points: SweepPoints, runs: Ints, workers: int
-) -> Iterator[Row]:
-    """Yield the rows of runs that another executor computes."""
-    pieces = np.array_split(runs, min(len(runs), 16 * workers))
     try:
-        futures = [
-            executor.submit(_rows_at, job, [(int(run), points[int(run)]) for run in piece])
-            for piece in pieces
-        ]
-        for future in as_completed(futures):
-            yield from future.result()
-    except Exception as error:
+        yield from parallel(delayed(job.row)(int(run), points[int(run)]) for run in runs)
+    except Exception as error:  # not of a run: those are in their rows
         raise WorkerError(
-            f"executor: failed with {type(error).__name__}: {error}; the rows that were "
-            "finished are kept in out=, and the same sweep goes on from there"
+            f"sweep: the workers failed with {type(error).__name__}: {error}; the rows that "
+            "were finished are kept in out=, and the same sweep goes on from there"
         ) from error
-
-
-def _rows_at(job: SweepJob, batch: list[tuple[int, Mapping[str, Any]]]) -> list[Row]:
-    return [job.row(run, point) for run, point in batch]
 
 
 def _settle_in(home: int) -> None:

@@ -1,9 +1,8 @@
 """Which points of the varied quantities are run.
 
 Grids take every combination of the values given. The other methods draw points of the unit cube
-and read them through the distributions: Latin hypercubes (McKay, Beckman & Conover 1979),
-scrambled Sobol sequences (Owen 1998), and Saltelli's arrangement of them, from which Sobol
-indices follow (Saltelli et al. 2010).
+and read them through the distributions: Latin hypercubes (McKay, Beckman & Conover 1979) and
+scrambled Sobol sequences (Owen 1998).
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from kaju.agents.materials import suggestion
-from kaju.errors import ParameterError, needing
+from kaju.errors import ParameterError
 
 Vary = Mapping[str, Any]
 Method = str | Sequence[Mapping[str, Any]]
 
 GRID, LISTED = "grid", "list"
-SAMPLED = ("sobol", "lhs", "saltelli")
+SAMPLED = ("sobol", "lhs")
 MOST_POINTS = 10_000_000
 
 
@@ -123,16 +122,10 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPo
             f"samples: Sobol points are balanced only in powers of two; take {below} or "
             f"{2 * below} instead of {samples}, or method='lhs'"
         )
-    if method == "saltelli":
-        with needing("Saltelli's points need SALib: pip install 'kaju[sweep]'"):
-            from SALib.sample import sobol
-        cube = {"num_vars": len(vary), "bounds": [[0.0, 1.0]] * len(vary), "names": list(vary)}
-        unit = sobol.sample(cube, samples, calc_second_order=False, seed=seed)
-    else:
-        from scipy.stats import qmc
+    from scipy.stats import qmc
 
-        engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
-        unit = engine(len(vary), seed=seed).random(samples)
+    engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
+    unit = engine(len(vary), seed=seed).random(samples)
     unit = np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
     columns: dict[str, Sequence[Any]] = {}
     for (key, given), column in zip(vary.items(), unit.T, strict=True):

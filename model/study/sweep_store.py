@@ -6,14 +6,12 @@ A run has one row: whatever is computed twice counts once.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
 
 import numpy as np
 
@@ -26,9 +24,7 @@ from .sweep_job import ERROR, RUN, Row
 if TYPE_CHECKING:
     import pandas
 
-STORE, TABLE, _LOCK = "sweep.sqlite", "table.parquet", ".lock.sqlite"
-PATIENCE = 10.0
-"""Seconds to wait for another sweep of the same folder to end."""
+STORE, TABLE = "sweep.sqlite", "table.parquet"
 
 
 class SweepStore:
@@ -44,15 +40,14 @@ class SweepStore:
 
     def add(self, row: Row) -> None:
         """Keep a row."""
-        text = json.dumps(row)
-        values = (row[RUN], text, crc32(text.encode()))
-        self._database.execute("INSERT OR IGNORE INTO rows VALUES (?, ?, ?)", values)
+        values = row[RUN], json.dumps(row)
+        self._database.execute("INSERT OR IGNORE INTO rows VALUES (?, ?)", values)
 
     def about(self) -> dict[str, Any]:
         """Return what the sweep is."""
-        ((text, check),) = self._database.execute("SELECT * FROM about")
+        ((text,),) = self._database.execute("SELECT * FROM about")
         about: dict[str, Any] = json.loads(text)
-        if check != crc32(text.encode()) or "identity" not in about:
+        if "identity" not in about:
             raise ValueError("it does not describe a sweep")
         return about
 
@@ -61,9 +56,9 @@ class SweepStore:
         import pandas
 
         rows = []
-        for run, text, check in self._database.execute("SELECT * FROM rows ORDER BY run"):
+        for run, text in self._database.execute("SELECT * FROM rows ORDER BY run"):
             row = json.loads(text)
-            if check != crc32(text.encode()) or row[RUN] != run:
+            if row[RUN] != run:
                 raise ValueError(f"the row of run {run} is damaged")
             rows.append(row)
         table = pandas.DataFrame.from_records(rows, columns=None if rows else [RUN, ERROR])
@@ -93,9 +88,9 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
         strangers = [path.name for path in out.iterdir()]
     except OSError as error:
         raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
-    if strangers and not {STORE, _LOCK} & set(strangers):
+    if strangers and STORE not in strangers:
         raise ResultFileError(f"{out}: is not empty ({strangers[0]}); take another folder")
-    with _alone(out), _opened(out) as database:
+    with _opened(out) as database:
         with _reading(out):
             _begin(database, about)
             identity = SweepStore(database).about()["identity"]
@@ -124,24 +119,15 @@ def load_sweep(folder: str | Path) -> pandas.DataFrame:
         return SweepStore(database).table()
 
 
-def identity_of(parts: Iterable[bytes]) -> str:
-    """Return a digest by which a sweep is recognised."""
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(len(part).to_bytes(8, "big") + part)
-    return digest.hexdigest()
-
-
 def _begin(database: sqlite3.Connection, about: dict[str, Any]) -> None:
     """Make the tables of a new store; leave those that are there."""
     with database:  # one transaction
         database.execute("BEGIN IMMEDIATE")
         if not database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-            database.execute("CREATE TABLE about (text, crc)")
-            database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text, crc)")
+            database.execute("CREATE TABLE about (text)")
+            database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text)")
             text = json.dumps(about, default=str)
-            row = text, crc32(text.encode())
-            database.execute("INSERT INTO about VALUES (?, ?)", row)
+            database.execute("INSERT INTO about VALUES (?)", (text,))
 
 
 @contextmanager
@@ -163,20 +149,3 @@ def _reading(folder: Path) -> Iterator[None]:
             f"{folder / STORE}: cannot be read ({error}); delete it, and its runs are computed "
             "again"
         ) from error
-
-
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Hold the lock of a folder, which the system takes away with the process."""
-    with ExitStack() as held:
-        try:
-            lock = sqlite3.connect(out / _LOCK, timeout=PATIENCE, isolation_level=None)
-            held.callback(lock.close)
-            lock.execute("BEGIN EXCLUSIVE")
-        except sqlite3.OperationalError as error:
-            if "locked" not in str(error):
-                raise ResultFileError(f"{out}: cannot be written: {error}") from error
-            raise ResultFileError(
-                f"{out}: another sweep is writing to this folder; wait for it to end"
-            ) from None
-        yield

@@ -79,26 +79,12 @@ def members(session):
     return found
 
 
-def computes(process):
-    """Whether it is a worker, not what counts joblib's semaphores."""
-    try:
-        return b"LokyProcess" in Path(f"/proc/{process}/cmdline").read_bytes()
-    except OSError:
-        return False
-
-
-def kill_once(out, whom, after):
-    """Kill the sweep, or a worker of it; return the orphans that stay."""
+def kill_once(out, after):
+    """Kill the sweep; return the orphans that stay."""
     process = start(out)
     time.sleep(after)
-    victims = [process.pid]
-    if whom == "worker":
-        children = members(process.pid).items()
-        victims = [p for p, parent in children if parent == process.pid and computes(p)]
-    if victims and process.poll() is None:
-        os.kill(random.choice(victims), signal.SIGKILL)
-    if whom == "worker":
-        assert process.wait(60) == 0
+    if process.poll() is None:
+        process.kill()
     process.wait(60)
     process.stdout.close()
     deadline = time.monotonic() + 15.0  # a worker that starts has to import first
@@ -114,8 +100,7 @@ def kill_often(kills, folder, seed=0):
     while number < kills:
         out = str(Path(folder) / f"sweep-{tables}")
         while number < kills and not (Path(out) / "table.parquet").exists():
-            whom = ("parent", "parent", "worker")[number % 3]
-            orphans += len(kill_once(out, whom, random.uniform(0.0, 2.6)))
+            orphans += len(kill_once(out, random.uniform(0.0, 2.6)))
             number += 1
         table = run_slow(out, workers=1)
         tables += 1
@@ -123,7 +108,7 @@ def kill_often(kills, folder, seed=0):
         assert table["square"].tolist() == [x * x for x in range(RUNS)]
         assert (table["error"] == "").all()
         left = sorted(path.name for path in Path(out).iterdir())
-        assert left == [".lock.sqlite", "sweep.sqlite", "table.parquet"], left
+        assert left == ["sweep.sqlite", "table.parquet"], left
     return {"kills": number, "tables": tables, "orphans": orphans}
 
 

@@ -9,7 +9,6 @@ import sweep_work
 from hypothesis import given
 from hypothesis import strategies as st
 from plates import PLATE, plate
-from SALib.analyze import sobol
 from scipy import stats
 
 import kaju
@@ -134,14 +133,6 @@ def test_a_failed_point_is_a_row_with_its_error():
     assert table["load_taken"].isna().tolist() == [False, False, True, True]
 
 
-def test_a_run_that_kills_its_process_is_known_by_it():
-    table = sweep(sweep_work.deadly, {"x": [12, 13, 14]}, workers=2, progress=False)
-    assert table["run"].tolist() == [0, 1, 2]
-    dead = table["x"] == 13
-    assert table["error"][dead].item() == "WorkerError: the process that computed it died, twice"
-    assert table["square"][~dead].tolist() == [144, 196]
-
-
 def test_seeds_are_independent_and_repeatable():
     points = {"x": [0.0] * 64}
     first, again = (alone(sweep_work.drawn, points)["value"] for _ in range(2))
@@ -182,18 +173,6 @@ def test_points_that_are_given_and_lists_that_go_together():
     together = alone(sweep_work.square, {"x": [1.0, 2.0], "y": [3.0, 4.0]}, method="list")
     given_ones = alone(sweep_work.square, {}, method=[{"x": 1.0, "y": 3.0}, {"x": 2.0, "y": 4.0}])
     assert together["square"].tolist() == given_ones["square"].tolist() == [4.0, 8.0]
-
-
-def test_saltellis_points_are_what_salib_reads():
-    # x² + y on [0, 1]²: variances 4/45 and 1/12, nothing together.
-    share = (4 / 45) / (4 / 45 + 1 / 12)
-    ranges = {"x": stats.uniform(0, 1), "y": stats.uniform(0, 1)}
-    sampled = alone(sweep_work.square, ranges, samples=1024, method="saltelli")
-    assert len(sampled) == 1024 * 4
-    problem = {"num_vars": 2, "names": ["x", "y"]}
-    found = sobol.analyze(problem, sampled["square"].to_numpy(), calc_second_order=False, seed=0)
-    np.testing.assert_allclose(found["S1"], [share, 1 - share], atol=0.02)
-    np.testing.assert_allclose(found["ST"], [share, 1 - share], atol=0.02)
 
 
 BETA = {"rule.beta": [1.0]}

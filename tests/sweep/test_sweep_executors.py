@@ -1,10 +1,9 @@
-"""Sweeps on everybody's executors: all end with the same table."""
+"""Sweeps on everybody's back ends: all end with the same table."""
 
 import os
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 
 import joblib
@@ -22,12 +21,9 @@ def own(**options):
     return sweep(sweep_work.square, points, **{"workers": 2, "progress": False} | options)
 
 
-def test_threads_and_an_executor():
+def test_threads():
     with joblib.parallel_config(backend="threading"):
         assert own().equals(own(workers=1))
-    with ThreadPoolExecutor(2) as threads, pytest.warns(DeprecationWarning, match="0.4"):
-        found = own(executor=threads)
-    assert found.equals(own())
 
 
 @contextmanager
@@ -72,13 +68,9 @@ def test_dask_over_tcp(tmp_path):
         assert there.equals(sweep(scene, vary, workers=1, progress=False))
 
 
-def test_an_executor_that_fails_is_named_and_its_rows_are_kept(tmp_path):
+def test_a_run_that_kills_its_process_ends_the_sweep_and_the_rows_are_kept(tmp_path):
     points = {"x": list(range(40))}
-    with (
-        ProcessPoolExecutor(1) as executor,
-        pytest.warns(DeprecationWarning, match="parallel_config"),
-        pytest.raises(kaju.KajuError, match="executor: failed with BrokenProcessPool"),
-    ):
-        sweep(sweep_work.deadly, points, executor=executor, workers=1, out=tmp_path, progress=False)
+    with pytest.raises(kaju.KajuError, match="TerminatedWorkerError"):
+        sweep(sweep_work.deadly, points, workers=2, out=tmp_path, progress=False)
     rows = load_sweep(tmp_path)
     assert rows["square"].tolist() == [x * x for x in rows["x"]]

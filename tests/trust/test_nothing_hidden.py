@@ -2,16 +2,9 @@
 
 import ast
 import os
-import re
-import runpy
 import subprocess
 import sys
-import tomllib
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError
-from pathlib import Path
 
-import pytest
 from parsed_sources import HOME, parsed
 
 CODE = {"eval", "exec", "compile", "__import__"}
@@ -87,22 +80,3 @@ def test_no_network_is_needed(tmp_path):
         env={**os.environ, "MPLBACKEND": "agg"},
     )
     assert run.stdout.endswith("done\n"), run.stderr[-800:]
-
-
-def test_licences_are_listed_as_they_are():
-    here = Path(__file__).parents[2]
-    licences = here / "docs" / "licences.md"
-    if not licences.exists() or not (here / "pyproject.toml").exists():
-        pytest.skip("the documents are not here")
-    project = tomllib.loads((here / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"]
-    asked = [*project["dependencies"], *(text for name in extras for text in extras[name])]
-    names = {re.split(r"[^\w.-]", text)[0] for text in asked} - {"kaju"}
-    rows = re.findall(r"^\| ([^|]+) \| (`.*) \|$", licences.read_text(), re.M)
-    listed = {name: told for told, row in rows for name in re.findall(r"`([^`]+)`", row)}
-    assert set(listed) == names
-    licence_of = runpy.run_path(str(here / "docs" / "list_licences.py"))["licence_of"]
-    for name, told in listed.items():
-        with suppress(PackageNotFoundError):
-            # Versions of a package state the same licence at different lengths.
-            assert re.split(r"\W", told)[0] == re.split(r"\W", licence_of(name))[0], name

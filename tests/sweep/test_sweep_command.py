@@ -30,7 +30,7 @@ def test_a_sweep_from_the_command(swept):
     assert done.exit_code == 0, done.output
     assert done.output.startswith("2 runs, 0 failed")
     assert table_of(out)["load_taken"].round(6).tolist() == [12.879375, 21.104766]
-    names = [".lock.sqlite", "effects.png", "sweep.sqlite", "table.parquet"]
+    names = ["effects.png", "sweep.sqlite", "table.parquet"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert swept(*words)[1].output == done.output  # nothing is computed again
 

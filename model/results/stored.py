@@ -241,10 +241,10 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
             return _write(next(iter(choices.values())), value, name, arrays, sizes)
         kind = type(value).__name__
         return {kind: _write(choices[kind], value, name, arrays, sizes)}
-    parts: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
-    forms = _forms_of_parts(form, len(parts), name)
+    within: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
+    forms = _forms_of_parts(form, len(within), name)
     plain = {}
-    for (key, part), inner in zip(parts.items(), forms, strict=True):
+    for (key, part), inner in zip(within.items(), forms, strict=True):
         own = dict(sizes)  # each part has sizes of its own
         plain[str(key)] = _write(inner, part, _inside(name, key), arrays, own)
     return plain if _is_mapping(form) else list(plain.values())

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.cells.leaf_cells import LeafCells, morton
+from kaju.model.elastic.pair.quadtree import LeafCells, morton
 from kaju.model.elastic.posed_body import PosedBody, covering
 from kaju.model.scene.box_kinds import MIXED
 

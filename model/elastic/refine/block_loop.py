@@ -20,7 +20,6 @@ from kaju.model.elastic.bounds.bounds_of_blocks import boxes_of_blocks
 from kaju.model.elastic.bounds.energy_bounds import PROVED_AT
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields
-from kaju.model.elastic.cells.leaf_cells import LeafCells, morton
 from kaju.model.elastic.multigrid import block_kernels as kernels
 from kaju.model.elastic.multigrid.block_cycle import BlockCycle, Root
 from kaju.model.elastic.multigrid.block_types import PLACES
@@ -28,6 +27,7 @@ from kaju.model.elastic.multigrid.blocks import BlockOperator, Window
 from kaju.model.elastic.multigrid.forest import ACROSS, Forest, first_forest, offsets
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import WORST
+from kaju.model.elastic.pair.quadtree import LeafCells, morton
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.problem import is_rubber
 from kaju.model.elastic.refine.estimator import Indicator

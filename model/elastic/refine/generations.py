@@ -23,10 +23,10 @@ from kaju.model.elastic.cells.cell_fields import (
     touching_alike,
 )
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
-from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.goals.goal_regions import located
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.nested import relative_error
+from kaju.model.elastic.pair.quadtree import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.estimator import Indicator, indicate

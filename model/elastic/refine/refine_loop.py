@@ -23,7 +23,6 @@ from kaju.model.elastic.bounds.energy_bounds import (
 )
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
-from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.cells.leaf_supports import HALVED, first_agents
 from kaju.model.elastic.multigrid.krylov import Iteration
 from kaju.model.elastic.multigrid.nested import (
@@ -33,6 +32,7 @@ from kaju.model.elastic.multigrid.nested import (
     relative_error,
     settle,
 )
+from kaju.model.elastic.pair.quadtree import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.refine.estimator import Indicator, indicate
 from kaju.model.elastic.refine.generations import Generation, Spawning

@@ -8,10 +8,10 @@ import numpy as np
 
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
-from kaju.model.elastic.cells.leaf_cells import LeafCells
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import Asked, aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
+from kaju.model.elastic.pair.quadtree import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.refine.block_loop import spawner_of
 from kaju.model.elastic.refine.generations import Spawning

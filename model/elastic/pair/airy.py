@@ -1,0 +1,411 @@
+"""The opinion that balances: a stress that hands on exactly what arrives.
+
+First agents, as rigid blocks, hand on forces and couples by their edges: the least squares of
+the tractions that balance all loads. Airy's function then makes of this stress the one of least
+complementary energy. It has no traction on free edges: there phi and its slopes are those of a
+linear function, one for each stretch of free edges; along a roller the slope across is constant.
+Round a hole that bears forces of unknown size phi takes several values: beyond a cut from the hole
+to the right, vertices have copies, which differ by a linear function with three unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.factors import factors_of
+from kaju.model.elastic.pair.displacement import followed
+from kaju.model.elastic.pair.elements import airy_of_tractions, forms
+from kaju.model.elastic.pair.levels import Blocks
+from kaju.model.elastic.pair.mesh import Mesh
+from kaju.model.elastic.pair.sides import Sides, corner_numbers
+
+
+def compliance(law: Floats) -> Floats:
+    """Return the compliances of like and unlike normal stresses, and of shear; shape (3, n)."""
+    stretch, lateral, shear = law
+    area = (stretch - lateral) * (stretch + lateral)
+    return np.stack([stretch / area, -lateral / area, 1.0 / shear])
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """The vertices as agents see them: beyond a cut they see copies, where phi has jumped."""
+
+    corner: Ints  # Vertices or copies at the agents' corners; shape (n, 4)
+    base: Ints  # The vertex, or earlier copy, that each copy is of; shape (copies,)
+    cut: Ints  # The cut beyond which it lies; shape (copies,)
+    part: Ints  # Part of the body that each cut lies in; shape (cuts,)
+    closed: Flags  # Which of a cut's forces along x and y, and couple, are none; shape (cuts, 3)
+
+
+def loops_of(mesh: Mesh) -> list[Ints]:
+    """Return the rows of the border's edges in the order of a walk, loop by loop."""
+    start, end = mesh.along()
+    following = np.full(mesh.vertices, -1)
+    following[start] = np.arange(len(start))
+    step, left = following[end].tolist(), [True] * len(start)
+    loops = []
+    for first in range(len(start)):
+        loop = []
+        while left[first]:
+            left[first] = False
+            loop.append(first)
+            first = step[first]
+        if loop:
+            loops.append(np.array(loop))
+    return loops
+
+
+def sheets_of(mesh: Mesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets:
+    """Cut the body to the right of every hole that something holds."""
+    start, end = mesh.along()
+    place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
+    base, cut, parts, closed = [], [], [], []
+    count = mesh.vertices
+    for loop in loops:
+        a, b = place[start[loop]], place[end[loop]]
+        inside = np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) < 0.0
+        if not inside or sides.given[loop].all():
+            continue
+        right = a[:, 0] == max(a[:, 0].max(), b[:, 0].max())
+        right &= a[:, 0] == b[:, 0]
+        height = min(a[right, 1].min(), b[right, 1].min()) + 0.5
+        # An agent on the cut sees what lies below it with the jump.
+        on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= a[right][0, 0])
+        below = on[:, None] & (place[mesh.corner][..., 1] < height)
+        own = np.unique(corner[below])
+        # Of a vertex that no other agent sees the copy would stand alone.
+        own = own[np.isin(own, corner[~below])]
+        table = np.arange(count)
+        table[own] = count + np.arange(len(own))
+        corner = np.where(below, table[corner], corner)
+        base.append(own)
+        cut.append(np.full(len(own), len(parts)))
+        count += len(own)
+        parts.append(part[mesh.owner[loop[0]]])
+        given = sides.given[loop].all(axis=0)
+        closed.append([given.all(), given[1], given[0]])
+    nothing = np.zeros(0, dtype=np.int64)
+    return Sheets(
+        corner,
+        np.concatenate([nothing, *base]),
+        np.concatenate([nothing, *cut]),
+        np.array(parts, dtype=np.int64),
+        np.array(closed, dtype=np.bool_).reshape(-1, 3),
+    )
+
+
+class _Follow:
+    """Rows that say what unknowns are by others."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.rows: list[Ints] = []
+        self.columns: list[Ints] = []
+        self.values: list[Floats] = []
+        self.follows = np.zeros(size, dtype=np.bool_)
+
+    def add(self, rows: Ints, columns: Ints, values: Floats | float) -> None:
+        self.rows.append(rows)
+        self.columns.append(np.broadcast_to(columns, rows.shape))
+        self.values.append(np.broadcast_to(values, rows.shape))
+        self.follows[rows] = True
+
+    def way(self) -> sp.csr_array:
+        own = np.flatnonzero(~self.follows)
+        rows, columns = np.concatenate([own, *self.rows]), np.concatenate([own, *self.columns])
+        values = np.concatenate([np.ones(len(own)), *self.values])
+        return followed(rows, columns, values, self.size)
+
+
+class Airy:
+    """Unknowns of phi: of vertices, copies and edges, then three for each cut."""
+
+    def __init__(self, mesh: Mesh, sides: Sides, cell: int) -> None:
+        self.mesh, self.sides, self.cell = mesh, sides, cell
+        self.part = mesh.parts()
+        self.loops = loops_of(mesh)
+        self.sheets = sheets_of(mesh, sides, self.loops, self.part)
+        self.points = mesh.vertices + len(self.sheets.base)
+        self.jump = 3 * self.points + mesh.edges
+        self.size = self.jump + 3 * len(self.sheets.part)
+        self.place = np.concatenate([mesh.place, np.zeros((len(self.sheets.base), 2))]) / cell
+        for copy, base in enumerate(self.sheets.base.tolist(), mesh.vertices):
+            self.place[copy] = self.place[base]
+
+    def blocks(self, laws: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
+        """Return the compliance of the agents and of the beds."""
+        dof = np.concatenate(
+            [corner_numbers(self.sheets.corner), 3 * self.points + self.mesh.edge], axis=1
+        )
+        one, h = np.ones_like(size), size
+        scale = np.stack([*[one, h, h] * 4, *[h] * 4], axis=1)
+        matrices = [
+            (agents, np.einsum("kij,k->ij", forms(True), compliance(own[:, None])[:, 0]))
+            for agents, own in laws
+        ]
+        return Blocks(dof, matrices, size**-2.0, scale, self.size, self._beds())
+
+    def _beds(self) -> sp.csr_array | None:
+        beds = np.flatnonzero(self.sides.bed > 0.0)
+        if not len(beds):
+            return None
+        rows = self.bed_rows(beds)
+        length = self.mesh.length[self.mesh.border[beds]] / self.cell
+        even = (length / self.sides.bed[beds])[:, None, None]
+        mass = sp.block_diag(list(even * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])), format="csr")
+        return sp.csr_array(rows.T @ mass @ rows)
+
+    def bed_rows(self, beds: Ints) -> sp.csr_array:
+        """Return the tractions across beds at both ends of edges by phi: its second derivative."""
+        mesh = self.mesh
+        start, end = (self._seen(beds, at) for at in (0, 1))
+        length = mesh.length[mesh.border[beds]] / self.cell
+        slope = np.where(mesh.side[beds] < 2, 1, 2)
+        columns = np.stack([3 * start, 3 * start + slope, 3 * end, 3 * end + slope], axis=1)
+        low = np.stack([-6 / length**2, -4 / length, 6 / length**2, -2 / length], axis=1)
+        high = np.stack([6 / length**2, 2 / length, -6 / length**2, 4 / length], axis=1)
+        values = np.stack([low, high], axis=1).ravel()
+        at = np.repeat(np.arange(2 * len(beds)), 4), np.repeat(columns, 2, axis=0).ravel()
+        return sp.csr_array((values, at), shape=(2 * len(beds), self.size))
+
+    def _seen(self, rows: Ints, end: int) -> Ints:
+        """Return the vertices or copies at the ends of border edges, as their agents see them."""
+        mesh = self.mesh
+        from_edge = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])[mesh.side[rows], end]
+        return np.asarray(self.sheets.corner[mesh.owner[rows], from_edge])
+
+    def way(self) -> tuple[sp.csr_array, Ints]:
+        """Return what all unknowns are by the free ones, and which these are."""
+        self._follow = _Follow(self.size)
+        fixed = np.zeros(self.size, dtype=np.bool_)
+        self._hang()
+        self._jump(self.mesh.vertices + np.arange(len(self.sheets.base)), self.sheets.base, 1.0)
+        begun: set[int] = set()
+        for loop in sorted(
+            self.loops, key=lambda rows: not self.sides.given[rows].all(axis=1).any()
+        ):
+            first = self._walk(loop, fixed)
+            own = int(self.part[self.mesh.owner[loop[0]]])
+            # A linear function has no stress: phi and its slopes vanish somewhere in every part.
+            if own not in begun:
+                begun.add(own)
+                fixed[3 * first] = True
+                vertices = self.mesh.along()[0][loop]
+                for k in (1, 2):
+                    unknown = 3 * vertices + k
+                    fixed[unknown[~self._follow.follows[unknown]][0]] = True
+        self._close(fixed)
+        free = np.flatnonzero(~(self._follow.follows | fixed))
+        return sp.csr_array(self._follow.way()[:, free]), free
+
+    def _jump(self, copy: Ints, base: Ints, sign: float, cuts: Ints | None = None) -> None:
+        """Say that phi at copies is that at their vertices, and the linear function of the cut."""
+        cuts = self.sheets.cut if cuts is None else cuts
+        x, y = self.place[copy].T
+        jump = self.jump + 3 * cuts
+        for k in range(3):
+            if len(copy):
+                self._follow.add(3 * copy + k, 3 * base + k, 1.0)
+        for k, by, value in ((0, 0, 1.0), (0, 1, x), (0, 2, y), (1, 1, 1.0), (2, 2, 1.0)):
+            if len(copy):
+                self._follow.add(3 * copy + k, jump + by, sign * np.broadcast_to(value, len(copy)))
+
+    def _chain(self, vertex: int) -> list[int]:
+        """Return the cuts that a copy lies beyond."""
+        found = []
+        while vertex >= self.mesh.vertices:
+            found.append(int(self.sheets.cut[vertex - self.mesh.vertices]))
+            vertex = int(self.sheets.base[vertex - self.mesh.vertices])
+        return found
+
+    def _hang(self) -> None:
+        """Let the middles of whole edges, and the bulges of their halves, follow these."""
+        mesh, follow, corner = self.mesh, self._follow, self.sheets.corner
+        owner, number = np.zeros(mesh.edges, dtype=np.int64), np.zeros(mesh.edges, dtype=np.int64)
+        owner[mesh.edge.ravel()] = np.repeat(np.arange(len(mesh.edge)), 4)
+        number[mesh.edge.ravel()] = np.tile(np.arange(4), len(mesh.edge))
+        at = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])
+
+        def seen(edge: Ints, end: int) -> Ints:
+            return np.asarray(corner[owner[edge], at[number[edge], end]])
+
+        # Ends and middle as they are seen from one sheet: that of the smaller agents, or, where
+        # a cut runs between these, that of the whole edge and of the half that sees its end.
+        first, second = mesh.halves
+        middle, axis = mesh.middle, mesh.axis[mesh.whole]
+        view = seen(first, 1)
+        torn = view != seen(second, 0)
+        start = np.where(torn, seen(mesh.whole, 0), seen(first, 0))
+        end = np.where(torn, seen(mesh.whole, 1), seen(second, 1))
+        view = np.where(torn & (seen(first, 0) != start), seen(second, 0), view)
+        length = mesh.length[mesh.whole] / self.cell
+        along, across = 1 + axis, 2 - axis
+        bulge = 3 * self.points + mesh.whole
+        for vertex, sign in ((start, 1.0), (end, -1.0)):
+            follow.add(3 * middle, 3 * vertex, 0.5)
+            follow.add(3 * middle, 3 * vertex + along, sign * length / 8.0)
+            follow.add(3 * middle + along, 3 * vertex, -sign * 1.5 / length)
+            follow.add(3 * middle + along, 3 * vertex + along, -0.25)
+            follow.add(3 * middle + across, 3 * vertex + across, 0.5)
+        follow.add(3 * middle + across, bulge, 1.0)
+        for half in mesh.halves:
+            follow.add(3 * self.points + half, bulge, 0.25)
+        if not len(self.sheets.base):
+            return
+        for own, copy in zip(middle.tolist(), view.tolist(), strict=True):
+            for cut in self._chain(copy):
+                x, y = self.place[own]
+                for k, by, value in ((0, 0, 1.0), (0, 1, x), (0, 2, y), (1, 1, 1.0), (2, 2, 1.0)):
+                    row, column = np.array([3 * own + k]), np.array([self.jump + 3 * cut + by])
+                    follow.add(row, column, -value)
+
+    def _walk(self, loop: Ints, fixed: Flags) -> int:
+        """Say what tractions along a loop of the border are none; return where it began."""
+        mesh, given = self.mesh, self.sides.given[loop]
+        axis = mesh.axis[mesh.border[loop]]
+        kind = np.where(given.all(axis=1), 3, np.where(given.any(axis=1), 1 + axis, 0))
+        # The walk begins behind a held stretch, or a roller: at its end phi itself is free again.
+        change = np.flatnonzero(kind != np.roll(kind, 1))
+        turn = int(change[np.argmin(np.roll(kind, 1)[change])]) if len(change) else 0
+        # What is given all along the loop closes by itself, since the loads balance.
+        closed = given.all(), given[:, 1].all(), given[:, 0].all()
+        loop, kind = np.roll(loop, -turn), np.roll(kind, -turn)
+        start, end = mesh.along()
+        back = np.isin(mesh.side[loop], (1, 2))
+        seen = [np.where(back, self._seen(loop, 1 - e), self._seen(loop, e)) for e in (0, 1)]
+        vertex = start[loop]
+        breaks = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(loop)]
+        last = vertex[0]
+        for low, high in pairwise(breaks):
+            if kind[low] == 0:
+                continue
+            rows = np.arange(low, high)
+            fixed[3 * self.points + mesh.border[loop[rows]]] = True
+            # Vertices of the stretch but the first follow it; those beyond cuts less the jumps.
+            first = vertex[low]
+            terms = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
+            if kind[low] != 3:
+                terms = [(2, 2)] if kind[low] == 1 else [(1, 1)]
+            for k, by in terms:
+                own = end[loop[rows]]
+                # The walk's first vertex, met again in the end, follows where this closes no ring.
+                own = own[own != last] if closed[k] else own
+                value = (self.place[own] - self.place[first])[:, by - 1] if by > k else 1.0
+                self._follow.add(3 * own + k, np.full(len(own), 3 * first + by), value)
+            self._over_cuts(terms, rows, seen, end[loop], last, closed)
+        return int(last)
+
+    def _over_cuts(
+        self,
+        terms: list[tuple[int, int]],
+        rows: Ints,
+        seen: list[Ints],
+        end: Ints,
+        last: int,
+        closed: tuple[bool, ...],
+    ) -> None:
+        """Take the jumps off where a stretch of the border crosses cuts."""
+        passed: dict[int, int] = {}
+        for row in rows.tolist() if len(self.sheets.base) else ():
+            # Within an edge both ends are seen on one sheet; between edges the sheet may change.
+            for cut in self._chain(int(seen[0][row])):
+                passed[cut] = passed.get(cut, 0) + 1
+            for cut in self._chain(int(seen[1][row])):
+                passed[cut] = passed.get(cut, 0) - 1
+            own = int(end[row])
+            for cut, times in passed.items():
+                for k, by in terms:
+                    if times and not (own == last and closed[k]):
+                        value = times * (self.place[own, by - 1] if by > k else 1.0)
+                        at = np.array([3 * own + k]), np.array([self.jump + 3 * cut + by])
+                        self._follow.add(*at, value)
+
+    def _close(self, fixed: Flags) -> None:
+        """Say that forces and couples of cuts that the border leaves no room for are none."""
+        sheets, start = self.sheets, self.mesh.along()[0]
+        for cut, closed in enumerate(sheets.closed):
+            fixed[self.jump + 3 * cut + np.flatnonzero(closed)] = True
+        for loop in self.loops if len(sheets.part) else ():
+            place = self.mesh.place[start[loop]]
+            following = np.roll(place, -1, axis=0)
+            if np.sum(place[:, 0] * following[:, 1] - following[:, 0] * place[:, 1]) < 0.0:
+                continue  # a hole's loop
+            given = self.sides.given[loop].all(axis=0)
+            own = np.flatnonzero(sheets.part == self.part[self.mesh.owner[loop[0]]])
+            for k, none in enumerate((given.all(), given[1], given[0])):
+                left = own[~sheets.closed[own, k]]
+                if none and len(left):
+                    row = np.array([self.jump + 3 * left[-1] + k])
+                    fixed[row] = len(left) == 1
+                    for other in left[:-1]:
+                        self._follow.add(row, np.array([self.jump + 3 * other + k]), -1.0)
+
+
+def first_stress(mesh: Mesh, sides: Sides, size: Floats) -> Floats:
+    """Return phi of each agent, shape (n, 16), of a stress that balances the loads."""
+    # Unknown are force and couple of each edge, but of halves, which follow the whole edge, and
+    # where the traction is given. A row of `matrix` is a force on an agent, or its couple over h.
+    n, edges = len(mesh.leaves), mesh.edges
+    number = np.repeat(np.arange(edges)[:, None] * 3, 3, axis=1) + np.arange(3)
+    rows, columns, values = [], [], []
+    sign = np.array([-1.0, 1.0, -1.0, 1.0])
+    for edge in range(4):
+        own = mesh.edge[:, edge]
+        normal = 1 if edge < 2 else 0
+        couple = 0.5 * sign[edge] * (-1.0 if normal else 1.0)
+        turn = 1.0 if normal else -1.0
+        for row, column, value in (
+            (0, 0, 1.0), (1, 1, 1.0), (2, 1 - normal, couple), (2, 2, turn),
+        ):  # fmt: skip
+            rows.append(3 * np.arange(n) + row)
+            columns.append(number[own, column])
+            values.append(np.full(n, sign[edge] * value))
+    at = np.concatenate(rows), np.concatenate(columns)
+    matrix = sp.csr_array((np.concatenate(values), at), shape=(3 * n, 3 * edges))
+    follow = _Follow(3 * edges)
+    across = np.where(mesh.axis[mesh.whole] == 0, 1, 0)
+    for half, side in zip(mesh.halves, (-1.5, 1.5), strict=True):
+        for k in range(2):
+            follow.add(number[half, k], number[mesh.whole, k], 0.5)
+        rows_, columns_ = number[half, across], number[mesh.whole, 2]
+        follow.add(rows_, columns_, side)
+        follow.add(number[half, 2], number[mesh.whole, 2], 0.25)
+    free = ~follow.follows
+    border = number[mesh.border]
+    normal = np.where(mesh.side < 2, 1, 0)
+    free[border[:, :2]] &= ~sides.given
+    free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normal]
+    way = sp.csr_array(follow.way()[:, np.flatnonzero(free)])
+    # Couples weigh as tractions of the same size.
+    weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[free]
+    balance = sp.csr_array(matrix @ way)
+    wanted = -_resultants(sides)
+    normal_matrix = sp.csc_array(balance @ sp.diags_array(weight) @ balance.T)
+    factors = factors_of(normal_matrix)
+    found = factors.solve(wanted)
+    found = found + factors.solve(wanted - normal_matrix @ found)
+    flow = (way @ (weight * (balance.T @ found))).reshape(-1, 3)
+    traction = sides.load.copy()
+    for edge in range(4):
+        normal_axis = 1 if edge < 2 else 0
+        own = sign[edge] * flow[mesh.edge[:, edge]]
+        traction[:, edge, 0] += own[:, :2]
+        traction[:, edge, 1, normal_axis] += own[:, 2]
+        # A body force is met by a stress that grows along each axis: half of it at either end.
+        traction[:, edge, 0, normal_axis] += 0.5 * sides.body[:, normal_axis]
+    return np.asarray(size[:, None] * np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction))
+
+
+def _resultants(sides: Sides) -> Floats:
+    """Return the loads' forces on each agent, and their couples about its middle over its edge."""
+    force, moment = sides.load[:, :, 0], sides.load[:, :, 1]
+    total = force.sum(axis=1) + sides.body
+    couple = -0.5 * (force[:, 1, 0] - force[:, 0, 0]) + 0.5 * (force[:, 3, 1] - force[:, 2, 1])
+    couple = couple + moment[:, 0, 1] + moment[:, 1, 1] - moment[:, 2, 0] - moment[:, 3, 0]
+    return np.concatenate([total, couple[:, None]], axis=1).ravel()

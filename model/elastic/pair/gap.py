@@ -1,0 +1,87 @@
+"""What an agent disagrees in with itself: the gap between its two opinions, and what it proves.
+
+    gap of an agent = integral of (s - C e(v)) : C^-1 : (s - C e(v))
+
+with s the stress that balances and e(v) the strain that fits. Summed over agents it is twice the
+distance of the two energies; the error of the mean of both stresses is half its root, exactly
+(Prager and Synge 1947).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, sqrt
+
+import numpy as np
+
+from kaju.arrays import Floats
+from kaju.model.elastic.pair.elements import rule, strains, stresses
+
+ROUNDING = 0.1
+"""Of the gap: energies whose difference misses it by more are lost in rounding."""
+
+
+def fields_at_rule(
+    fit: Floats, phi: Floats, body: Floats, size: Floats, law: Floats
+) -> tuple[Floats, Floats]:
+    """Return the stress that balances and that of the strain that fits, each (n, 28, 3)."""
+    n = len(size)
+    strain = (fit @ strains().reshape(84, 16).T).reshape(n, 28, 3) / size[:, None, None]
+    stress = (phi @ stresses().reshape(84, 16).T).reshape(n, 28, 3) / (size**2)[:, None, None]
+    if body.any():
+        stress[..., :2] -= (body / size[:, None])[:, None] * (rule()[0] - 0.5)
+    return stress, stress_of(strain, law)
+
+
+def stress_of(strain: Floats, law: Floats) -> Floats:
+    """Return stresses (xx, yy, xy) by strains (xx, yy, twice xy), along the last axis."""
+    stretch, lateral, shear = (modulus.reshape(-1, *[1] * (strain.ndim - 2)) for modulus in law)
+    xx, yy, xy = np.moveaxis(strain, -1, 0)
+    return np.stack([stretch * xx + lateral * yy, lateral * xx + stretch * yy, shear * xy], axis=-1)
+
+
+def energies(stress: Floats, law: Floats, size: Floats) -> Floats:
+    """Return the integral of s : C^-1 : s over each agent."""
+    stretch, lateral, shear = (modulus[:, None] for modulus in law)
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    # By mean and difference of the normal stresses, which rubber keeps apart.
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    square = (
+        2.0 * mean**2 / (stretch + lateral) + 2.0 * half**2 / (stretch - lateral) + xy**2 / shear
+    )
+    return np.asarray(size**2 * (square @ rule()[1]))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What the two opinions prove; scaled."""
+
+    lower: float  # Energy
+    upper: float
+    error: float
+    """Error of the mean of both stresses, in the energy norm, relative to the true one, at most."""
+    lost: bool  # Whether rounding is as large as the gap
+
+
+def bounds_of(cases: list[tuple[float, float, bool]], gap: float, rest: float) -> Bounds:
+    """Return what the energies of both opinions prove, case by case."""
+    # A case is a potential energy, a complementary one less the work of moved supports, and whether
+    # loads act (else supports move).
+    # Work of the loads in one case is none on what the other moves: their energies add up.
+    lower = upper = whole = miss = 0.0
+    for potential, complementary, loaded in cases:
+        # Of loads the energy is minus the least potential energy, of moved supports that itself.
+        low, high = (-potential, complementary) if loaded else (-complementary, potential)
+        lower, upper = lower + low, upper + high
+        whole += abs(potential) + abs(complementary)
+    if len(cases) == 1:
+        miss = abs(upper - lower - 0.5 * gap)
+    rounding = max(miss, 1e-15 * whole)
+    lower, upper = lower - rounding, upper + rounding
+    lower = max(sqrt(max(lower, 0.0)) - sqrt(0.5) * rest, 0.0) ** 2
+    upper = (sqrt(max(upper, 0.0)) + sqrt(0.5) * rest) ** 2
+    radius = 0.5 * sqrt(gap + 2.0 * rounding) + rest
+    norm = sqrt(2.0 * lower)
+    error = radius / norm if norm > 0.0 else (inf if radius > 0.0 and upper > 0.0 else 0.0)
+    lost = rounding > ROUNDING * 0.5 * gap and error > 1e-6
+    return Bounds(lower, upper, error, lost)

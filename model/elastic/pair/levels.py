@@ -1,0 +1,207 @@
+"""The equations of one field, generation by generation: the generations are multigrid levels.
+
+Agents only halve, so the functions of a generation are among those of the next one. A generation
+is solved by factors while it is small; then by conjugate gradients, whose preconditioner is a
+V-cycle over the generations before it. Two to five steps end one. Nothing here knows the
+dimension or the element.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Floats, Ints
+from kaju.factors import factors_of
+
+ENOUGH = 0.03
+"""Of the gap: an iteration ends when its last step closed less. What is left is in the bound."""
+MOST_STEPS = 60
+"""Steps that a generation may take; past them what is left is in the bound, too."""
+SWEEPS = 3  # Order of the smoother's polynomial
+LOWEST = 6.0  # Errors down to a sixth of the largest eigenvalue are smoothed
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """A matrix as the sum of those of the agents, which are multiples of few: one for each law."""
+
+    dof: Ints  # Unknowns of every agent; shape (n, m)
+    laws: list[tuple[Ints | slice, Floats]]  # Agents of each law, and its matrix (m, m)
+    weight: Floats  # Multiples; shape (n,)
+    scale: Floats | None  # What an agent's own unknowns are by the shared ones; shape (n, m)
+    size: int  # Number of shared unknowns
+    extra: sp.csr_array | None = None  # Added to the sum: elastic beds
+
+    def own(self, shared: Floats) -> Floats:
+        """Return the agents' own unknowns, shape (n, m)."""
+        own = shared[self.dof]
+        return own if self.scale is None else own * self.scale
+
+    def times(self, own: Floats) -> Floats:
+        """Return the agents' matrices times their own unknowns."""
+        out = np.empty_like(own)
+        for agents, matrix in self.laws:
+            out[agents] = own[agents] @ matrix
+        return out * self.weight[:, None]
+
+    def gather(self, forces: Floats) -> Floats:
+        """Return the sums of what agents put on the shared unknowns."""
+        if self.scale is not None:
+            forces = forces * self.scale
+        return np.bincount(self.dof.ravel(), forces.ravel(), self.size)
+
+    def apply(self, shared: Floats) -> Floats:
+        """Return the matrix times a vector of the shared unknowns."""
+        out = self.gather(self.times(self.own(shared)))
+        return out if self.extra is None else out + self.extra @ shared
+
+    def diagonal(self) -> Floats:
+        """Return the diagonal."""
+        own = np.empty(self.dof.shape)
+        for agents, matrix in self.laws:
+            own[agents] = np.diag(matrix)
+        out = np.bincount(
+            self.dof.ravel(),
+            (own * self.weight[:, None] * (1.0 if self.scale is None else self.scale**2)).ravel(),
+            self.size,
+        )
+        return out if self.extra is None else out + self.extra.diagonal()
+
+    def shared(self, own: Floats) -> Floats:
+        """Return the shared unknowns of agents that agree on them; 0 for those no agent has."""
+        out = np.zeros(self.size)
+        out[self.dof] = own if self.scale is None else own / self.scale
+        return out
+
+    def top(self) -> float:
+        """Return a bound of the eigenvalues of the matrix over its diagonal."""
+        largest = 1.0
+        for _, matrix in self.laws:
+            half = np.diag(matrix) ** -0.5
+            largest = max(largest, float(np.linalg.eigvalsh(half[:, None] * matrix * half)[-1]))
+        return largest if self.extra is None else largest + 1.0
+
+    def assembled(self, way: sp.csr_array) -> sp.csc_array:
+        """Return the matrix for the free unknowns, of which `way` makes the shared ones."""
+        m = self.dof.shape[1]
+        block = np.empty((len(self.dof), m, m))
+        for agents, matrix in self.laws:
+            block[agents] = matrix
+        block *= self.weight[:, None, None]
+        if self.scale is not None:
+            block *= self.scale[:, :, None] * self.scale[:, None]
+        index = self.dof.astype(np.int32)
+        rows = np.repeat(index, m, axis=1).ravel()
+        columns = np.tile(index, (1, m)).ravel()
+        whole = sp.csr_array((block.ravel(), (rows, columns)), shape=(self.size,) * 2)
+        if self.extra is not None:
+            whole = sp.csr_array(whole + self.extra)
+        return sp.csc_array(way.T @ whole @ way)
+
+
+class Level:
+    """The equations of one generation for its free unknowns, scaled by the diagonal."""
+
+    def __init__(
+        self,
+        blocks: Blocks,
+        way: sp.csr_array,
+        before: Level | None,
+        rise: sp.csr_array | None,
+        direct: int,
+    ) -> None:
+        # `way` makes the shared unknowns of the free ones; `rise` makes the free ones of the shared
+        # ones of the level before.
+        self.blocks, self.way, self.back = blocks, way, sp.csr_array(way.T)
+        self.before, self.factors = None, None
+        if way.shape[1] <= direct or before is None or rise is None:
+            matrix = blocks.assembled(way)
+            self.scale = matrix.diagonal() ** -0.5
+            scaled = sp.diags_array(self.scale)
+            self.factors = factors_of(sp.csc_array(scaled @ matrix @ scaled))
+            return
+        # For a row of k entries (sum p x)^2 <= k sum p^2 x^2, so this diagonal bounds the matrix.
+        entries = np.diff(way.indptr)
+        squares = sp.csr_array(
+            (way.data**2 * np.repeat(entries, entries), way.indices, way.indptr), way.shape
+        )
+        self.scale = (squares.T @ blocks.diagonal()) ** -0.5
+        self.top = blocks.top()
+        self.before, self.rise, self.fall = before, rise, sp.csr_array(rise.T)
+
+    def apply(self, free: Floats) -> Floats:
+        """Return the scaled matrix times a vector."""
+        return self.scale * (self.back @ self.blocks.apply(self.way @ (self.scale * free)))
+
+    def smooth(self, rest: Floats) -> Floats:
+        """Return a correction: Chebyshev's polynomial of the upper part of the spectrum."""
+        high, low = self.top, self.top / LOWEST
+        middle, half = 0.5 * (high + low), 0.5 * (high - low)
+        ratio = half / middle
+        step = rest / middle
+        found = step
+        for _ in range(SWEEPS - 1):
+            rest = rest - self.apply(step)
+            new = 1.0 / (2.0 * middle / half - ratio)
+            step = new * ratio * step + 2.0 * new / half * rest
+            found, ratio = found + step, new
+        return found
+
+    def cycle(self, rest: Floats) -> Floats:
+        """Return an approximate solution by all generations."""
+        if self.factors is not None or self.before is None:
+            assert self.factors is not None
+            return np.asarray(self.factors.solve(rest))
+        found = self.smooth(rest)
+        before = self.before
+        coarse = before.back @ (self.fall @ ((rest - self.apply(found)) / self.scale))
+        correction = before.way @ (before.scale * before.cycle(before.scale * coarse))
+        found = found + (self.rise @ correction) / self.scale
+        return found + self.smooth(rest - self.apply(found))
+
+    def solve(self, forces: Floats, gap: float) -> Floats:
+        """Return the correction of the shared unknowns by the forces on them; `gap` ends it."""
+        rest = self.scale * (self.back @ forces)
+        if self.factors is not None:
+            return np.asarray(self.way @ (self.scale * self.factors.solve(rest)))
+        found, gained = np.zeros_like(rest), 0.0
+        direction = turned = self.cycle(rest)
+        power = float(rest @ turned)
+        for _ in range(MOST_STEPS):
+            if power <= 0.0:
+                break
+            image = self.apply(direction)
+            share = power / float(direction @ image)
+            found, rest = found + share * direction, rest - share * image
+            gained += 0.5 * share * power
+            if 0.5 * share * power < ENOUGH * max(gap - gained, 0.0):
+                break
+            turned = self.cycle(rest)
+            new = float(rest @ turned)
+            direction, power = turned + new / power * direction, new
+        return np.asarray(self.way @ (self.scale * found))
+
+
+def rise_of(
+    blocks: Blocks, unknown: Ints, before: Blocks, parent: Ints, maps: Floats
+) -> sp.csr_array:
+    """Return what shared unknowns are by those of the generation before, read off in one agent."""
+    # maps: What an agent's own unknowns are by its parent's; shape (n, m, m).
+    n, m = blocks.dof.shape
+    first = np.full(blocks.size, -1)
+    first[blocks.dof.ravel()[::-1]] = np.arange(n * m)[::-1]
+    agent, local = np.divmod(np.maximum(first[unknown], 0), m)
+    rows = maps[agent, local]
+    if before.scale is not None and blocks.scale is not None:
+        rows = rows * before.scale[parent[agent]] / blocks.scale[agent, local][:, None]
+    columns = before.dof[parent[agent]]
+    alone = first[unknown] < 0
+    if alone.any():
+        # Unknowns that no agent has (of cuts) stand last in every generation.
+        rows[alone], columns[alone] = 0.0, before.size - 1
+        rows[alone, 0], columns[alone, 0] = 1.0, before.size - (blocks.size - unknown[alone])
+    place = np.arange(len(unknown) + 1) * m
+    return sp.csr_array((rows.ravel(), columns.ravel(), place), (len(unknown), before.size))

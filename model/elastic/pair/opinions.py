@@ -1,0 +1,390 @@
+"""One generation of agents, each with its two opinions, and what they prove."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Floats, Ints
+from kaju.model.elastic.moduli import by_law
+from kaju.model.elastic.pair import displacement
+from kaju.model.elastic.pair.airy import Airy, compliance, first_stress
+from kaju.model.elastic.pair.elements import (
+    CORNERS,
+    EDGES,
+    FIRST_PART,
+    child_maps,
+    edge_tractions,
+    rule,
+    stresses,
+    without_plane,
+)
+from kaju.model.elastic.pair.gap import Bounds, bounds_of, energies, fields_at_rule
+from kaju.model.elastic.pair.levels import Blocks, Level, rise_of
+from kaju.model.elastic.pair.mesh import Mesh, mesh_of
+from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.sides import Sides, check_held, sides_of
+from kaju.model.elastic.posed_body import PosedBody
+
+DIRECT = 4_000
+"""Up to so many unknowns factors are as quick as levels: measured on the plate, L and hole."""
+DIRECT_RUBBER = 60_000
+"""So many where a material is nearly incompressible, which levels do not smooth."""
+INCOMPRESSIBLE = 20.0
+"""C12 / mu from which on they do not: nu = 0.4875; measured on the rubber of the tests."""
+
+
+@dataclass(frozen=True, eq=False)
+class Generation:
+    """Agents with their two opinions; arrays over cases of load: loads, then moved supports."""
+
+    body: PosedBody
+    mesh: Mesh
+    sides: Sides
+    law: Floats  # C11, C12 and mu of the agents; shape (3, n)
+    size: Floats  # Edges in cells
+    fit: Floats  # Unknowns of the displacement of each agent; shape (cases, n, 16)
+    phi: Floats  # Those of Airy's function, without its linear part
+    loads: tuple[bool, ...]  # Whether loads act in a case (else supports move)
+    levels: tuple[Level, Level]  # Equations of the displacement, and of phi
+
+    @property
+    def leaves(self) -> LeafCells:
+        """The agents."""
+        return self.mesh.leaves
+
+    def forces(self, case: int) -> Floats:
+        """Return the forces within agents in a case."""
+        return self.sides.body if self.loads[case] else np.zeros_like(self.sides.body)
+
+    @cached_property
+    def tractions(self) -> Floats:
+        """Forces that edges hand on to agents, and first moments; (n, 4, 2, 2), all cases."""
+        phi = self.phi.sum(axis=0)
+        out = np.einsum("ijkl,nl->nijk", edge_tractions(), phi) / self.size[:, None, None, None]
+        for edge in range(4):
+            normal = 1 if edge < 2 else 0
+            out[:, edge, 0, normal] -= 0.5 * self.sides.body[:, normal] * any(self.loads)
+        return np.asarray(out)
+
+    @cached_property
+    def _judged(self) -> tuple[Bounds, Floats]:
+        """The bounds, and the gap of each agent."""
+        cases, shares, total = [], np.zeros(len(self.size)), 0.0
+        sums: list[Floats] = []
+        for case, loaded in enumerate(self.loads):
+            stress, fitting = fields_at_rule(
+                self.fit[case], self.phi[case], self.forces(case), self.size, self.law
+            )
+            potential = 0.5 * float(energies(fitting, self.law, self.size).sum())
+            complementary = 0.5 * float(energies(stress, self.law, self.size).sum())
+            bed, borne, apart = self._on_beds(case)
+            potential, complementary = potential + bed, complementary + borne
+            if loaded:
+                potential -= float(np.vdot(displacement.forces_of(self.sides), self.fit[case]))
+            else:
+                complementary -= self._work_of_supports(case)
+            cases.append((potential, complementary, loaded))
+            shares += energies(stress - fitting, self.law, self.size)
+            np.add.at(shares, self.mesh.owner, apart)
+            sums.append(stress - fitting)
+        total = float(shares.sum())
+        if len(sums) > 1:
+            # The error of both together, should it be larger than that of each.
+            both = energies(sums[0] + sums[1], self.law, self.size)
+            shares = np.maximum(shares, both)
+            total = float(shares.sum())
+        return bounds_of(cases, total, self.sides.rest), shares
+
+    @property
+    def bounds(self) -> Bounds:
+        """What the two opinions prove."""
+        return self._judged[0]
+
+    @property
+    def shares(self) -> Floats:
+        """The gap of each agent: its part of the squared distance of both opinions."""
+        return self._judged[1]
+
+    def _edge_forces(self, case: int) -> Floats:
+        """Return forces and moments on the body at its border edges, shape (m, 2, 2)."""
+        own = np.einsum(
+            "mjkl,ml->mjk", edge_tractions()[self.mesh.side], self.phi[case, self.mesh.owner]
+        )
+        own = own / self.size[self.mesh.owner, None, None]
+        normal = np.where(self.mesh.side < 2, 1, 0)
+        rows = np.arange(len(own))
+        own[rows, 0, normal] -= 0.5 * self.forces(case)[self.mesh.owner, normal]
+        return np.asarray(own)
+
+    def _work_of_supports(self, case: int) -> float:
+        return float(np.vdot(self._edge_forces(case)[:, 0], self.sides.moved))
+
+    def bed_tractions(self, case: int) -> Floats:
+        """Return force and moment (over the edge) that beds put on the body, shape (beds, 2)."""
+        beds = np.flatnonzero(self.sides.bed > 0.0)
+        normal = np.where(self.mesh.side[beds] < 2, 1, 0)
+        load = self.sides.load[self.mesh.owner[beds], self.mesh.side[beds]]
+        own = self._edge_forces(case)[beds] - (load if self.loads[case] else 0.0)
+        return np.asarray(own[np.arange(len(beds)), :, normal])
+
+    def _on_beds(self, case: int) -> tuple[float, float, Floats]:
+        """Return the beds' two energies, and the gap of each border edge."""
+        apart = np.zeros(len(self.mesh.border))
+        beds = np.flatnonzero(self.sides.bed > 0.0)
+        if not len(beds):
+            return 0.0, 0.0, apart
+        owner, side = self.mesh.owner[beds], self.mesh.side[beds]
+        normal = np.where(side < 2, 1, 0)
+        nodes = np.column_stack([EDGES[side], 4 + side])
+        u = self.fit[case].reshape(-1, 8, 2)[owner[:, None], nodes, normal[:, None]]
+        at, weight = np.polynomial.legendre.leggauss(4)
+        at, weight = 0.5 * at, 0.5 * weight
+        moved = u[:, [0]] * (0.5 - at) + u[:, [1]] * (0.5 + at) + u[:, [2]] * (1.0 - 4.0 * at**2)
+        length, stiffness = self.size[owner], self.sides.bed[beds]
+        force = self.bed_tractions(case)
+        traction = (force[:, [0]] + 12.0 * force[:, [1]] * at) / length[:, None]
+        apart[beds] = length / stiffness * ((traction + stiffness[:, None] * moved) ** 2 @ weight)
+        bed = 0.5 * float(length * stiffness @ (moved**2 @ weight))
+        borne = 0.5 * float(length / stiffness @ (traction**2 @ weight))
+        return bed, borne, apart
+
+
+def first(body: PosedBody, leaves: LeafCells) -> Generation:
+    """Return the first generation."""
+    return _solved(body, leaves, None)
+
+
+def following(before: Generation, leaves: LeafCells) -> Generation:
+    """Return a generation that corrects the one before, of which its agents are parts."""
+    return _solved(before.body, leaves, before)
+
+
+def descent(old: LeafCells, new: LeafCells) -> tuple[Ints, Ints]:
+    """Return the parent of each agent, and which part of it it is, as `child_maps` counts."""
+    parent = np.searchsorted(old.code, new.code, "right") - 1
+    ratio = old.size[parent] // new.size
+    offset = (new.lower - old.lower[parent]) // new.size[:, None]
+    step = np.log2(ratio).astype(np.int64)
+    return parent, np.asarray(FIRST_PART[step] + offset[:, 1] * ratio + offset[:, 0])
+
+
+def _solved(body: PosedBody, leaves: LeafCells, before: Generation | None) -> Generation:
+    """Return a generation whose opinions are of least energy, but for what the gap allows."""
+    mesh = mesh_of(leaves)
+    sides = sides_of(body, mesh)
+    size = leaves.size / body.cell
+    law = np.stack([modulus[leaves.kind] for modulus in body.moduli])
+    laws = by_law(law)
+    if before is None:
+        check_held(body, mesh, sides)
+        loads = (True, False) if sides.both else (not sides.moved.any(),)
+        cases = len(loads)
+        fit, phi = np.zeros((cases, len(size), 16)), np.zeros((cases, len(size), 16))
+        if not loads[-1]:
+            fit[-1] = displacement.moved_by(mesh, sides)
+        if loads[0] and sides.loaded:
+            phi[0] = without_plane(first_stress(mesh, sides, size))
+        parent = part = np.zeros(0, dtype=np.int64)
+    else:
+        loads = before.loads
+        parent, part = descent(before.leaves, leaves)
+        fit = np.stack([_handed_down(one, parent, part, False) for one in before.fit])
+        phi = np.stack([_handed_down(one, parent, part, True) for one in before.phi])
+        phi += _of_body_forces(before, parent, leaves, loads)
+        phi = without_plane(phi)
+        if body.ends_within:
+            phi[0] += _of_finer_loads(before, mesh, sides, parent, phi[0], size)
+    gap = np.inf if before is None else 0.5 * float(before.shares.sum())
+    rubber = bool(np.any(law[1] > INCOMPRESSIBLE * law[2]))
+    direct = DIRECT_RUBBER if rubber else DIRECT
+
+    blocks = displacement.blocks_of(mesh, sides, laws, law, body.cell)
+    free, family = displacement.way_of(mesh, sides), None
+    if before is not None:
+        family = parent, child_maps(False)[part]
+    fits = _level(blocks, free, before and before.levels[0], family, direct)
+    wanted = displacement.forces_of(sides)
+    for case, loaded in enumerate(loads):
+        rest = blocks.gather((wanted if loaded else 0.0) - blocks.times(fit[case]))
+        if blocks.extra is not None:
+            rest -= blocks.extra @ blocks.shared(fit[case])
+        fit[case] += blocks.own(fits.solve(rest, gap))
+
+    airy = Airy(mesh, sides, body.cell)
+    blocks = airy.blocks(laws, size)
+    if before is not None:
+        family = parent, child_maps(True)[part]
+    balances = _level(blocks, airy.way(), before and before.levels[1], family, direct)
+    generation = Generation(body, mesh, sides, law, size, fit, phi, loads, (fits, balances))
+    for case, loaded in enumerate(loads):
+        rest = -blocks.gather(blocks.times(phi[case]) + _of_growing(generation, case))
+        rest += _of_supports(airy, generation, case)
+        if not loaded:
+            rest += _of_moved(airy, sides)
+        phi[case] += without_plane(blocks.own(balances.solve(rest, gap)))
+    return generation
+
+
+def _handed_down(own: Floats, parent: Ints, part: Ints, balances: bool) -> Floats:
+    """Return the parts of what an agent holds that its children begin with."""
+    out = own[parent]
+    some = np.flatnonzero(part)
+    out[some] = np.einsum("nij,nj->ni", child_maps(balances)[part[some]], out[some])
+    return out
+
+
+def _level(
+    blocks: Blocks,
+    free: tuple[sp.csr_array, Ints],
+    before: Level | None,
+    family: tuple[Ints, Floats] | None,
+    direct: int,
+) -> Level:
+    """Return the equations of a generation for its free unknowns."""
+    way, unknown = free
+    if before is None or family is None or way.shape[1] <= direct:
+        return Level(blocks, way, before, None, direct)
+    return Level(blocks, way, before, rise_of(blocks, unknown, before.blocks, *family), direct)
+
+
+def _of_body_forces(
+    before: Generation, parent: Ints, leaves: LeafCells, loads: tuple[bool, ...]
+) -> Floats:
+    """Return phi of the even stress that children have of a stress that grows within parents."""
+    out = np.zeros((len(loads), len(parent), 16))
+    if not (loads[0] and before.sides.body.any()):
+        return out
+    size = leaves.size / before.body.cell
+    middle = (leaves.lower + 0.5 * leaves.size[:, None]) / before.body.cell
+    old = before.leaves
+    away = middle - ((old.lower + 0.5 * old.size[:, None]) / before.body.cell)[parent]
+    even = -before.sides.body[parent] / before.size[parent, None] ** 2 * away
+    out[0] = np.einsum("nk,ki->ni", even * size[:, None] ** 2, _EVEN)
+    return out
+
+
+def _even() -> Floats:
+    """Return phi of stresses xx and yy of one, on the unit square."""
+    out = np.zeros((2, 16))
+    for corner, place in enumerate(CORNERS):
+        for k, x in enumerate(place[::-1]):  # xx = phi_yy
+            out[k, 3 * corner] = 0.5 * x * x
+            out[k, 3 * corner + 2 - k] = x
+    return out
+
+
+_EVEN = _even()
+
+
+def _of_finer_loads(
+    before: Generation, mesh: Mesh, sides: Sides, parent: Ints, phi: Floats, size: Floats
+) -> Floats:
+    """Return phi of what children take of loads that end within sides, not their parents."""
+    # On a parent's side force and couples of the rest are none: only vertices within it move.
+    own = np.einsum("mjkl,ml->mjk", edge_tractions()[mesh.side], phi[mesh.owner])
+    own /= size[mesh.owner, None, None]
+    normal = np.where(mesh.side < 2, 1, 0)
+    rows = np.arange(len(own))
+    own[rows, 0, normal] -= 0.5 * sides.body[mesh.owner, normal]
+    rest = np.where(sides.given[:, None], sides.load[mesh.owner, mesh.side] - own, 0.0)
+    uneven = before.sides.load[parent[mesh.owner], mesh.side, 1].any(axis=1)
+    uneven |= np.abs(rest).max(axis=(1, 2)) > 1e-9 * np.abs(sides.load).max(initial=1e-300)
+    halved = before.size[parent[mesh.owner]] > size[mesh.owner]
+    own_rows = np.flatnonzero(uneven & halved & sides.given.all(axis=1))
+    out = np.zeros_like(phi)
+    if not len(own_rows):
+        return out
+    # Side by side of parents, in the order along them.
+    start = mesh.ends[mesh.border[own_rows], 0]
+    along = np.where(mesh.side[own_rows] < 2, 0, 1)
+    place = mesh.place[start, along]
+    group = parent[mesh.owner[own_rows]] * 4 + mesh.side[own_rows]
+    order = np.lexsort((place, group))
+    own_rows, group = own_rows[order], group[order]
+    opening = np.flatnonzero(np.diff(group, prepend=-1))
+    # Walking with rising coordinates the body is on the left of lower edges along x, and of
+    # right ones along y; on the others tractions change sign.
+    side = mesh.side[own_rows]
+    sign = np.where(np.isin(side, (0, 3)), 1.0, -1.0)
+    force, moment = (sign[:, None] * rest[own_rows, k] for k in (0, 1))
+    length = size[mesh.owner[own_rows]]
+    axis = np.where(side < 2, 0, 1)
+    flow = np.column_stack([-force[:, 1], force[:, 0]])  # growth of phi_x, phi_y
+    twist = np.column_stack([-moment[:, 1], moment[:, 0]])
+
+    def before_each(growth: Floats) -> Floats:
+        total = np.cumsum(growth, axis=0) - growth
+        return total - np.repeat(total[opening], np.diff([*opening, len(growth)]), axis=0)
+
+    slope = before_each(flow)
+    rows = np.arange(len(side))
+    # phi grows by the mean slope: that at the start, half the flow, less the couple.
+    rise = length * (slope[rows, axis] + 0.5 * flow[rows, axis] - twist[rows, axis])
+    value = before_each(rise[:, None])[:, 0]
+    last = np.concatenate([opening[1:], [len(side)]]) - 1
+    for end in (0, 1):
+        at = slope + end * flow
+        height = value + end * rise
+        outer = opening if end == 0 else last
+        at[outer], height[outer] = 0.0, 0.0
+        corner = EDGES[side, end]
+        owner = mesh.owner[own_rows]
+        np.add.at(out, (owner, 3 * corner), height)
+        for k in (0, 1):
+            np.add.at(out, (owner, 3 * corner + 1 + k), at[:, k] * length)
+    across = 1 - axis
+    # A parabola of the slope across: its middle is off the mean of its ends by 3/2 of the couple.
+    np.add.at(out, (mesh.owner[own_rows], 12 + side), -1.5 * twist[rows, across] * length)
+    # The neighbours at the vertices between are agents of the same side, and have them as well.
+    return out
+
+
+def _of_growing(generation: Generation, case: int) -> Floats:
+    """Return what a stress that grows within agents puts on phi, shape (n, 16)."""
+    body = generation.forces(case)
+    if not body.any():
+        return np.zeros_like(generation.phi[case])
+    points, weights, _ = rule()
+    own = (body / generation.size[:, None])[:, None] * (points - 0.5)
+    stretch, lateral = (m[:, None] for m in compliance(generation.law)[:2])
+    strain = -np.stack(
+        [
+            stretch * own[..., 0] + lateral * own[..., 1],
+            lateral * own[..., 0] + stretch * own[..., 1],
+        ],
+        axis=-1,
+    )
+    return np.einsum("npk,pki,p->ni", strain, stresses()[:, :2], weights)
+
+
+def _of_supports(airy: Airy, generation: Generation, case: int) -> Floats:
+    """Return what beds put on phi by the tractions that they bear already."""
+    beds = np.flatnonzero(airy.sides.bed > 0.0)
+    out = np.zeros(airy.size)
+    if len(beds):
+        force = generation.bed_tractions(case)
+        length = generation.size[airy.mesh.owner[beds]]
+        ends = (force[:, [0]] + force[:, [1]] * np.array([-6.0, 6.0])) / length[:, None]
+        mass = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])
+        strain = (length / airy.sides.bed[beds])[:, None] * (ends @ mass)
+        # A traction outwards is the normal stress on upper and on lower sides alike, but the force
+        # on a lower side points to lower coordinates.
+        sign = np.where(np.isin(airy.mesh.side[beds], (0, 2)), -1.0, 1.0)
+        out = -(airy.bed_rows(beds).T @ (sign[:, None] * strain).ravel())
+    return np.asarray(out)
+
+
+def _of_moved(airy: Airy, sides: Sides) -> Floats:
+    """Return what moved supports put on phi: the work of the forces by its slopes at both ends."""
+    out = np.zeros(airy.size)
+    rows = np.arange(len(sides.moved))
+    back = np.where(np.isin(airy.mesh.side, (1, 2)), -1.0, 1.0)
+    for end, sign in ((0, -1.0), (1, 1.0)):
+        vertex = airy._seen(rows, end)
+        np.add.at(out, 3 * vertex + 2, sign * back * sides.moved[:, 0])
+        np.add.at(out, 3 * vertex + 1, -sign * back * sides.moved[:, 1])
+    return out

@@ -1,0 +1,131 @@
+"""Agents of two minds: what both opinions prove, however a body is held and loaded."""
+
+import numpy as np
+import pytest
+from plane_bodies import plane_body
+
+import kaju
+from kaju.errors import KajuError, SupportError
+from kaju.model.elastic.pair.loop import Spawning
+from kaju.model.elastic.posed_body import PosedBody
+
+LEGEND = {0: "air", 1: "steel", 2: "rigid"}
+PLATE = np.ones((8, 8), int)
+HELD_HOLE = np.pad(np.full((3, 3), 2), 3, constant_values=1)
+TWO_HELD = np.ones((16, 9), int)
+TWO_HELD[3:5, 3:6] = TWO_HELD[10:12, 4:6] = 2
+TOP = {"side": "top", "force": [100.0, -100.0]}
+
+
+def body(codes, **more):
+    given = {"legend": LEGEND, "cell_size": 0.01, "thickness": 0.01, "loads": []} | more
+    return kaju.Scene.from_array(codes, **given)
+
+
+def proved(scene, tolerance):
+    spawning = Spawning(PosedBody(scene, None, at_cells=False), tolerance)
+    while not spawning.finished:
+        spawning.step()
+    assert spawning.reached
+    bounds, unit = spawning.last.bounds, spawning.body.scales.energy
+    assert bounds.error <= tolerance
+    return bounds.lower * unit, bounds.upper * unit, spawning.last
+
+
+SCENES = {
+    "rollers": body(PLATE, sides={"left": "roller", "bottom": "roller"}, loads=[TOP]),
+    "weight": body(PLATE, sides={"bottom": "rigid"}, gravity=[1.0, -9.81]),
+    "bed": body(PLATE, sides={"bottom": {"stiffness": 1e11}, "left": "roller"}, loads=[TOP]),
+    "moved": body(PLATE, sides={"bottom": "rigid", "top": {"displacement": [1e-5, 1e-6]}}),
+    "held hole": body(HELD_HOLE, loads=[TOP]),
+    "held hole and side": body(HELD_HOLE, sides={"bottom": "rigid"}, loads=[TOP]),
+    "two held holes": body(TWO_HELD, loads=[TOP]),
+    "hole that bears a force": body(
+        HELD_HOLE % 2,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [4, 2], "side": "top", "force": [50.0, -100.0]}],
+    ),
+    "ends within sides": body(
+        PLATE,
+        sides={"left": "rigid"},
+        loads=[{"region": {"box": [[0.013, 0.08], [0.0777, 0.08]]}, "force": [10.0, -50.0]}],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_bounds_of_fewer_agents_hold_those_of_more(name):
+    low, high, _ = proved(SCENES[name], 0.03)
+    lower, upper, _ = proved(SCENES[name], 0.006)
+    assert low <= lower < upper <= high
+
+
+def test_forces_and_moved_sides_together_have_bounds_of_second_order():
+    sides = {"bottom": "rigid", "top": {"displacement": [0.0, 1e-6]}}
+    mixed = body(PLATE, sides=sides, loads=[{"side": "right", "force": [4e3, 0.0]}])
+    low, high, _ = proved(mixed, 0.02)
+    assert high - low < 2 * 2 * 0.02**2 * high
+
+
+def test_a_bar_under_tension_is_exact_from_the_first():
+    sides = {"left": "roller", "bottom": "roller"}
+    low, high, found = proved(
+        body(PLATE, sides=sides, loads=[{"side": "right", "pressure": -1e6}]), 0.02
+    )
+    assert len(found.size) == 64
+    assert high - low < 1e-9 * high
+
+
+@pytest.mark.parametrize("shift", [1e-2, 1.0])
+def test_sides_that_move_together_strain_nothing(shift):
+    def moved(by):
+        sides = {
+            "left": {"displacement": [by, by]},
+            "right": {"displacement": [by + 2e-6, by - 1e-6]},
+        }
+        return proved(body(PLATE, sides=sides), 0.01)[:2]
+
+    assert moved(shift) == pytest.approx(moved(0.0), rel=1e-8)
+
+
+def test_tractions_balance_in_every_agent_and_across_every_edge():
+    """Of the last generation, which iterates; its load ends within a side."""
+    _, _, found = proved(SCENES["ends within sides"], 0.004)
+    force = found.tractions[:, :, 0]
+    most = np.abs(found.sides.load).max()
+    np.testing.assert_allclose(force.sum(axis=1), 0.0, atol=1e-9 * most)
+    mesh = found.mesh
+    whole = np.setdiff1d(
+        np.arange(mesh.edges), np.concatenate([mesh.border, *mesh.halves, mesh.whole])
+    )
+    across = np.zeros((mesh.edges, 2))
+    np.add.at(across, mesh.edge, force)
+    np.testing.assert_allclose(across[whole], 0.0, atol=1e-9 * most)
+    free = found.sides.given.all(axis=1)
+    own = found.tractions[mesh.owner, mesh.side][free]
+    wanted = found.sides.load[mesh.owner, mesh.side][free]
+    np.testing.assert_allclose(own, wanted, atol=1e-9 * most)
+
+
+def test_a_body_that_something_leaves_free_is_refused():
+    with pytest.raises(SupportError, match="could move along x"):
+        proved(body(PLATE, sides={"bottom": "roller"}, loads=[TOP]), 0.1)
+    torn = {"bottom": "rigid", "left": {"displacement": [1e-6, 0.0]}}
+    with pytest.raises(SupportError, match="two displacements at once"):
+        proved(body(PLATE, sides=torn), 0.1)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_bodies_have_the_same_energy_as_equal_cells_bound(seed):
+    try:
+        scene = plane_body(seed)
+        bounds = kaju.solve(scene, resolution=2).energy_bounds
+    except KajuError:
+        pytest.skip("no body, or one that moves freely")
+    spawning = Spawning(PosedBody(scene, None, at_cells=False), 0.1, 5_000)
+    while not spawning.finished:
+        spawning.step()
+    own, unit = spawning.last.bounds, spawning.body.scales.energy
+    assert own.error < np.inf
+    if bounds is not None:
+        assert max(bounds[0], own.lower * unit) <= min(bounds[1], own.upper * unit) * (1 + 1e-9)

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-plain test-slow check format pictures bench bench-quick pages docs clean
+.PHONY: demo test test-plain test-slow stress check format pictures bench bench-quick pages docs clean
 
 demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
@@ -25,6 +25,12 @@ test-plain: $(VENV)/.test
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -m slow $(WORKERS)
+
+# Random scenes for every verb: EXAMPLES of each kind. `make test` tries a few of them.
+EXAMPLES ?= 500
+
+stress: $(VENV)/.test
+	KAJU_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest tests/test_random_scenes.py $(WORKERS)
 
 # PETSc and mpi4py come from the system, for the system's Python, built for NumPy 1: an
 # environment of its own sees them.

@@ -51,7 +51,6 @@ for _verb in (
     commands_look.animate,
     commands_look.page,
     commands_compare.compare,
-    commands_many.stress,
     commands_many.sweep,
     commands_scene.materials,
 ):

@@ -1,17 +1,14 @@
-"""The verbs that run many scenes: `sweep` varies one, `stress` makes thousands up."""
+"""The verb that runs many scenes: `sweep` varies one."""
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju import __version__
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ParameterError
 
 from .options import SceneFile, folder
 
@@ -145,72 +142,3 @@ def _draw(table: pandas.DataFrame, target: Path, measure: list[str] | None) -> l
     if len(about["varied"]) > 1:
         written.append(save(plot_sweep_map(table, shown), target / "map.png"))
     return written
-
-
-QUICK, ALL = 300, 10_000
-
-
-def stress(
-    out: Annotated[Path, folder("Folder for tables and pictures.")] = Path("stress"),
-    quick: Annotated[bool, typer.Option("--quick", help=f"{QUICK} trials only.")] = False,
-    count: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help=f"How many trials; all are {ALL}.")
-    ] = None,
-    first: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the first.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
-    limit: Annotated[
-        float, typer.Option(help="Seconds of processor time that a trial may take.")
-    ] = 60.0,
-    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures")] = True,
-) -> None:
-    """Put random and adversarial scenes to every rule and solver; exit code 1 if one fails.
-
-    Every case that has ever failed runs first. A trial is answered, refused by a named error, or
-    has failed: no number, out of processor time, a raw error, forces that do not balance, a
-    certificate that did not hold. Exit code 3: none failed, but some did not finish on a machine
-    that is too busy. The same number is the same trial on every machine: --first N --count 1
-    repeats one.
-    """
-    from kaju.model.study.trials.trial import CORPUS, FAILED, UNFINISHED
-    from kaju.model.study.trials.trial_workers import bounded, record, tally, trials
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        table = out / "stress.csv"
-        table.touch()
-    except OSError as error:
-        raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
-    began, outcomes = perf_counter(), []
-    chosen = range(first, first + (count or (QUICK if quick else ALL)))
-    cases = [*([] if count else CORPUS), *chosen]
-    for outcome in record(trials(cases, workers, limit), table):
-        outcomes.append(outcome)
-        if outcome.verdict in (FAILED, UNFINISHED):
-            typer.echo(f"trial {outcome.number}, {outcome.family}: {outcome.engine} {outcome.what}")
-        elif len(outcomes) % 500 == 0:
-            typer.echo(f"{len(outcomes)} of {len(cases)}")
-    counts = tally(outcomes)
-    typer.echo(f"{'':28}{'answered':>10}{'refused':>10}{'failed':>10}{'not finished':>14}")
-    for engine, row in counts.items():
-        typer.echo(f"{engine:28}{row[0]:10}{row[1]:10}{row[2]:10}{row[3]:14}")
-    known, proven, inside = bounded(outcomes)
-    typer.echo(f"truth known of {known} answers, bounds of {proven}, truth within {inside} of them")
-    summary = {
-        "trials": len(cases),
-        "kaju_version": __version__,
-        "workers": workers,
-        "minutes": round((perf_counter() - began) / 60.0, 1),
-        "processor_minutes": round(sum(outcome.seconds for outcome in outcomes) / 60.0, 1),
-        "engines": counts,
-        "bounds": [known, proven, inside],
-    }
-    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    typer.echo(table)
-    if pictures:
-        from kaju.view.trials import plot_trials
-
-        typer.echo(plot_trials(outcomes, out / "outcomes.png"))
-    _, _, failed, unfinished = map(sum, zip(*counts.values(), strict=True))
-    if failed or unfinished:
-        typer.echo(f"{failed} of {len(cases)} trials failed, {unfinished} not finished", err=True)
-        raise typer.Exit(1 if failed else 3)

@@ -1,15 +1,12 @@
-"""What is made when the site is built: options, stored arrays, the record of trials."""
+"""What is made when the site is built: options and stored arrays."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import typer
-from draw_stability import table_of
 
 from kaju.cli import app
 from kaju.model.results.formats import REFERENCE
@@ -20,7 +17,7 @@ from kaju.result_kinds import KINDS, fetch
 
 def with_lists(text: str) -> str:
     """Return a text with its lists: where ``<!-- made: commands -->`` stands, say."""
-    made = {"commands": commands, "columns": columns, "trials": trials}
+    made = {"commands": commands, "columns": columns}
     return re.sub(r"^<!-- made: (\w+) -->$", lambda found: made[found[1]](), text, flags=re.M)
 
 
@@ -36,11 +33,6 @@ def columns() -> str:
     for name, table in (tables | {"reference": REFERENCE}).items():
         lines += [name, *(f"  {column:20}{told.text()}" for column, told in table.items())]
     return "\n".join(["```text", *lines, "```"])
-
-
-def trials() -> str:
-    """Return what came of all random trials."""
-    return table_of(json.loads(Path(__file__).with_name("stress.json").read_text("utf-8")))
 
 
 def commands() -> str:

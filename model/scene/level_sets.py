@@ -17,11 +17,12 @@ from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .curves import Point, conic
-from .pictures import embedded
 from .shapes import Box, Extent, Points, Relation, ShapeOfArrays
 
 EMBEDDED_ARRAY = "data:application/x-npy;base64,"
 """What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
+EMBEDDED_PIXELS = "data:application/x-npy;samples=middles;base64,"
+"""The same, if they lie in the middles of pixels."""
 _LEAST = 1e-6
 """Of the largest sample: those nearer to the level count as this much above it, or below."""
 _EDGE = (("x", 0, 0), ("y", 1, 0), ("x", 0, 1), ("y", 0, 0))
@@ -90,17 +91,17 @@ def sampled_shape(
     return {"file": text, "box": (tuple(lower), tuple(upper)), "level": 0.0}
 
 
-def embedded_array(values: Floats) -> str:
+def embedded_array(values: Floats, start: str = EMBEDDED_ARRAY) -> str:
     """Return a text for which `read_embedded` gives the values."""
     file = BytesIO()
     np.save(file, values, allow_pickle=False)
-    return EMBEDDED_ARRAY + b64encode(file.getvalue()).decode("ascii")
+    return start + b64encode(file.getvalue()).decode("ascii")
 
 
 def read_embedded(text: str, key: str) -> NDArray[Any]:
     """Return numbers from a text."""
     try:
-        file = BytesIO(b64decode(text.removeprefix(EMBEDDED_ARRAY), validate=True))
+        file = BytesIO(b64decode(text.partition(",")[2], validate=True))
         return np.asarray(np.load(file, allow_pickle=False))
     except (ValueError, EOFError, OSError):
         raise SceneFileError(f"{key}: its samples cannot be read; embed them anew") from None
@@ -125,9 +126,9 @@ class SampledShape(ShapeOfArrays):
     box: Box  # beyond which there is nothing of it
     values: Floats  # indexed [x, y] or [x, y, z]
     at_least: float
-    pixels: NDArray[np.uint8] | None = None
-    """Those of an image: samples are in their middles, and stay the same up to the sides of the
-    box. Else the first and the last samples lie on its sides."""
+    middles: bool = False
+    """Whether samples lie in the middles of pixels, and stay the same up to the sides of the box.
+    Else the first and the last samples lie on its sides."""
 
     @property
     def extent(self) -> Extent:
@@ -136,19 +137,19 @@ class SampledShape(ShapeOfArrays):
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""
-        return embedded_array(self.values) if self.pixels is None else embedded(self.pixels)
+        return embedded_array(self.values, EMBEDDED_PIXELS if self.middles else EMBEDDED_ARRAY)
 
     @cached_property
     def _grid(self) -> tuple[list[Floats], Floats]:
         """Return the samples' places along each axis (m), and how far they are above the level."""
         places, values = [], self.values
         for low, high, count in zip(self.box.lower, self.box.upper, values.shape, strict=True):
-            if self.pixels is None:
-                places.append(np.linspace(low, high, count))
+            if self.middles:
+                inner = low + (high - low) * (np.arange(count) + 0.5) / count
+                places.append(np.array([low, *inner, high]))
             else:
-                middles = low + (high - low) * (np.arange(count) + 0.5) / count
-                places.append(np.array([low, *middles, high]))
-        if self.pixels is not None:
+                places.append(np.linspace(low, high, count))
+        if self.middles:
             values = np.pad(values, 1, mode="edge")
         above = values - self.at_least
         if above.ndim == 2:  # an outline must not run through a sample

@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import warnings
 from base64 import b64decode, b64encode
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageColor, ImageOps
 
-from kaju.errors import SceneError, SceneFileError
+from kaju.arrays import Floats
+from kaju.errors import SceneError, SceneFileError, needing
 from kaju.files import file_to_read
 
 MOST_PIXELS = 50_000_000
@@ -31,8 +35,6 @@ EMBEDDED = "data:image/png;base64,"
 
 def embedded(pixels: NDArray[np.uint8]) -> str:
     """Return a text for which `read_pixels` gives these pixels, the top row first."""
-    from PIL import Image
-
     file = BytesIO()
     Image.fromarray(pixels).save(file, "PNG")
     return EMBEDDED + b64encode(file.getvalue()).decode("ascii")
@@ -40,8 +42,49 @@ def embedded(pixels: NDArray[np.uint8]) -> str:
 
 def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
     """Return an image's pixels as red, green, blue and opacity, shape (height, width, 4)."""
-    from PIL import Image
+    with opened(path, key) as image:
+        if image.mode in _DEPTHS:
+            grey = (255.0 * _grey(np.asarray(image), path, key)).round().astype(np.uint8)
+            return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+        return np.asarray(image.convert("RGBA"))
 
+
+def read_darkness(path: str, key: str) -> Floats:
+    """Return how dark an image's pixels are, 0 to 1, shape (height, width); clear ones are 0."""
+    with opened(path, key) as image:
+        if image.mode in _DEPTHS:
+            return 1.0 - _grey(np.asarray(image), path, key)
+        pixels = np.asarray(image.convert("RGBA"), dtype=np.float64)
+    weights = np.array([0.299, 0.587, 0.114])  # of the eye (ITU-R BT.601)
+    brightness = (pixels[:, :, :3] @ weights / 255.0).clip(0.0, 1.0)  # rounding passes 1
+    return np.asarray((1.0 - brightness) * pixels[:, :, 3] / 255.0)
+
+
+_DEPTHS = ("I", "F", "I;16", "I;16L", "I;16B", "I;16N")
+"""Pillow's grey modes of more than 8 bits."""
+
+
+def _grey(values: NDArray[Any], path: str, key: str) -> Floats:
+    """Return the brightness of grey pixels: shares of the largest value of their type.
+
+    For floats that is 1. Numbers of 32 bits up to 65535 were written with 16 bits. What lies
+    outside of 0 to 1 is refused.
+    """
+    white = 1.0 if values.dtype.kind in "fb" else float(np.iinfo(values.dtype).max)
+    if values.dtype.itemsize == 4 and values.dtype.kind in "iu" and values.max() <= 65535:
+        white = 65535.0
+    grey = values.astype(np.float64) / white
+    if not (np.isfinite(grey).all() and grey.min() >= 0.0 and grey.max() <= 1.0):
+        raise SceneFileError(
+            f"{key}: {path} has values from {values.min():g} to {values.max():g}; black is 0 and "
+            f"white is {white:g}. Scale it to these, or save it as an .npy array"
+        )
+    return grey
+
+
+@contextmanager
+def opened(path: str, key: str) -> Iterator[Image.Image]:
+    """Yield an image, turned as its camera says (EXIF); refuse what is no image, or too large."""
     source: str | BytesIO = path
     if path.startswith(EMBEDDED):
         path, source = "the embedded image", BytesIO(b64decode(path.removeprefix(EMBEDDED)))
@@ -56,7 +99,12 @@ def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
                         f"{key}: {path} has {image.width} x {image.height} pixels, more than "
                         f"{MOST_PIXELS:.0e}; draw it smaller and refine the scene"
                     )
-                return np.asarray(image.convert("RGBA"))
+                if getattr(image, "n_frames", 1) > 1:
+                    raise SceneFileError(
+                        f"{key}: {path} has {image.n_frames} pages; one is needed. Save a single "
+                        "page, or give a TIFF of layers to a body in space"
+                    )
+                yield ImageOps.exif_transpose(image)
     except Image.DecompressionBombError:
         raise SceneFileError(
             f"{key}: {path} unpacks to an enormous image; at most {MOST_PIXELS:.0e} pixels are read"
@@ -68,6 +116,28 @@ def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
         raise SceneFileError(
             f"{key}: {path} cannot be read as an image ({error}); save it as PNG"
         ) from None
+
+
+def read_layers(path: str, key: str) -> Floats:
+    """Return how dark the layers of a TIFF are, 0 to 1, indexed [x, y, z]; the first is lowest."""
+    with needing(f"{key}: layers of a TIFF need tifffile: pip install 'kaju[cad]'"):
+        import tifffile
+    file_to_read(path, SceneFileError, key=key)
+    try:
+        with tifffile.TiffFile(path) as file:
+            shape = file.series[0].shape
+            if len(shape) == 3 and np.prod(shape, dtype=float) <= MOST_PIXELS:
+                values = file.asarray()
+            else:
+                values = None
+    except Exception as error:  # broken files fail in many ways
+        raise SceneFileError(f"{key}: {path} cannot be read as a TIFF ({error})") from None
+    if values is None:
+        raise SceneFileError(
+            f"{key}: {path} has the shape {shape}; grey layers of one size are needed, with at "
+            f"most {MOST_PIXELS:.0e} pixels"
+        )
+    return (1.0 - _grey(values, path, key))[:, ::-1].transpose(2, 1, 0)
 
 
 def read_array(path: str, key: str) -> NDArray[np.generic]:
@@ -244,8 +314,6 @@ def _listed(legend: Mapping[str, str]) -> str:
 
 
 def _colour(name: str) -> tuple[int, ...]:
-    from PIL import ImageColor
-
     try:
         return (*ImageColor.getrgb(name), 255)[:4]
     except ValueError:

@@ -20,8 +20,14 @@ from kaju.model.scene.validation import (
 )
 
 from .lattice import Lattice
-from .level_sets import EMBEDDED_ARRAY, SampledShape, checked, read_embedded
-from .pictures import read_array, read_pixels
+from .level_sets import (
+    EMBEDDED_ARRAY,
+    EMBEDDED_PIXELS,
+    SampledShape,
+    checked,
+    read_embedded,
+)
+from .pictures import read_array, read_darkness, read_layers
 from .shapes import (
     Ball,
     Box,
@@ -75,21 +81,26 @@ class RegionImage(Described):
         """Return its dark pixels, or where it reaches a level, in their place."""
         whole = ((0.0,) * lattice.dimension, lattice.extent)
         box = _box(self.box or whole, lattice, f"{where}.box")
-        key, array = f"{where}.file", self.file.endswith(".npy")
-        if array or self.file.startswith(EMBEDDED_ARRAY):
-            values = read_array(self.file, key) if array else read_embedded(self.file, key)
-            samples = checked(values, key, lattice.dimension)
-            return SampledShape(box, samples, 0.5 if level is None else level)
+        key, file = f"{where}.file", self.file
+        at_least = 0.5 if level is None else level
+        if file.endswith(".npy"):
+            return SampledShape(
+                box, checked(read_array(file, key), key, lattice.dimension), at_least
+            )
+        if file.startswith((EMBEDDED_ARRAY, EMBEDDED_PIXELS)):
+            samples = checked(read_embedded(file, key), key, lattice.dimension)
+            return SampledShape(box, samples, at_least, file.startswith(EMBEDDED_PIXELS))
         if lattice.dimension == 3:
-            raise SceneError(f"{key}: pixels belong to two dimensions; give an .npy array")
-        pixels = read_pixels(self.file, key)
-        weights = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # of the eye (ITU-R BT.601)
-        brightness = pixels[:, :, :3].astype(np.float32) @ weights
-        if level is None:
-            dark = (brightness < 128.0) & (pixels[:, :, 3] >= 128.0)
-            return Mask(box, dark[::-1].T)
-        darkness = (1.0 - brightness.astype(np.float64) / 255.0) * pixels[:, :, 3] / 255.0
-        return SampledShape(box, darkness[::-1].T, level, pixels)
+            if not file.lower().endswith((".tif", ".tiff")):
+                raise SceneError(
+                    f"{key}: pixels belong to two dimensions; give a TIFF of layers, or an .npy "
+                    "array"
+                )
+            return SampledShape(box, read_layers(file, key), at_least, middles=True)
+        if level is not None:
+            return SampledShape(box, read_darkness(file, key)[::-1].T, level, middles=True)
+        dark = read_darkness(file, key) > 0.5
+        return Mask(box, dark[::-1].T)
 
 
 class Region(Described):

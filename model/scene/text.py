@@ -20,17 +20,12 @@ from kaju.files import atomic_file
 
 from .body import Body
 from .description import TABLES, Description
-from .level_sets import EMBEDDED_ARRAY
 from .loads import LoadTable
-from .pictures import EMBEDDED, Picture
+from .pictures import Picture
 from .shared_materials import LONGEST, with_shared
 
-DEEPEST = 16
-"""Parts of a key path; a scene needs five."""
-_WORDS = re.compile(
-    r"""#[^\n]*|\"{3}.*?\"{3}|'{3}.*?'{3}|"(?:\\.|[^"\\\n])*"|'[^'\n]*'""", re.DOTALL
-)
-_DEEP_KEY = re.compile(rf"[\w-]+(?:[ \t]*\.[ \t]*[\w-]+){{{DEEPEST},}}")
+EMBEDDED = "data:"
+"""What a file starts with that a scene carries with it (RFC 2397)."""
 
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
@@ -44,18 +39,14 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
             f"is not a scene: {len(text)} characters are more than {LONGEST:.0e}; "
             "describe a large body by an image or an array"
         )
-    # The time that TOML's parser takes grows with the square of a key's depth. Comments and quoted
-    # texts are left out, where dots do not part keys.
-    bare = _WORDS.sub(lambda word: "" if word[0].startswith("#") else "q", text)
-    deep = _DEEP_KEY.search(bare)
-    if deep:
-        raise SceneError(f"is not a scene: the key {deep[0][:40]}… has too many parts")
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"is not valid TOML: {error}") from None
     except RecursionError:
         raise SceneError("is not a scene: its lists are nested too deeply") from None
+    except ValueError:  # of Python, for whole numbers of thousands of digits
+        raise SceneError("is not a scene: a number has too many digits; write 1e9, say") from None
     return table if folder is None else located(table, Path(folder))
 
 
@@ -73,7 +64,7 @@ def _moved(part: Any, folder: Path) -> Any:
     moved = {}
     for key, value in part.items():
         is_path = key in ("image", "array", "file", "surface") and isinstance(value, str)
-        is_path = is_path and not value.startswith((EMBEDDED, EMBEDDED_ARRAY))
+        is_path = is_path and not value.startswith(EMBEDDED)
         moved[key] = str(folder / value) if is_path else _moved(value, folder)
     return moved
 
@@ -146,7 +137,7 @@ def _parsed(value: Any) -> Any:
         return value
     try:
         table = tomllib.loads(f"value = {value}")
-    except tomllib.TOMLDecodeError:
+    except ValueError:  # TOMLDecodeError, or too many digits
         return value
     return table["value"] if len(table) == 1 else value
 
@@ -216,7 +207,7 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
             np.save(scratch, picture.codes, allow_pickle=False)
     for region in table["body"].get("regions", []):
         for key in {"image", "surface"} & set(region):
-            if not region[key]["file"].startswith((EMBEDDED, EMBEDDED_ARRAY)):
+            if not region[key]["file"].startswith(EMBEDDED):
                 region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
     with atomic_file(path, SceneFileError) as scratch:
         scratch.write_text(dumps(table), encoding="utf-8")

@@ -11,6 +11,7 @@ import os
 import secrets
 import shutil
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -39,10 +40,15 @@ def file_to_read(
 def text_of_file(
     path: str | Path, error: type[KajuError], most: int, *, key: str = "", hint: str = ""
 ) -> str:
-    """Return the text (UTF-8) in a file; `hint` says what to do if it is no text."""
-    file = file_to_read(path, error, most=most, key=key)
+    """Return the text (UTF-8) in a file, "-" for standard input; `hint`: what to do with others."""
     try:
-        return file.read_text(encoding="utf-8")
+        if str(path) == "-":
+            data = sys.stdin.buffer.read(most + 1)
+            if len(data) > most:
+                raise error(f"{path}: cannot be read: it has more than {most:,} bytes")
+            return data.decode("utf-8-sig")  # without the mark that some editors put first
+        file = file_to_read(path, error, most=most, key=key)
+        return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise error(f"{key}{': ' if key else ''}{path}: is not a text{hint}") from None
     except OSError as wrong:

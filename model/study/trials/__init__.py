@@ -1,1 +1,0 @@
-"""Random and adversarial scenes put to every rule, order and solver, to see what happens."""

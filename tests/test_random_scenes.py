@@ -1,0 +1,108 @@
+"""Random and hard scenes are answered soundly, or refused by a named error.
+
+`make test` tries a few random ones; `make stress` sets KAJU_EXAMPLES and tries many.
+"""
+
+import os
+from math import isfinite
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from strategies import elastic_scenes, outlined_scenes, scenes
+
+import kaju
+
+FAILED = sorted((Path(__file__).parent / "data" / "failed").glob("*.toml"))
+LONG = ("described_tolerance_753", *(f"tolerance_{n}" for n in (2962, 5162, 5219, 732, 8529)))
+CASES = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG))
+    for path in FAILED
+]
+EXAMPLES = int(os.environ.get("KAJU_EXAMPLES", "8"))
+TRIES = settings(
+    max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+)
+
+
+def numbers(value):
+    """Yield the numbers of a summary, at any depth."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, (list, tuple)):
+        for part in value:
+            yield from numbers(part)
+    elif isinstance(value, float):
+        yield value
+
+
+def check_sound(ask):
+    """Ask for an answer, and check it; a refusal by name is an answer, too."""
+    try:
+        result = ask()
+    except kaju.KajuError:
+        return
+    assert all(map(isfinite, numbers(result.summary())))
+    assert [check for check in result.checks() if not check.holds] == []
+
+
+def run(scene):
+    return kaju.LoadModel(
+        scene, "arrays", rng=1, allow_unstable=True, max_generations=300
+    ).run(progress=False)  # fmt: skip
+
+
+@pytest.mark.parametrize("path", CASES)
+def test_scenes_that_once_failed_are_answered_or_refused(path):
+    words = path.read_text().splitlines()[1]
+    scene = kaju.load_scene(path)
+    verb, _, tolerance = words.removeprefix("# ").partition(", tolerance ")
+    if verb == "run":
+        check_sound(lambda: run(scene))
+    elif verb == "settle":
+        check_sound(lambda: kaju.ElasticModel(scene, max_steps=50).run())
+    else:
+        check_sound(lambda: kaju.solve(scene, tolerance=float(tolerance) if tolerance else None))
+
+
+@given(scenes())
+@TRIES
+def test_loads_are_passed_on(scene):
+    check_sound(lambda: run(scene))
+
+
+@given(elastic_scenes())
+@TRIES
+def test_equal_cells_are_solved(scene):
+    check_sound(lambda: kaju.solve(scene))
+
+
+@given(elastic_scenes())
+@TRIES
+def test_a_tolerance_is_kept_or_refused(scene):
+    assume(scene.lattice.dimension == 2)  # of solids, see the slow ones of the scenes that failed
+    check_sound(lambda: kaju.solve(scene, tolerance=0.3))
+
+
+@given(outlined_scenes())
+@TRIES
+def test_true_outlines_are_solved(scene):
+    check_sound(lambda: kaju.solve(scene, tolerance=0.3))
+
+
+@given(elastic_scenes(extreme=False))
+@TRIES
+def test_bodies_creep(scene):
+    creeping = scene.replace(
+        materials={
+            name: kaju.Material(
+                name,
+                one.youngs_modulus,
+                one.poissons_ratio,
+                rheology=kaju.ThreeElement(K_f=1e9, D_f=1e9, D_d=1e11),
+            )
+            for name, one in scene.materials.items()
+        }
+    )
+    history = kaju.History.step().hold(1.0)
+    check_sound(lambda: kaju.creep(creeping, history, times=[1.0], tolerance=1e-2))

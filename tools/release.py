@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 VERSIONED = {
     "src/kaju/__init__.py": r'(__version__ = ")[^"]+(")',
-    "CITATION.cff": r"(version: )\S+()",
+    "CITATION.cff": r"(?m)^(version: )\S+()",
 }
 """Where the version stands, between two groups."""
 

@@ -226,7 +226,7 @@ def _with_memory(
         if isinstance(error, OutOfMemoryError):
             raise
         raise OutOfMemoryError(
-            f"solve: {error or 'memory ran out'}; take a smaller resolution, a larger "
+            f"solve: {str(error) or 'memory ran out'}; take a smaller resolution, a larger "
             "tolerance, or fewer agents (most_agents)"
         ) from error
 

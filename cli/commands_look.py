@@ -30,7 +30,9 @@ def animate(
     what: Annotated[
         str | None, typer.Option(help="generations, stages, waves, loading, increments, or loads.")
     ] = None,
-    frames_per_second: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 2.0,
+    frames_per_second: Annotated[
+        float | None, typer.Option("--fps", help="Frames per second: 25 in time, 2 of steps.")
+    ] = None,
     bare: Annotated[bool, typer.Option("--bare", help="Only the body: no axes, no words.")] = False,
     force: Force = False,
 ) -> None:

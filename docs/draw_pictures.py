@@ -28,7 +28,6 @@ from kaju import (
     solve,
 )
 from kaju.view.comparison import COLOURS
-from kaju.view.face_agents import waves
 from kaju.view.style import LINE, new_figure
 
 HERE = Path(__file__).parent
@@ -44,12 +43,11 @@ def main() -> None:
     plate = LoadModel(load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
     animate(plate, folder / "spawning.gif")
     rule = ElasticRule(threshold=0.02, order="multilevel")
-    reel = waves(ElasticModel(load_scene(EXAMPLES / "plate.toml").replace(rule=rule)).run())
-    reel.show(8)
-    reel.figure.savefig(folder / "elastic_agents.png", dpi=80)
+    run = ElasticModel(load_scene(EXAMPLES / "plate.toml").replace(rule=rule)).run()
+    plot(run, "left", moment=8).savefig(folder / "elastic_agents.png", dpi=80)
     jelly = creep(load_scene(EXAMPLES / "jelly.toml"))
     plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
-    animate(_spawned(_square(), 0.005), folder / "agents_spawn.gif", fps=1.5)
+    animate(_spawned(_square(), 0.005), folder / "agents_spawn.gif", "generations", fps=1.5)
     plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
     lug = solve(load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
     plot(lug, "agents").savefig(folder / "lug.png", dpi=90)

@@ -11,7 +11,9 @@ from kaju.result_kinds import KINDS, fetch
 def test_what_is_entered_is_there(kind):
     entry = KINDS[kind]
     assert fetch(entry.result).kind == kind
-    for named in (entry.pictures, entry.films, entry.meshes):
+    for film in map(fetch, entry.films.values()):
+        assert film.option in inspect.signature(fetch(entry.pictures[film.picture])).parameters
+    for named in (entry.pictures, entry.meshes):
         for function in map(fetch, named.values()):
             assert callable(function)
             assert inspect.signature(function).parameters

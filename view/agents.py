@@ -19,12 +19,13 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
 from kaju.arrays import Floats, Ints
+from kaju.errors import ParameterError
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
-from .films import TWO_LINES, Film
+from .films import Film
 from .load_plots import (
     FILM_ARROWS_ACROSS,
     draw_loads,
@@ -42,7 +43,6 @@ from .style import (
     add_polygons,
     caption,
     colour_bar,
-    figure_of,
     legend,
 )
 from .units import counted, quantity
@@ -156,57 +156,83 @@ def plot_agents(
     result: TransferResult,
     ax: Axes | None = None,
     *,
+    generation: int | None = None,
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the body with its agents, coloured by the generation in which they spawned."""
-    stage = result.last
+    """Draw the body with its agents, coloured by the generation in which they spawned.
+
+    With a generation also the loads that were taken in it.
+    """
+    stage, until = result.last, _until(result.last, generation)
     section = section_of(result.scene, result.focus, cut, crop, caveats=result.caveats_in_brief)
     picture = BodyPicture(section, ax, result.stage)
     if not len(stage.cells):
         return picture.finish("Agents", [stage.outcome, *picture.notes])
     norm = spawn_norm(stage.generations)
-    draw_agents(picture.ax, section, stage, norm, stage.generations + 1)
-    picture.entries += mark_pulled(picture.ax, section, stage)
+    draw_agents(picture.ax, section, stage, norm, until)
+    happened = counts(stage)
+    if generation is None:
+        picture.entries += mark_pulled(picture.ax, section, stage)
+    else:
+        happened, loads = _generation_text(stage, generation), loads_taken(stage, generation)
+        coarse = section_of(result.scene, result.focus, cut, crop, FILM_ARROWS_ACROSS)
+        scale = load_norm(stage.history.load)
+        draw_loads(picture.ax, coarse, stage, loads, scale, plain=True)
+        picture.entries += sense_entries(loads, stage.taken.shape[1], plain=True)
     spawn_bar(picture.ax, norm, stage.generations)
     picture.entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
     gamma = f"γ = {quantity(threshold_of(result), 'N')}"
-    return picture.finish("Agents", [counts(stage), "; ".join([*picture.notes, gamma])])
+    return picture.finish("Agents", [happened, "; ".join([*picture.notes, gamma])])
+
+
+def _until(stage: Stage, generation: int | None) -> int:
+    """Return the last spawn step that is shown; boundary agents of the end spawn after it."""
+    if generation is None:
+        return stage.generations + 1
+    if not 0 <= generation <= stage.generations:
+        raise ParameterError(
+            f"generation: this run has the generations 0 to {stage.generations}, got {generation}"
+        )
+    return generation
 
 
 def plot_material_agents(
     result: TransferResult,
     ax: Axes | None = None,
     *,
+    generation: int | None = None,
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw the agents that spawned, of bodies of cubes in space unless cut."""
     if result.scene.lattice.dimension == 2 or cut is not None:
-        return plot_agents(result, ax, cut=cut, crop=crop)
+        return plot_agents(result, ax, generation=generation, cut=cut, crop=crop)
     scene, stage, cells = result.scene, result.last, result.focus
     assert cells is not None
     box = box_around(scene, cells, crop)
     space, notes = space_for(ax, scene, box, result.stage)
+    happened = stage.outcome
     if len(stage.cells):
-        norm = spawn_norm(stage.generations)
-        _draw_in_space(space, scene.lattice.cell_size, stage, box, norm, stage.generations + 1)
+        norm, until = spawn_norm(stage.generations), _until(stage, generation)
+        _draw_in_space(space, scene.lattice.cell_size, stage, box, norm, until)
         spawn_bar(space, norm, stage.generations)
         legend(space, boundary_entries(stage.boundary_kind))
-    notes = [counts(stage) if len(stage.cells) else stage.outcome, *notes, *box.notes]
-    caption(space, "Agents", notes)
+        happened = counts(stage) if generation is None else _generation_text(stage, generation)
+    caption(space, "Agents", [happened, *notes, *box.notes])
     return cast("Axes", space)
 
 
 def _draw_in_space(
     ax: Axes3D, cell_size: float, stage: Stage, box: DrawnBox, norm: Normalize, until: int
-) -> list[Artist]:
-    """Draw the agents that have spawned until a step; return the artists."""
+) -> None:
+    """Draw the agents that have spawned until a step."""
     colour, edge = colormaps[SEQUENTIAL], cell_size * box.block
     born = stage.spawn_step <= until
     voxels, step = one_a_place(stage.cells[born] // box.block, stage.spawn_step[born], "min")
-    artists: list[Artist] = [draw_voxels(ax, voxels, edge, np.atleast_2d(colour(norm(step))))]
-    artists[0].set_gid("material agents")
+    if len(voxels):
+        drawn = draw_voxels(ax, voxels, edge, np.atleast_2d(colour(norm(step))))
+        drawn.set_gid("material agents")
     for symbol, cells, steps in _boundaries(stage, until):
         places, step = one_a_place(cells // box.block, steps, "min")
         marks = ax.scatter(
@@ -220,63 +246,19 @@ def _draw_in_space(
             zorder=4,
         )
         marks.set_gid(f"{symbol.name}s")
-        artists.append(marks)
-    return artists
 
 
-def spawning(
-    result: TransferResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
-) -> Film:
-    """Return the generations of a run's last stage: agents spawn, loads are taken."""
-    scene, stage = result.scene, result.last
-    norm = spawn_norm(stage.generations)
-    if scene.lattice.dimension == 3 and cut is None:
-        assert result.focus is not None
-        box = box_around(scene, result.focus)
-        space, _ = space_for(None, scene, box, result.stage)
-        spawn_bar(space, norm, stage.generations)
-        legend(space, boundary_entries(stage.boundary_kind))
-        return Film(
-            figure_of(space),
-            stage.generations,
-            lambda now: _draw_in_space(space, scene.lattice.cell_size, stage, box, norm, now),
-            caption(space, "Agents spawn", TWO_LINES),
-            lambda now: _generation_text(stage, now, box.notes),
-        )
-    section = section_of(scene, result.focus, cut, crop)
-    picture = BodyPicture(section, None, result.stage)
-    ax = picture.ax
-    spawn_bar(ax, norm, stage.generations)
-    picture.entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
-    every = [loads_taken(stage, generation) for generation in range(stage.generations + 1)]
-    picture.entries += sense_entries(every[0], stage.taken.shape[1], plain=True)
-    coarse = section_of(scene, result.focus, cut, crop, FILM_ARROWS_ACROSS)
-    largest = max(coarse.gather(stage.cells, t, "sum")[1].max(initial=0.0) for t in every)
-    scale = load_norm(np.array([largest]))
-
-    def draw(generation: int) -> list[Artist]:
-        still = len(ax.collections)
-        draw_agents(ax, section, stage, norm, generation)
-        draw_loads(ax, coarse, stage, every[generation], scale, plain=True)
-        return [*ax.collections[still:]]
-
-    return picture.film(
-        "Agents spawn and pass their loads on",
-        stage.generations,
-        draw,
-        lambda now: _generation_text(stage, now, section.notes),
-    )
-
-
-def _generation_text(stage: Stage, generation: int, notes: list[str]) -> str:
-    """Return what has happened in a generation, and below it what holds of all."""
+def _generation_text(stage: Stage, generation: int) -> str:
+    """Return what has happened in a generation."""
     agents = int((stage.spawn_step <= generation).sum())
     taken = float(stage.history.load[stage.history.generation == generation].sum())
     if generation == 0:
-        now = "before the first generation: the load has not been taken yet"
-    else:
-        now = (
-            f"generation {generation} of {stage.generations}: "
-            f"{counted(agents, 'material agent')}, {quantity(taken, 'N')} taken"
-        )
-    return f"{now}\n{'; '.join(notes)}"
+        return "before the first generation: the load has not been taken yet"
+    return (
+        f"generation {generation} of {stage.generations}: "
+        f"{counted(agents, 'material agent')}, {quantity(taken, 'N')} taken"
+    )
+
+
+GENERATIONS = Film("agents", "generation", lambda result: range(result.last.generations + 1))
+"""The generations of a run's last stage: agents spawn, loads are taken."""

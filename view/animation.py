@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
@@ -17,10 +18,11 @@ from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
-from .films import WRITERS, ffmpeg, write_frames
+from .films import WRITERS, Film, ffmpeg, frames, write_pictures
 from .motion import write_motion
 from .picture_files import new_folder
 from .plots import check_options
+from .style import figure_of
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -32,20 +34,21 @@ def animate(
     path: str | Path,
     what: str | None = None,
     *,
-    fps: float = 2.0,
+    fps: float | None = None,
     hold: float = 3.0,
     bare: bool = False,
     magnification: float | None = None,
     **options: Any,
 ) -> Path:
-    """Write an animation of a stored run; nothing is computed again.
+    """Write an animation of a run: one of its pictures, over one of its options.
 
-    Scale and camera stay the same from the first frame to the last.
+    Scale, magnification and camera stay the same from the first frame to the last.
 
     Parameters
     ----------
     result : Result, model or path
-        Of a model, a solver, or `kaju.creep`; a model shows what it has done so far.
+        Of a model, a solver, or `kaju.creep`; a model shows what it has done so far, and one
+        that has not begun is run.
     path : path
         The ending decides: ``.gif``, ``.webp`` or ``.mp4`` are films; a name without ending is
         a folder of pictures without background (PNG with alpha), one a frame; ``.glb`` is a
@@ -55,11 +58,11 @@ def animate(
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
         loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
         spring network "increments", of one that breaks "breaks"; of a body that grows "steps";
-        of agents of many sizes "generations", or "loads", which colours them by the load that they
-        leave unbalanced (as meshes "loading"); of what creeps "times", or "curves" with a dot that
-        runs along them.
-    fps : float
-        Frames per second, up to 50.
+        of agents of many sizes also "generations", or "loads", which colours them by the load
+        that they leave unbalanced; of what creeps "times", or "curves" with a dot that runs along
+        them.
+    fps : float, optional
+        Frames per second, up to 50; unless given 25 of what moves in time, 2 of steps.
     hold : float
         For how long the last frame stays (s).
     bare : bool
@@ -68,8 +71,7 @@ def animate(
         How many times larger than true a ``.glb`` shows displacements. Unless given, a round
         number that makes them visible, or 1; it is stated in the file.
     **options
-        Of pictures ``cut`` and ``crop`` as for `plot`; for generations of agents of many sizes
-        also ``colour``.
+        Those of the picture, as for `plot`.
 
     Returns
     -------
@@ -105,6 +107,8 @@ def animate(
     target = Path(path)
     ending = target.suffix.lower()
     _check(target, ending, fps, hold)
+    if getattr(result, "steps", None) == 0 and hasattr(result, "run"):
+        result = result.run()
     result = answer_of(result)
     if isinstance(result, Scene):
         raise ParameterError(
@@ -116,32 +120,40 @@ def animate(
     kind = KINDS[result.kind]
     if ending in MESHES:
         motion = _chosen(kind.meshes, result, what)(result)
-        write_motion(motion, target, fps, hold, magnification)
+        write_motion(motion, target, fps or 2.0, hold, magnification)
         return target
-    films = {name: kind.films[name] for name in result.films}
-    chosen = _chosen(films, result, what)
-    check_options(what or next(iter(films)), chosen, options)
-    film = chosen(result, **options)
-    film.settle(bare=bare)
-    count = min(film.last + 1, MOST_FRAMES)
-    frames = np.unique(np.linspace(0, film.last, count).round().astype(np.int64)).tolist()
+    film: Film = _chosen({name: kind.films[name] for name in result.films}, result, what)
+    picture = fetch(kind.pictures[film.picture])
+    check_options(film.picture, picture, options)
+    if magnification is not None:
+        options["magnification"] = magnification
+    options = film.fixed(result, options) | options
+
+    def draw(moment: Any) -> Figure:
+        drawn = picture(result, **options, **{film.option: moment})
+        return drawn if isinstance(drawn, Figure) else figure_of(drawn)
+
+    every = film.moments(result)
+    count = min(len(every), MOST_FRAMES)
+    chosen = np.unique(np.linspace(0, len(every) - 1, count).round().astype(np.int64))
+    moments = [every[k] for k in chosen]
     if not ending:
         with new_folder(target) as folder:
-            write_frames(film, frames, folder)
+            write_pictures(frames(draw, moments, bare=bare, mode="RGBA"), folder)
         return target
     with atomic_file(target, ResultFileError) as scratch:
-        WRITERS[ending](film, frames, scratch, fps, hold)
+        WRITERS[ending](frames(draw, moments, bare=bare), scratch, fps or film.fps, hold)
     return target
 
 
-def _check(target: Path, ending: str, fps: float, hold: float) -> None:
+def _check(target: Path, ending: str, fps: float | None, hold: float) -> None:
     endings = (*WRITERS, *MESHES)
     if ending and ending not in endings:
         raise ParameterError(
             f"{target}: an animation ends in {', '.join(endings)}, or in nothing (a folder of "
             f"pictures), not in {ending!r}"
         )
-    if not (isfinite(fps) and 0.0 < fps <= 50.0):
+    if fps is not None and not (isfinite(fps) and 0.0 < fps <= 50.0):
         raise ParameterError(f"fps: a number above 0 and up to 50 is needed, got {fps}")
     if not (isfinite(hold) and hold >= 0.0):
         raise ParameterError(f"hold: a time from 0 s upwards is needed, got {hold}")
@@ -149,11 +161,11 @@ def _check(target: Path, ending: str, fps: float, hold: float) -> None:
         ffmpeg(target)
 
 
-def _chosen(known: Mapping[str, str], result: object, what: str | None) -> Callable[..., Any]:
+def _chosen(known: Mapping[str, str], result: object, what: str | None) -> Any:
     name = next(iter(known), "mesh") if what is None else what
     if name not in known:
         raise ParameterError(
             f"what: there is no such animation {name!r} of a {type(result).__name__}"
             f"{suggestion(str(name), known)}; there is {', '.join(known) or 'none'}"
         )
-    return cast(Callable[..., Any], fetch(known[name]))
+    return fetch(known[name])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from matplotlib.text import Text
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import AppliedLoads, Scene, cell_types
 
-from .films import TWO_LINES, Film
 from .section import Section
 from .style import (
     BODY,
@@ -27,7 +25,6 @@ from .style import (
     add_polygons,
     arrow_polygons,
     caption,
-    figure_of,
     fit_figure,
     label_axis,
     legend,
@@ -35,11 +32,8 @@ from .style import (
 )
 from .units import counted, quantity
 
-MOST_ARROWS = 24
-"""Of more loaded faces than this, so many evenly chosen ones get an arrow."""
-
-WEIGHTS_ACROSS = 3
-"""A weight is shown by so many arrows side by side along the body's longest side."""
+SIDE_BY_SIDE = 5
+"""A load along a side, or a weight, becomes at most so many arrows beside each other."""
 
 
 class Arrows(NamedTuple):
@@ -51,50 +45,66 @@ class Arrows(NamedTuple):
 
 
 def force_arrows(
-    scene: Scene, applied: AppliedLoads, rows: Ints, most: int = MOST_ARROWS
+    scene: Scene, applied: AppliedLoads, rows: Ints, most: int = SIDE_BY_SIDE
 ) -> Arrows:
-    """Choose arrows for some of the applied forces: few enough to be seen one by one.
+    """Gather the applied forces of some rows in arrows, few enough to be seen one by one.
 
-    A force in the middle of many cells, such as a weight, becomes a few arrows, each in a
-    cell of the part of the body whose force it stands for.
+    Forces of one direction on faces of one direction that lie beside each other become a few
+    arrows: of a force along the side one, for several would lie over each other. So do forces in
+    the middle of cells, such as a weight.
     """
     rows = rows[np.abs(applied.force[rows]).max(axis=1, initial=0.0) > 0.0]
-    weight = rows[applied.direction[rows] < 0]
-    faces = rows[applied.direction[rows] >= 0]
-    if len(weight) <= most:
-        faces, weight = rows, rows[:0]
-    chosen = faces[np.linspace(0, len(faces) - 1, min(len(faces), most)).astype(np.int64)]
-    lattice = scene.lattice
-    normal = lattice.normals[applied.direction[chosen]]
-    normal = normal * (applied.direction[chosen] >= 0)[:, None]
-    force = applied.force[chosen]
-    place = lattice.face_middles(applied.cells[chosen], applied.direction[chosen])
-    pulls = np.einsum("ij,ij->i", force, normal) > 0.0
+    lattice, force = scene.lattice, applied.force[rows]
+    face = applied.direction[rows]
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    unit = force / np.where(size > 0.0, size, 1.0)
+    normal = lattice.normals[face] * (face >= 0)[:, None]
+    place = lattice.face_middles(applied.cells[rows], face)
     # A force on no face ends in the middle of its cell; of a cell at the surface, outside of it,
     # where the body does not hide the arrow.
-    unit = force / np.linalg.norm(force, axis=1, keepdims=True)
     behind = scene.kinds(lattice.locate(place - lattice.cell_size * unit))
-    bare = (applied.direction[chosen] < 0) & (behind < 0)
+    few = np.count_nonzero(face < 0) <= most
+    bare = (face < 0) & (behind < 0) & few
     place = place - np.where(bare[:, None], 0.56 * lattice.cell_size * unit, 0.0)
-    if len(weight):
-        some, sums = _gathered(lattice.centres(applied.cells[weight]), applied.force[weight])
-        place, force = np.vstack([place, some]), np.vstack([force, sums])
-        pulls = np.append(pulls, np.ones(len(some), dtype=np.bool_))
-    return Arrows(place, force, pulls)
+    places, sums, pulls = [], [], []
+    alike = np.column_stack([face, np.rint(1e6 * unit)])
+    for number in range(len(kinds := np.unique(alike, axis=0))):
+        group = np.flatnonzero((alike == kinds[number]).all(axis=1))
+        outwards = float(unit[group[0]] @ normal[group[0]])
+        for patch in _patches(place[group], lattice.cell_size):
+            one = group[patch]
+            along = face[one[0]] >= 0 and abs(outwards) < 0.5
+            for part in _parts(place[one], 1 if along else most):
+                inside = one[part]
+                nearest = np.linalg.norm(place[inside] - place[inside].mean(axis=0), axis=1)
+                places.append(place[inside[nearest.argmin()]])
+                sums.append(force[inside].sum(axis=0))
+                pulls.append(outwards > 1e-9 or (face[one[0]] < 0 and not few))
+    shape = (-1, lattice.dimension)
+    return Arrows(
+        np.reshape(places, shape), np.reshape(sums, shape), np.array(pulls, dtype=np.bool_)
+    )
 
 
-def _gathered(points: Floats, force: Floats) -> tuple[Floats, Floats]:
-    """Gather forces in a few parts of a body: return a point that is in it, and their sum."""
-    lower, span = points.min(axis=0), np.ptp(points, axis=0).max() or 1.0
-    part = np.minimum((points - lower) * (WEIGHTS_ACROSS / span), WEIGHTS_ACROSS - 1)
-    number = np.unique(part.astype(np.int64), axis=0, return_inverse=True)[1].ravel()
-    places, sums = [], []
-    for one in range(int(number.max()) + 1):
-        inside = points[number == one]
-        nearest = np.linalg.norm(inside - inside.mean(axis=0), axis=1).argmin()
-        places.append(inside[nearest])
-        sums.append(force[number == one].sum(axis=0))
-    return np.array(places), np.array(sums)
+def _patches(places: Floats, cell_size: float) -> list[Ints]:
+    """Return which of some places (m) lie beside each other, patch by patch."""
+    order = np.lexsort(places.T)
+    if places.shape[1] == 3 or len(places) == 1:
+        return [order]
+    order = order[np.argsort(places[order, np.ptp(places, axis=0).argmax()], kind="stable")]
+    apart = np.linalg.norm(np.diff(places[order], axis=0), axis=1) > 2.5 * cell_size
+    return np.split(order, np.flatnonzero(apart) + 1)
+
+
+def _parts(places: Floats, most: int) -> list[Ints]:
+    """Split a patch of places (m) into at most so many parts along its longest side."""
+    if len(places) <= most:
+        return [np.array([number]) for number in range(len(places))]
+    along = np.ptp(places, axis=0)
+    lower, span = places.min(axis=0), along.max() or 1.0
+    part = np.minimum((places - lower) * (most / span), most - 1).astype(np.int64)
+    number = np.unique(part, axis=0, return_inverse=True)[1].ravel()
+    return [np.flatnonzero(number == one) for one in range(int(number.max()) + 1)]
 
 
 def applied_text(applied: AppliedLoads) -> list[str]:
@@ -266,28 +276,17 @@ class BodyPicture:
         *,
         filled: bool = True,
         outlined: bool = True,
-        loaded: bool = True,
+        share: float = 1.0,
     ) -> None:
         self.section = section
         self.ax = new_axes(ax)
         self.entries = draw_body(self.ax, section, filled=filled, outlined=outlined)
-        self.notes = draw_forces(self.ax, section, stage, float(loaded))  # on the sum
+        self.notes = draw_forces(self.ax, section, stage, share)  # on the sum
 
     def finish(self, title: str, notes: list[str]) -> Axes:
         """Set scales, labels, title, notes and legend; return the axes."""
         finish(self.ax, self.section, title, notes, self.entries)
         return self.ax
-
-    def film(
-        self,
-        title: str,
-        last: int,
-        draw: Callable[[int], list[Artist]],
-        text: Callable[[int], str],
-    ) -> Film:
-        """Return frames 0 to `last` over this picture, with a text of two lines for each."""
-        notes = finish(self.ax, self.section, title, TWO_LINES, self.entries)
-        return Film(figure_of(self.ax), last, draw, notes, text)
 
 
 def draw_scene(section: Section, ax: Axes | None = None) -> Axes:

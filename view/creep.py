@@ -1,4 +1,4 @@
-"""What creeps, over time: the body or network as it was at a time, and films."""
+"""What creeps, over time: the body, the network or the curves as they were at a time."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from collections.abc import Mapping
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
-from matplotlib.artist import Artist
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError
 
-from .charts import draw_curves, panels_for
-from .deformed import moving_cells, plot_tiles_deformed
-from .films import Film
-from .network_plots import Colour, NetworkPicture, plot_network
+from .charts import plot_curves
+from .deformed import magnification_for, moving_cells, plot_tiles_deformed
+from .films import IN_TIME, Film
+from .network_plots import plot_network
 from .section import section_of
-from .style import INK, caption
+from .style import INK
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def plot_body_at(
     *,
     record: int = -1,
     magnification: float | None = None,
+    largest: float | None = None,
     cut: Cut | None = None,
     crop: bool | None = None,
 ) -> Axes:
@@ -40,11 +42,11 @@ def plot_body_at(
     section = section_of(course.grid, course.static.focus, cut, crop)
     moved_at = partial(course.displacement_at, record=record)
     tiles = moving_cells(course.static, section, moved_at)
-    stage, loaded = course.static.stage, bool(course.factors[record])
-    picture = plot_tiles_deformed(section, tiles, magnification, ax, stage, loaded)
-    largest = f"largest displacement {quantity(tiles.largest, 'm')}"
+    stage, share = course.static.stage, float(course.factors[record] != 0.0)
+    picture = plot_tiles_deformed(section, tiles, magnification, ax, stage, share, largest)
+    farthest = f"largest displacement {quantity(tiles.largest, 'm')}"
     return picture.finish(
-        "Deformed body", [f"{_moment(course, record)}; {largest}", picture.magnified]
+        "Deformed body", [f"{_moment(course, record)}; {farthest}", picture.magnified]
     )
 
 
@@ -61,39 +63,40 @@ def plot_network_at(
     return ax
 
 
-def network_over_time(
-    course: NetworkCreepResult, colour: Colour = "tension", magnification: float | None = None
-) -> Film:
-    """Return the network as it stood at the times asked for."""
-    picture = NetworkPicture(course.to_network_result(), None, colour, magnification)
-    picture.draw_rest()
-
-    def text(record: int) -> str:
-        return "\n".join([_moment(course, record), "; ".join(picture.notes(record))])
-
-    return picture.film(text)
+def _scale(course: BodyTimeResult, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the magnification and the end of the colours, by the time of the largest move."""
+    section = section_of(course.grid, course.static.focus, options.get("cut"), options.get("crop"))
+    peak = int(np.argmax(course.largest_displacement()))
+    tiles = moving_cells(course.static, section, partial(course.displacement_at, record=peak))
+    return {"magnification": magnification_for(section, tiles), "largest": tiles.largest}
 
 
-def curves_over_time(course: TimeResult) -> Film:
-    """Return the curves as they grow, a dot at where they have come to."""
-    every = course.curves()
-    figure, panels = panels_for(every)
-    for ax, curves in zip(panels, every, strict=True):
-        draw_curves(ax, curves)
-    panels[0].texts[-1].remove()
-    notes = caption(panels[0], every[0].title, [_moment(course, 0)])
+def plot_curves_at(
+    course: TimeResult, ax: Axes | None = None, *, panel: int = 0, record: int | None = None
+) -> Axes | Figure:
+    """Draw all curves of what creeps, with a dot at one of the times if that is asked for."""
+    drawn = plot_curves(course, ax, panel=panel)
+    if record is None:
+        return drawn
+    every = course.curves() if isinstance(drawn, Figure) else course.curves()[panel:]
+    panels = drawn.axes if isinstance(drawn, Figure) else [drawn]
+    for each, curves in zip(panels, every, strict=False):
+        now = float(curves.at[_checked(course, record)])
+        reached = [float(values[record]) for values in curves.lines.values()]
+        each.axvline(now, color="#9a9a9a", lw=0.8, zorder=1)
+        each.plot([now] * len(reached), reached, "o", ms=4, color=INK, zorder=5)
+    return drawn
 
-    def draw(number: int) -> list[Artist]:
-        artists: list[Artist] = []
-        for ax, curves in zip(panels, every, strict=True):
-            now = float(curves.at[number])
-            artists.append(ax.axvline(now, color="#9a9a9a", lw=0.8, zorder=1))
-            reached = [float(values[number]) for values in curves.lines.values()]
-            artists += ax.plot([now] * len(reached), reached, "o", ms=4, color=INK, zorder=5)
-        return artists
 
-    last = len(course.times) - 1
-    return Film(figure, last, draw, notes, lambda number: _moment(course, number))
+def _records(course: TimeResult) -> range:
+    return range(len(course.times))
+
+
+BODY = Film("deformed", "record", _records, _scale, fps=IN_TIME)
+"""The body at all times asked for."""
+NETWORK = Film("deformed", "record", _records, fps=IN_TIME)
+CURVES = Film("curves", "record", _records, fps=IN_TIME)
+"""The curves, and a dot that runs along them."""
 
 
 def _moment(course: TimeResult, record: int) -> str:

@@ -3,35 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 
-from kaju.arrays import Floats, Ints, first_largest
+from kaju.agents.materials import suggestion
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import same_points
 from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body_plots import BodyPicture, draw_forces
+from .body_plots import BodyPicture
 from .charts import applied_loads
-from .films import Film
-from .layers import OUTLINED, Layer, layer_of, squares_of
+from .films import IN_TIME, Film
+from .layers import OUTLINED, Layer, layer_of, squares_of, usual_top
 from .section import Section, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar
-from .units import counted, quantity, round_down, times
+from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.rheology.creeping_elastic import ElasticCreepResult
-    from kaju.model.rheology.creeping_elements import TransferCreepResult
 
 
 MovedAt = Callable[["Floats"], "Floats"]
@@ -103,6 +100,7 @@ class Moving(NamedTuple):
     moved: Floats  # by how much they move (m), shape (n, corners, 2)
     size: Floats  # how far the tiles' middles move (m), shape (n,)
     edge: Floats  # how wide they are (m), shape (n,)
+    value: Floats  # what they are coloured by, shape (n,)
 
     @property
     def largest(self) -> float:
@@ -110,8 +108,9 @@ class Moving(NamedTuple):
         return float(self.size.max(initial=0.0))
 
     def scaled(self, share: float) -> Moving:
-        """Return the tiles after a share of their displacement."""
-        return self._replace(moved=share * self.moved, size=share * self.size)
+        """Return the tiles after a share of their load."""
+        moved, size, value = share * self.moved, share * self.size, share * self.value
+        return self._replace(moved=moved, size=size, value=value)
 
 
 def moving_cells(result: BodyResult, section: Section, moved_at: MovedAt | None = None) -> Moving:
@@ -121,19 +120,21 @@ def moving_cells(result: BodyResult, section: Section, moved_at: MovedAt | None 
     moved = corner_displacements(result, section, tiles, moved_at)
     middles = _within(result, section.in_body(section.centres(tiles)), moved_at)
     edge = np.full(len(tiles), float(section.tile_size.min()))
-    return Moving(section.polygons(tiles), moved, np.linalg.norm(middles, axis=1), edge)
+    size = np.linalg.norm(middles, axis=1)
+    return Moving(section.polygons(tiles), moved, size, edge, size)
 
 
-def moving_agents(result: ElasticResult, layer: Layer) -> Moving:
+def moving_agents(result: ElasticResult, layer: Layer, value: Floats) -> Moving:
     """Return agents of many sizes; squares that stand for several move as one of these does."""
-    squares = squares_of(layer, result.tiles(np.linalg.norm(result.displacement, axis=1)))
+    squares = squares_of(layer, result.tiles(value))
+    size = np.linalg.norm(result.displacement, axis=1)[squares.row]
     moved = np.repeat(layer.in_plane(result.displacement[squares.row])[:, None], 4, axis=1)
     own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
     corners = squares.corners[own].reshape(-1, 2)
     first, number = same_points(corners, float(result.size.min()))
     at_corners = result.displacement_at(layer.in_body(corners[first]))
     moved[own] = layer.in_plane(at_corners)[number].reshape(-1, 4, 2)
-    return Moving(squares.corners, moved, squares.value, squares.size)
+    return Moving(squares.corners, moved, size, squares.size, squares.value)
 
 
 def magnification_for(section: Section, tiles: Moving) -> float:
@@ -160,7 +161,10 @@ def check_magnification(magnification: float | None) -> None:
 
 
 class DeformedPicture(BodyPicture):
-    """A body at rest, dashed, on which it is drawn deformed; all magnified alike."""
+    """A body at rest, dashed, on which it is drawn deformed; all magnified alike.
+
+    `largest`: where the colours end.
+    """
 
     def __init__(
         self,
@@ -169,9 +173,9 @@ class DeformedPicture(BodyPicture):
         largest: float,
         ax: Axes | None = None,
         stage: int | None = None,
-        loaded: bool = True,
+        share: float = 1.0,
     ) -> None:
-        super().__init__(section, ax, stage, filled=False, outlined=False, loaded=loaded)
+        super().__init__(section, ax, stage, filled=False, outlined=False, share=share)
         self.magnification, self.norm = magnification, Normalize(0.0, largest or 1.0)
         surface, _ = section.outlines()
         rest = LineCollection(
@@ -180,14 +184,14 @@ class DeformedPicture(BodyPicture):
         self.ax.add_collection(rest)
 
     def draw(self, tiles: Moving) -> PolyCollection:
-        """Draw tiles where they have moved to, coloured by how far; unmoved ones stay light."""
+        """Draw tiles where they have moved to, coloured; those of next to nothing stay light."""
         large = tiles.edge > self.section.span / OUTLINED
-        still = _UNMOVED * tiles.largest
+        still = _UNMOVED * float(tiles.value.max(initial=0.0))
         return add_polygons(
             self.ax,
             tiles.rest + self.magnification * tiles.moved,
             "moved",
-            array=np.ma.masked_less_equal(tiles.size, still),
+            array=np.ma.masked_less_equal(tiles.value, still),
             cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
             norm=self.norm,
             edgecolors="#8a8a8a",
@@ -208,128 +212,118 @@ def plot_tiles_deformed(
     magnification: float | None,
     ax: Axes | None,
     stage: int | None,
-    loaded: bool = True,
+    share: float = 1.0,
+    largest: float | None = None,
+    label: tuple[str, str] = ("displacement", "m"),
+    extend: str = "neither",
 ) -> DeformedPicture:
     """Draw a deformed body over itself at rest, magnified until the eye can see it."""
     check_magnification(magnification)
     factor = magnification or magnification_for(section, tiles)
-    picture = DeformedPicture(section, factor, tiles.largest, ax, stage, loaded)
+    most = largest or float(tiles.value.max(initial=0.0))
+    picture = DeformedPicture(section, factor, most, ax, stage, share)
     drawn = picture.draw(tiles)
-    if tiles.largest > 0.0:
-        colour_bar(picture.ax, drawn, "displacement", "m")
+    if most > 0.0:
+        colour_bar(picture.ax, drawn, *label, extend)
     return picture
 
 
+COLOURS = {"von_mises": ("equivalent stress", "Pa"), "displacement": ("displacement", "m")}
+"""What a deformed answer may be coloured by, with its unit; the usual one first."""
+
+
 def plot_deformed(
-    result: ElasticResult | TransferResult,
+    result: ElasticResult,
     ax: Axes | None = None,
     *,
+    colour: str = "von_mises",
+    share: float = 1.0,
     magnification: float | None = None,
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the deformed cells, or agents, over the outline of the body at rest."""
-    section: Section
-    if result.kind == "elastic":
-        section = layer = layer_of(cast("ElasticResult", result), cut, crop)
-        tiles = moving_agents(cast("ElasticResult", result), layer)
+    """Draw the deformed agents, coloured by their stress, over the outline of the body at rest."""
+    if colour not in COLOURS:
+        raise ParameterError(
+            f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "
+            f"{', '.join(COLOURS)}"
+        )
+    if not 0.0 <= share <= 1.0:
+        raise ParameterError(f"share: of the load, a number from 0 to 1 is needed, got {share}")
+    layer = layer_of(result, cut, crop)
+    size = np.linalg.norm(result.displacement, axis=1)
+    tiles = moving_agents(result, layer, size if colour == "displacement" else result.von_mises)
+    top, beyond = usual_top(tiles.value, tiles.edge)
+    picture = plot_tiles_deformed(
+        layer,
+        tiles.scaled(share),
+        magnification or magnification_for(layer, tiles),
+        ax,
+        result.stage,
+        share,
+        top,
+        COLOURS[colour],
+        "max" if beyond else "neither",
+    )
+    if not tiles.largest:
+        notes = ["nothing has moved: largest displacement 0 m"]
     else:
-        section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
-        tiles = moving_cells(result, section)
-    picture = plot_tiles_deformed(section, tiles, magnification, ax, result.stage)
-    if tiles.largest > 0.0:
-        moved = f"{picture.magnified}; largest displacement {quantity(tiles.largest, 'm')}"
-    else:
-        moved = "nothing has moved: largest displacement 0 m"
-    return picture.finish("Deformed body", [moved, *picture.notes])
+        notes = [stress_text(result), f"largest displacement {quantity(tiles.largest, 'm')}"]
+        notes[1] += f"; {picture.magnified}"
+    part = f"{share:.0%} of the load; " if share < 1.0 else ""
+    return picture.finish("Deformed body", [part + notes[0], *notes[1:], *picture.notes])
 
 
-def loading(
-    result: TransferResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
-) -> Film:
-    """Return the stages of loading: the body deforms as the load grows."""
-    section = section_of(result.scene, result.focus, cut, crop)
-    states = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
-    load = [0.0, *applied_loads(result).tolist()]
-
-    def text(number: int) -> str:
-        agents = len(result.stages[number - 1].cells) if number else 0
-        applied = f"{quantity(load[number], 'N')} of {quantity(load[-1], 'N')}"
-        return f"applied: {applied}; {counted(agents, 'material agent')}"
-
-    shares = [value / load[-1] if load[-1] else 1.0 for value in load]
-    moves = [moving_cells(state, section) for state in states]
-    return _deforming(result, section, [moves[0].scaled(0.0), *moves], shares, text, staged=True)
+def stress_text(result: ElasticResult) -> str:
+    """Return the largest stress, where it is, and whether it has a limit."""
+    found = result.largest_stress
+    at = ", ".join(quantity(place, "m") for place in found.at)
+    words = f"largest stress {quantity(found.value, 'Pa')} at ({at})"
+    return f"{words}, without limit: {found.no_limit}" if found.no_limit else words
 
 
-GROWING = 24
-"""Frames in which an elastic body takes its load."""
-
-
-def growing(
-    result: BodyResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
-) -> Film:
-    """Return an elastic body whose load grows evenly, and its displacements with it."""
-    section = section_of(result.grid, result.focus, cut, crop)
-    full = moving_cells(result, section)
-    shares = [number / GROWING for number in range(GROWING + 1)]
-    moves = [full.scaled(share) for share in shares]
-    return _deforming(result, section, moves, shares, lambda k: f"{shares[k]:.0%} of the load")
-
-
-def creeping(
-    result: TransferCreepResult | ElasticCreepResult,
+def plot_cells_deformed(
+    result: TransferResult,
+    ax: Axes | None = None,
+    *,
+    stage: int | None = None,
+    magnification: float | None = None,
+    largest: float | None = None,
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
-) -> Film:
-    """Return a body in time, at the moments asked for."""
-    section = section_of(result.static.grid, result.static.focus, cut, crop)
-    moves = [
-        moving_cells(result.static, section, partial(result.displacement_at, record=k))
-        for k in range(len(result.times))
-    ]
-    shares = result.factors.tolist()
-
-    def text(number: int) -> str:
-        return f"{quantity(result.times[number], 's')}; {shares[number]:.0%} of the load"
-
-    return _deforming(result.static, section, moves, shares, text)
-
-
-def _deforming(
-    result: BodyResult,
-    section: Section,
-    moves: list[Moving],
-    shares: list[float],
-    text: Callable[[int], str],
-    *,
-    staged: bool = False,
-) -> Film:
-    """Return a body that deforms: one move and one share of the load a frame.
-
-    `staged` frames are the scene's own stages of loading.
-    """
-    factor = min((magnification_for(section, m) for m in moves if m.largest), default=1.0)
-    largest = max(move.largest for move in moves)
-    picture = DeformedPicture(section, factor, largest, None, result.stage)
-    ax = picture.ax
-    # The fullest frame and its forces only make room: every frame draws its own.
-    fullest = moves[first_largest(np.array([np.abs(m.moved).max(initial=0.0) for m in moves]))]
-    colour_bar(ax, picture.draw(fullest), "displacement", "m")
-    passing = [drawn for drawn in ax.collections if drawn.get_gid() in ("moved", "forces")]
-
-    def draw(number: int) -> list[Artist]:
-        still = len(ax.collections)
-        picture.draw(moves[number])
-        if shares[number]:
-            stage = number if staged else result.stage
-            draw_forces(ax, section, stage, share=shares[number])
-        return [*ax.collections[still:]]
-
-    below = "; ".join([picture.magnified, *section.notes])
-    film = picture.film(
-        "The body deforms", len(moves) - 1, draw, lambda number: f"{text(number)}\n{below}"
+) -> Axes:
+    """Draw the deformed cells over the outline of the body at rest, at the end of a stage."""
+    section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
+    count = len(result.stages)
+    if stage is not None and not 0 <= stage <= count:
+        raise ParameterError(f"stage: this run has the stages 0 to {count}, got {stage}")
+    tiles = moving_cells(result if not stage else result.at_stage(stage), section)
+    if stage == 0:
+        tiles = tiles.scaled(0.0)
+    picture = plot_tiles_deformed(
+        section, tiles, magnification, ax, stage or result.stage, float(stage != 0), largest
     )
-    for drawn in passing:
-        drawn.set_visible(False)
-    return film
+    moved = f"{picture.magnified}; largest displacement {quantity(tiles.largest, 'm')}"
+    if not tiles.largest:
+        moved = "nothing has moved: largest displacement 0 m"
+    notes = [moved, *picture.notes]
+    if stage is not None:
+        load = [0.0, *applied_loads(result).tolist()]
+        notes = [f"applied: {quantity(load[stage], 'N')} of {quantity(load[-1], 'N')}", moved]
+    return picture.finish("Deformed body", notes)
+
+
+def _over_stages(result: TransferResult, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the magnification and the end of the colours, by all stages."""
+    section = section_of(result.grid, result.focus, options.get("cut"), options.get("crop"))
+    states = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
+    moves = [moving_cells(state, section) for state in states]
+    factors = [magnification_for(section, move) for move in moves if move.largest]
+    largest = max(move.largest for move in moves)
+    return {"magnification": min(factors, default=1.0), "largest": largest}
+
+
+STAGES = Film("deformed", "stage", lambda result: range(len(result.stages) + 1), _over_stages)
+"""The stages of loading: the body deforms as the load grows."""
+LOADING = Film("deformed", "share", lambda _: np.linspace(0.0, 1.0, 25).tolist(), fps=IN_TIME)
+"""An elastic body whose load grows evenly."""

@@ -12,24 +12,22 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Ints
 from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
 from .body_plots import BodyPicture
 from .charts import plot_cuts
 from .deformed import plot_deformed
-from .films import TWO_LINES, Film
+from .films import Film
 from .maps import plot_displacement, plot_strain, plot_stress, plot_von_mises
 from .section import section_of
-from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, new_figure
+from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar
 from .units import counted, quantity
 
 if TYPE_CHECKING:
@@ -64,68 +62,43 @@ def plot_face_agents(
 
 
 def plot_left(
-    run: ElasticRun, ax: Axes | None = None, *, cut: Cut | None = None, crop: bool | None = None
+    run: ElasticRun,
+    ax: Axes | None = None,
+    *,
+    moment: int | None = None,
+    cut: Cut | None = None,
+    crop: bool | None = None,
 ) -> Axes:
-    """Draw the loads that the agents of the cells' own faces have left at the end."""
+    """Draw the loads that the agents of the cells' own faces have left, at the end or before."""
     shown = _LevelOfAgents(run, 0, cut, crop)
     picture = BodyPicture(shown.section, ax, run.stage)
-    left = np.abs(run.agents.left)
-    drawn = shown.draw(picture.ax, "left", shown.agents, left[shown.agents], _norm(left))
+    agents, left = shown.agents, np.abs(run.agents.left)
+    norm, happened = _norm(left), run.outcome
+    if moment is not None:
+        moments = run.moments
+        if not 0 <= moment < len(moments.step):
+            last = len(moments.step) - 1
+            raise ParameterError(f"moment: this run has the moments 0 to {last}, got {moment}")
+        norm, left = _norm(np.abs(moments.left[:, agents])), np.abs(moments.left[moment])
+        agents = agents[run.agents.spawn_step[agents] <= moments.step[moment]]
+        happened = _so_far(run, moment)
+    drawn = shown.draw(picture.ax, "left", agents, left[agents], norm)
     colour_bar(picture.ax, drawn, "load left", "N", extend="min")
     rests = f"γ = {quantity(run.threshold, 'N')}: a load up to it rests"
-    return picture.finish("Loads that are left", [rests, run.outcome, *picture.notes])
+    return picture.finish("Loads that are left", [rests, happened, *picture.notes])
 
 
-def waves(run: ElasticRun, *, cut: Cut | None = None, crop: bool | None = None) -> Film:
-    """Return the steps of a run: on the left the loads left, on the right the acting agents."""
-    moments, agents = run.moments, run.agents
-    levels = [
-        _LevelOfAgents(run, level, cut, crop)
-        for level in range(int(agents.level.max(initial=0)) + 1)
-    ]
-    finest = levels[0]
-    acted = np.diff(moments.taken, axis=0, prepend=moments.taken[:1])
-    left_norm, acted_norm = _norm(np.abs(moments.left[:, finest.agents])), _norm(acted)
-    axes = new_figure((11.0, 5.6)).subplots(1, 2)
-    rest, act = (BodyPicture(finest.section, ax, run.stage) for ax in axes)
-    for picture, norm, label in (
-        (rest, left_norm, "load left"),
-        (act, acted_norm, "loads taken since the picture before"),
-    ):
-        picture.entries = []
-        colour_bar(picture.ax, ScalarMappable(norm, LOADS), label, "N", extend="min")
-    act.finish("Who acts", TWO_LINES)
-    right = act.ax.texts[-1]
-
-    def draw(number: int) -> list[Artist]:
-        awake = finest.agents[agents.spawn_step[finest.agents] <= moments.step[number]]
-        size = np.abs(moments.left[number, awake])
-        artists: list[Artist] = [finest.draw(rest.ax, "left", awake, size, left_norm)]
-        for shown in levels:
-            busy = shown.agents[acted[number, shown.agents] > 0.0]
-            artists.append(shown.draw(act.ax, "acting", busy, acted[number, busy], acted_norm))
-        right.set_text(_acting(acted[number], agents.level))
-        return artists
-
-    def text(number: int) -> str:
-        step, last = int(moments.step[number]), int(moments.step[-1])
-        energy = quantity(float(moments.energy[number]), "J")
-        stood = int(np.sum((agents.spawn_step <= step) & (agents.level == 0)))
-        return f"step {step} of {last}: {counted(stood, 'agent')} awake\nenergy {energy}"
-
-    return rest.film("What is left", len(moments.step) - 1, draw, text)
+def _so_far(run: ElasticRun, moment: int) -> str:
+    """Return the step of a moment, who acted since the one before, and the energy."""
+    moments = run.moments
+    before = moments.taken[max(moment - 1, 0)]
+    busy = counted(int(np.sum(moments.taken[moment] > before)), "agent")
+    energy = quantity(float(moments.energy[moment]), "J")
+    return f"step {moments.step[moment]} of {moments.step[-1]}: {busy} acted; energy {energy}"
 
 
-def _acting(acted: Floats, level: Ints) -> str:
-    """Return how many agents of each level acted."""
-    busy = acted > 0.0
-    if not busy.any():
-        return "nobody has acted yet\n"
-    visited = np.unique(level[busy])
-    named = [f"{int(np.sum(busy & (level == number)))} of level {number}" for number in visited]
-    if level.any():
-        return "agents that acted: " + ", ".join(named) + "\n(level 0: the cells' own faces)"
-    return f"{counted(int(busy.sum()), 'agent')} acted\n"
+WAVES = Film("left", "moment", lambda run: range(len(run.moments.step)))
+"""The loads left after every step."""
 
 
 def _norm(sizes: NDArray[np.floating]) -> LogNorm:

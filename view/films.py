@@ -1,102 +1,162 @@
-"""Films: frames of one figure, and how they are written as GIF, WebP, MP4 or single pictures.
+"""Films: a picture drawn again for every value of one of its options, as GIF, WebP, MP4 or PNG.
 
-A figure is drawn once, with everything that stays; each frame then only exchanges what moves, so
-that frames never jump.
+What a kind of result films is one `Film`: which picture, over which option. All frames have the
+size, the axes and the scales of the whole run, so that nothing jumps.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import subprocess
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.animation import FFMpegWriter
-from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from PIL import Image
 
-from kaju.errors import needing
+from kaju.errors import ResultFileError, needing
 
 RESOLUTION = 100
 """Dots per inch of films."""
-TWO_LINES = ["…", "…"]  # kept free for the text of the frames
+IN_TIME = 25.0
+"""Frames a second of films of what moves in time."""
 _BARE = 6.4  # longer side of a film without words (inches)
+_LOOKED_AT = 3  # pictures of a film that decide how much room all of them get
 
 
-@dataclass
-class Film:
-    """Frames of one figure."""
-
-    figure: Figure  # with everything that stays
-    last: int  # frames are numbered from 0 to this
-    draw: Callable[[int], list[Artist]]  # draws what moves in a frame and returns its artists
-    notes: Text  # under the title
-    text: Callable[[int], str]  # of the notes in a frame
-    _moving: list[Artist] = field(default_factory=list)
-
-    def show(self, frame: int) -> None:
-        """Exchange what moves for that of a frame."""
-        for artist in self._moving:
-            artist.remove()
-        self._moving = self.draw(frame)
-        self.notes.set_text(self.text(frame))
-
-    def settle(self, *, bare: bool = False) -> None:
-        """Arrange the figure around its fullest frame, and keep it so.
-
-        `bare` leaves out axes, words and scales: the body fills the frame.
-        """
-        self.figure.set_dpi(RESOLUTION)
-        self.show(self.last)
-        self.figure.draw_without_rendering()
-        self.figure.set_layout_engine("none")
-        if not bare:
-            return
-        ax, *bars = self.figure.axes
-        for bar in bars:
-            bar.set_visible(False)
-        key = ax.get_legend()
-        if key is not None:
-            key.set_visible(False)
-        ax.set_axis_off()
-        ax.set_title("", loc="left")
-        self.notes.set_visible(False)
-        if ax.name != "3d" and ax.get_aspect() != "auto":
-            ratio = float(np.ptp(ax.get_xlim()) / np.ptp(ax.get_ylim()))
-            side = _BARE / max(ratio, 1.0)
-            self.figure.set_size_inches(side * ratio, side)
-        ax.set_position((0.0, 0.0, 1.0, 1.0))
-
-    def image(self, frame: int, mode: str = "RGB") -> Image.Image:
-        """Return a frame as pixels."""
-        self.show(frame)
-        canvas = cast(Any, self.figure.canvas)  # Agg's, which arrives untyped
-        canvas.draw()
-        return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert(mode)
+def _nothing(_result: Any, _options: Mapping[str, Any]) -> dict[str, Any]:
+    return {}
 
 
-def _durations(frames: list[int], fps: float, hold: float) -> list[int]:
+class Film(NamedTuple):
+    """A picture over the values of one of its options."""
+
+    picture: str
+    option: str
+    moments: Callable[[Any], Sequence[Any]]
+    """The values of the option, in order, of a result."""
+    fixed: Callable[[Any, Mapping[str, Any]], dict[str, Any]] = _nothing
+    """Options that all frames share, of a result and the options that were asked for."""
+    fps: float = 2.0
+
+
+def frames(
+    draw: Callable[[Any], Figure], moments: Sequence[Any], *, bare: bool = False, mode: str = "RGB"
+) -> Iterator[Image.Image]:
+    """Yield the pictures of some moments, all with the same axes; `bare` shows the body alone.
+
+    `mode` "RGBA" leaves the background out.
+    """
+    few = np.unique(np.linspace(0, len(moments) - 1, _LOOKED_AT).round().astype(np.int64))
+    looked_at = [_arranged(draw(moments[k])) for k in few]
+    first = max(looked_at, key=lambda figure: figure.axes[0].get_title(loc="left").count("\n"))
+    limits = [
+        [_union([getattr(f.axes[n], f"get_{name}lim")() for f in looked_at]) for name in _names(ax)]
+        for n, ax in enumerate(first.axes)
+    ]
+    places = [ax.get_position(original=True) for ax in first.axes]
+    for moment in moments:
+        figure = draw(moment)
+        figure.set_layout_engine("none")
+        figure.set_size_inches(first.get_size_inches())
+        for ax, place, sides in zip(figure.axes, places, limits, strict=True):
+            ax.set_position(place)
+            for name, (low, high) in zip(_names(ax), sides, strict=True):
+                getattr(ax, f"set_{name}lim")(low, high)
+        if bare:
+            _bare(figure)
+        yield _pixels(figure, mode)
+
+
+def _arranged(figure: Figure) -> Figure:
+    figure.set_dpi(RESOLUTION)
+    figure.draw_without_rendering()
+    return figure
+
+
+def _names(ax: Axes) -> str:
+    """Return the axes whose limits a film keeps; colour bars have the same in every frame."""
+    if ax.get_label() == "<colorbar>":
+        return ""
+    return "xyz" if ax.name == "3d" else "xy"
+
+
+def _union(ends: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def _bare(figure: Figure) -> None:
+    """Leave out axes, words and scales: the body fills the frame."""
+    ax, *bars = figure.axes
+    for bar in bars:
+        bar.set_visible(False)
+    key = ax.get_legend()
+    if key is not None:
+        key.set_visible(False)
+    ax.set_axis_off()
+    ax.set_title("", loc="left")
+    for text in ax.texts:
+        text.set_visible(False)
+    if ax.name != "3d" and ax.get_aspect() != "auto":
+        ratio = float(np.ptp(ax.get_xlim()) / np.ptp(ax.get_ylim()))
+        side = _BARE / max(ratio, 1.0)
+        figure.set_size_inches(side * ratio, side)
+    ax.set_position((0.0, 0.0, 1.0, 1.0))
+
+
+def _pixels(figure: Figure, mode: str) -> Image.Image:
+    figure.set_dpi(RESOLUTION)
+    if mode == "RGBA":
+        for part in (figure, *figure.axes):
+            part.patch.set_alpha(0.0)
+    canvas = cast(Any, figure.canvas)  # Agg's, which arrives untyped
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert(mode)
+
+
+def _durations(count: int, fps: float, hold: float) -> list[int]:
     """Return for how long every frame stays (ms)."""
-    durations = [round(1000.0 / fps)] * len(frames)
+    durations = [round(1000.0 / fps)] * count
     durations[-1] += round(1000.0 * hold)
     return durations
 
 
-def _write_gif(film: Film, frames: list[int], path: Path, fps: float, hold: float) -> None:
-    # One palette for all frames, or colours would flicker: that of a few of them, side by side.
-    some = {k: film.image(k) for k in (frames[0], frames[len(frames) // 2], frames[-1])}
-    strip = Image.fromarray(np.concatenate([np.asarray(image) for image in some.values()]))
-    palette = strip.quantize(255, kmeans=3)
-    colours = [*(palette.getpalette() or [])[:765], 255, 255, 255]
-    palette.putpalette(colours)
-    first, *rest = (_indexed(some.get(k) or film.image(k), palette) for k in frames)
-    durations = _durations(frames, fps, hold)
+def _write_gif(shown: Iterator[Image.Image], path: Path, fps: float, hold: float) -> None:
+    images = list(shown)
+    palette = palette_of(images)
+    first, *rest = (_indexed(image, palette) for image in images)
+    durations = _durations(len(images), fps, hold)
     first.save(path, "GIF", save_all=True, append_images=rest, duration=durations, loop=0)
+
+
+_FREQUENT = 48
+"""Colours of a palette that are exactly those of most pixels: grounds and bodies."""
+
+
+def palette_of(images: Sequence[Image.Image]) -> Image.Image:
+    """Return one palette for all frames, whose last colour is white.
+
+    Beside the most frequent ones every colour that occurs counts once, however few pixels have
+    it: arrows are small, and would be lost beside a large body.
+    """
+    pixels = [np.asarray(image).reshape(-1, 3)[::7].astype(np.int64) for image in images]
+    exact, count = np.unique(np.concatenate(pixels) @ [65536, 256, 1], return_counts=True)
+    frequent = exact[np.argsort(-count, kind="stable")[:_FREQUENT]]
+    kept = np.stack([frequent >> 16, frequent >> 8 & 255, frequent & 255], axis=1)
+    seen = np.zeros(32**3, dtype=np.bool_)
+    for image in images:
+        seen[(np.asarray(image).reshape(-1, 3).astype(np.int64) >> 3) @ [1024, 32, 1]] = True
+    coarse = np.flatnonzero(seen)
+    colours = 8 * np.stack([coarse >> 10, coarse >> 5 & 31, coarse & 31], axis=1) + 4
+    others = Image.fromarray(colours[None].astype(np.uint8)).quantize(255 - len(kept), kmeans=3)
+    table = (others.getpalette() or [])[: 3 * (255 - len(kept))]
+    table += [0] * (3 * (255 - len(kept)) - len(table))
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*kept.ravel().tolist(), *table, 255, 255, 255])
+    return palette
 
 
 def _indexed(image: Image.Image, palette: Image.Image) -> Image.Image:
@@ -109,22 +169,30 @@ def _indexed(image: Image.Image, palette: Image.Image) -> Image.Image:
     return indexed
 
 
-def _write_webp(film: Film, frames: list[int], path: Path, fps: float, hold: float) -> None:
-    first, *rest = (film.image(frame) for frame in frames)
-    durations = _durations(frames, fps, hold)
-    options: dict[str, Any] = {"duration": durations, "loop": 0, "lossless": True}
-    first.save(path, "WEBP", save_all=True, append_images=rest, **options)
+def _write_webp(shown: Iterator[Image.Image], path: Path, fps: float, hold: float) -> None:
+    first, *rest = shown
+    options: dict[str, Any] = {"duration": _durations(1 + len(rest), fps, hold), "loop": 0}
+    first.save(path, "WEBP", save_all=True, append_images=rest, lossless=True, **options)
 
 
-def _write_mp4(film: Film, frames: list[int], path: Path, fps: float, hold: float) -> None:
-    with rc_context({"animation.ffmpeg_path": ffmpeg(path)}):
-        writer = FFMpegWriter(fps=cast(int, fps))
-        with writer.saving(film.figure, str(path), RESOLUTION):
-            for frame in frames:
-                film.show(frame)
-                writer.grab_frame()
-            for _ in range(round(hold * fps)):
-                writer.grab_frame()
+def _write_mp4(shown: Iterator[Image.Image], path: Path, fps: float, hold: float) -> None:
+    """Send the frames to ffmpeg; MP4 wants an even number of pixels each way."""
+    last = next(shown)
+    words = [ffmpeg(path), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    words += ["-s", f"{last.width}x{last.height}", "-r", str(fps), "-i", "-"]
+    words += ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
+    words += ["-c:v", "h264", "-f", "mp4", str(path)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdin=pipe, stderr=pipe) as program:  # noqa: S603 - our own words
+        assert program.stdin is not None
+        program.stdin.write(last.tobytes())
+        for last in shown:
+            program.stdin.write(last.tobytes())
+        for _ in range(round(hold * fps)):
+            program.stdin.write(last.tobytes())
+        _, told = program.communicate()
+    if program.returncode:
+        raise ResultFileError(f"{path}: ffmpeg cannot write it: {told.decode(errors='replace')}")
 
 
 def ffmpeg(target: Path) -> str:
@@ -141,13 +209,10 @@ def ffmpeg(target: Path) -> str:
     return program
 
 
-def write_frames(film: Film, frames: list[int], folder: Path) -> None:
-    """Write one picture a frame, without background (PNG with alpha)."""
-    film.figure.patch.set_alpha(0.0)
-    for axes in film.figure.axes:
-        axes.patch.set_alpha(0.0)
-    for number, frame in enumerate(frames):
-        film.image(frame, "RGBA").save(folder / f"{number:04d}.png")
+def write_pictures(shown: Iterator[Image.Image], folder: Path) -> None:
+    """Write one PNG file a frame."""
+    for number, image in enumerate(shown):
+        image.save(folder / f"{number:04d}.png")
 
 
 WRITERS = {".gif": _write_gif, ".webp": _write_webp, ".mp4": _write_mp4}

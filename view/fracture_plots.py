@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -14,13 +13,12 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 
 from .body_plots import BodyPicture
 from .films import Film
-from .network_plots import NetworkPicture
+from .network_plots import NetworkPicture, visible
 from .section import section_of
 from .style import (
     DIVERGING,
@@ -49,23 +47,57 @@ def plot_crack(
     *,
     breaks: int | None = None,
     magnification: float | None = None,
+    largest: float | None = None,
     cut: Mapping[str, float] | None = None,
 ) -> Axes:
-    """Draw what is left after breaks by what it bears: springs deformed, cells at rest."""
-    count = result.standing if breaks is None else breaks
+    """Draw what is left after breaks by what it bears: springs deformed, cells at rest.
+
+    What has parted, or bears next to nothing any more, is drawn as it stood when it last did.
+    """
+    count = result.breaks if breaks is None else breaks
+    if not 0 <= count <= result.breaks:
+        raise ParameterError(f"breaks: 0 to {result.breaks}, got {breaks}")
     if isinstance(result.subject, Scene):
         if magnification is not None:
             raise ParameterError("magnification: cells that break are drawn at rest")
-        return _plot_broken_cells(result, ax, count, cut)
+        return _plot_broken_cells(result, ax, count, largest, cut)
     if cut is not None:
         raise ParameterError("cut: networks are drawn as a whole")
-    state = cast("NetworkResult", result.state(breaks))
-    picture = NetworkPicture(state, ax, "tension", magnification)
+    state = cast("NetworkResult", result.state(bearing(result, count)))
+    picture = NetworkPicture(state, ax, "tension", magnification, largest)
     picture.draw_springs(1)
     _draw_broken(picture, result, count)
     picture.finish([_text(result, count), f"deformation shown {times(picture.factor)}"])
     legend(picture.ax, [Line2D([], [], color=_BROKEN, lw=1.6, label="broken")])
     return picture.ax
+
+
+def bearing(result: FractureResult, count: int) -> int:
+    """Return after how many breaks a body is drawn of which so many parts have broken.
+
+    What bears less than a fiftieth of the largest load moves so far that nothing else would be
+    seen.
+    """
+    force = result.force
+    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max(initial=0.0))
+    return min(count, result.standing, int(loaded.max(initial=0)))
+
+
+def _scale(result: FractureResult, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the end of the colours, and of networks the magnification, by all states."""
+    borne, moved = 0.0, 0.0
+    counts = range(bearing(result, result.breaks) + 1)
+    for count, body in zip(counts, result.replayed(counts), strict=True):
+        factor = result.factor_after(count)
+        borne = max(borne, float(np.abs(factor * body.borne()).max(initial=0.0)))
+        moved = max(moved, float(np.abs(factor * body.displacement()).max(initial=0.0)))
+    if isinstance(result.subject, Scene):
+        return {"largest": borne}
+    return {"largest": borne, "magnification": visible(result.network.positions, moved)}
+
+
+BREAKS = Film("crack", "breaks", lambda result: range(result.breaks + 1), _scale)
+"""What is left after every break."""
 
 
 def _draw_broken(picture: NetworkPicture, result: FractureResult, count: int) -> Artist:
@@ -81,7 +113,8 @@ def _text(result: FractureResult, count: int) -> str:
     """Return how much is broken, and the load factor."""
     at = max(count - 1, 0)
     factor = float(result.load_factor[at]) if result.breaks else 1.0
-    load = f"{counted(count, result.parts)} broken; load factor {factor:.4g}"
+    parted = "; parted" if count > result.standing else ""
+    load = f"{counted(count, result.parts)} broken{parted}; load factor {factor:.4g}"
     return f"{load}, largest so far {result.load_factor[: at + 1].max(initial=0.0):.4g}"
 
 
@@ -125,79 +158,28 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
 
 
 def _plot_broken_cells(
-    result: FractureResult, ax: Axes | None, count: int, cut: Mapping[str, float] | None
-) -> Axes:
-    stresses = _stresses(result, range(count, count + 1))
-    picture, norm = _body_to_break(result, ax, cut, stresses)
-    _draw_cells(picture, result, count, stresses[0], norm)
-    return picture.finish("What is left of a body", [_text(result, count), *picture.notes])
-
-
-def _stresses(result: FractureResult, counts: range) -> list[Floats]:
-    """Return the largest principal stresses (Pa) of the cells after so many breaks each."""
-    bodies = zip(counts, result.replayed(counts), strict=True)
-    return [result.factor_after(count) * body.borne() for count, body in bodies]
-
-
-def _body_to_break(
     result: FractureResult,
     ax: Axes | None,
+    count: int,
+    largest: float | None,
     cut: Mapping[str, float] | None,
-    stresses: list[Floats],
-) -> tuple[BodyPicture, Normalize]:
-    """Return a body and its supports with a bar of stresses, and the scale of this."""
-    most = max(float(np.abs(borne).max(initial=0.0)) for borne in stresses) or 1.0
+) -> Axes:
+    """Draw the cells that are left, by their largest principal stress, and those that broke."""
+    shown = bearing(result, count)
+    (body,) = result.replayed([shown])
+    borne = result.factor_after(shown) * body.borne()
+    most = largest or float(np.abs(borne).max(initial=0.0)) or 1.0
     norm = Normalize(-most, most)
     picture = BodyPicture(section_of(cast(Scene, result.subject), None, cut), ax)
     colour_bar(picture.ax, ScalarMappable(norm, DIVERGING), "largest principal stress", "Pa")
     picture.entries.append(Patch(color=_BROKEN, label="broken"))
-    return picture, norm
-
-
-def _draw_cells(
-    picture: BodyPicture, result: FractureResult, count: int, borne: Floats, norm: Normalize
-) -> list[Artist]:
-    """Draw the cells that are left, by their stresses, and those that broke."""
-    ax, section = picture.ax, picture.section
-    cells = np.argwhere(section.scene.rasterise() >= 0)
+    section, cells = picture.section, np.argwhere(picture.section.scene.rasterise() >= 0)
     look: dict[str, Any] = {"edgecolors": "none", "linewidths": 0.0, "antialiased": False}
-    tiles, shown = section.gather(cells, borne, "max")
-    look |= {"array": shown, "cmap": DIVERGING, "norm": norm, "zorder": 2}
-    drawn: list[Artist] = [add_polygons(ax, section.polygons(tiles), "cells", **look)]
+    tiles, values = section.gather(cells, borne, "max")
+    look |= {"array": values, "cmap": DIVERGING, "norm": norm, "zorder": 2}
+    add_polygons(picture.ax, section.polygons(tiles), "cells", **look)
     if count:
         tiles, _ = section.gather(cells[result.broken[:count]], np.ones(count), "max")
         places = section.polygons(tiles)
-        drawn.append(add_polygons(ax, places, "broken", facecolors=_BROKEN, zorder=3))
-    return drawn
-
-
-def breaking(
-    result: FractureResult,
-    magnification: float | None = None,
-    cut: Mapping[str, float] | None = None,
-) -> Film:
-    """Return what is left after every break, one frame each, as far as it resists."""
-    last = result.standing
-
-    def text(count: int) -> str:
-        return _text(result, count)
-
-    if isinstance(result.subject, Scene):
-        stresses = _stresses(result, range(last + 1))
-        body, norm = _body_to_break(result, None, cut, stresses)
-        return body.film(
-            "A body breaks",
-            last,
-            lambda count: _draw_cells(body, result, count, stresses[count], norm),
-            text,
-        )
-    end = cast("NetworkResult", result.state(last))
-    picture = NetworkPicture(end, None, "tension", magnification)
-
-    def draw(count: int) -> list[Artist]:
-        now = copy(picture)
-        now.result = cast("NetworkResult", result.state(count))
-        now.network = now.result.network
-        return [*now.draw_springs(1), _draw_broken(now, result, count)]
-
-    return picture.film(text, draw, last)
+        add_polygons(picture.ax, places, "broken", facecolors=_BROKEN, zorder=3)
+    return picture.finish("What is left of a body", [_text(result, count), *picture.notes])

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
 from .body_plots import BodyPicture
@@ -31,37 +30,11 @@ def plot_design(
     cut: Mapping[str, float] | None = None,
 ) -> Axes:
     """Draw the densities of the cells, of a body of cubes those in a plane."""
-    picture = _body(result, cut, ax)
-    _draw_densities(picture, result, step)
-    notes = [_text(result, result.steps if step is None else step), *picture.notes]
-    notes += [result.outcome] if step is None else []
-    return picture.finish(f"What grows by the rule of {result.rule}", notes)
-
-
-def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -> Film:
-    """Return the densities after every step, one frame each."""
-    picture = _body(result, cut)
-    return picture.film(
-        f"Growth by the rule of {result.rule}",
-        result.steps,
-        lambda step: [_draw_densities(picture, result, step)],
-        lambda step: _text(result, step),
-    )
-
-
-def _body(
-    result: GrowthResult, cut: Mapping[str, float] | None, ax: Axes | None = None
-) -> BodyPicture:
-    """Return the body before it grows, with a bar of densities."""
-    picture = BodyPicture(section_of(result.scene, None, cut), ax, result.stage)
+    section = section_of(result.scene, None, cut)
+    picture = BodyPicture(section, ax, result.stage)
     colour_bar(picture.ax, ScalarMappable(_DENSITIES, "Greys"), "density", "")
-    return picture
-
-
-def _draw_densities(picture: BodyPicture, result: GrowthResult, step: int | None) -> PolyCollection:
-    section = picture.section
     tiles, shown = section.gather(np.argwhere(result.body), result.density_at(step), "max")
-    return add_polygons(
+    add_polygons(
         picture.ax,
         section.polygons(tiles),
         "densities",
@@ -73,6 +46,13 @@ def _draw_densities(picture: BodyPicture, result: GrowthResult, step: int | None
         antialiased=False,
         zorder=2,
     )
+    notes = [_text(result, result.steps if step is None else step), *picture.notes]
+    notes += [result.outcome] if step is None else []
+    return picture.finish(f"What grows by the rule of {result.rule}", notes)
+
+
+STEPS = Film("design", "step", lambda result: range(result.steps + 1))
+"""The densities after every step."""
 
 
 def _text(result: GrowthResult, step: int) -> str:

@@ -153,6 +153,20 @@ def merge_small(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
     return Tiles(lower, size, value[row]), row
 
 
+PEAK = 2e-3
+"""Values on this share of the picture may lie beyond the scale: stresses grow at corners."""
+
+
+def usual_top(values: Floats, edge: Floats) -> tuple[float, bool]:
+    """Return the end of the scale of squares' values, and whether there are values beyond it."""
+    size = np.abs(values)
+    order = np.argsort(-size, kind="stable")
+    area = np.cumsum(edge[order] ** 2)
+    usual = float(size[order[np.searchsorted(area, PEAK * area[-1])]])
+    largest = float(size.max())
+    return (usual, True) if 0.0 < 1.5 * usual < largest else (largest, False)
+
+
 def draw_squares(
     ax: Axes, layer: Layer, drawn: DrawnSquares, name: str, **look: Any
 ) -> PolyCollection:

@@ -17,7 +17,7 @@ from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
-from .layers import DrawnSquares, draw_squares, layer_of, squares_of
+from .layers import draw_squares, layer_of, squares_of, usual_top
 from .load_plots import load_norm
 from .section import Section, section_of
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar
@@ -25,10 +25,6 @@ from .units import quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
-
-
-PEAK = 2e-3
-"""Values on this share of the picture may lie beyond the scale: stresses grow at corners."""
 
 
 class Quantity(NamedTuple):
@@ -125,7 +121,7 @@ def plot_map(
         layer = layer_of(elastic, cut, crop)
         picture = BodyPicture(layer, ax, result.stage, filled=False)
         squares = squares_of(layer, elastic.tiles(shown.values))
-        top, beyond = _top(squares)
+        top, beyond = usual_top(squares.value, squares.size)
         if beyond:
             extend = "both" if shown.signed else "max"
         look = colours_of(shown, squares.value, top)
@@ -146,16 +142,6 @@ def plot_map(
         reason = elastic.largest_stress.no_limit
         notes += [f"the largest stress has no limit: {reason}"] if reason else []
     return picture.finish(shown.title, notes)
-
-
-def _top(squares: DrawnSquares) -> tuple[float, bool]:
-    """Return the largest value of the scale, and whether there are values beyond it."""
-    size = np.abs(squares.value)
-    order = np.argsort(-size, kind="stable")
-    area = np.cumsum(squares.size[order] ** 2)
-    usual = float(size[order[np.searchsorted(area, PEAK * area[-1])]])
-    largest = float(size.max())
-    return (usual, True) if 0.0 < 1.5 * usual < largest else (largest, False)
 
 
 def _map_of(what: str) -> Callable[..., Axes]:

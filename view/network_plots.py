@@ -18,7 +18,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
-from .films import TWO_LINES, Film
+from .films import Film
 from .style import (
     DIVERGING,
     FAINT,
@@ -29,7 +29,6 @@ from .style import (
     arrow_polygons,
     caption,
     colour_bar,
-    figure_of,
     fit_figure,
     frame_curves,
     label_axis,
@@ -39,8 +38,6 @@ from .style import (
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from kaju.model.network.network_result import NetworkResult
 
 Colour = Literal["tension", "strain"]
@@ -49,11 +46,24 @@ _VISIBLE = 0.03  # of the network's size: smaller displacements are magnified up
 _MOST_NODES = 2000  # above this, nodes are not drawn one by one
 
 
+def visible(positions: Floats, moved: float) -> float:
+    """Return by how much displacements of a network up to `moved` (m) are magnified."""
+    size = float(np.ptp(positions, axis=0).max())
+    if moved == 0.0 or moved >= _VISIBLE * size:
+        return 1.0
+    return max(1.0, round_down(0.08 * size / moved))
+
+
 class NetworkPicture:
     """Axes for the states of one network, with its frame, colours and magnification."""
 
     def __init__(
-        self, result: NetworkResult, ax: Axes | None, colour: Colour, magnification: float | None
+        self,
+        result: NetworkResult,
+        ax: Axes | None,
+        colour: Colour,
+        magnification: float | None,
+        largest: float | None = None,
     ) -> None:
         if colour not in ("tension", "strain"):
             raise ParameterError(f"colour: 'tension' or 'strain', got {colour!r}")
@@ -65,8 +75,9 @@ class NetworkPicture:
         self.ax = new_axes(ax, (6.8, 6.2), None if self.flat else "3d")
         if not self.flat:
             cast(Axes3D, self.ax).computed_zorder = False  # or rims would hide their springs
-        self.factor = magnification or self._magnification()
-        largest = max(
+        moved = float(np.abs(result.displacement).max(initial=0.0))
+        self.factor = magnification or visible(self.network.positions, moved)
+        largest = largest or max(
             (float(np.abs(self.values(record)).max(initial=0.0)) for record in self.records),
             default=0.0,
         )
@@ -89,13 +100,6 @@ class NetworkPicture:
     def places(self, record: int) -> Floats:
         """Return where the nodes are drawn (m)."""
         return np.asarray(self.network.positions + self.factor * self.result.displacement[record])
-
-    def _magnification(self) -> float:
-        size = float(np.ptp(self.network.positions, axis=0).max())
-        largest = float(np.abs(self.result.displacement).max(initial=0.0))
-        if largest == 0.0 or largest >= _VISIBLE * size:
-            return 1.0
-        return max(1.0, round_down(0.08 * size / largest))
 
     def draw_lines(self, places: Floats, springs: Ints, name: str, **look: Any) -> Artist:
         """Draw springs between places of the nodes (m); return the artist."""
@@ -185,17 +189,6 @@ class NetworkPicture:
         parts.append(f"largest displacement {quantity(far, 'm')}")
         return ["; ".join(parts), f"deformation shown {times(self.factor)}"]
 
-    def film(
-        self,
-        text: Callable[[int], str],
-        draw: Callable[[int], list[Artist]] | None = None,
-        last: int | None = None,
-    ) -> Film:
-        """Return states 0 to `last`, one frame each, by their springs unless `draw` says more."""
-        notes = self.finish(TWO_LINES)
-        last = len(self.records) - 1 if last is None else last
-        return Film(figure_of(self.ax), last, draw or self.draw_springs, notes, text)
-
 
 def plot_network(
     result: NetworkResult,
@@ -213,7 +206,10 @@ def plot_network(
         )
     picture.draw_rest()
     picture.draw_springs(record)
-    picture.finish(picture.notes(record))
+    notes, last = picture.notes(record), len(picture.records) - 1
+    if last > 1:
+        notes[0] = f"increment {record % (last + 1)} of {last}; {notes[0]}"
+    picture.finish(notes)
     return picture.ax
 
 
@@ -233,15 +229,5 @@ def plot_response(result: NetworkResult, ax: Axes | None = None) -> Axes:
     return frame_curves(ax, "Displacement along the load path", [], loc="upper left")
 
 
-def increments(
-    result: NetworkResult, colour: Colour = "tension", magnification: float | None = None
-) -> Film:
-    """Return the states of a network, one frame each."""
-    picture = NetworkPicture(result, None, colour, magnification)
-    picture.draw_rest()
-
-    def text(record: int) -> str:
-        load, shown = picture.notes(record)
-        return f"increment {record} of {len(picture.records) - 1}; {load}\n{shown}"
-
-    return picture.film(text)
+INCREMENTS = Film("deformed", "record", lambda result: range(len(result.stage)))
+"""The states of a network along its load path."""

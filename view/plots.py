@@ -72,8 +72,8 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     what : str, optional
         Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
         "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
-        "cuts", "ledger", "stages" or "scene". Of elastic results those of them that are fields or
-        the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
+        "cuts", "ledger", "stages" or "scene". Of elastic results "deformed" (as unless given) and
+        those of them that are fields, "agents" or the scene; of agents of the elastic rule
         also "left" and "curves"; of what creeps "curves" and, but for a single element,
         "deformed". Of a network's result "deformed" or "response"; of one that breaks
         "crack", "response" or "avalanches"; of a body that grows "design" or "history".
@@ -90,15 +90,19 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
           stresses and strains a pair of axes such as "xy", unless given the largest.
         - ``magnification`` of "deformed": how many times larger than true displacements are
           drawn; unless given a round number that makes them visible. The picture states it.
-        - ``generation`` of "loads": only the loads taken in it, from 1; of agents of many
-          sizes: the generation to show, from 0.
-        - ``colour`` of agents of many sizes: "level" (as unless given), "spawn_step",
+        - ``generation`` of "loads": only the loads taken in it, from 1; of agents: the
+          generation to show, from 0.
+        - ``share`` of "deformed" of an elastic result: of the load, from 0 to 1; ``stage`` of that
+          of load transfer; ``largest``: where the colours end.
+        - ``moment`` of "left": which, the last unless given.
+        - ``colour`` of "deformed" of an elastic result: "von_mises" (as unless given) or
+          "displacement"; of agents of many sizes: "level" (as unless given), "spawn_step",
           "unbalanced_load", "error_share" or "von_mises"; of networks "tension" or "strain".
         - ``step`` of agents of many sizes in the plane: outline those that spawned then; of
           "design": after which step, the last unless given.
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
         - ``record`` of networks and of what creeps: which state; the last unless given.
-        - ``breaks`` of "crack": after how many; the last state that resisted unless given.
+        - ``breaks`` of "crack": after how many; all unless given.
         - ``axis`` of "cuts": across which the body is cut.
         - ``panel`` of "curves", ``quantity_shown`` ("displacement" or "agents") of "stages".
 
@@ -146,7 +150,9 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     folder = Path(directory)
     if not folder.is_dir():
         raise ResultFileError(f"{folder}: there is no such directory for pictures")
-    seldom = {"scene", "left"} | ({"agents"} - {result.pictures[0]})
+    seldom = {"scene", "left"}
+    if not getattr(result, "spawned", True):
+        seldom |= {"agents"}  # equal agents are no news
     names = [name for name in result.pictures if name not in seldom]
     if result.kind == "load transfer":
         names = [name for name in USUAL if name in names]

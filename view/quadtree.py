@@ -6,12 +6,11 @@ In space cubes are drawn where they can be seen, one quarter of the body cut awa
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial, wraps
+from functools import wraps
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
@@ -25,10 +24,10 @@ from kaju.model.results.result import Tiles
 from kaju.model.scene import Scene
 
 from .body_plots import BodyPicture
-from .films import TWO_LINES, Film
+from .films import Film
 from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
 from .space import FACES, DrawnBox, box_around, space_for
-from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar, figure_of
+from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar
 from .units import grouped, quantity
 
 if TYPE_CHECKING:
@@ -70,13 +69,14 @@ def plot_quadtree(
     layer = layer_of(result, cut, crop)
     picture = BodyPicture(layer, ax, result.stage, filled=False)
     shown = squares_of(layer, tiles)
-    look = look_of(colour, tiles.value)
+    scale = _scale_of(result, colour, generation, tiles)
+    look = look_of(colour, scale)
     drawn = draw_squares(picture.ax, layer, shown, "agents", array=shown.value, **look)
     if step is not None:
         born = spawn_step[shown.row] == step
         bold: dict[str, Any] = {"facecolors": "none", "edgecolors": FORCE, "linewidths": 0.8}
         add_polygons(picture.ax, shown.corners[born], "spawned", **bold, zorder=3)
-    bar_of(picture.ax, drawn, colour, tiles.value)
+    bar_of(picture.ax, drawn, colour, scale)
     return picture.finish("Agents", [generation_text(result, generation), *picture.notes])
 
 
@@ -139,6 +139,15 @@ def agents_of(
     return Tiles(family.lower[rows], family.size[rows], value), values["spawn_step"]
 
 
+def _scale_of(result: ElasticResult, colour: str, generation: int | None, tiles: Tiles) -> Floats:
+    """Return the values that a scale covers: of one generation among others those of all."""
+    if generation is None:
+        return tiles.value
+    if colour == "unbalanced_load":
+        return np.concatenate([one.load for one in result.generations])
+    return agents_of(result, colour)[0].value
+
+
 def look_of(colour: str, values: Floats) -> dict[str, Any]:
     """Return colour map and scale."""
     return {"cmap": SIZE if colour == "level" else SEQUENTIAL, "norm": _norm(colour, values)}
@@ -198,9 +207,10 @@ def plot_octree(
     tiles, _ = agents_of(result, colour, generation)
     view = view_of(result, crop)
     space, notes = space_for(ax, result.grid, view.box, result.stage, MOST_ARROWS)
-    look = look_of(colour, tiles.value)
+    scale = _scale_of(result, colour, generation, tiles)
+    look = look_of(colour, scale)
     draw_cubes(space, result.grid, view, tiles, look)
-    bar_of(space, ScalarMappable(**look), colour, tiles.value)
+    bar_of(space, ScalarMappable(**look), colour, scale)
     notes = [*notes, *view.notes, "; ".join(result.caveats_in_brief)]
     caption(space, "Agents", [generation_text(result, generation), *notes])
     return cast("Axes", space)
@@ -290,52 +300,7 @@ def seen_faces(
     return np.concatenate(corners), np.concatenate(owner), np.concatenate(light)
 
 
-def generations(
-    result: ElasticResult,
-    colour: str = "level",
-    cut: Mapping[str, float] | None = None,
-    crop: bool | None = None,
-) -> Film:
-    """Return the generations of spawning, coloured by what is stored of each of them."""
-    if colour not in OF_EVERY_GENERATION:
-        raise ParameterError(
-            f"colour: an animation shows {', '.join(OF_EVERY_GENERATION)}, got {colour!r}"
-        )
-    if colour == "unbalanced_load":
-        values = np.concatenate([generation.load for generation in result.generations])
-    else:
-        values = agents_of(result, colour)[0].value
-    look, last = look_of(colour, values), len(result.generations) - 1
-    title = "Agents spawn where the error is largest"
-    if result.lower.shape[1] == 3 and cut is None:
-        view = view_of(result, crop)
-        space, _ = space_for(None, result.grid, view.box, result.stage, MOST_ARROWS)
-        bar_of(space, ScalarMappable(**look), colour, values)
-
-        def draw_in_space(number: int) -> list[Artist]:
-            tiles, _ = agents_of(result, colour, number)
-            return [draw_cubes(space, result.grid, view, tiles, look)]
-
-        notes, text = caption(space, title, TWO_LINES), "; ".join(view.notes)
-        return Film(
-            figure_of(space),
-            last,
-            draw_in_space,
-            notes,
-            lambda number: f"{generation_text(result, number)}\n{text}",
-        )
-    layer = layer_of(result, cut, crop)
-    picture = BodyPicture(layer, None, result.stage, filled=False)
-    bar_of(picture.ax, ScalarMappable(**look), colour, values)
-
-    def draw(number: int) -> list[Artist]:
-        shown = squares_of(layer, agents_of(result, colour, number)[0])
-        return [draw_squares(picture.ax, layer, shown, "agents", array=shown.value, **look)]
-
-    text = "; ".join(layer.notes)
-    return picture.film(
-        title, last, draw, lambda number: f"{generation_text(result, number)}\n{text}"
-    )
-
-
-unbalanced_loads = partial(generations, colour="unbalanced_load")
+GENERATIONS = Film("agents", "generation", lambda result: range(len(result.generations)))
+"""The generations of spawning."""
+LOADS = GENERATIONS._replace(fixed=lambda _result, _options: {"colour": "unbalanced_load"})
+"""The same, coloured by the load that agents leave unbalanced."""

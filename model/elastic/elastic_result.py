@@ -104,14 +104,12 @@ class ElasticResult(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        if self.spawned:
-            return ("agents", "deformed", *FIELDS, "cuts", "scene")
-        return ("deformed", *FIELDS, "cuts", "agents", "scene")  # equal agents are no news
+        return ("deformed", *FIELDS, "cuts", "agents", "scene")
 
     @property
     def films(self) -> tuple[str, ...]:
         """Names of the animations of it, the usual one first."""
-        return ("generations", "loads", "loading") if self.spawned else ("loading",)
+        return ("loading", "generations", "loads") if self.spawned else ("loading",)
 
     @property
     def name(self) -> str:

@@ -15,7 +15,8 @@ _MAPS = ("displacement", "strain", "stress", "von_mises")
 _FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
 _CURVES = {"curves": "view.charts:plot_curves"}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
-_IN_TIME = {"times": "view.deformed:creeping", "curves": "view.creep:curves_over_time"}
+_CREPT = {"curves": "view.creep:plot_curves_at"}
+_IN_TIME = {"times": "view.creep:BODY", "curves": "view.creep:CURVES"}
 _COLUMNS = "model.results.formats"
 _COURSE = {"anything in time, course": f"{_COLUMNS}:COURSE"}
 _PAGE = "view.page.motion_data"
@@ -29,7 +30,7 @@ class Kind:
 
     result: str  # the class
     pictures: Mapping[str, str]  # functions that draw the result with `kaju.plot`
-    films: Mapping[str, str] = field(default_factory=dict)  # that give `kaju.animate` its frames
+    films: Mapping[str, str] = field(default_factory=dict)  # what `kaju.animate` can make of these
     meshes: Mapping[str, str] = field(default_factory=dict)  # that give it a mesh that moves
     page: str | None = None  # what it replays on a page; None if a page cannot show it
     columns: Mapping[str, str] = field(default_factory=dict)  # tables of its stored arrays
@@ -42,7 +43,7 @@ KINDS = {
         pictures={
             "agents": "view.agents:plot_material_agents",
             "loads": "view.load_plots:plot_loads",
-            "deformed": "view.deformed:plot_deformed",
+            "deformed": "view.deformed:plot_cells_deformed",
             **_FIELDS,
             "taken": "view.maps:plot_taken",
             "load_path": "view.load_plots:plot_load_path",
@@ -51,7 +52,7 @@ KINDS = {
             "stages": "view.charts:plot_stages",
             **_SCENE,
         },
-        films={"generations": "view.agents:spawning", "stages": "view.deformed:loading"},
+        films={"generations": "view.agents:GENERATIONS", "stages": "view.deformed:STAGES"},
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
         page=f"{_PAGE}:generations_of",
         section="view.agents:plot_agents",
@@ -59,16 +60,16 @@ KINDS = {
     "elastic": Kind(
         "model.elastic.elastic_result:ElasticResult",
         pictures={
-            "agents": "view.quadtree:plot_agents_of_many_sizes",
             "deformed": "view.deformed:plot_deformed",
             **_FIELDS,
             "cuts": "view.charts:plot_cuts",
+            "agents": "view.quadtree:plot_agents_of_many_sizes",
             **_SCENE,
         },
         films={
-            "generations": "view.quadtree:generations",
-            "loads": "view.quadtree:unbalanced_loads",
-            "loading": "view.deformed:growing",
+            "loading": "view.deformed:LOADING",
+            "generations": "view.quadtree:GENERATIONS",
+            "loads": "view.quadtree:LOADS",
         },
         meshes={"loading": "view.motion:loaded"},
         page=f"{_PAGE}:elastic_answer",
@@ -89,7 +90,7 @@ KINDS = {
             **{name: f"view.face_agents:{name}" for name in ("deformed", *_MAPS, "cuts")},
             **_SCENE,
         },
-        films={"waves": "view.face_agents:waves"},
+        films={"waves": "view.face_agents:WAVES"},
         page=f"{_PAGE}:elastic_agents",
         columns={
             "elastic agents, agents": f"{_COLUMNS}:FACE_AGENTS",
@@ -104,7 +105,7 @@ KINDS = {
             "deformed": "view.network_plots:plot_network",
             "response": "view.network_plots:plot_response",
         },
-        films={"increments": "view.network_plots:increments"},
+        films={"increments": "view.network_plots:INCREMENTS"},
         meshes={"increments": "view.motion:increments"},
         page=f"{_PAGE}:network",
         columns={
@@ -119,7 +120,7 @@ KINDS = {
             "response": "view.fracture_plots:plot_load_and_displacement",
             "avalanches": "view.fracture_plots:plot_avalanches",
         },
-        films={"breaks": "view.fracture_plots:breaking"},
+        films={"breaks": "view.fracture_plots:BREAKS"},
         page=f"{_PAGE}:breaks",
         columns={"fracture": f"{_COLUMNS}:BREAKS"},
     ),
@@ -129,21 +130,21 @@ KINDS = {
             "design": "view.growth_plots:plot_design",
             "history": "view.growth_plots:plot_growth",
         },
-        films={"steps": "view.growth_plots:growing_body"},
+        films={"steps": "view.growth_plots:STEPS"},
         page=f"{_PAGE}:growth_steps",
         columns={"growth": f"{_COLUMNS}:GROWTH"},
     ),
     "element in time": Kind(
         "model.rheology.creep_result:CreepResult",
-        pictures=_CURVES,
-        films={"times": "view.creep:curves_over_time"},
+        pictures=_CREPT,
+        films={"times": "view.creep:CURVES"},
         page=f"{_PAGE}:element",
         columns=_COURSE | {"element in time": f"{_COLUMNS}:ELEMENT_IN_TIME"},
     ),
     "network in time": Kind(
         "model.rheology.creeping_network:NetworkCreepResult",
-        pictures=_CURVES | {"deformed": "view.creep:plot_network_at"},
-        films=_IN_TIME | {"times": "view.creep:network_over_time"},
+        pictures=_CREPT | {"deformed": "view.creep:plot_network_at"},
+        films=_IN_TIME | {"times": "view.creep:NETWORK"},
         meshes={"times": "view.motion:network_times"},
         page=f"{_PAGE}:network_in_time",
         columns=_COURSE | {"network in time": f"{_COLUMNS}:NETWORK_IN_TIME"},
@@ -151,7 +152,7 @@ KINDS = {
 } | {
     name: Kind(
         result,
-        pictures=_CURVES | {"deformed": "view.creep:plot_body_at"} | _SCENE,
+        pictures=_CREPT | {"deformed": "view.creep:plot_body_at"} | _SCENE,
         films=_IN_TIME,
         meshes={"times": "view.motion:times"},
         page=f"{_PAGE}:body_in_time",

@@ -94,20 +94,6 @@ def test_every_picture_and_the_film_can_be_drawn(run, tmp_path, monkeypatch):
         assert film.n_frames == min(len(run.moments.step), 3)
 
 
-def test_the_film_shows_in_every_frame_who_has_acted_since_the_last():
-    from kaju.view.face_agents import waves
-
-    run = ElasticModel(plate("wave", threshold=0.05)).run()
-    reel = waves(run)
-    reel.show(1)
-    act = reel.figure.axes[1]
-    (acting,) = [c for c in act.collections if c.get_gid() == "acting" and len(c.get_paths())]
-    busy = run.moments.taken[1] > run.moments.taken[0]
-    assert len(acting.get_paths()) == busy.sum() > 0
-    assert f"{busy.sum()} agent" in act.texts[-1].get_text()
-    assert reel.last == len(run.history)
-
-
 def test_agents_in_space_are_shown_in_a_layer():
     body = {"cell_size": 0.1, "material": "rubber", "loads": [{"side": "top", "pressure": 100.0}]}
     rule = ElasticRule(order="multilevel", tolerance=1e-2)

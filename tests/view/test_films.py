@@ -16,7 +16,6 @@ from plates import plate
 import kaju
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.model.network import triangular
-from kaju.view.deformed import loading
 
 COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -76,14 +75,6 @@ def test_an_elastic_body_takes_its_load_evenly(tmp_path, coarse) -> None:
     options = {"fps": 10.0, "hold": 0.0, "bare": True}
     film = kaju.animate(kaju.solve(block()), tmp_path / "loading.gif", **options)
     assert durations(film) == [100] * 25
-
-
-def test_a_quiet_first_stage_does_not_hide_the_others() -> None:
-    """Below γ nothing moves; the magnification is that of the stages that do."""
-    reel = loading(kaju.LoadModel(block(threshold=1.2, steps=3)).run())
-    reel.show(3)
-    assert "deformation shown" in reel.notes.get_text()
-    assert "shown ×1;" not in f"{reel.notes.get_text()};"
 
 
 @pytest.mark.parametrize(
@@ -273,6 +264,30 @@ def test_frames_have_no_background_and_one_size(run, tmp_path) -> None:
     assert (alpha[alpha.shape[0] // 2] > 240).mean() > 0.5  # the body
     # The camera stays: what no agent and no arrow has touched is the same in every frame.
     assert all(np.array_equal(picture[-8:], pictures[0][-8:]) for picture in pictures)
+
+
+def test_small_arrows_and_later_blues_keep_their_colours_in_a_gif(tmp_path) -> None:
+    """The palette is that of all frames: the first, at rest, has neither."""
+    history = kaju.History().ramp(1.0, duration=1.0).hold(2.0)
+    crept = kaju.creep(soft(), history, times=[0.0, 0.5, 1.0, 3.0])
+    shown = []
+    for name in ("soft.webp", "soft.gif"):
+        with Image.open(kaju.animate(crept, tmp_path / name, bare=True)) as film:
+            film.seek(2)
+            shown.append(np.asarray(film.convert("RGB"), dtype=int))
+    assert durations(tmp_path / "soft.gif")[0] == 40  # 25 frames a second
+    true, seen = shown
+    vivid = np.ptp(true, axis=2) > 40
+    red = vivid & (true.argmax(axis=2) == 0)
+    assert red.sum() > 20
+    assert (vivid & ~red).sum() > 200
+    assert np.abs(true - seen).max(axis=2)[vivid].mean() < 12
+
+
+def test_a_model_that_has_not_run_is_run(tmp_path, coarse) -> None:
+    model = kaju.LoadModel(block())
+    count = len(durations(kaju.animate(model, tmp_path / "run.gif")))
+    assert count == 1 + model.generation
 
 
 def test_webp_and_gif_show_the_same_frames(run, tmp_path) -> None:

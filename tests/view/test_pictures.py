@@ -14,7 +14,6 @@ from plates import plate as plate_of
 from kaju import LoadModel, Scene, plot
 from kaju.errors import ParameterError, ResultFileError
 from kaju.view import PICTURES, plot_all
-from kaju.view.agents import spawning
 from kaju.view.section import section_of
 from kaju.view.style import FORCE, PULL
 
@@ -135,13 +134,11 @@ def test_pulls_and_pushes_can_be_told_apart():
     words = ["push: goes on along its arrow", "pull: goes on against its arrow"]
     assert [entry for entry in legend(ax) if "arrow" in entry] == words
     assert not any("arrow" in entry for entry in legend(axes_of(plate(), "loads")))
-    film = spawning(result)
-    film.show(stage.generations)
-    moving = part(film.figure.axes[0], "loads taken")
+    now = axes_of(result, "agents", generation=stage.generations)
     last = stage.history.generation == stage.generations
-    shown = {to_hex(colour) for colour in moving.get_facecolors()}
+    shown = {to_hex(colour) for colour in part(now, "loads taken").get_facecolors()}
     assert shown == {PULL if pull else FORCE for pull in stage.history.pull[last]}
-    assert words[1] in legend(film.figure.axes[0])
+    assert words[1] in legend(now)
 
 
 def test_agents_that_are_pulled_are_marked():

@@ -61,7 +61,7 @@ def frames(
     for moment in moments:
         figure = draw(moment)
         figure.set_layout_engine("none")
-        figure.set_size_inches(first.get_size_inches())
+        figure.set_size_inches(*first.get_size_inches())
         for ax, place, sides in zip(figure.axes, places, limits, strict=True):
             ax.set_position(place)
             for name, (low, high) in zip(_names(ax), sides, strict=True):
@@ -110,8 +110,8 @@ def _bare(figure: Figure) -> None:
 def _pixels(figure: Figure, mode: str) -> Image.Image:
     figure.set_dpi(RESOLUTION)
     if mode == "RGBA":
-        for part in (figure, *figure.axes):
-            part.patch.set_alpha(0.0)
+        for patch in (figure.patch, *(ax.patch for ax in figure.axes)):
+            patch.set_alpha(0.0)
     canvas = cast(Any, figure.canvas)  # Agg's, which arrives untyped
     canvas.draw()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert(mode)
@@ -143,12 +143,14 @@ def palette_of(images: Sequence[Image.Image]) -> Image.Image:
     it: arrows are small, and would be lost beside a large body.
     """
     pixels = [np.asarray(image).reshape(-1, 3)[::7].astype(np.int64) for image in images]
-    exact, count = np.unique(np.concatenate(pixels) @ [65536, 256, 1], return_counts=True)
+    red, green, blue = np.concatenate(pixels).T
+    exact, count = np.unique(red << 16 | green << 8 | blue, return_counts=True)
     frequent = exact[np.argsort(-count, kind="stable")[:_FREQUENT]]
     kept = np.stack([frequent >> 16, frequent >> 8 & 255, frequent & 255], axis=1)
     seen = np.zeros(32**3, dtype=np.bool_)
     for image in images:
-        seen[(np.asarray(image).reshape(-1, 3).astype(np.int64) >> 3) @ [1024, 32, 1]] = True
+        red, green, blue = np.asarray(image).reshape(-1, 3).T.astype(np.int64) >> 3
+        seen[red << 10 | green << 5 | blue] = True
     coarse = np.flatnonzero(seen)
     colours = 8 * np.stack([coarse >> 10, coarse >> 5 & 31, coarse & 31], axis=1) + 4
     others = Image.fromarray(colours[None].astype(np.uint8)).quantize(255 - len(kept), kmeans=3)

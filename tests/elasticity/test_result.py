@@ -213,7 +213,7 @@ TREE = {
     "history": (set_to("history.code", lambda v: first(v, -5)), "history.code"),
     "missing": (lambda arrays, about: arrays.pop("part"), "part"),
     "resolution": (told("resolution", "two"), "resolution"),
-    "later": (told("format", 99), "later"),
+    "later": (told("format", 99), "in version 99"),
     "stage": (told("stage", 7.5), "stage"),
     "no energy": (lambda arrays, about: about["spawning"].pop("energy"), "damaged"),
 }

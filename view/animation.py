@@ -84,7 +84,7 @@ def animate(
         If there is no such animation, or it has no such option, or the ending or a number is out
         of its rule.
     MissingExtraError
-        If an MP4 is asked for and there is no ffmpeg, or a series and there is no meshio.
+        If an MP4 is asked for and there is no ffmpeg, or a series and there is no meshlane.
     ResultFileError
         If the file cannot be written, or the folder is there already.
 

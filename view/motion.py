@@ -300,8 +300,8 @@ _VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
 
 def _write_series(motion: Motion, path: Path, target: Path) -> None:
     """Write true displacements (m) as a ``.vtu`` file a frame, and the ``.pvd`` that lists them."""
-    with needing(f"{target}: needs meshio: pip install 'kaju[vtk]'"):
-        import meshio
+    with needing(f"{target}: needs meshlane: pip install 'kaju[vtk]'"):
+        import meshlane
 
     flat = [(0, 0), (0, 3 - motion.points.shape[1])]
     points = np.pad(motion.points, flat)
@@ -314,7 +314,7 @@ def _write_series(motion: Motion, path: Path, target: Path) -> None:
             name = f"{target.stem}_{number:04d}.vtu"
             moved = {"displacement": np.pad(frame.moved, flat)}
             values = {label: [column] for label, column in frame.values.items()}
-            meshio.Mesh(points, cells, moved, values).write(folder / name)
+            meshlane.Mesh(points, cells, moved, values).write(folder / name)
             file = quoteattr(f"{target.stem}/{name}")
             lines.append(f'    <DataSet timestep="{frame.time!r}" part="0" file={file}/>')
     path.write_text("\n".join([*lines, "  </Collection>", "</VTKFile>", ""]))

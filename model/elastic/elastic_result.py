@@ -793,7 +793,7 @@ class ElasticResult(BodyResult):
         Raises
         ------
         MissingExtraError
-            If meshio is not installed.
+            If meshlane is not installed.
         """
         from .elastic_export import write_mesh
 

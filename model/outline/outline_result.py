@@ -450,7 +450,7 @@ class OutlineResult(Result, CutAgents):
         Raises
         ------
         MissingExtraError
-            If meshio is not installed.
+            If meshlane is not installed.
         ResultFileError
             If the file cannot be written.
         """

@@ -83,8 +83,8 @@ def _write(
     values: Mapping[str, list[NDArray[Any]]],
 ) -> Path:
     """Write cells of some kinds, one block a kind."""
-    with needing("to_vtk needs meshio: pip install 'kaju[vtk]'"):
-        import meshio
+    with needing("to_vtk needs meshlane: pip install 'kaju[vtk]'"):
+        import meshlane
 
     target = Path(path)
     if target.suffix not in (".vtu", ".vtk"):
@@ -92,7 +92,7 @@ def _write(
     flat = [(0, 0), (0, 3 - points.shape[1])]
     of_points = {} if moved is None else {"displacement": np.pad(moved, flat)}
     try:
-        meshio.Mesh(np.pad(points, flat), blocks, of_points, values).write(target)
+        meshlane.Mesh(np.pad(points, flat), blocks, of_points, values).write(target)
     except OSError as error:
         raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
     return target

@@ -31,6 +31,8 @@ from .loads import LoadTable
 from .shared_materials import MaterialEntry, shared_materials
 from .sides import SideCondition
 
+MOST_CYCLES = 10_000
+
 
 class HistoryStep(Described):
     """A step of a history, in one of four words.
@@ -42,7 +44,9 @@ class HistoryStep(Described):
     ramp: Number | None = optional("the factor to go to")
     hold: Number | None = optional("how long the factor is kept (s)")
     release: Number | None = optional("the time to go back to 0 in (s)")
-    cycles: Count | None = optional("how often it rises and falls")
+    cycles: Annotated[Count, Field(le=MOST_CYCLES)] | None = optional(
+        "how often it rises and falls"
+    )
     duration: Number | None = optional("how long a ramp takes (s)")
     period: Number | None = optional("how long a cycle takes (s)")
     high: Number = Field(default=1.0, description="the factor at the top of a cycle")

@@ -99,9 +99,10 @@ def opened(path: str, key: str) -> Iterator[Image.Image]:
                         f"{key}: {path} has {image.width} x {image.height} pixels, more than "
                         f"{MOST_PIXELS:.0e}; draw it smaller and refine the scene"
                     )
-                if getattr(image, "n_frames", 1) > 1:
+                pages = getattr(image, "n_frames", 1)
+                if pages > 1:
                     raise SceneFileError(
-                        f"{key}: {path} has {image.n_frames} pages; one is needed. Save a single "
+                        f"{key}: {path} has {pages} pages; one is needed. Save a single "
                         "page, or give a TIFF of layers to a body in space"
                     )
                 yield ImageOps.exif_transpose(image)
@@ -125,8 +126,8 @@ def read_layers(path: str, key: str) -> Floats:
     file_to_read(path, SceneFileError, key=key)
     try:
         with tifffile.TiffFile(path) as file:
-            shape = file.series[0].shape
-            if len(shape) == 3 and np.prod(shape, dtype=float) <= MOST_PIXELS:
+            shape, axes = file.series[0].shape, file.series[0].axes
+            if len(shape) == 3 and "S" not in axes and np.prod(shape, dtype=float) <= MOST_PIXELS:
                 values = file.asarray()
             else:
                 values = None

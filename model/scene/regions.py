@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from kaju.errors import SceneError
 from kaju.model.scene.validation import (
@@ -42,13 +42,14 @@ from .shapes import (
     Slot,
 )
 from .surfaces import surface_from
-from .svg_path import PathShape
+from .svg_path import PathShape, drawing_in
 
 _IN_SPACE = ("ball", "cylinder", "surface")
 _IN_PLANE = ("disk", "ring", "ellipse", "slot", "rounded_box", "polygon", "path")
 _SHAPES = ("box", "disk", *_IN_SPACE, *_IN_PLANE[1:], "image")
 _ONE_SHAPE = "box: a region has exactly one shape of"
 
+MOST_PATH = 1_000_000
 MOST_CORNERS = 10_000
 """Every cell near a polygon is held against every edge of it."""
 
@@ -63,6 +64,23 @@ class SurfaceFile(Described):
     @classmethod
     def _from_path(cls, value: Any) -> Any:
         return {"file": value} if isinstance(value, str) else value
+
+
+class PathFile(Described):
+    """All outlines of an SVG drawing, from the lower left corner of its page."""
+
+    file: Text = Field(description="the path of an SVG file, such as 'drawing.svg'")
+
+
+def _path(value: Any) -> Any:
+    """Return path data, or the file that is named."""
+    if value is None or isinstance(value, PathFile):
+        return value
+    if isinstance(value, Mapping):
+        return PathFile(**value)
+    if not isinstance(value, str) or len(value) > MOST_PATH:
+        raise ValueError(f"must be a text of up to {MOST_PATH:,} letters, or a table with a file")
+    return value
 
 
 class RegionImage(Described):
@@ -127,10 +145,8 @@ class Region(Described):
         max_length=MOST_CORNERS,
         description="the corners (m), three or more; finer shapes are drawn as an image",
     )
-    path: Text | None = Field(
-        default=None,
-        max_length=1_000_000,
-        description="path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z'",
+    path: Annotated[str | PathFile | None, BeforeValidator(_path)] = optional(
+        "path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z', or {file = 'a.svg'}"
     )
     # Lines within a line go round holes.
     image: RegionImage | None = None
@@ -154,7 +170,10 @@ class Region(Described):
                 level = 0.5
             shape = self.image.shape_in(lattice, where, level)
         elif self.path is not None:
-            shape = PathShape(self.path)
+            if isinstance(self.path, PathFile):
+                shape = drawing_in(self.path.file, f"{where}.file")
+            else:
+                shape = PathShape(self.path)
         elif self.surface is not None:
             shape = surface_from(self.surface.file, f"{where}.file", self.surface.scale)
         else:

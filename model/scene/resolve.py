@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 
 import numpy as np
@@ -85,9 +86,10 @@ def _materials(
     for name, key in keys.items():
         if name not in found and name not in NOT_BODY:
             names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
+            written = name if name.isidentifier() else json.dumps(name)  # as TOML quotes keys
             raise SceneError(
                 f"{key}: there is no material {name!r}{suggestion(name, names)}; describe it under "
-                f"[materials.{name}] or use {', '.join(names)}"
+                f"[materials.{written}] or use {', '.join(names)}"
             )
     return {name: found[name] for name in keys if name not in NOT_BODY}
 

@@ -29,11 +29,12 @@ from .regions import Region
 from .resolve import resolve
 from .resolved_body import CellBox, ResolvedBody
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Mask
+from .shapes import Ball, Mask
 from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition, unknown_side
 from .support import check_body
 from .surfaces import ClosedSurface
+from .svg_path import PathShape
 from .text import (
     archive_of,
     located,
@@ -44,6 +45,9 @@ from .text import (
     text_of,
 )
 from .true_outlines import check_no_outlines, check_outlines
+
+FEW_CELLS = 5.0
+"""A disk of fewer cells along its radius is told: of 2.4 it is a square, of 5 off by 10 %."""
 
 
 class Scene(Description):
@@ -199,6 +203,24 @@ class Scene(Description):
         return max((load.steps for load in self.loads), default=1)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What should be known of the body before any answer: shapes that cells do not follow."""
+        found, h = [], self.lattice.cell_size
+        for number, filled in enumerate(self._resolved.regions):
+            shape, where = filled.shape, f"body.regions.{number}"
+            if isinstance(shape, ClosedSurface) and shape.ambiguous:
+                found.append(
+                    f"{where}.surface: a shell within another looks outwards, too; it was taken "
+                    "for a cavity. If it is a part of its own, give it a region of its own"
+                )
+            if not self.outlined and isinstance(shape, Ball) and shape.radius < FEW_CELLS * h:
+                found.append(
+                    f"{where}: its radius of {shape.radius:g} m is {shape.radius / h:.2g} cells, "
+                    'so cells make a polygon of it; take smaller cells, or outline = "true"'
+                )
+        return tuple(found)
+
+    @property
     def cell_materials(self) -> tuple[Material, ...]:
         """The materials of the body; kinds from 0 upwards are indices into them."""
         return self._resolved.materials
@@ -339,6 +361,8 @@ class Scene(Description):
                 region["image"]["file"] = filled.shape.embedded()
             elif isinstance(filled.shape, ClosedSurface):
                 region["surface"] = {"file": filled.shape.embedded()}
+            elif isinstance(filled.shape, PathShape) and filled.shape.drawing:
+                region["path"] = {"file": filled.shape.embedded()}
         return archive_of(table, self._resolved.picture)
 
     @classmethod

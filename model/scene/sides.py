@@ -20,6 +20,9 @@ _KINDS = {
     "displaced": cell_types.DISPLACED,
 }
 _WORDS = ("free", "rigid", "roller")
+_SAME = dict.fromkeys(("fixed", "clamped", "encastre", "ground", "built-in"), "rigid")
+_SAME |= dict.fromkeys(("symmetry", "symmetric", "slider", "sliding"), "roller")
+"""What others call them."""
 _FREELY = "free"
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
 
@@ -60,7 +63,9 @@ class SideCondition(Described):
     def _from_short_form(cls, value: Any) -> Any:
         if isinstance(value, str):
             if value not in _WORDS:
-                raise ValueError(f"there is no {value!r}{suggestion(value, _WORDS)}; {_FORMS}")
+                meant = f" (did you mean {_SAME[value]!r}?)" if value in _SAME else ""
+                meant = meant or suggestion(value, _WORDS)
+                raise ValueError(f"there is no {value!r}{meant}; {_FORMS}")
             return {"kind": value}
         if isinstance(value, Mapping) and "kind" not in value:
             if "stiffness" in value:

@@ -1,27 +1,24 @@
-"""Closed surfaces of triangles: read from STL files, and what lies within."""
+"""Closed surfaces of triangles: read from STL files by trimesh, and what lies within."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import SceneFileError
+from kaju.errors import SceneFileError, needing
 from kaju.files import file_to_read
 
 from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
 from .shapes import TOUCH, Extent, Points, Relation, ShapeOfArrays
 
-_HEAD = 84
-"""Bytes of a binary STL file before its triangles, of 50 bytes each."""
-_TRIANGLE = np.dtype([("numbers", "<f4", (4, 3)), ("colour", "<u2")])
-_NUMBER = rb"\s+([-+0-9.eE]+)"
-_CORNER = re.compile(rb"vertex" + 3 * _NUMBER)
+_DIGITS = 6
+"""Corners that agree in so many digits of the surface's size are one: STL files hold seven."""
 _UPRIGHT = 1e-12
 """Of its area: a triangle that is seen as less from above crosses no upright line."""
 _AT_ONCE, _TOGETHER = 500_000, 1024
@@ -32,57 +29,91 @@ def surface_from(text: str, key: str, scale: float) -> ClosedSurface:
     """Return the surface in a file, or in a text that a scene carries with it."""
     if text.startswith(EMBEDDED_ARRAY):
         corners = read_embedded(text, key)
-    else:
-        file_to_read(text, SceneFileError, key=key)
-        corners = _corners(Path(text).read_bytes())
-    if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):
+        if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.isfinite(corners).all():
+            raise SceneFileError(f"{key}: its triangles cannot be read; embed them anew")
+        return ClosedSurface(np.asarray(corners, dtype=np.float64) * scale)
+    corners, ambiguous = _one_body(_read(text, key), key, scale)
+    return ClosedSurface(corners * scale, ambiguous)
+
+
+def _read(path: str, key: str) -> Any:
+    """Return the welded mesh in an STL file; its corners may differ by rounding."""
+    with needing(f"{key}: an STL file needs trimesh: pip install 'kaju[cad]'"):
+        import trimesh
+    file_to_read(path, SceneFileError, key=key)
+    try:
+        with Path(path).open("rb") as file:
+            mesh = trimesh.load_mesh(file, file_type="stl", process=False)
+        corners = np.asarray(mesh.triangles, dtype=np.float64)
+    except Exception:  # broken files fail in many ways
+        corners = np.empty((0, 3, 3))
+    if not len(corners):
         raise SceneFileError(f"{key}: holds no triangles of an STL file; write it anew")
     if not np.isfinite(corners).all():
         raise SceneFileError(f"{key}: holds numbers that are not finite; write it anew")
-    found = ClosedSurface(np.asarray(corners, dtype=np.float64) * scale)
-    found.check_closed(key)
-    return found
+    points = corners.reshape(-1, 3)
+    size = np.ptp(points, axis=0).max()
+    near = np.round((points - points.min(axis=0)) / (size or 1.0), _DIGITS)
+    _, first, number = np.unique(near, axis=0, return_index=True, return_inverse=True)
+    faces = number.reshape(-1, 3)
+    flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)  # they bound nothing
+    return trimesh.Trimesh(points[first], faces[~flat], process=False)
 
 
-def _corners(data: bytes) -> Floats:
-    """Return the corners of the triangles, binary or in words, shape (n, 3, 3)."""
-    count = int.from_bytes(data[80:_HEAD], "little")
-    if len(data) == _HEAD + _TRIANGLE.itemsize * count:
-        numbers = np.frombuffer(data, _TRIANGLE, count, _HEAD)["numbers"]
-        return np.asarray(numbers[:, 1:], dtype=np.float64)
-    found = _CORNER.findall(data)
-    try:
-        return np.array(found, dtype=np.float64)[: len(found) // 3 * 3].reshape(-1, 3, 3)
-    except ValueError:
-        return np.empty((0, 3, 3))
+def _one_body(mesh: Any, key: str, scale: float) -> tuple[Floats, bool]:
+    """Return the triangles of all shells, outwards round the body, and whether that is guessed.
+
+    Shells that cross are one body. A shell wholly within another is a cavity; it is a guess if the
+    file has it look outwards, too, as a part that sits within another does.
+    """
+    import trimesh
+
+    edges, count = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    if (count % 2).any():
+        x, y, z = scale * mesh.vertices[edges[count % 2 > 0][0, 0]]
+        raise SceneFileError(
+            f"{key}: is not closed: an edge at ({x:.4g}, {y:.4g}, {z:.4g}) m bounds one triangle, "
+            "or three; mend it where it was made"
+        )
+    given = mesh.faces.copy()
+    trimesh.repair.fix_winding(mesh)
+    parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(given)))
+    shells, outwards = [], []
+    for part in parts:
+        corners = np.asarray(mesh.vertices[mesh.faces[part]])
+        about = corners - corners.mean(axis=(0, 1))
+        turned = np.linalg.det(about).sum() < 0.0
+        shells.append(corners[:, ::-1] if turned else corners)
+        alike = (np.sort(given[part], axis=1) == np.sort(mesh.faces[part], axis=1)).all()
+        first = given[part][0].tolist()
+        kept = mesh.faces[part][0].tolist() in (first, first[1:] + first[:1], first[2:] + first[:2])
+        outwards.append(bool(alike and kept != turned))
+    bodies = [ClosedSurface(shell) for shell in shells]
+    found, ambiguous = [], False
+    for one, shell in enumerate(shells):
+        depth = sum(
+            bool(other.contains(shell.reshape(-1, 3)).all())
+            and not bodies[one].contains(other.corners.reshape(-1, 3)).any()
+            for k, other in enumerate(bodies)
+            if k != one
+        )
+        ambiguous |= depth % 2 == 1 and outwards[one]
+        found.append(shell[:, ::-1] if depth % 2 else shell)
+    return np.concatenate(found), ambiguous
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface(ShapeOfArrays):
-    """The inside of a closed surface of triangles, by the even-odd rule."""
+    """Where closed surfaces of triangles wind round: their winding number is above 0."""
 
     corners: Floats
-    """Of every triangle (m), shape (n, 3, 3)."""
+    """Of every triangle (m), counter-clockwise from outside, shape (n, 3, 3)."""
+    ambiguous: bool = False
+    """Whether a shell within another was taken for a cavity by guess."""
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a file."""
         return embedded_array(self.corners)
-
-    def check_closed(self, key: str) -> None:
-        """Refuse a surface with an edge that does not join two triangles, one each way."""
-        places, number = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)
-        corner = number.reshape(-1, 3)
-        edges = np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]])
-        edges = edges[edges[:, 0] != edges[:, 1]]  # triangles without area bound nothing
-        there, back = (np.sort(a * len(places) + b) for a, b in (edges.T, edges[:, ::-1].T))
-        if not np.array_equal(there, back):
-            lonely = np.setxor1d(there, back)
-            which = "is not closed"
-            if len(lonely):
-                x, y, z = places[lonely[0] // len(places)]
-                which += f": an edge at ({x:.4g}, {y:.4g}, {z:.4g}) m bounds one triangle, or two "
-                which += "that look to different sides"
-            raise SceneFileError(f"{key}: {which}; mend it where it was made")
 
     @cached_property
     def extent(self) -> Extent:
@@ -91,22 +122,27 @@ class ClosedSurface(ShapeOfArrays):
         return points.min(axis=0), points.max(axis=0)
 
     def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside: an odd number of triangles is above them."""
+        """Tell which points lie inside: more triangles above them face up than down."""
         places, line = np.unique(points[:, 0] + 1j * points[:, 1], return_inverse=True)
         lines = np.stack([places.real, places.imag], axis=1)
-        crossed, height = self._crossings(lines)
-        # Crossings and points are sorted together, line by line and upwards: crossings of a point's
-        # line that come after it lie above it.
+        crossed, height, sense = self._crossings(lines)
+        # Crossings and points are sorted together, line by line and downwards: crossings of a
+        # point's line that come before it lie above it.
         both = np.concatenate([crossed, line])
-        place = np.lexsort((np.concatenate([height, points[:, 2]]), both))
-        rank = np.empty(len(place), dtype=np.int64)
-        rank[place] = np.cumsum(place < len(crossed))
-        after = np.searchsorted(np.sort(crossed), line, side="right")
-        return np.asarray((after - rank[len(crossed) :]) % 2 == 1)
+        place = np.lexsort((-np.concatenate([height, points[:, 2]]), both))
+        sofar = np.empty(len(place), dtype=np.int64)
+        sofar[place] = np.cumsum(np.concatenate([sense, np.zeros(len(line), np.int64)])[place])
+        # What lines before it add up to; a line that is crossed in full adds 0 but for rounding.
+        whole = np.bincount(crossed, weights=sense, minlength=len(lines)).astype(np.int64)
+        before = np.cumsum(whole) - whole
+        return np.asarray(sofar[len(crossed) :] - before[line] > 0)
 
-    def _crossings(self, lines: Points) -> tuple[Ints, Floats]:
-        """Return which upright lines (x, y; sorted by x) triangles cross, and how high."""
-        found: list[tuple[Ints, Floats]] = []
+    def _crossings(self, lines: Points) -> tuple[Ints, Floats, Ints]:
+        """Return which upright lines (x, y; sorted by x) triangles cross, how high, facing where.
+
+        1: up, -1: down.
+        """
+        found: list[tuple[Ints, Floats, Ints]] = []
         x = self.corners[:, :, 0]
         first = np.searchsorted(lines[:, 0], x.min(axis=1), side="left")
         last = np.searchsorted(lines[:, 0], x.max(axis=1), side="right")
@@ -127,8 +163,10 @@ class ClosedSurface(ShapeOfArrays):
                 odd ^= _right_of(corner[:, a], corner[:, (a + 1) % 3], at)
             away, up = (at - corner[:, 0, :2])[odd], normal[triangle[odd]]
             rise = np.einsum("ni,ni->n", up[:, :2], away) / up[:, 2]
-            found.append((line[odd], corner[odd, 0, 2] - rise))
-        return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
+            facing = np.where(up[:, 2] > 0.0, 1, -1)
+            found.append((line[odd], corner[odd, 0, 2] - rise, facing))
+        line, height, facing = (np.concatenate(part) for part in zip(*found, strict=True))
+        return line, height, facing
 
     def relation(self, low: Points, high: Points) -> Relation:
         """Tell how boxes lie to the surface."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from base64 import b64decode, b64encode
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -10,16 +11,21 @@ from itertools import pairwise
 import numpy as np
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import SceneError
+from kaju.errors import SceneError, SceneFileError
+from kaju.files import text_of_file
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
+from .drawings import read_drawing
 from .shapes import Extent, Points, Polygon
 
 _NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
 _COMMAND = re.compile(r"[\s,]*([MmLlHhVvCcSsQqTtAaZz])")
 _COUNT = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+EMBEDDED_DRAWING = "data:image/svg+xml;base64,"
+"""What a drawing starts with that a scene carries with it, in place of a path (RFC 2397)."""
 MOST_CURVES = 10_000
+MOST_BYTES = 20_000_000
 _ROUNDING = 1e-9
 """Of a line's extent: what is shorter comes of rounding."""
 _FINE = 256
@@ -31,10 +37,16 @@ class PathShape:
     """What the closed lines of a path hold (even-odd rule)."""
 
     text: str
+    drawing: bool = False
+    """Whether the text is a whole SVG drawing."""
 
     @cached_property
     def _lines(self) -> list[Floats]:
-        return read_path(self.text)
+        return read_drawing(self.text, read_path) if self.drawing else read_path(self.text)
+
+    def embedded(self) -> str:
+        """Return what a scene carries with it in place of a drawing's file."""
+        return EMBEDDED_DRAWING + b64encode(self.text.encode()).decode("ascii")
 
     def outline(self) -> list[Floats]:
         """Return its closed lines."""
@@ -57,6 +69,13 @@ class PathShape:
         for polygon in self._polygons:
             inside ^= polygon.contains(points)
         return inside
+
+
+def drawing_in(file: str, key: str) -> PathShape:
+    """Return what an SVG file, or a text that a scene carries with it, draws."""
+    if file.startswith(EMBEDDED_DRAWING):
+        return PathShape(b64decode(file.removeprefix(EMBEDDED_DRAWING)).decode("utf-8"), True)
+    return PathShape(text_of_file(file, SceneFileError, MOST_BYTES, key=key), True)
 
 
 def _curved(arcs: Floats) -> bool:

@@ -206,8 +206,8 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
         with atomic_file(beside, SceneFileError) as scratch:
             np.save(scratch, picture.codes, allow_pickle=False)
     for region in table["body"].get("regions", []):
-        for key in {"image", "surface"} & set(region):
-            if not region[key]["file"].startswith(EMBEDDED):
+        for key in {"image", "surface", "path"} & set(region):
+            if isinstance(region[key], dict) and not region[key]["file"].startswith(EMBEDDED):
                 region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
     with atomic_file(path, SceneFileError) as scratch:
         scratch.write_text(dumps(table), encoding="utf-8")

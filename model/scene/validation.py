@@ -55,6 +55,13 @@ _PHRASES = {
     "too_short": "must have at least {min_length} entries",
 }
 
+_SAME = {
+    **{"e": "youngs_modulus", "young": "youngs_modulus", "modulus": "youngs_modulus"},
+    **{"nu": "poissons_ratio", "poisson": "poissons_ratio", "rho": "density"},
+    **{"diameter": "radius", "r": "radius", "center": "centre"},
+}
+"""What others call a key."""
+
 
 if TYPE_CHECKING:  # the metaclass of pydantic's models has no public name
     _Model = BaseModel
@@ -92,7 +99,9 @@ class Described(_Model):
         for key in values:
             if key not in cls.model_fields:
                 known = f"known are {', '.join(cls.model_fields)}"
-                text = f"unknown key{suggestion(str(key), cls.model_fields)}; {known}"
+                meant = _SAME.get(str(key).lower())
+                meant = f" (did you mean {meant!r}?)" if meant in cls.model_fields else ""
+                text = f"unknown key{meant or suggestion(str(key), cls.model_fields)}; {known}"
                 raise PydanticCustomError("unknown_key", "{text}", {"key": str(key), "text": text})
         return {key: _plain(value) for key, value in values.items()}
 
@@ -169,6 +178,8 @@ def _line(description: type[BaseModel], problem: ErrorDetails) -> str:
     given = repr(problem["input"])
     given = given if len(given) <= 80 else f"{given[:77]}..."
     given = "" if problem["type"] == "missing" else f", got {given}"
+    if path == ["loads"] and isinstance(problem["input"], Mapping):
+        given += "; write [[loads]], with two brackets, for each load"
     if problem["type"] == "literal_error":
         given += suggestion(str(problem["input"]), findall(r"'([^']*)'", context["expected"]))
     return f"{key}: {rule}{given}{_meaning(description, problem['loc'])}"

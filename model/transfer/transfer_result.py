@@ -274,7 +274,7 @@ class TransferResult(BodyResult):
         Raises
         ------
         MissingExtraError
-            If meshio is not installed.
+            If meshlane is not installed.
         ResultError
             If the cells are neither squares nor cubes, or more than five million.
         """

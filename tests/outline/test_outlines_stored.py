@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import meshio
+import meshlane
 import numpy as np
 import pytest
 
@@ -30,7 +30,7 @@ def answer() -> kaju.OutlineResult:
 
 @pytest.mark.parametrize("ending", ["vtu", "vtk"])
 def test_polygons_of_a_file_fill_the_body(answer, tmp_path, ending) -> None:
-    mesh = meshio.read(answer.to_vtk(tmp_path / f"plate.{ending}"))
+    mesh = meshlane.read(answer.to_vtk(tmp_path / f"plate.{ending}"))
     agent = np.concatenate([block.astype(int) for block in mesh.cell_data["agent"]])
     area, moved, corners = [], [], []
     for block in mesh.cells:

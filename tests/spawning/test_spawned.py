@@ -45,9 +45,9 @@ def test_member_one_cell_wide_gets_smaller_agents():
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_vtk_file_holds_the_agents(tmp_path, dimension):
-    meshio = pytest.importorskip("meshio")
+    meshlane = pytest.importorskip("meshlane")
     result = spawned_by(under_a_patch(dimension), tolerance=0.3)
-    mesh = meshio.read(result.to_vtk(tmp_path / "agents.vtu"))
+    mesh = meshlane.read(result.to_vtk(tmp_path / "agents.vtu"))
     assert len(mesh.cells[0].data) == result.agents
     corner = mesh.points[mesh.cells[0].data]
     edge = np.ptp(corner[..., 0], axis=1)

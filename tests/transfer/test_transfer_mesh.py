@@ -1,6 +1,6 @@
 """Load transfer for ParaView: every cell of the body, with what its agent did."""
 
-import meshio
+import meshlane
 import numpy as np
 import pytest
 from plates import plate
@@ -19,7 +19,7 @@ def run(dimension):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_every_cell_is_there_and_agents_have_what_they_took(tmp_path, dimension):
     result = run(dimension)
-    mesh = meshio.read(result.to_vtk(tmp_path / "body"))
+    mesh = meshlane.read(result.to_vtk(tmp_path / "body"))
     (block,) = mesh.cells
     assert block.type == ("quad" if dimension == 2 else "hexahedron")
     assert len(block.data) == 6**dimension - 2**dimension

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import imageio_ffmpeg
-import meshio
+import meshlane
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
@@ -233,11 +233,11 @@ def test_a_series_holds_true_displacements(run, tmp_path) -> None:
     entries = ElementTree.parse(listed).getroot().findall("./Collection/DataSet")
     times = [float(entry.attrib["timestep"]) for entry in entries]
     assert times == list(range(run.last.generations + 1))
-    last = meshio.read(tmp_path / entries[-1].attrib["file"])
+    last = meshlane.read(tmp_path / entries[-1].attrib["file"])
     assert len(last.cells_dict["quad"]) == 20
     taken = last.cell_data["load_taken"][0]
     assert taken.sum() == pytest.approx(run.last.taken.sum(), rel=1e-12)
-    first = meshio.read(tmp_path / entries[0].attrib["file"])
+    first = meshlane.read(tmp_path / entries[0].attrib["file"])
     assert not first.point_data["displacement"].any()
     largest = np.abs(last.point_data["displacement"]).max()
     assert largest == pytest.approx(np.abs(run.displacement).max(), rel=0.5)

@@ -1,0 +1,279 @@
+"""Bodies from files as other programs write them."""
+
+import io
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+from plates import loaded
+from plates import plate as pressed
+
+import kaju
+from kaju.errors import MissingExtraError, SceneError
+
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+FACES = np.array(
+    [
+        *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
+        *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+    ]
+)
+
+
+def plate(region, cells=(64, 64), size=0.01, **body):
+    return loaded(
+        cells,
+        cell_size=size,
+        regions=[{"material": "air", **region}],
+        sides={},
+        allow_floating=True,
+        **body,
+    )
+
+
+def air(scene):
+    return int((scene.rasterise() < 0).sum())
+
+
+# Grey images.
+
+MIDDLE = np.hypot(*np.meshgrid(np.arange(64) - 31.5, np.arange(64) - 31.5))
+DARK = np.clip(0.5 - (20 - MIDDLE) * 0.03, 0, 1)  # a dark disk of radius 20
+
+
+@pytest.mark.parametrize(
+    ("name", "pixels"),
+    [
+        ("8.png", (255 * DARK).round().astype(np.uint8)),
+        ("8.tif", (255 * DARK).round().astype(np.uint8)),
+        ("16.png", (65535 * DARK).round().astype(np.uint16)),
+        ("16.tif", (65535 * DARK).round().astype(np.uint16)),
+        ("16 bits in 32.tif", (65535 * DARK).astype(np.int32)),
+        ("32.tif", ((2**31 - 1) * DARK).astype(np.int32)),
+        ("float.tif", DARK.astype(np.float32)),
+    ],
+)
+def test_grey_images_of_all_depths_are_the_same_disk(tmp_path, name, pixels):
+    Image.fromarray(pixels).save(tmp_path / name)
+    scenes = [
+        plate({"image": {"file": str(tmp_path / name), **level}}) for level in ({"level": 0.5}, {})
+    ]
+    assert [air(scene) for scene in scenes] == [1264, 1264]
+    again = kaju.Scene.from_archive(*scenes[0].to_archive())
+    assert np.array_equal(again.rasterise(), scenes[0].rasterise())
+
+
+def test_floats_beyond_black_and_white_are_refused(tmp_path):
+    Image.fromarray((2.0 * DARK).astype(np.float32)).save(tmp_path / "float.tif")
+    with pytest.raises(SceneError, match=r"regions\.0\.image\.file: .* from 0 to 2;"):
+        plate({"image": {"file": str(tmp_path / "float.tif"), "level": 0.5}})
+
+
+def image_of(path):
+    body = {"image": str(path), "cell_size": 0.01, "thickness": 0.01, "allow_floating": True}
+    force = {"region": {"box": [[0, 0], [1, 1]]}, "force": [0, -1.0]}
+    return kaju.Scene(body=body, legend={"black": "steel", "white": "air"}, loads=[force])
+
+
+def test_a_photo_is_turned_as_viewers_show_it(tmp_path):
+    pixels = np.full((20, 30, 3), 255, np.uint8)
+    pixels[0, 0] = 0
+    photo = Image.fromarray(pixels)
+    exif = photo.getexif()
+    exif[0x0112] = 6  # a quarter turn clockwise: the first pixel comes to the upper right
+    photo.save(tmp_path / "turned.png", exif=exif)
+    scene = image_of(tmp_path / "turned.png")
+    assert np.argwhere(scene.rasterise() >= 0).tolist() == [[19, 29]]
+
+
+def test_pages_are_layers_in_space_and_refused_in_the_plane(tmp_path):
+    layers = np.full((3, 4, 5), 65535, np.uint16)  # pages, rows, columns
+    layers[0, 3, 1] = layers[2, 0, 4] = 0
+    tifffile.imwrite(tmp_path / "pages.tif", layers, photometric="minisblack")
+    tifffile.imwrite(tmp_path / "colours.tif", layers, photometric="rgb")
+    with pytest.raises(SceneError, match=r"has 3 pages"):
+        plate({"image": {"file": str(tmp_path / "pages.tif")}})
+    solid = plate({"image": {"file": str(tmp_path / "pages.tif")}}, cells=(5, 4, 3))
+    assert np.argwhere(solid.rasterise() < 0).tolist() == [[1, 0, 0], [4, 3, 2]]
+    with pytest.raises(SceneError, match="grey layers of one size"):
+        plate({"image": {"file": str(tmp_path / "colours.tif")}}, cells=(5, 4, 3))
+
+
+# Surfaces.
+
+
+def stl(path, *boxes):
+    """Write boxes, each a lower corner, an edge, and whether it looks inwards."""
+    lines = ["solid some"]
+    for low, edge, inwards in boxes:
+        for face in FACES[:, ::-1] if inwards else FACES:
+            corners = np.array(low) + edge * CORNERS[face]
+            lines += ["facet normal 0 0 0", "outer loop"]
+            lines += ["vertex {:g} {:g} {:g}".format(*corner) for corner in corners]
+            lines += ["endloop", "endfacet"]
+    path.write_text("\n".join([*lines, "endsolid some"]))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("boxes", "volume", "guessed"),
+    [
+        ([((0.3, 0.7, 0.7), 1.0, False), ((0.8, 0.7, 0.7), 1.0, False)], 1.5, False),  # they cross
+        ([((0.3, 0.7, 0.7), 1.0, True), ((0.8, 0.7, 0.7), 1.0, False)], 1.5, False),
+        ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, True)], 7.0, False),  # a cavity
+        ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, False)], 7.0, True),
+        ([((0.2, 0.2, 0.2), 0.5, False), ((1.2, 1.2, 1.2), 1.0, False)], 1.125, False),  # apart
+        (
+            [
+                ((0.1, 0.1, 0.1), 2.2, False),
+                ((0.2, 0.2, 0.2), 2.0, False),
+                ((0.7, 0.7, 0.7), 1.0, False),
+            ],
+            2.2**3 - 8.0 + 1.0,
+            True,
+        ),  # a body in a cavity
+    ],
+)
+def test_shells_of_an_stl_are_one_body(tmp_path, boxes, volume, guessed):
+    surface = {"file": stl(tmp_path / "some.stl", *boxes)}
+    scene = plate({"surface": surface}, cells=(24, 24, 24), size=0.1)
+    assert air(scene) * 1e-3 == pytest.approx(volume)
+    assert any("cavity" in note for note in scene.notes) == guessed
+    again = kaju.Scene.from_archive(*scene.to_archive())
+    assert np.array_equal(again.rasterise(), scene.rasterise())
+
+
+# Drawings.
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" {} >{}</svg>'
+PAGE = 'width="80mm" height="40mm" viewBox="0 0 80 40"'
+
+
+def drawn(tmp_path, inner, page=PAGE):
+    (tmp_path / "drawing.svg").write_text(SVG.format(page, inner))
+    region = {"path": {"file": str(tmp_path / "drawing.svg")}}
+    return plate(region, cells=(80, 40), size=0.001)
+
+
+def centres(scene):
+    """Return the middle of what is drawn (mm), and its area (mm²)."""
+    found = np.argwhere(scene.rasterise() < 0)
+    return [*(found.mean(axis=0) + 0.5).tolist(), len(found)]
+
+
+@pytest.mark.parametrize(
+    ("inner", "page", "expected"),
+    [
+        ('<rect x="10" y="5" width="20" height="10"/>', PAGE, [20, 30, 200]),
+        ('<polygon points="10,5 30,5 30,15 10,15"/>', PAGE, [20, 30, 200]),
+        ('<path d="M10 5h20v10h-20z"/>', PAGE, [20, 30, 200]),
+        ('<g transform="translate(10 5)"><rect width="20" height="10"/></g>', PAGE, [20, 30, 200]),
+        (
+            '<rect x="1" y=".5" width="2" height="1"/>',
+            'width="8cm" height="4cm" viewBox="0 0 8 4"',
+            [20, 30, 200],
+        ),
+        ('<rect width="37.795275590" height="37.795275590"/>', 'height="40mm"', [5, 35, 100]),
+        ('<rect width="72" height="36"/>', 'width="2in" viewBox="0 0 144 72"', [12.5, 19, 325]),
+        ('<path d="M10 5h20v10h-20zM12 7h5v5h-5z"/>', PAGE, [20, 30, 200]),  # nonzero: no hole
+        ('<path fill-rule="evenodd" d="M10 5h20v10h-20zM15 7h10v6h-10z"/>', PAGE, [20, 30, 140]),
+        ('<path d="M10 5h20v10h-20zM15 7v6h10v-6z"/>', PAGE, [20, 30, 140]),  # turned: a hole
+        (
+            '<rect x="10" y="5" width="20" height="10"/><rect x="15" y="7" width="10" height="6"/>',
+            PAGE,
+            [20, 30, 140],
+        ),
+        ('<title>a plate</title><circle cx="40" cy="20" r="10"/>', PAGE, [40, 20, 316]),
+        ('<ellipse cx="40" cy="20" rx="20" ry="5"/>', PAGE, [40, 20, 316]),
+        ('<circle cx="10" cy="35" r="4"/>', 'width="160mm" viewBox="0 0 80 40"', [20, 10, 201]),
+    ],
+)
+def test_drawings_are_metres_and_y_upwards(tmp_path, inner, page, expected):
+    scene = drawn(tmp_path, inner, page)
+    assert centres(scene)[:2] == pytest.approx(expected[:2], abs=0.6)
+    assert centres(scene)[2] == pytest.approx(expected[2], rel=0.08)
+
+
+def test_a_drawing_is_kept_with_its_scene(tmp_path):
+    scene = drawn(tmp_path, '<circle cx="40" cy="20" r="10"/>')
+    scene.save(tmp_path / "beside.toml")
+    assert kaju.load_scene(tmp_path / "beside.toml").rasterise().sum() == scene.rasterise().sum()
+    again = kaju.Scene.from_archive(*scene.to_archive())
+    assert np.array_equal(again.rasterise(), scene.rasterise())
+
+
+@pytest.mark.parametrize(
+    ("inner", "words"),
+    [
+        ("<text>A</text>", "<text> is no outline"),
+        ('<image id="photo"/>', "<image id='photo'> is no outline"),
+        ('<use href="#a"/>', "<use> is no outline"),
+        ('<line x1="0" y1="0" x2="1" y2="1"/>', "<line> is no outline"),
+        ('<rect width="5mm" height="1"/>', "<rect> is no outline"),
+        ('<rect width="5" height="5" transform="turn(3)"/>', "transform is not read"),
+        ('<rect width="5" height="5" clip-path="url(#a)"/>', "has a clip-path"),
+        ('<circle cx="9" cy="9" r="5"/><circle cx="14" cy="9" r="5"/>', "cross or touch"),
+        ("", "holds no outline"),
+        ("<g>", "is not an SVG drawing"),
+    ],
+)
+def test_what_is_no_outline_is_named(tmp_path, inner, words):
+    with pytest.raises(SceneError, match=r"path\.file: ") as error:
+        drawn(tmp_path, inner)
+    assert words in str(error.value)
+
+
+# Texts.
+
+TOML = pressed([4, 4], [2, 3], [0.0, -2.0]).to_toml()
+
+
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(TOML, encoding="utf-8-sig")
+    assert kaju.load_scene(path) == kaju.Scene.from_toml(TOML)
+    path.write_text(TOML, encoding="utf-16")
+    with pytest.raises(SceneError, match="is not a text"):
+        kaju.load_scene(path)
+
+
+def test_a_scene_comes_from_standard_input(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(TOML.encode("utf-8-sig"))))
+    assert kaju.load_scene("-") == kaju.Scene.from_toml(TOML)
+
+
+@pytest.mark.parametrize("name", ["trimesh", "svgpathtools", "tifffile"])
+def test_what_is_missing_is_named(tmp_path, name, monkeypatch):
+    monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setitem(sys.modules, f"{name}.document", None)
+    (tmp_path / "a.tif").touch()
+    (tmp_path / "a.svg").write_text(SVG.format(PAGE, '<circle r="1"/>'))
+    shape, cells = {
+        "trimesh": ({"surface": "a.stl"}, (4, 4, 4)),
+        "svgpathtools": ({"path": {"file": str(tmp_path / "a.svg")}}, (4, 4)),
+        "tifffile": ({"image": {"file": str(tmp_path / "a.tif")}}, (4, 4, 4)),
+    }[name]
+    with pytest.raises(MissingExtraError, match=rf"needs? {name}.*kaju\[cad\]"):
+        plate(shape, cells=cells)
+
+
+def test_numbers_without_end_are_refused_at_once():
+    with pytest.raises(SceneError, match="too many digits"):
+        kaju.Scene.from_toml(TOML + f"[history]\ntimes = [{'9' * 5000}]\n")
+    steps = [{"cycles": 1_000_000, "period": 1.0}]
+    with pytest.raises(SceneError, match=r"history\.steps\.0\.cycles: "):
+        kaju.Scene.from_toml(TOML).replace(history={"steps": steps})
+
+
+def test_the_command_reads_standard_input(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "kaju", "check", "-"],
+        input=TOML.encode("utf-8-sig"),
+        capture_output=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr

@@ -76,7 +76,8 @@ def _one_body(mesh: Any, key: str, scale: float) -> tuple[Floats, bool]:
             "or three; mend it where it was made"
         )
     given = mesh.faces.copy()
-    trimesh.repair.fix_winding(mesh)
+    mend: Any = trimesh.repair.fix_winding  # untyped
+    mend(mesh)
     parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(given)))
     shells, outwards = [], []
     for part in parts:

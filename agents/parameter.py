@@ -1,10 +1,12 @@
-"""Numbers that a class of agents declares: keywords of the model, columns, sliders."""
+"""What a class of agents declares: numbers to turn (`Parameter`), what agents know (`State`)."""
 
 from __future__ import annotations
 
 from math import isfinite
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
+
+import numpy as np
 
 from kaju.errors import ParameterError
 
@@ -120,17 +122,86 @@ class Parameter:
         return {"type": kind, "value": self.default, "label": label, **ends}
 
 
-def declared(classes: Iterable[type]) -> dict[str, Parameter]:
-    """Return the parameters that classes of agents and their bases declare, by name."""
-    found: dict[str, Parameter] = {}
+class State:
+    """What each agent of a class knows, to be seen: in pictures, films, tables and stored results.
+
+    Declared on the class, it is an attribute of every agent with a value of its own. The result
+    keeps its course, generation by generation.
+
+    Parameters
+    ----------
+    default : bool, int or float
+        Its value when an agent wakes.
+    meaning : str
+        What it means, with its unit: the label of its colours.
+
+    Raises
+    ------
+    ParameterError
+        If the default is no finite number.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> class Breaking(kaju.MaterialAgent):
+    ...     broken = kaju.State(False, "passes nothing on")
+    ...     def pass_on(self, load):
+    ...         self.broken = self.broken or load.total > 1.5
+    ...         if not self.broken:
+    ...             super().pass_on(load)
+    >>> plate = kaju.Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> result = kaju.LoadModel(plate, material_agent=Breaking).run()
+    >>> result.states["broken"].values().tolist()
+    [True]
+    """
+
+    name = ""
+
+    def __init__(self, default: Any, meaning: str = "") -> None:
+        self.default, self.meaning = default, meaning
+        if not is_number(default):
+            raise ParameterError(
+                f"State: its default must be a number, True or False, got {default!r:.60}"
+            )
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, agent: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, agent: object, owner: type) -> Any: ...
+    def __get__(self, agent: Any, owner: type) -> Any:
+        return self if agent is None else self.default  # an agent's own value stands before it
+
+    def allows(self, value: Any) -> bool:
+        """Tell whether a value is of the kind of the default."""
+        return is_number(value) and isinstance(self.default, bool) == isinstance(
+            value, bool | np.bool_
+        )
+
+
+def is_number(value: object) -> bool:
+    """Tell whether a value is a finite number, True or False."""
+    return isinstance(value, Real | np.bool_) and isfinite(value)
+
+
+Declared = TypeVar("Declared", Parameter, State)
+
+
+def declared(classes: Iterable[type], kind: type[Declared]) -> dict[str, Declared]:
+    """Return the parameters or states that classes of agents and their bases declare, by name."""
+    found: dict[str, Declared] = {}
     for agent in classes:
         for name in dir(agent):
-            parameter = getattr(agent, name, None)
-            if not isinstance(parameter, Parameter):
-                continue
-            if found.setdefault(name, parameter) is not parameter:
+            one = getattr(agent, name, None)
+            if isinstance(one, kind) and found.setdefault(name, one) is not one:
                 raise ParameterError(
-                    f"{name}: two classes of agents declare a parameter of this name; rename one, "
-                    "or declare it once on a common base"
+                    f"{name}: two classes of agents declare a {kind.__name__} of this name; rename "
+                    "one, or declare it once on a common base"
                 )
     return found

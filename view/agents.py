@@ -17,6 +17,7 @@ from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
+from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
@@ -195,6 +196,51 @@ def _until(stage: Stage, generation: int | None) -> int:
             f"generation: this run has the generations 0 to {stage.generations}, got {generation}"
         )
     return generation
+
+
+def _state_norm(values: NDArray[Any]) -> Normalize:
+    """Return the scale of what agents know; of True and False two colours."""
+    if values.dtype == np.bool_:
+        return BoundaryNorm([-0.5, 0.5, 1.5], colormaps[SEQUENTIAL].N)
+    low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+    return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
+
+
+def _state_bar(ax: Axes, norm: Normalize, label: str) -> None:
+    bar = colour_bar(ax, ScalarMappable(norm, SEQUENTIAL), label)
+    if isinstance(norm, BoundaryNorm):
+        bar.set_ticks([0.0, 1.0], labels=["no", "yes"])
+        bar.ax.minorticks_off()
+
+
+def draw_state(
+    ax: Axes, section: Section, stage: Stage, values: NDArray[Any], norm: Normalize, until: int
+) -> Artist:
+    """Draw the agents that are awake, coloured by what they know."""
+    born = stage.spawn_step <= until
+    tiles, shown = section.gather(stage.cells[born], values[born].astype(np.float64), "max")
+    look = {"edgecolors": "white", "linewidths": 0.4, "cmap": SEQUENTIAL, "norm": norm}
+    return add_polygons(ax, section.polygons(tiles), "states", array=shown, zorder=2, **look)
+
+
+def plot_state(
+    result: TransferResult,
+    ax: Axes | None = None,
+    *,
+    state: str,
+    generation: int | None = None,
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw the agents by what they know (`kaju.State`), after a generation or in the end."""
+    stage, known = result.last, result.states[state]
+    section = section_of(result.scene, result.focus, cut, crop, caveats=result.caveats_in_brief)
+    picture = BodyPicture(section, ax, result.stage)
+    norm = _state_norm(known.values())
+    last = stage.generations if generation is None else generation
+    draw_state(picture.ax, section, stage, known.values(last), norm, last + 1)
+    _state_bar(picture.ax, norm, known.meaning)
+    return picture.finish(state, [f"after generation {last} of {stage.generations}", ""])
 
 
 def plot_material_agents(

@@ -21,7 +21,7 @@ from kaju.result_kinds import KINDS, fetch
 from .films import WRITERS, Film, ffmpeg, frames, write_pictures
 from .motion import write_motion
 from .picture_files import new_folder
-from .plots import check_options
+from .plots import check_options, pictures_of
 from .style import figure_of
 
 MOST_FRAMES = 200
@@ -122,8 +122,11 @@ def animate(
         motion = _chosen(kind.meshes, result, what)(result)
         write_motion(motion, target, fps or 2.0, hold, magnification)
         return target
-    film: Film = _chosen({name: kind.films[name] for name in result.films}, result, what)
-    picture = fetch(kind.pictures[film.picture])
+    known = {name: kind.films.get(name, "view.agents:GENERATIONS") for name in result.films}
+    film: Film = _chosen(known, result, what)
+    if what is not None and what not in kind.films:  # what agents of one's own know
+        film = film._replace(picture=what)
+    picture = pictures_of(result)[film.picture]
     check_options(film.picture, picture, options)
     if magnification is not None:
         options["magnification"] = magnification

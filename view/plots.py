@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any, cast
 
@@ -58,7 +58,14 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
             f"subject: a Scene, a result, a model or a path is needed, got {type(subject).__name__}"
         )
     known = KINDS[subject.kind].pictures
-    return {name: fetch(known[name]) for name in subject.pictures}
+    return {name: _picture(known, name) for name in subject.pictures}
+
+
+def _picture(known: Mapping[str, str], name: str) -> Picture:
+    """Return what draws a picture; names of agents' own states are all drawn by one."""
+    if name in known:
+        return cast(Picture, fetch(known[name]))
+    return partial(fetch("view.agents:plot_state"), state=name)
 
 
 def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **options: Any) -> Figure:
@@ -168,7 +175,7 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
 def check_options(name: str, draw: Callable[..., Any], options: Mapping[str, object]) -> None:
     """Refuse options that a picture or a film does not have."""
     (_, *rest) = inspect.signature(draw).parameters.values()
-    known = [each.name for each in rest if each.name not in ("ax", "what")]
+    known = [each.name for each in rest if each.name not in ("ax", "what", "state")]
     if inspect.Parameter.VAR_KEYWORD in {each.kind for each in rest}:
         return
     for option in options:

@@ -222,8 +222,8 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
     if isinstance(mark, Coded):
         return mark.encode(value)
     if isinstance(value, Scene):
-        text, parts = value.to_archive()
-        arrays |= {_inside(name, key): array for key, array in parts.items()}
+        text, own_arrays = value.to_archive()
+        arrays |= {_inside(name, key): array for key, array in own_arrays.items()}
         sizes |= sizes_of(value)
         return text
     if not _has_parts(form):
@@ -241,12 +241,12 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
             return _write(next(iter(choices.values())), value, name, arrays, sizes)
         kind = type(value).__name__
         return {kind: _write(choices[kind], value, name, arrays, sizes)}
-    within: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
-    forms = _forms_of_parts(form, len(within), name)
-    plain = {}
-    for (key, part), inner in zip(within.items(), forms, strict=True):
-        own = dict(sizes)  # each part has sizes of its own
-        plain[str(key)] = _write(inner, part, _inside(name, key), arrays, own)
+    parts: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
+    forms = _forms_of_parts(form, len(parts), name)
+    plain = {  # each part has sizes of its own
+        str(key): _write(inner, part, _inside(name, key), arrays, dict(sizes))
+        for (key, part), inner in zip(parts.items(), forms, strict=True)
+    }
     return plain if _is_mapping(form) else list(plain.values())
 
 

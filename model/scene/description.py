@@ -199,6 +199,9 @@ class Description(Described):
     materials: dict[Text, MaterialEntry] = Field(default_factory=dict)
     sides: dict[Text, SideCondition] = Field(default_factory=dict)
     loads: tuple[LoadTable, ...] = ()
+    # With "continue" agents live on from one step of the loads to the next, which brings what is
+    # added; otherwise every step begins with a body in which nobody is awake.
+    loading: Literal["afresh", "continue"] = "afresh"
     rule: Annotated[Rule, PlainValidator(_rule_from)] = PrescribedRule()
     history: HistoryEntry | None = None
 

@@ -70,6 +70,9 @@ class Scene(Description):
         How the sides of the array are held; free unless given.
     loads : tuple of Load
         What presses on the body.
+    loading : {"afresh", "continue"}
+        Whether agents that pass loads on start anew at each step of the loads, or live on and
+        take what the step adds.
     rule : PrescribedRule
         How agents pass load on.
     history : History, optional
@@ -379,9 +382,16 @@ class Scene(Description):
             return NotImplemented
         ours, theirs = (
             (
-                *(one.lattice, one.plane, one.thickness, one.cell_materials, one._conditions),
+                *(
+                    one.loading,
+                    one.lattice,
+                    one.plane,
+                    one.thickness,
+                    one.cell_materials,
+                    one._conditions,
+                ),
                 *(one.body.gravity, one.body.regions, one.body.allow_floating),
-                *(one.loads, one.rule, one.history),
+                *(one.loads, one.loading, one.rule, one.history),
             )
             for one in (self, other)
         )

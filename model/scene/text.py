@@ -151,6 +151,7 @@ def table_of(scene: Description) -> dict[str, Any]:
     if rule.get("sense") is False:
         del rule["sense"]  # the literal reading goes without saying
     table = {
+        **({"loading": scene.loading} if scene.loading == "continue" else {}),
         "body": body,
         "legend": dict(scene.legend),
         "materials": {name: _entries(material) for name, material in scene.materials.items()},
@@ -245,7 +246,10 @@ def dumps(table: Mapping[str, Any]) -> str:
 
 
 def _blocks(name: str, part: Any) -> Iterator[str]:
-    """Yield a section and the sections inside it."""
+    """Yield a section and the sections inside it, or the line of a plain value."""
+    if isinstance(part, str):
+        yield f"{name} = {_value(part)}\n"
+        return
     if isinstance(part, list):
         for item in part:
             yield "\n".join([f"[[{name}]]", *_entries_of(item), ""])

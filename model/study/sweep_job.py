@@ -57,8 +57,8 @@ class SweepJob:
             options[key.removeprefix(_OPTION)] = changes.pop(key)
         with without_progress():
             result = _called(self.run, (self.varied(changes, seed),), options, seed)
-            if isinstance(self.run, type) and hasattr(result, "run"):
-                result = result.run()  # a model's class makes a model, which has still to be run
+            if hasattr(result, "step") and hasattr(result, "run"):
+                result = result.run()  # a model's class, or a part of its call, makes a model
         return _measured(result, self.measure)
 
     def varied(self, changes: Mapping[str, Any], seed: int) -> Any:

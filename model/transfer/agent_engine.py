@@ -27,6 +27,7 @@ from kaju.agents.boundary_agent import (
 )
 from kaju.agents.material_agent import MaterialAgent, PlacedAgent
 from kaju.agents.materials import Material
+from kaju.agents.parameter import State, declared
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError
@@ -35,7 +36,7 @@ from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.stepping import Order, chosen
 
 from .cell_space import Index, space_of
-from .stage import Ledger, News, Stage, TakenRows, Totals, history_of
+from .stage import Ledger, News, Stage, StateCourse, TakenRows, Totals, history_of
 from .transfer import Transfer, check_shares
 
 A = TypeVar("A", MaterialAgent, BoundaryAgent)
@@ -74,6 +75,7 @@ class AgentEngine:
             kind: own_boundaries.get(usual.name, usual) for kind, usual in BOUNDARY_AGENTS.items()
         }
         self.own_boundaries = bool(own_boundaries)
+        self.states = declared([material_agent], State)
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
         self.opposite: list[int] = self.lattice.opposite.tolist()
         self.axis_of: list[int] = self.lattice.axis_of.tolist()
@@ -93,8 +95,23 @@ class AgentEngine:
         self.agents: dict[Index, MaterialAgent] = {}
         self.boundaries: dict[Index, BoundaryAgent] = {}
 
-    def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
-        """Put the applied loads (N) on the body; they are taken in the first step."""
+    def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
+        """Put the applied loads (N) on the body; they are taken in the next step.
+
+        Unless agents `live_on`, the body is without any.
+        """
+        if not live_on:
+            self._clear()
+        self.applied += float(magnitude.sum())
+        kinds = self.scene.kinds(cells).tolist()
+        pull, direction = np.divmod(state, self.lattice.directions)
+        applied = (cells.tolist(), kinds, direction.tolist(), magnitude.tolist(), pull.tolist())
+        for cell, kind, along, size, pulls in zip(*applied, strict=True):
+            self._bring(tuple(cell), kind, Load(along, size, 1.0, "pull" if pulls else "push"))
+        self._open()
+
+    def _clear(self) -> None:
+        """Begin without agents, loads and generations."""
         for agent in (*self.agents.values(), *self.boundaries.values()):
             FixedAgent.remove(agent)
         self.agents, self.boundaries = {}, {}
@@ -106,14 +123,10 @@ class AgentEngine:
         self.sums: dict[tuple[Any, ...], Sum] = {}
         self.acts: list[tuple[int, MaterialAgent, dict[Any, float], dict[Any, float]]] = []
         self.record: list[TakenRows] = []
-        self.applied = float(magnitude.sum())
+        self.known: dict[str, dict[MaterialAgent, float]] = {name: {} for name in self.states}
+        self.changes: dict[str, list[tuple[int, int, float]]] = {name: [] for name in self.states}
+        self.applied = 0.0
         self.taken = self.passed = self.returned = self.dropped = self.pending = 0.0
-        kinds = self.scene.kinds(cells).tolist()
-        pull, direction = np.divmod(state, self.lattice.directions)
-        applied = (cells.tolist(), kinds, direction.tolist(), magnitude.tolist(), pull.tolist())
-        for cell, kind, along, size, pulls in zip(*applied, strict=True):
-            self._bring(tuple(cell), kind, Load(along, size, 1.0, "pull" if pulls else "push"))
-        self._open()
 
     # One generation: begin, agents act, end.
 
@@ -151,6 +164,22 @@ class AgentEngine:
         self.pending += left
         if len(self.acts) > ACTS_AT_ONCE:
             self._settle()
+        if self.states:
+            self._note_states()
+
+    def _note_states(self) -> None:
+        """Note what agents of one's own know now, where it has changed."""
+        for name, state in self.states.items():
+            known, changes = self.known[name], self.changes[name]
+            for number, agent in enumerate(self.agents.values()):
+                value = getattr(agent, name)
+                if value == known.get(agent, state.default):
+                    continue
+                if not state.allows(value):
+                    kind = type(state.default).__name__
+                    raise self.wrong(agent, name, f"must be a {kind}, and is {value!r:.60}")
+                known[agent] = value
+                changes.append((self.generation, number, float(value)))
 
     def _open(self) -> None:
         """Open the boxes of those to whom loads have come."""
@@ -504,7 +533,17 @@ class AgentEngine:
             arrived=_table([boundary.taken for boundary in boundaries], directions),
             history=history_of(self.record, self.lattice.key(totals.cells), directions),
             ledger=ledger,
+            states=tuple(self._course(state, agents) for state in self.states.values()),
         )
+
+    def _course(self, state: State, ordered: list[MaterialAgent]) -> StateCourse:
+        """Return what became of a state, agents as the stage counts them."""
+        place = {id(agent): row for row, agent in enumerate(ordered)}
+        row = np.array([place[id(agent)] for agent in self.agents.values()], dtype=np.int64)
+        changes = np.array(self.changes[state.name], dtype=np.float64).reshape(-1, 3)
+        generation, number = changes[:, :2].T.astype(np.int64)
+        agent, value = row[number], changes[:, 2]
+        return StateCourse(state.name, state.meaning, state.default, generation, agent, value)
 
     def _ordered(self, agents: Iterable[A]) -> list[A]:
         """Sort agents by spawn step and place."""

@@ -221,16 +221,20 @@ class ArrayEngine:
         columns = [np.ascontiguousarray(table.reshape(-1, most).T) for table in tables]
         return EmissionTable(*columns)
 
-    def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
-        """Put the applied loads (N) on the body; they are taken in the first step."""
-        self.generation, self.acted = 0, True
-        self.agents = AgentTable(self.scene, self.states)
-        self.record: list[tuple[Ints, Floats]] = []
-        self.boundary: list[BoundaryRows] = []
-        self.applied = float(magnitude.sum())
-        self.taken = self.passed = self.returned = self.dropped = 0.0
+    def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
+        """Put the applied loads (N) on the body; they are taken in the next step.
+
+        Unless agents `live_on`, the body is without any.
+        """
+        if not live_on:
+            self.generation, self.acted = 0, True
+            self.agents = AgentTable(self.scene, self.states)
+            self.record: list[tuple[Ints, Floats]] = []
+            self.boundary: list[BoundaryRows] = []
+            self.applied = self.taken = self.passed = self.returned = self.dropped = 0.0
+        self.applied += float(magnitude.sum())
         above = self._go_on(magnitude, met=False)
-        self.dropped = float(magnitude[~above].sum())
+        self.dropped += float(magnitude[~above].sum())
         place = self.lattice.key(cells)[above] * self.states + state[above]
         values, number = np.unique(magnitude[above], return_inverse=True)
         self.names: Ints | None = None

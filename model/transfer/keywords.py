@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
+from difflib import get_close_matches
 from inspect import Parameter as Argument
 from inspect import signature
+from types import FunctionType
 from typing import Any
 
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
+from kaju.agents.parameter import Parameter as ParameterOfAgents
 from kaju.agents.parameter import declared
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
@@ -52,7 +55,7 @@ def keywords_into(
     Parameters belong to own `classes` of agents, and none may be called as an argument of `model`
     is; with `own_rule` another rule stands in for the scene's.
     """
-    parameters = declared(classes)
+    parameters = declared(classes, ParameterOfAgents)
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
     for name in parameters.keys() & (rule | own):
@@ -84,6 +87,36 @@ def keywords_into(
     return scene, values
 
 
+HOOKS = {
+    MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
+    BoundaryAgent: ("give_back", "turn"),
+}
+"""What a subclass may override, by its base."""
+
+
+def _check_hooks(name: str, agent: type, base: type) -> None:
+    """Refuse a method that is nearly called as a hook, and a `step` in which nothing is taken."""
+    own = {
+        key: value
+        for each in agent.__mro__[: agent.__mro__.index(base)]
+        for key, value in vars(each).items()
+        if not key.startswith("_") and isinstance(value, FunctionType)
+    }
+    for key in own.keys() - set(dir(base)):
+        near = get_close_matches(key, HOOKS[base], n=1, cutoff=0.8)
+        if near:
+            raise ParameterError(
+                f"{name}: {agent.__name__} has a method {key!r}, which nobody calls; did you mean "
+                f"{near[0]!r}? A method of your own that is meant begins with _"
+            )
+    step = own.get("step")
+    if step is not None and not {"step", "take", "pass_on"} & set(step.__code__.co_names):
+        raise ParameterError(
+            f"{name}: {agent.__name__}.step never calls super().step(), so its agents would take "
+            "no load; call it, or override take, emissions or pass_on instead"
+        )
+
+
 def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
     """Refuse what is no class of agents, or one that a model cannot make of its `start`."""
     if not (isinstance(agent, type) and issubclass(agent, base)):
@@ -91,6 +124,7 @@ def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -
             f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "
             f"`class Mine({base.__name__})` and give the class itself"
         )
+    _check_hooks(name, agent, base)
     every = list(signature(agent).parameters.values())
     rest = any(argument.kind is Argument.VAR_POSITIONAL for argument in every)
     places = [a for a in every if a.kind in (a.POSITIONAL_ONLY, a.POSITIONAL_OR_KEYWORD)]

@@ -10,7 +10,7 @@ import numpy as np
 from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.parameter import declared
+from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
 from kaju.errors import ParameterError
@@ -202,7 +202,7 @@ class LoadModel(LoadTransfer, SteppedModel):
 
         Mesa's SolaraViz takes them among its `model_params`.
         """
-        return {name: parameter.slider() for name, parameter in declared(agents).items()}
+        return {name: parameter.slider() for name, parameter in declared(agents, Parameter).items()}
 
     def _objects(self) -> AgentEngine:
         """Return the engine of agents as objects; say what to do if they are rows of arrays."""

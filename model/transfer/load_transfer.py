@@ -81,7 +81,10 @@ class LoadTransfer:
     def _begin_stage(self, stage: int) -> None:
         self.stage = stage
         self._stage_is_over = False
-        self.engine.start(*states_of(self.scene, stage, self.transfer.rule.sense))
+        live_on = stage > 1 and self.scene.loading == "continue"
+        self._generations_before = self.generation if live_on else 0
+        states = states_of(self.scene, stage, self.transfer.rule.sense)
+        self.engine.start(*states, live_on=live_on)
 
     def begin_step(self) -> None:
         """Begin a generation; a new stage begins when one is at rest."""
@@ -132,7 +135,7 @@ class LoadTransfer:
         generation, pending, applied = self.generation, self.pending, self.engine.applied
         watched = not (self.certificate.known or self.allow_unstable)
         stopped = f"stopped after {generation} generations: "
-        if pending == 0.0 and generation == 0:
+        if pending == 0.0 and generation == self._generations_before:
             gamma = self.transfer.rule.threshold
             return f"no load exceeds the threshold of {gamma:g} N: nothing happens"
         if pending == 0.0:
@@ -150,8 +153,8 @@ class LoadTransfer:
                 f"{stopped}at one agent {self.engine.most_at_one:,} loads wait, each of another "
                 "size; accumulate = true adds up loads that meet"
             )
-        if generation >= self.max_generations:
-            return f"stopped after max_generations = {generation} with loads on their way"
+        if generation - self._generations_before >= self.max_generations:
+            return f"stopped after max_generations = {self.max_generations} with loads on their way"
         return ""
 
     def _outcome(self, ledger: Ledger) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from kaju.arrays import Flags, Floats, Ints
@@ -50,6 +51,25 @@ class TakenHistory:
     direction: Annotated[Ints, Column("rows", 0, "directions")]
     load: Annotated[Floats, Column("rows")]  # sum of the loads taken then (N)
     pull: Annotated[Flags, Column("rows")]  # whether these are pulls
+
+
+@dataclass(frozen=True, eq=False)
+class StateCourse:
+    """What agents knew (`kaju.State`): one row whenever the value of an agent changed."""
+
+    name: str
+    meaning: str
+    default: bool | int | float  # the value of who has no row yet
+    generation: Annotated[Ints, Column("changes", 0)]  # after which the value holds
+    agent: Annotated[Ints, Column("changes", 0, "agents")]  # row of `Stage.cells`
+    value: Annotated[Floats, Column("changes")]
+
+    def values(self, spawn_step: Ints, generation: int | None = None) -> NDArray[Any]:
+        """Return the value of every agent after a generation; None: after the last."""
+        found = np.full(len(spawn_step), self.default, dtype=np.float64)
+        rows = slice(None) if generation is None else self.generation <= generation
+        found[self.agent[rows]] = self.value[rows]  # rows are in order: the last one stands
+        return found.astype(type(self.default))
 
 
 class News(NamedTuple):
@@ -117,6 +137,7 @@ class Stage:
     arrived: Annotated[Floats, Column("boundary directions")]
     history: TakenHistory
     ledger: Ledger
+    states: tuple[StateCourse, ...] = ()  # what agents of one's own declare
 
 
 class TakenRows(NamedTuple):

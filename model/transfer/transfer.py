@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from math import inf, isfinite
 from numbers import Real
@@ -173,8 +174,13 @@ def check_shares(shares: Shares, sense: bool) -> str:
 
 
 def states_of(scene: Scene, stage: int, sense: bool) -> tuple[Cells, Ints, Floats]:
-    """Return the loads applied at a stage: cells, states and magnitudes (N)."""
+    """Return the loads applied at a stage: cells, states and magnitudes (N).
+
+    Where agents live on from stage to stage they are what comes on top of the stage before.
+    """
     applied = scene.applied(stage)
+    if stage > 1 and scene.loading == "continue":
+        applied = replace(applied, force=applied.force - scene.applied(stage - 1).force)
     row, direction, magnitude = split_force(scene.lattice, applied.force)
     state = direction
     if sense:

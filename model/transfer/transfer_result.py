@@ -32,7 +32,7 @@ from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 
 from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate
-from .stage import Stage
+from .stage import Stage, StateCourse
 from .transfer import BOUNDARY_NAMES, pulls, split_force
 
 if TYPE_CHECKING:
@@ -46,6 +46,23 @@ MOST_CELLS = 5_000_000
 IDLE_GENERATIONS = 10_000
 """More generations than this, in which hardly a load was taken, are no run that anybody waits for:
 pictures and films go through all of them. It is what `LoadModel` makes unless it is told more."""
+
+
+@dataclass(frozen=True)
+class AgentState:
+    """What the agents of a stage know, after any generation."""
+
+    course: StateCourse
+    stage: Stage
+
+    @property
+    def meaning(self) -> str:
+        """What it means, in words."""
+        return self.course.meaning or self.course.name
+
+    def values(self, generation: int | None = None) -> NDArray[Any]:
+        """Return the value of every agent after a generation, shape (agents,); None: the last."""
+        return self.course.values(self.stage.spawn_step, generation)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,7 +122,19 @@ class TransferResult(BodyResult):
         left_out = {"stages"} if len(self.stages) == 1 else set()
         if not (lattice.boxes or lattice.kind == "hexagon"):
             left_out.add("cuts")  # its cells lie in layers across no axis
-        return tuple(name for name in super().pictures if name not in left_out)
+        usual = (name for name in super().pictures if name not in left_out)
+        return (*usual, *self.states)
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return (*super().films, *self.states)
+
+    @cached_property
+    def states(self) -> dict[str, AgentState]:
+        """What the agents of the last stage know (`kaju.State`), by name."""
+        stage = self.last
+        return {course.name: AgentState(course, stage) for course in stage.states}
 
     @property
     def focus(self) -> Ints:
@@ -350,6 +379,7 @@ class TransferResult(BodyResult):
         for direction, name in enumerate(lattice.direction_names):
             columns[f"taken_{name}"] = stage.taken[:, direction]
         columns["dropped"] = stage.dropped
+        columns |= {name: state.values() for name, state in self.states.items()}
         columns |= {f"displacement_{a}": self.displacement[:, i] for i, a in enumerate(names)}
         for i, a in enumerate(names):
             for j, b in enumerate(names[i:], start=i):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from kaju.agents.materials import Material as Material
     from kaju.agents.materials import material as material
     from kaju.agents.parameter import Parameter as Parameter
+    from kaju.agents.parameter import State as State
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
     from kaju.agents.shares import Emission as Emission
@@ -74,7 +75,7 @@ _NAMES = {
     "agents.face_agent": "FaceAgent",
     "agents.material_agent": "MaterialAgent",
     "agents.materials": "Material material",
-    "agents.parameter": "Parameter",
+    "agents.parameter": "Parameter State",
     "agents.rules": "Coefficients PrescribedRule",
     "agents.shares": "Emission Load Shares",
     "errors": "KajuError",

@@ -180,7 +180,6 @@ UNBALANCED = {
     "forgets what it passed": passes(forgets),
     "puts loads into boxes": passes(puts),
     "grows": each(lambda a, d, s, t: (a, d, 3.0 * s, t)),
-    "never takes": material(step=lambda self: None),
     "goes round for ever": each(lambda a, d, s, t: (a, d, 1.0 if a == d else 0.0, t)),
 }
 

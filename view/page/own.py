@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from kaju.agents.parameter import declared
+from kaju.agents.parameter import Parameter, declared
 
 
 def own_parts(model: Any) -> list[type | Callable[..., Any]]:
@@ -39,7 +39,7 @@ def own_data(model: Any) -> dict[str, Any]:
                 "whole": parameter.whole,
                 "value": values[name],
             }
-            for name, parameter in declared(classes).items()
+            for name, parameter in declared(classes, Parameter).items()
             if name in values
         ],
     }

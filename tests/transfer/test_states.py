@@ -1,0 +1,149 @@
+"""What agents of one's own know, and agents that live on from one step of the loads to the next."""
+
+import functools
+
+import numpy as np
+import pytest
+from plates import plate as pressed
+
+import kaju
+from kaju import LoadModel, MaterialAgent
+from kaju.errors import AgentError, ParameterError
+
+
+class Tired(MaterialAgent):
+    """Breaks when it has taken more than 0.9 N in all."""
+
+    broken = kaju.State(False, "passes nothing on")
+    burden = kaju.State(0.0, "loads taken (N)")
+
+    def take(self, load):
+        super().take(load)
+        self.burden += load.total
+
+    def pass_on(self, load):
+        self.broken = self.burden > 0.9
+        if not self.broken:
+            super().pass_on(load)
+
+
+def plate(**changes):
+    return pressed([6, 6], [3, 5], [0.0, -0.8], **changes)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return LoadModel(plate(), material_agent=Tired, threshold=0.005).run()
+
+
+def test_states_are_those_of_the_agents_after_every_generation(result):
+    model = LoadModel(plate(), material_agent=Tired, threshold=0.005)
+    burden, broken = result.states["burden"], result.states["broken"]
+    while model.running:
+        model.step()
+        now = burden.values(model.generation), broken.values(model.generation)
+        for row, cell in enumerate(result.last.cells.tolist()):
+            agent = model.agent_at(tuple(cell))
+            known = (agent.burden, agent.broken) if agent else (0.0, False)
+            assert (now[0][row], now[1][row]) == known
+    assert broken.values().dtype == np.bool_
+    assert 0 < broken.values().sum() < len(broken.values())
+    np.testing.assert_allclose(burden.values(), result.last.taken.sum(axis=1))
+    assert burden.meaning == "loads taken (N)"
+
+
+def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):
+    again = kaju.load_result(result.save(tmp_path / "tired"))
+    frame = again.to_dataframe()
+    for name in ("broken", "burden"):
+        np.testing.assert_array_equal(frame[name], result.states[name].values())
+        np.testing.assert_array_equal(again.states[name].values(2), result.states[name].values(2))
+        assert name in again.pictures
+        assert name in again.films
+        drawn = kaju.plot(again, name, generation=1)
+        assert name in drawn.axes[0].get_title(loc="left")
+    assert kaju.animate(again, tmp_path / "broken.gif", "broken").stat().st_size > 0
+
+
+def test_a_state_of_another_kind_is_refused_by_name():
+    class Wrong(MaterialAgent):
+        broken = kaju.State(False)
+
+        def take(self, load):
+            super().take(load)
+            self.broken = "yes"
+
+    with pytest.raises(AgentError, match=r"broken: Wrong at cell .* must be a bool, and is 'yes'"):
+        LoadModel(plate(), material_agent=Wrong).run()
+    with pytest.raises(ParameterError, match="default must be a number"):
+        kaju.State(None)
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_agents_live_on_and_what_a_step_adds_is_added(engine):
+    steps = pressed([6, 6], [3, 5], [0.0, -2.0], steps=4, loading="continue")
+    one = LoadModel(pressed([6, 6], [3, 5], [0.0, -0.5]), engine=engine).run().last
+    stages = LoadModel(steps, engine=engine).run().stages
+    assert len(stages) == 4
+    for number, stage in enumerate(stages, start=1):
+        assert stage.generations == number * one.generations
+        assert stage.ledger.applied == pytest.approx(0.5 * number)
+        np.testing.assert_allclose(stage.kept, number * one.kept)
+        assert stage.ledger.imbalance < 1e-12
+    assert kaju.Scene.from_toml(steps.to_toml()) == steps
+
+
+def test_who_lives_on_remembers():
+    scene = pressed([6, 6], [3, 5], [0.0, -2.0], steps=4)
+    afresh = LoadModel(scene, material_agent=Tired).run()
+    lived = LoadModel(scene.replace(loading="continue"), material_agent=Tired).run()
+    broke = [[s.states[0].value.any() for s in result.stages] for result in (afresh, lived)]
+    assert broke == [[False, True, True, True], [False, True, True, True]]
+    assert len(lived.last.history.load) > len(afresh.last.history.load)
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ({"step": lambda self: None}, r"Mine\.step never calls super\(\)\.step\(\)"),
+        ({"emission": lambda self, load: ()}, "did you mean 'emissions'"),
+        ({"passon": lambda self, load: None}, "did you mean 'pass_on'"),
+    ],
+)
+def test_a_hook_that_nobody_calls_is_refused_by_name(body, told):
+    mine = type("Mine", (MaterialAgent,), body)
+    with pytest.raises(ParameterError, match=told):
+        LoadModel(plate(), material_agent=mine)
+
+
+def test_a_step_that_calls_the_usual_one_is_taken():
+    class Counting(MaterialAgent):
+        steps = 0
+
+        def step(self):
+            self.steps += 1
+            super().step()
+
+        def _emission(self):
+            return ()
+
+    model = LoadModel(plate(), material_agent=Counting)
+    model.run()
+    assert max(agent.steps for agent in model.agents_by_type[Counting]) > 1
+
+
+def test_a_part_of_a_call_is_run_by_a_sweep():
+    run = functools.partial(LoadModel, material_agent=Tired)
+    table = kaju.sweep(plate(), {"rule.threshold": [0.02, 0.1]}, run=run, workers=1)
+    assert list(table["material_agents"]) == [
+        LoadModel(plate(), material_agent=Tired, threshold=value).run().summary()["material_agents"]
+        for value in (0.02, 0.1)
+    ]
+
+
+def test_a_model_that_has_not_begun_is_run_for_its_film(tmp_path):
+    from PIL import Image
+
+    model = LoadModel(plate())
+    with Image.open(kaju.animate(model, tmp_path / "film.gif")) as film:
+        assert film.n_frames == model.generation + 1 > 2

@@ -520,7 +520,8 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """Decisions of the solver, doubts about the tolerance, and the `caveats`."""
-        return tuple(dict.fromkeys((*self.found.solution.notes, *self._unproved, *self.caveats)))
+        ours = (*self.found.solution.notes, *self._unproved, *self.caveats)
+        return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
 
     @cached_property
     def caveats(self) -> tuple[str, ...]:

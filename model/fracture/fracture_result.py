@@ -273,7 +273,7 @@ class FractureResult(Result):
             "stored_J": float(self.stored[-1]) if self.breaks else 0.0,
             "released_J": float(self.released[-1]) if self.breaks else 0.0,
             "outcome": self.outcome,
-            "notes": [] if isinstance(self.subject, Scene) else list(self.subject.notes),
+            "notes": list(self.subject.notes),
             "seconds": self.seconds,
         }
 

@@ -194,7 +194,7 @@ class GrowthResult(BodyResult):
             "largest_change": float(self.changes[-1]),
             "outcome": self.outcome,
             "seconds": self.seconds,
-        }
+        } | ({"notes": list(self.scene.notes)} if self.scene.notes else {})
 
     def checks(self) -> list[Check]:
         """Return whether the volume is what was asked for, at every step, if the rule holds it."""

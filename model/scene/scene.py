@@ -46,6 +46,10 @@ from .text import (
 )
 from .true_outlines import check_no_outlines, check_outlines
 
+SOFTEST = 1e3
+"""Pa: foams and gels are stiffer, from some kilopascals on."""
+LARGE = 0.05
+"""Of a body's size: displacements above it are hardly small, and mostly wrong units."""
 FEW_CELLS = 5.0
 """A disk of fewer cells along its radius is told: of 2.4 it is a square, of 5 off by 10 %."""
 
@@ -207,8 +211,14 @@ class Scene(Description):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What should be known of the body before any answer: shapes that cells do not follow."""
+        """What should be known of the body before any answer, in words."""
         found, h = [], self.lattice.cell_size
+        for material in self.cell_materials:
+            if material.youngs_modulus < SOFTEST:
+                found.append(
+                    f"materials.{material.name}: youngs_modulus = {material.youngs_modulus:g} Pa "
+                    "is softer than any foam; are these metres and pascals?"
+                )
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"
             if isinstance(shape, ClosedSurface) and shape.ambiguous:
@@ -222,6 +232,17 @@ class Scene(Description):
                     'so cells make a polygon of it; take smaller cells, or outline = "true"'
                 )
         return tuple(found)
+
+    def notes_on(self, displacement: float) -> tuple[str, ...]:
+        """Return the `notes`, and one more where the largest displacement (m) is not small."""
+        share = displacement / max(self.lattice.extent)
+        if not share > LARGE:
+            return self.notes
+        return (
+            *self.notes,
+            f"the largest displacement is {share:.2g} of the body's size: are these metres and "
+            "pascals? Displacements are taken to be small",
+        )
 
     @property
     def cell_materials(self) -> tuple[Material, ...]:

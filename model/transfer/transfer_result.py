@@ -200,7 +200,8 @@ class TransferResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the figures should know, in words."""
-        return tuple(full for _, full in self._caveats)
+        largest = float(np.linalg.norm(self.displacement, axis=1).max(initial=0.0))
+        return (*(full for _, full in self._caveats), *self.scene.notes_on(largest))
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:

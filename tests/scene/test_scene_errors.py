@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from plates import loaded
 
+import kaju
 from kaju import KajuError, Scene
 from kaju.errors import SceneError, SceneFileError
 from kaju.model.scene import Body, LoadTable, Region, SideCondition
@@ -339,3 +340,14 @@ def test_a_disk_of_few_cells_is_told():
     }
     assert notes[0.006][0].startswith("body.regions.0: its radius of 0.006 m is 2.4 cells")
     assert notes[0.0125] == ()
+
+
+def test_millimetres_and_gigapascals_are_asked_about():
+    body = {"size": [120, 120], "cells": [8, 8], "thickness": 8, "material": "steel"}
+    steel = {"steel": {"youngs_modulus": 210, "poissons_ratio": 0.3}}
+    load = {"side": "top", "force": [0.0, -50_000.0]}
+    wrong = Scene(body=body, materials=steel, sides={"bottom": "rigid"}, loads=[load])
+    notes = kaju.solve(wrong).notes
+    assert sum("are these metres and pascals?" in note for note in notes) == 2
+    assert kaju.LoadModel(wrong).run(progress=False).notes != ()
+    assert wrong.with_overrides({"materials.steel.youngs_modulus": 210e9}).notes == ()

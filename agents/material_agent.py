@@ -166,11 +166,13 @@ class MaterialAgent(PlacedAgent):
         axis_of, squeezed = self.post.axis_of, self.squeezed
         for load in loads:
             before = self.kept
-            self.take(load)
             try:
+                self.take(load)
                 kept = self.kept - before
-            except TypeError:
-                raise self.post.wrong(self, "take", f"has kept {self.kept!r:.60}") from None
+            except TypeError as error:
+                raise self.post.wrong(
+                    self, "take", f"of {load} failed ({error}); it has kept {self.kept!r:.60}"
+                ) from error
             squeezed[axis_of[load[0]]] += kept if load[3] == "push" else -kept
             self.pass_on(load)
         if not -inf < self.kept < inf:

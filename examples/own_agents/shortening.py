@@ -11,7 +11,7 @@ class Hardening(MaterialAgent):
 
     def take(self, load):
         super().take(load)
-        self.seen += 1
+        self.seen += load.copies
 
     def shortening(self, axis):
         return super().shortening(axis) / (2.0 if self.seen > self.loads else 1.0)

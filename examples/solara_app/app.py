@@ -1,4 +1,4 @@
-"""A model with sliders in Mesa's own page: ``solara run app.py`` (needs the package solara)."""
+"""A model with sliders in Mesa's own page: ``solara run app.py`` (needs kaju[mesa])."""
 
 from mesa.visualization import SolaraViz, SpaceRenderer, make_plot_component
 
@@ -10,7 +10,14 @@ SCENE = Scene(
     loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
 )
 THRESHOLD = {"type": "SliderFloat", "label": "γ (N)", "min": 1e-3, "max": 0.1, "step": 1e-3}
-PARAMETERS = {"scene": SCENE, "engine": "agents", "threshold": THRESHOLD | {"value": 0.01}}
+PARAMETERS = {"threshold": THRESHOLD | {"value": 0.01}}
+
+
+class Plate(LoadModel):
+    """The worked plate: Mesa's page hands over numbers only."""
+
+    def __init__(self, **numbers):
+        super().__init__(SCENE, engine="agents", **numbers)
 
 
 def portray(agent):
@@ -18,7 +25,7 @@ def portray(agent):
     return {"color": "black" if hasattr(agent, "material") else "lightgrey", "marker": "s"}
 
 
-model = LoadModel(SCENE, engine="agents", threshold=0.01)
+model = Plate(threshold=0.01)
 renderer = SpaceRenderer(model, backend="matplotlib")
 renderer.draw_agents(portray)
 page = SolaraViz(

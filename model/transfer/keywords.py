@@ -47,6 +47,18 @@ def own_classes(
     return tuple(dict.fromkeys([material_agent, *(boundary_agents or {}).values()]))  # type: ignore[list-item]
 
 
+OF_MESA = {"model", "rng", "seed", "scenario_id", "replication_id"}
+"""What a Scenario of Mesa's holds besides the numbers of a model."""
+
+
+def numbers_of(scenario: Any) -> dict[str, Any]:
+    """Return the numbers that a Scenario of Mesa's gives a model."""
+    if scenario is None:
+        return {}
+    held = scenario.to_dict() if hasattr(scenario, "to_dict") else vars(scenario)
+    return {n: value for n, value in held.items() if n not in OF_MESA and not n.startswith("_")}
+
+
 def keywords_into(
     scene: Scene, classes: Iterable[type], given: Mapping[str, Any], model: type, own_rule: bool
 ) -> tuple[Scene, dict[str, Any]]:

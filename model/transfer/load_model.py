@@ -20,7 +20,7 @@ from kaju.stepping import Order, takes_objects
 
 from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
-from .keywords import keywords_into, own_classes
+from .keywords import keywords_into, numbers_of, own_classes
 from .load_transfer import LoadTransfer
 
 EngineName = Literal["auto", "agents", "arrays"]
@@ -62,6 +62,8 @@ class LoadModel(LoadTransfer, SteppedModel):
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     seed : int, optional
         Another word for `rng`.
+    scenario : mesa Scenario, optional
+        Its numbers are read as if they were keywords; a keyword goes before it.
     **kwargs
         Numbers of the scene's rule to replace, such as ``threshold=0.001``, and values of the
         parameters that your agents declare; see `kaju.Parameter`.
@@ -124,11 +126,12 @@ class LoadModel(LoadTransfer, SteppedModel):
         order: Order[MaterialAgent] | None = None,
         rule: ShareRule | None = None,
         seed: int | None = None,
+        scenario: Any = None,
         **kwargs: Any,
     ) -> None:
-        # From 3.5 on Mesa's page hands a scenario over when it begins anew.
-        of_mesa = {"scenario"} & kwargs.keys() if hasattr(Model, "scenario") else set()
-        SteppedModel.__init__(self, rng, seed, **{name: kwargs.pop(name) for name in of_mesa})
+        kept = {"scenario": scenario} if scenario is not None and hasattr(Model, "scenario") else {}
+        SteppedModel.__init__(self, rng, seed, **kept)
+        kwargs = numbers_of(scenario) | kwargs
         scene_needed(scene)
         if not (order is None or callable(order)):
             raise ParameterError(

@@ -8,7 +8,7 @@ import pytest
 from mesa import DataCollector
 from plates import plate as pressed
 
-from kaju import FreeBoundaryAgent, KajuError, LoadModel, MaterialAgent, Parameter
+from kaju import FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter
 
 
 def plate(**more):
@@ -140,9 +140,7 @@ def test_batch_run():
 def test_the_scenario_of_mesas_page():
     model = LoadModel(plate(), seed=7)
     if not hasattr(model, "scenario"):
-        with pytest.raises(KajuError, match="scenario: LoadModel has no such argument"):
-            LoadModel(plate(), scenario=None)
-        return
+        pytest.skip("Mesa knows scenarios from 3.5 on")
     again = LoadModel(plate(), scenario=type(model.scenario)(rng=7))
     assert again.random.random() == model.random.random()
 

@@ -147,3 +147,25 @@ def test_a_model_that_has_not_begun_is_run_for_its_film(tmp_path):
     model = LoadModel(plate())
     with Image.open(kaju.animate(model, tmp_path / "film.gif")) as film:
         assert film.n_frames == model.generation + 1 > 2
+
+
+def test_the_numbers_of_a_scenario_are_read():
+    class Scenario:  # as Mesa's keeps its numbers, from 3.5 on
+        def __init__(self, **numbers):
+            self.__dict__.update(rng=None, _scenario_id=3, **numbers)
+
+    of_scenario = LoadModel(plate(), scenario=Scenario(threshold=0.1)).run()
+    assert of_scenario.summary()["material_agents"] == len(
+        LoadModel(plate(), threshold=0.1).run().last.cells
+    )
+    with pytest.raises(ParameterError, match=r"treshold: .*did you mean 'threshold'"):
+        LoadModel(plate(), scenario=Scenario(treshold=0.1))
+
+
+def test_a_take_that_fails_names_the_agent():
+    class Adding(MaterialAgent):
+        def take(self, load):
+            self.kept += load
+
+    with pytest.raises(AgentError, match=r"take: Adding at cell \(3, 5\) in generation 1"):
+        LoadModel(plate(), material_agent=Adding).run()

@@ -340,8 +340,11 @@ def creep(
 def break_(
     task: Task,
     strength: Annotated[
-        float, typer.Option(help="Mean strength of springs or cells: N, Pa, a share, or J.")
-    ] = 1.0,
+        float | None,
+        typer.Option(
+            help="Mean strength: Pa of cells (to be given), N of springs (1 unless given)."
+        ),
+    ] = None,
     measure: Annotated[
         Measure | None,
         typer.Option(help="What is exceeded: force of springs, stress of cells unless given."),

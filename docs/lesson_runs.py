@@ -20,6 +20,7 @@ from kaju import (
     solve,
 )
 from kaju.model.network import cut, jittered, pulled, triangular
+from kaju.model.network import solve as solve_network
 
 if TYPE_CHECKING:
     from kaju.model.network import NetworkResult
@@ -44,7 +45,7 @@ def spawned(scene: Scene, tolerance: float = 0.01) -> Callable[[], Result]:
 
 def pressed(width: int, force: float) -> Callable[[], NetworkResult]:
     """Press a lattice in its middle, in 20 increments."""
-    return lambda: triangular(width, force=force).solve(20)
+    return lambda: solve_network(triangular(width, force=force), 20)
 
 
 def bitten(damper: float, hold: float) -> Callable[[], NetworkCreepResult]:

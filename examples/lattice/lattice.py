@@ -9,9 +9,9 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju import NetworkResult, SpringNetwork, solve
+from kaju import NetworkResult, SpringNetwork
 from kaju.errors import SupportError
-from kaju.model.network import triangular
+from kaju.model.network import solve, triangular
 
 FORCE = 0.1  # From above and from below (N), for springs of 1 N/m and 1 m
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats, first_largest
 from kaju.errors import MechanismError, ParameterError, SceneError
-from kaju.mesa_model import SteppedModel
-from kaju.model.network import SpringNetwork
+from kaju.model.network import SpringNetwork, hexagon_body
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
 from kaju.model.network.linear import SingularTangentError
 from kaju.model.scene import Scene
-from kaju.stepping import Until
+from kaju.model.stepper import Stepper
 
 from .breaking_network import check_breakable
 from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
@@ -29,7 +25,7 @@ _ROUNDING = 1e-9
 """Share of others below which an elongation or a work is none, but for rounding."""
 
 
-class FractureModel(SteppedModel):
+class FractureModel(Stepper[FractureResult]):
     """A network or a body whose springs or cells break one at a time, where they bear too much.
 
     The load is scaled, up or down, to the factor at which the next one breaks: the one that bears
@@ -45,7 +41,8 @@ class FractureModel(SteppedModel):
         scene all, at their end. In a scene of squares or cubes the cells of an elastic body break,
         solved as they are; hexagons are a network of springs.
     strength : float or (m,) floats
-        Mean strength of the springs or the cells (row by row); with `weibull` its scale.
+        Mean strength of the springs or the cells (row by row); with `weibull` its scale. Springs
+        have 1 unless given, cells none.
     measure : {"force", "stress", "strain", "energy"}, optional
         What is exceeded: a spring's tension (N; what is asked if nothing is said) or a cell's
         largest principal stress (Pa; so, too), the largest strain, or the energy (J) in a spring,
@@ -56,7 +53,7 @@ class FractureModel(SteppedModel):
         Modulus of a Weibull distribution of strengths, in the place of the even spread.
     most_breaks : int, optional
         Breaks after which to end; none: as many as there are.
-    rng, seed : int, optional
+    seed : int
         Seed of the strengths.
 
     Attributes
@@ -67,8 +64,6 @@ class FractureModel(SteppedModel):
         Why there is none; "" while there is.
     load_factor : float
         Share of the load at which the last one broke.
-    datacollector : mesa.DataCollector
-        The last row of the history after every step.
 
     Raises
     ------
@@ -118,15 +113,13 @@ class FractureModel(SteppedModel):
         self,
         subject: SpringNetwork | Scene,
         *,
-        strength: ArrayLike = 1.0,
+        strength: ArrayLike | None = None,
         measure: Measure | None = None,
         scatter: float = 0.1,
         weibull: float | None = None,
         most_breaks: int | None = None,
-        rng: Any = None,
-        seed: int | None = None,
+        seed: int = 0,
     ) -> None:
-        super().__init__(rng, seed)
         if not isinstance(subject, (SpringNetwork, Scene)):
             raise ParameterError(
                 f"subject: a SpringNetwork or a Scene is needed, got {subject!r:.80}"
@@ -134,23 +127,18 @@ class FractureModel(SteppedModel):
         if most_breaks is not None and most_breaks < 1:
             raise ParameterError(f"most_breaks: at least 1, got {most_breaks}")
         self.subject = _breakable(subject)
-        usual: Measure = "stress" if isinstance(self.subject, Scene) else "force"
-        self._measure: Measure = measure or usual
-        self._options: dict[str, Any] = {
-            "measure": measure,
-            "scatter": scatter,
-            "weibull": weibull,
-            "most_breaks": most_breaks,
-        }
-        self._strength = strength
-        self.reset()
-
-    def reset(self) -> None:
-        """Go back to the unbroken body, with the same strengths."""
-        self._start_again()
-        self.seconds = 0.0
-        began = perf_counter()
-        self.strengths = self._drawn_strengths()
+        cells = isinstance(self.subject, Scene)
+        self._measure: Measure = measure or ("stress" if cells else "force")
+        if cells and strength is None:
+            raise ParameterError(
+                "strength: cells have none by themselves; give that of the material at cells of "
+                f"this size, such as strength=250e6 (Pa) for the measure {self._measure!r}"
+            )
+        self._most = most_breaks
+        draw = np.random.default_rng(seed)
+        self.strengths = self._drawn_strengths(
+            1.0 if strength is None else strength, scatter, weibull, draw
+        )
         try:
             self._body = body_of(self.subject, self.strengths, self._measure)
         except SingularTangentError as weakness:
@@ -158,43 +146,40 @@ class FractureModel(SteppedModel):
         self.outcome = ""
         self.load_factor = self._work = self._released = 0.0
         self._rows: list[tuple[float, ...]] = []
+        self._unbroken = self._resistance()
         self._end_where_nothing_breaks()
-        self.seconds += perf_counter() - began
-        self._note()
 
-    def _drawn_strengths(self) -> Floats:
+    def _drawn_strengths(
+        self, strength: ArrayLike, scatter: float, weibull: float | None, draw: np.random.Generator
+    ) -> Floats:
         """Return the strengths of springs or cells, shape (m,).
 
         They are spread evenly over (1 ± scatter) times the mean, unless a Weibull modulus is given.
         """
         count = parts_of(self.subject)
-        scale = np.asarray(self._strength, dtype=np.float64)
-        scatter, weibull = self._options["scatter"], self._options["weibull"]
+        scale = np.asarray(strength, dtype=np.float64)
         if scale.shape not in ((), (count,)):
             raise ParameterError(
                 f"strength: one number, or one for each of the {count} that may break, got shape "
                 f"{scale.shape}"
             )
         if not (np.isfinite(scale).all() and (scale > 0.0).all()):
-            raise ParameterError(
-                f"strength: must be finite and above 0, got {self._strength!r:.60}"
-            )
+            raise ParameterError(f"strength: must be finite and above 0, got {strength!r:.60}")
         if not 0.0 <= scatter < 1.0:
             raise ParameterError(f"scatter: a share from 0 to below 1, got {scatter}")
         if weibull is None:
-            return np.asarray(scale * (1.0 + scatter * self.rng.uniform(-1.0, 1.0, count)))
+            return np.asarray(scale * (1.0 + scatter * draw.uniform(-1.0, 1.0, count)))
         if not 0.0 < weibull < np.inf:
             raise ParameterError(f"weibull: a modulus above 0, got {weibull}")
-        return np.asarray(scale * self.rng.weibull(weibull, count))
+        return np.asarray(scale * draw.weibull(weibull, count))
 
     @property
     def breaks(self) -> int:
         """Number of springs or cells that have broken."""
         return len(self._body.broken)
 
-    def step(self) -> None:
+    def advance(self) -> None:
         """Scale the load to the next break, and take that part out."""
-        began = perf_counter()
         body = self._body
         shares = body.shares
         place = first_largest(shares)
@@ -221,35 +206,26 @@ class FractureModel(SteppedModel):
         row = (factor * moved, factor * pulled, stored, self._released, self._work)
         self._rows.append((part, factor, *row))
         self._end_where_nothing_breaks()
-        self.seconds += perf_counter() - began
 
     def _end_where_nothing_breaks(self) -> None:
         """Say why no step is left, if none is."""
-        body, most = self._body, self._options["most_breaks"]
-        shares, resisting = body.shares, self._resistance()
-        if not self.breaks:
-            self._unbroken = resisting
+        body, shares, resisting = self._body, self._body.shares, self._resistance()
         if not self.outcome:
             if resisting <= body.parted * self._unbroken:
                 self.outcome = PARTED
             elif shares.max() <= _ROUNDING * np.abs(shares).max():
                 self.outcome = UNBROKEN
-            elif self.breaks == most:
-                self.outcome = f"ended after {most} breaks, as asked"
+            elif self.breaks == self._most:
+                self.outcome = f"ended after {self._most} breaks, as asked"
         self.running = not self.outcome
 
     def _resistance(self) -> float:
         """Return the work of the whole load (J): none where nothing is left that resists."""
         return self._body.yielded + self._body.pushed
 
-    def figures(self) -> dict[str, float]:
-        """Return what is noted after every step; lengths (m), forces (N), energies (J)."""
-        row = self._rows[-1] if self._rows else (-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return dict(zip(COLUMNS, row, strict=True))
-
-    def run(self, until: Until | None = None) -> FractureResult:
-        """Break one after the other until the body parts, or a question is answered with yes."""
-        return self._run(until, self.result)
+    def progress(self) -> str:
+        """Return the line of progress."""
+        return f"break {self.breaks}: load factor {self.load_factor:.4g}"
 
     def result(self) -> FractureResult:
         """Return what has broken so far."""
@@ -265,10 +241,6 @@ class FractureModel(SteppedModel):
             seconds=self.seconds,
         )
 
-    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and those that no file can hold."""
-        return self._options | {"strength": np.asarray(self._strength).tolist()}, {}
-
 
 def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:
     """Return what is to break, hexagons as a network, or say why it cannot."""
@@ -277,7 +249,7 @@ def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:
         moved = any(side.displacement for side in subject.sides.values())
     else:
         if isinstance(subject, Scene):
-            network = SpringNetwork.from_scene(subject)
+            network = hexagon_body(subject)
             subject = network.with_loads(network.forces[-1], network.displacements[-1])
         check_breakable(subject)
         pushed, moved = bool(subject.forces.any()), bool(subject.displacements.any())

@@ -217,7 +217,6 @@ class FractureResult(Result):
             residual=np.zeros(2),
             corrections=np.array([0, 1]),
             scheme="euler",
-            method="sparse LU, small strain",
             seconds=0.0,
         )
 

@@ -118,10 +118,6 @@ class GrowingBody:
         self.energy = unit * energy_of_cells(problem, self._moved)[self.body]
         self.iterations = solution.iterations
 
-    def forget(self) -> None:
-        """Start from nothing again."""
-        self._moved = None
-
     def von_mises(self) -> Floats:
         """Return the equivalent stress (Pa) of the whole material at the cells' strain."""
         assert self._moved is not None

@@ -1,25 +1,21 @@
-"""A body that grows, as a Mesa model: every step its cells feel, and thicken or thin."""
+"""A body that grows: every step its cells feel, and thicken or thin."""
 
 from __future__ import annotations
 
 from copy import copy
-from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.arguments import SMALLEST
 from kaju.model.scene import Scene
 from kaju.model.scene.scene import scene_needed
-from kaju.progress import progress_line
-from kaju.stepping import Until
+from kaju.model.stepper import Stepper
 
 from .growing import GrowingBody, Neighbours
-from .growth_result import COLUMNS, GrowthResult
+from .growth_result import GrowthResult
 from .growth_rules import RULES, Felt, GrowthRule
 
 AT_REST = "at rest: no density changes any more"
@@ -27,7 +23,7 @@ _TIGHT = 1e-6
 """To which the equations of the last design are solved."""
 
 
-class GrowthModel(SteppedModel):
+class GrowthModel(Stepper[GrowthResult]):
     """A body whose cells thicken where they carry and thin where they do not.
 
     Every cell has a density from 0 to 1, the share of it that is filled; its stiffness is the
@@ -61,8 +57,6 @@ class GrowthModel(SteppedModel):
         error of the compliance. The last design is solved to 1e-6.
     keep : bool
         Whether the result has the densities of every step (4 bytes a cell and step), for films.
-    rng, seed : int, optional
-        For rules of one's own that draw random numbers; those by name draw none.
 
     Attributes
     ----------
@@ -75,8 +69,6 @@ class GrowthModel(SteppedModel):
     compliance : float
         F·u: work of the forces on the displacements (J).
     rule : GrowthRule
-    datacollector : mesa.DataCollector
-        The last row of the history after every step.
 
     Raises
     ------
@@ -117,10 +109,7 @@ class GrowthModel(SteppedModel):
         at_rest: float = 0.01,
         tolerance: float = 1e-2,
         keep: bool = True,
-        rng: Any = None,
-        seed: int | None = None,
     ) -> None:
-        super().__init__(rng, seed)
         scene_needed(scene)
         if isinstance(rule, str) and rule not in RULES:
             raise ParameterError(f"rule: {', '.join(map(repr, RULES))}, got {rule!r}")
@@ -139,22 +128,19 @@ class GrowthModel(SteppedModel):
             raise ParameterError(f"at_rest: 0 or more, got {at_rest}")
         if not SMALLEST <= tolerance < 1.0:
             raise ParameterError(f"tolerance: from {SMALLEST:g} to below 1, got {tolerance}")
-        self.scene, self._asked = scene, rule
-        self._options: dict[str, Any] = {
-            "volume": volume,
-            "filter_radius": filter_radius,
-            "start": None if start is None else np.asarray(start).tolist(),
-            "stage": stage,
-            "most_steps": most_steps,
-            "at_rest": at_rest,
-            "tolerance": tolerance,
-            "keep": keep,
-        }
+        self.scene, self.stage = scene, stage
+        self.rule = RULES[rule]() if isinstance(rule, str) else copy(rule)
+        self._volume, self._radius, self._keep = volume, filter_radius, keep
+        self._most_steps, self._at_rest, self._tolerance = most_steps, at_rest, tolerance
         self._growing = GrowingBody(scene, stage)
-        self._first = self._first_design(volume, start)
         self._around = Neighbours.within(self._growing.body, filter_radius)
         self._beside = Neighbours.across_faces(self._growing.body)
-        self.reset()
+        self.outcome = ""
+        self.design = self._first_design(volume, start)
+        self._rows: list[tuple[float, ...]] = []
+        self._designs: list[Floats] = []
+        self._feel(0.0, tolerance)
+        self.rule.prepare(self._felt())
 
     def _first_design(self, volume: float, start: ArrayLike | None) -> Floats:
         """Return the densities that growth starts from."""
@@ -169,30 +155,13 @@ class GrowthModel(SteppedModel):
             raise ParameterError("start: densities from 0 to 1 are needed where there is material")
         return design
 
-    def reset(self) -> None:
-        """Go back to the first densities."""
-        self._start_again()
-        began = perf_counter()
-        asked = self._asked
-        self.rule = RULES[asked]() if isinstance(asked, str) else copy(asked)
-        self.outcome = ""
-        self.design = self._first.copy()
-        self._growing.forget()
-        self._rows: list[tuple[float, ...]] = []
-        self._designs: list[Floats] = []
-        self._feel(0.0, self._options["tolerance"])
-        self.rule.prepare(self._felt())
-        self.seconds = perf_counter() - began
-        self._note()
-
     @property
     def compliance(self) -> float:
         """F·u: work of the forces on the displacements (J)."""
         return self._growing.compliance
 
-    def step(self) -> None:
+    def advance(self) -> None:
         """Let all densities change by what their cells feel, and let them feel again."""
-        began = perf_counter()
         grown = np.asarray(self.rule.grow(self._felt()), dtype=np.float64)
         right = grown.shape == self.design.shape
         if not (right and np.all((grown >= 0.0) & (grown <= 1.0))):
@@ -202,13 +171,12 @@ class GrowthModel(SteppedModel):
             )
         change = float(np.abs(grown - self.design).max())
         self.design = grown
-        if self.steps >= self.rule.patience and change <= self._options["at_rest"]:
+        if self.steps >= self.rule.patience and change <= self._at_rest:
             self.outcome = AT_REST
-        elif self.steps == self._options["most_steps"]:
+        elif self.steps == self._most_steps:
             self.outcome = f"ended after {self.steps} steps, as asked"
         self.running = not self.outcome
-        self._feel(change, self._options["tolerance"] if self.running else _TIGHT)
-        self.seconds += perf_counter() - began
+        self._feel(change, self._tolerance if self.running else _TIGHT)
 
     def _feel(self, change: float, tolerance: float) -> None:
         """Find what the design's cells feel, and note it."""
@@ -217,10 +185,10 @@ class GrowthModel(SteppedModel):
             self.density = np.minimum(self._around.means(self.design), 1.0)
         least = self.rule.least_stiffness
         self.stiffness = least + (1.0 - least) * self.density ** self.rule.penalty(self.steps)
-        self._growing.solve(self.stiffness, min(tolerance, self._options["tolerance"]))
+        self._growing.solve(self.stiffness, min(tolerance, self._tolerance))
         volume = float(self.density.mean())
         self._rows.append((self.compliance, volume, change, self._growing.iterations))
-        if self._options["keep"]:
+        if self._keep:
             self._designs.append(self.density.astype(np.float32))
 
     def _felt(self) -> Felt:
@@ -235,44 +203,26 @@ class GrowthModel(SteppedModel):
             energy=self._growing.energy,
             slope=-2.0 * rise * self._growing.energy / self.stiffness,
             von_mises=self._growing.von_mises,
-            volume=self._options["volume"],
+            volume=self._volume,
             around=self._around,
             beside=self._beside,
             cell_volume=self.scene.lattice.cell_volume(self.scene.thickness),
         )
 
-    def figures(self) -> dict[str, float]:
-        """Return what is noted after every step: compliance (J), volume, change, iterations."""
-        return dict(zip(COLUMNS, self._rows[-1], strict=True))
-
-    def run(self, until: Until | None = None, progress: bool | None = None) -> GrowthResult:
-        """Grow until nothing changes any more, or a question is answered with yes.
-
-        Parameters
-        ----------
-        until : function of the model or int, optional
-            Asked before every step whether to stop; or a number of steps.
-        progress : bool, optional
-            Show a line of progress; None does so at a terminal.
-        """
-        with progress_line(progress) as report:
-
-            def show() -> None:
-                now = self.figures()
-                report(
-                    f"step {self.steps} of {self._options['most_steps']}: compliance "
-                    f"{now['compliance']:.4g} J, volume {now['volume']:.1%}, largest change "
-                    f"{now['change']:.2g}"
-                )
-
-            return self._run(until, self.result, show)
+    def progress(self) -> str:
+        """Return the line of progress."""
+        compliance, volume, change, _ = self._rows[-1]
+        return (
+            f"step {self.steps} of {self._most_steps}: compliance {compliance:.4g} J, volume "
+            f"{volume:.1%}, largest change {change:.2g}"
+        )
 
     def result(self) -> GrowthResult:
         """Return what has grown so far."""
         compliances, volumes, changes, iterations = np.array(self._rows).T
         return GrowthResult(
             scene=self.scene,
-            stage=self._options["stage"],
+            stage=self.stage,
             rule=self.rule.name,
             cells=self.density.copy(),
             stiffness_of_cells=self.stiffness.copy(),
@@ -281,15 +231,9 @@ class GrowthModel(SteppedModel):
             volumes=volumes,
             changes=changes,
             iterations=iterations.astype(np.int64),
-            volume=self._options["volume"],
+            volume=self._volume,
             holds_volume=self.rule.holds_volume,
-            filter_radius=self._options["filter_radius"],
+            filter_radius=self._radius,
             outcome=self.outcome,
             seconds=self.seconds,
         )
-
-    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and those that no file can hold."""
-        if isinstance(self._asked, str):
-            return self._options | {"rule": self._asked}, {}
-        return dict(self._options), {"rule": self._asked}

@@ -16,7 +16,7 @@ from kaju.arrays import Floats
 from kaju.errors import BucklingError, ConvergenceError, MechanismError, TangentError
 
 from .assembler import Assembler, Geometry, along_springs
-from .linear import SingularTangentError, TangentSolver
+from .linear import DirectSolver, SingularTangentError
 from .springs import SpringNetwork
 
 _NAMED = 8
@@ -75,7 +75,7 @@ def elastic_law(network: SpringNetwork) -> SpringLaw:
 
 def find_balance(
     assembler: Assembler,
-    solver: TangentSolver,
+    solver: DirectSolver,
     law: SpringLaw,
     displacement: Floats,
     force: Floats,
@@ -125,7 +125,7 @@ def find_balance(
 
 def solve_tangent(
     assembler: Assembler,
-    solver: TangentSolver,
+    solver: DirectSolver,
     geometry: Geometry,
     tension: Floats,
     stiffness: Floats,
@@ -142,7 +142,7 @@ def solve_tangent(
 
 def unstable_mode(
     assembler: Assembler,
-    solver: TangentSolver,
+    solver: DirectSolver,
     geometry: Geometry,
     tension: Floats,
     stiffness: Floats,

@@ -1,143 +1,108 @@
-"""Networks from networkx graphs, and graphs from networks."""
+"""Networks as graphs of networkx: what their attributes say, and back.
+
+Files of graphs (GraphML, GML, JSON) hold numbers and texts, no tuples. So a vector may also be a
+text such as "(0.5, 1.0)", or stand in one attribute for each axis, such as "x" and "y".
+"""
 
 from __future__ import annotations
 
+from ast import literal_eval
 from collections.abc import Hashable, Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
 import networkx as nx
 import numpy as np
+from numpy.typing import NDArray
 
-from kaju.arrays import Floats
-from kaju.errors import ResultError, SceneError
+from kaju.arrays import Floats, Ints
+from kaju.errors import SceneError
 
-from .springs import SpringNetwork
+Vectors = str | tuple[str, ...] | Mapping[Hashable, Any]
+"""A node attribute with a vector, one attribute for each axis, or vectors by node."""
 
 
-def network_from_graph(
+def read_graph(
     graph: nx.Graph,
     *,
-    position: str = "pos",
-    stiffness: str | float = "stiffness",
-    rest_length: str | float | None = "rest_length",
-    held: str | Iterable[Hashable] = "held",
-    force: str | Mapping[Hashable, Any] = "force",
-    displacement: str | Mapping[Hashable, Any] = "given_displacement",
-) -> SpringNetwork:
-    """Read a spring network off a graph.
-
-    Parameters
-    ----------
-    graph : networkx.Graph or MultiGraph
-        Every edge is a spring; the nodes keep their names.
-    position : str
-        Node attribute with 2 or 3 coordinates (m); every node needs it.
-    stiffness : str or float
-        Edge attribute K (N/m) that every edge needs, or one number for all.
-    rest_length : str, float or None
-        Edge attribute λ (m) that every edge needs, or one number for all; None: the length
-        each edge has at first.
-    held : str or collection of nodes
-        Node attribute (true, or one truth value per axis; missing: free), or the held nodes.
-    force, displacement : str or mapping
-        Node attribute, or a mapping from nodes, with one vector (N, m) or one per stage;
-        missing: 0.
-    """
+    positions: str | tuple[str, ...],
+    stiffness: str | float,
+    rest_length: str | float | None,
+    held: str | Iterable[Hashable],
+    forces: Vectors,
+    displacements: Vectors,
+) -> dict[str, Any]:
+    """Return what `SpringNetwork.build` takes; arguments as of `SpringNetwork.from_graph`."""
     if graph.is_directed():
         raise SceneError(
             "graph: springs have no direction; make it undirected with graph.to_undirected()"
         )
     if graph.number_of_nodes() == 0:
         raise SceneError("graph: has no nodes")
-    names = tuple(graph.nodes)
-    number = {name: index for index, name in enumerate(names)}
-    positions = _positions(graph, position)
+    number = {name: index for index, name in enumerate(graph.nodes)}
+    places = _positions(graph, positions)
     edges = list(graph.edges(data=True))
-    return SpringNetwork.build(
-        positions,
-        [(number[first], number[second]) for first, second, _ in edges],
-        _edge_values(edges, stiffness, "stiffness"),
-        None if rest_length is None else _edge_values(edges, rest_length, "rest_length"),
-        held=_held(graph, number, held, positions.shape),
-        forces=_vectors(graph, number, force, positions.shape, "force"),
-        displacements=_vectors(graph, number, displacement, positions.shape, "displacement"),
-        names=names,
-    )
+    lengths = None if rest_length is None else _edge_values(edges, rest_length, "rest_length")
+    return {
+        "positions": places,
+        "springs": [(number[first], number[second]) for first, second, _ in edges],
+        "stiffness": _edge_values(edges, stiffness, "stiffness"),
+        "rest_length": lengths,
+        "held": _held(graph, number, held, places.shape),
+        "forces": _vectors(graph, number, forces, places.shape, "forces"),
+        "displacements": _vectors(graph, number, displacements, places.shape, "displacements"),
+        "names": tuple(graph.nodes),
+    }
 
 
-def graph_from_network(
-    network: SpringNetwork,
-    node_fields: Mapping[str, Floats] | None = None,
-    spring_fields: Mapping[str, Floats] | None = None,
+def graph_of(
+    names: tuple[Hashable, ...],
+    springs: Ints,
+    nodes: Mapping[str, NDArray[Any]],
+    edges: Mapping[str, NDArray[Any]],
+    *,
+    texts: bool,
 ) -> nx.Graph:
-    """Return a network's graph: vectors as tuples, and a MultiGraph if springs lie side by side."""
-    pairs = np.sort(network.springs, axis=1)
-    several = len(np.unique(pairs, axis=0)) < len(pairs)
+    """Return a graph with attributes; a MultiGraph if springs lie side by side."""
+    several = len(np.unique(np.sort(springs, axis=1), axis=0)) < len(springs)
     graph = nx.MultiGraph() if several else nx.Graph()
-    nodes: dict[str, Any] = {"pos": network.positions, "held": network.held}
-    if network.forces.any():
-        nodes["force"] = np.moveaxis(network.forces, 0, 1)
-    if network.displacements.any():
-        nodes["given_displacement"] = np.moveaxis(network.displacements, 0, 1)
-    nodes |= node_fields or {}
-    springs = {"stiffness": network.stiffness, "rest_length": network.rest_length}
-    springs |= spring_fields or {}
-    node_rows = {key: _plain(field) for key, field in nodes.items()}
-    spring_rows = {key: _plain(field) for key, field in springs.items()}
-    for index, name in enumerate(network.names):
+    node_rows = {key: _plain(field, texts) for key, field in nodes.items()}
+    edge_rows = {key: _plain(field, texts) for key, field in edges.items()}
+    for index, name in enumerate(names):
         graph.add_node(name, **{key: rows[index] for key, rows in node_rows.items()})
-    for index, (first, second) in enumerate(network.springs.tolist()):
-        graph.add_edge(
-            network.names[first],
-            network.names[second],
-            **{key: rows[index] for key, rows in spring_rows.items()},
-        )
+    for index, (first, second) in enumerate(springs.tolist()):
+        values = {key: rows[index] for key, rows in edge_rows.items()}
+        graph.add_edge(names[first], names[second], **values)
     return graph
 
 
-def encoded(name: Hashable) -> Any:
-    """Write the name of a node as JSON can hold it: tuples become lists."""
-    if isinstance(name, tuple):
-        return [encoded(part) for part in name]
-    if name is None or isinstance(name, str | bool | int | float):
-        return name
-    if isinstance(name, np.integer | np.floating):
-        return name.item()
-    raise ResultError(
-        f"the node {name!r} cannot be saved: names must be strings, numbers or tuples of them; "
-        "rename it with networkx.relabel_nodes"
-    )
-
-
-def decoded(name: Any) -> Hashable:
-    """Read back what `encoded` wrote."""
-    return tuple(decoded(part) for part in name) if isinstance(name, list) else name
-
-
-def _plain(field: Floats) -> list[Any]:
-    """Turn rows of an array into numbers and (nested) tuples."""
+def _plain(field: NDArray[Any], texts: bool) -> list[Any]:
+    """Turn rows of an array into numbers and (nested) tuples, or texts of these."""
 
     def row(value: Any) -> Any:
         return tuple(row(part) for part in value) if isinstance(value, list) else value
 
-    return [row(value) for value in field.tolist()]
+    rows = [row(value) for value in field.tolist()]
+    return [str(value) if isinstance(value, tuple) else value for value in rows] if texts else rows
 
 
-def _positions(graph: nx.Graph, position: str) -> Floats:
+def _positions(graph: nx.Graph, positions: str | tuple[str, ...]) -> Floats:
     rows = []
     for name, attributes in graph.nodes(data=True):
-        if position not in attributes:
-            raise SceneError(
-                f"node {name!r}: has no attribute {position!r}{_nearby(position, attributes)}; "
-                "networkx.set_node_attributes(graph, positions, "
-                f"{position!r}) gives every node its place"
-            )
-        rows.append(_vector(attributes[position], f"node {name!r}, {position}"))
-    lengths = {len(row) for row in rows}
-    if lengths not in ({2}, {3}):
+        keys = [positions] if isinstance(positions, str) else positions
+        for key in keys:
+            if key not in attributes:
+                raise SceneError(
+                    f"positions: node {name!r} has no attribute {key!r}"
+                    f"{_nearby(key, attributes)}; name one attribute with all coordinates, or one "
+                    'for each axis, such as positions=("x", "y")'
+                )
+        row = [_numbers(attributes[key], f"node {name!r}, {key}") for key in keys]
+        rows.append(row[0] if isinstance(positions, str) else np.array(row))
+    if {row.shape for row in rows} not in ({(2,)}, {(3,)}):
+        found = sorted({row.size for row in rows})
         raise SceneError(
-            f"{position}: all nodes need 2 coordinates, or all need 3; got {sorted(lengths)}"
+            f"positions: all nodes need 2 coordinates, or all need 3; got {found} in {positions!r}"
         )
     return np.array(rows)
 
@@ -153,7 +118,7 @@ def _edge_values(edges: list[Any], value: str | float, key: str) -> Any:
                 f"{_nearby(value, attributes)}; set it, or pass {key}= a number"
                 + (" or None" if key == "rest_length" else "")
             )
-        found.append(float(_vector(attributes[value], f"edge {first!r} to {second!r}")))
+        found.append(float(_numbers(attributes[value], f"edge {first!r} to {second!r}, {value}")))
     return found
 
 
@@ -167,8 +132,8 @@ def _held(
     if isinstance(held, str):
         for name, value in graph.nodes(data=held, default=False):
             try:
-                holds[number[name]] = value
-            except ValueError as error:
+                holds[number[name]] = literal_eval(value) if isinstance(value, str) else value
+            except (ValueError, SyntaxError) as error:
                 raise SceneError(
                     f"node {name!r}, {held}: must be true or false, or that for each of the "
                     f"{shape[1]} axes, got {value!r}"
@@ -182,26 +147,22 @@ def _held(
 def _vectors(
     graph: nx.Graph,
     number: Mapping[Hashable, int],
-    vectors: str | Mapping[Hashable, Any],
+    vectors: Vectors,
     shape: tuple[int, ...],
     key: str,
 ) -> Any:
     """Collect vectors per node, or None if there are none: shape (stages, n, dimension)."""
-    if isinstance(vectors, str):
-        given = {n: value for n, value in graph.nodes(data=vectors) if value is not None}
-    else:
-        given = dict(vectors)
-    if not given:
-        return None
     rows = {}
-    for name, value in given.items():
-        row = np.atleast_2d(_vector(value, f"node {name!r}, {key}"))
+    for name, value in _given(graph, vectors).items():
+        row = np.atleast_2d(_numbers(value, f"node {name!r}, {key}"))
         if row.ndim != 2 or row.shape[1] != shape[1]:
             raise SceneError(
                 f"node {name!r}, {key}: must be {shape[1]} numbers, or that for every stage, "
                 f"got {value!r}"
             )
         rows[_numbered(number, name, key)] = row
+    if not rows:
+        return None
     stages = max(len(row) for row in rows.values())
     wrong = [node for node, row in rows.items() if len(row) not in (1, stages)]
     if wrong:
@@ -215,10 +176,24 @@ def _vectors(
     return field
 
 
-def _vector(value: Any, place: str) -> Floats:
+def _given(graph: nx.Graph, vectors: Vectors) -> Mapping[Hashable, Any]:
+    """Return the vectors of the nodes that have one; an axis without an attribute is 0."""
+    if isinstance(vectors, str):
+        return {name: value for name, value in graph.nodes(data=vectors) if value is not None}
+    if isinstance(vectors, tuple):
+        return {
+            name: [_numbers(attributes.get(key, 0.0), f"node {name!r}, {key}") for key in vectors]
+            for name, attributes in graph.nodes(data=True)
+            if any(key in attributes for key in vectors)
+        }
+    return vectors
+
+
+def _numbers(value: Any, place: str) -> Floats:
     try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        read = literal_eval(value) if isinstance(value, str) else value
+        return np.asarray(read, dtype=np.float64)
+    except (TypeError, ValueError, SyntaxError) as error:
         raise SceneError(f"{place}: must be made of numbers, got {value!r}") from error
 
 

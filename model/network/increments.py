@@ -16,7 +16,7 @@ import numpy as np
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, TangentError
-from kaju.stopping import interrupt_requested
+from kaju.stopping import interrupt_requested, interruptible
 
 from .assembler import Assembler, Geometry
 from .equilibrium import (
@@ -27,9 +27,9 @@ from .equilibrium import (
     tangent_error,
     unstable_mode,
 )
-from .linear import SingularTangentError, tangent_solver
+from .linear import DirectSolver, SingularTangentError
 from .network_result import NetworkResult, Scheme
-from .springs import Method, SpringNetwork
+from .springs import SpringNetwork
 
 _FINEST = 2.0**-10
 """Smallest part of an increment that is tried before the network is said to give way."""
@@ -55,9 +55,9 @@ class NetworkRecord(NamedTuple):
 class IncrementalLoading:
     """A network on its way along its load path; `step` takes one increment of so many in a stage.
 
-    `scheme`: "newton" or "euler", with or without corrections; `method`: how the linear systems are
-    solved; `tolerance`: largest unbalanced force of the Newton scheme as a share of the largest
-    force. Where the network gives way a `TangentError` holds what was computed as its `result`.
+    `scheme`: "newton" or "euler", with or without corrections; `tolerance`: largest unbalanced
+    force of the Newton scheme as a share of the largest force. Where the network gives way a
+    `TangentError` holds what was computed as its `result`.
     """
 
     def __init__(
@@ -66,7 +66,6 @@ class IncrementalLoading:
         increments: int,
         *,
         scheme: Scheme = "newton",
-        method: Method = "auto",
         tolerance: float = 1e-12,
     ) -> None:
         if increments < 1:
@@ -81,7 +80,7 @@ class IncrementalLoading:
         self.scheme: Scheme = scheme
         self.tolerance = tolerance
         self.assembler = Assembler(network)
-        self.solver = tangent_solver(self.assembler, method)
+        self.solver = DirectSolver()
         self.law = elastic_law(network)
         self._force_scale = float(np.abs(network.forces).max())
         self.records: list[NetworkRecord] = []
@@ -130,7 +129,6 @@ class IncrementalLoading:
             residual=np.array([record.residual for record in self.records]),
             corrections=np.array([record.corrections for record in self.records]),
             scheme=self.scheme,
-            method=self.solver.name,
             seconds=time.perf_counter() - self._started,
         )
 
@@ -257,25 +255,47 @@ class IncrementalLoading:
         return error
 
 
-def load_in_increments(
-    network: SpringNetwork, increments: int = 20, *, method: Method = "auto"
-) -> NetworkResult:
+def load_in_increments(network: SpringNetwork, increments: int = 20) -> NetworkResult:
     """Load a network by forward Euler: one linear system, and an error in proportion, an increment.
 
     Only the states that a step starts from are checked for stability, not the last one.
     """
-    return IncrementalLoading(network, increments, scheme="euler", method=method).run()
+    return interruptible(IncrementalLoading(network, increments, scheme="euler").run)
 
 
 def solve(
-    network: SpringNetwork,
-    increments: int = 10,
-    *,
-    method: Method = "auto",
-    tolerance: float = 1e-12,
+    network: SpringNetwork, increments: int = 10, *, tolerance: float = 1e-12
 ) -> NetworkResult:
     """Load a network with every increment in equilibrium.
 
-    Arguments and errors are those of `IncrementalLoading` and its `step`.
+    Parameters
+    ----------
+    network : SpringNetwork
+        What is loaded.
+    increments : int
+        Records in every stage. Increments that are too large are cut in halves, so the answer
+        does not depend on their number.
+    tolerance : float
+        Largest unbalanced force as a share of the largest force.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its rule.
+    MechanismError, BucklingError
+        If the network gives way; the error names the nodes, and its `result` is what was reached.
+    ConvergenceError
+        If no balance is found.
+
+    Examples
+    --------
+    >>> from kaju.model.network import solve, triangular
+    >>> round(solve(triangular(5, force=0.1)).largest_displacement()[1], 4)
+    0.1145
     """
-    return IncrementalLoading(network, increments, method=method, tolerance=tolerance).run()
+    if not isinstance(network, SpringNetwork):
+        raise ParameterError(
+            f"network: a SpringNetwork is needed, got {type(network).__name__}; a scene is solved "
+            "by kaju.solve"
+        )
+    return interruptible(IncrementalLoading(network, increments, tolerance=tolerance).run)

@@ -18,7 +18,6 @@ from kaju.model.results.formats import NETWORK, RECORDS
 from kaju.model.results.result import BALANCE, Check, Result
 
 from .assembler import Geometry, spring_forces, spring_geometry
-from .graphs import decoded, encoded, graph_from_network
 from .springs import SpringNetwork, Springs
 
 if TYPE_CHECKING:
@@ -77,8 +76,7 @@ class NetworkResult(Result):
 
     Examples
     --------
-    >>> from kaju import solve
-    >>> from kaju.model.network import triangular
+    >>> from kaju.model.network import solve, triangular
     >>> result = solve(triangular(5, force=0.1))
     >>> round(float(result.displacement[-1, :, 1].min()), 4)
     -0.1145
@@ -99,8 +97,6 @@ class NetworkResult(Result):
     """Number of linear systems solved for every record. Shape (r,)."""
     scheme: Scheme
     """With or without corrections."""
-    method: str
-    """How the linear systems were solved."""
     seconds: float
     """Time taken (s)."""
 
@@ -217,7 +213,6 @@ class NetworkResult(Result):
             "springs": len(self.network.springs),
             "dimension": self.network.dimension,
             "scheme": self.scheme,
-            "method": self.method,
             "stages": self.network.stages,
             "increments": self.increments,
             "stage_reached": float(self.stage[-1]),
@@ -267,20 +262,21 @@ class NetworkResult(Result):
             }
         )
 
-    def to_graph(self, record: int = -1) -> nx.Graph:
+    def to_graph(self, record: int = -1, *, texts: bool = False) -> nx.Graph:
         """Return the network as a networkx graph that carries the answer as attributes.
 
         Nodes gain `displacement`, `position` and `reaction`, edges `tension`, `strain` and
-        `length`; what `SpringNetwork.from_graph` reads is there too.
+        `length`; what `SpringNetwork.from_graph` reads is there too. `texts` as of
+        `SpringNetwork.to_graph`.
         """
-        return graph_from_network(
-            self.network,
-            node_fields={
+        return self.network.to_graph(
+            texts=texts,
+            nodes={
                 "displacement": self.displacement[record],
                 "position": self.positions(record),
                 "reaction": self.reactions(record),
             },
-            spring_fields={
+            springs={
                 "tension": self.tension[record],
                 "strain": self.strain(record),
                 "length": self._geometry(record).length,
@@ -303,7 +299,6 @@ class NetworkResult(Result):
         arrays |= {name: getattr(self, name) for name in RECORDS}
         return arrays, about | {
             "scheme": self.scheme,
-            "method": self.method,
             "seconds": self.seconds,
         }
 
@@ -314,9 +309,27 @@ class NetworkResult(Result):
             network=network,
             **archive.columns(RECORDS, sizes_of_network(network)),
             scheme=archive.value("scheme", Scheme),
-            method=archive.value("method", str),
             seconds=archive.value("seconds", float),
         )
+
+
+def encoded(name: Hashable) -> Any:
+    """Write the name of a node as JSON can hold it: tuples become lists."""
+    if isinstance(name, tuple):
+        return [encoded(part) for part in name]
+    if name is None or isinstance(name, str | bool | int | float):
+        return name
+    if isinstance(name, np.integer | np.floating):
+        return name.item()
+    raise ResultError(
+        f"the node {name!r} cannot be saved: names must be strings, numbers or tuples of them; "
+        "rename it with networkx.relabel_nodes"
+    )
+
+
+def decoded(name: Any) -> Hashable:
+    """Read back what `encoded` wrote."""
+    return tuple(decoded(part) for part in name) if isinstance(name, list) else name
 
 
 def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

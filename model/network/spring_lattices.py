@@ -14,7 +14,7 @@ from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import Delaunay, KDTree
+from scipy.spatial import Delaunay
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
@@ -94,9 +94,18 @@ def jittered(
     springs = _delaunay(positions)
     length = np.linalg.norm(np.diff(positions[springs], axis=1)[:, 0], axis=1)
     ends = (place == 0) | (place == last)
-    names: list[tuple[int, ...]] = list(zip(row.tolist(), place.tolist(), strict=True))
     share = np.where(ends, 0.5, 1.0)
-    return _pressed(positions, springs, stiffness * spacing / length, force, share, names)
+    top = row == rows - 1
+    forces = np.zeros_like(positions)
+    forces[top, 1] = -force * share[top] / share[top].sum()
+    return SpringNetwork.build(
+        positions,
+        springs,
+        stiffness * spacing / length,
+        held=row == 0,
+        forces=forces,
+        names=list(zip(row.tolist(), place.tolist(), strict=True)),
+    )
 
 
 def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwork:
@@ -150,76 +159,6 @@ def pulled(
     return replace(network, held=held, forces=load[None], displacements=nothing)
 
 
-def square_braced(
-    columns: int,
-    rows: int,
-    *,
-    spacing: float = 1.0,
-    stiffness: float = 1.0,
-    brace_stiffness: float | None = None,
-    force: float = 0.1,
-) -> SpringNetwork:
-    """Return squares with both diagonals, standing on their bottom row, pressed from above.
-
-    `columns`, `rows`: nodes along x and y, at least 2; a node is named by column and row.
-    `brace_stiffness`: K of the diagonals (N/m), unless given half of `stiffness`, for which the
-    network is as stiff in all directions.
-    """
-    _at_least(2, columns=columns, rows=rows)
-    _positive(spacing=spacing)
-    brace = 0.5 * stiffness if brace_stiffness is None else brace_stiffness
-    row, column = (index.ravel() for index in np.indices((rows, columns)))
-    number = np.arange(rows * columns).reshape(rows, columns)
-    sides = [_pairs(number[:, :-1], number[:, 1:]), _pairs(number[:-1], number[1:])]
-    braces = [_pairs(number[:-1, :-1], number[1:, 1:]), _pairs(number[:-1, 1:], number[1:, :-1])]
-    counts = [sum(map(len, sides)), sum(map(len, braces))]
-    return _pressed(
-        spacing * np.stack([column, row], axis=1).astype(np.float64),
-        np.concatenate(sides + braces),
-        np.repeat([stiffness, brace], counts),
-        force,
-        np.where((column == 0) | (column == columns - 1), 0.5, 1.0),
-        list(zip(column.tolist(), row.tolist(), strict=True)),
-    )
-
-
-def face_centred(
-    columns: int,
-    depth: int,
-    rows: int,
-    *,
-    edge: float = 1.0,
-    stiffness: float = 1.0,
-    force: float = 0.1,
-) -> SpringNetwork:
-    """Return a block of face-centred cubes, standing on its bottom, pressed from above.
-
-    Nodes at the corners and face centres of cubes of an `edge` (m), each joined to its nearest
-    neighbours (12 of them inside the block). `columns`, `depth`, `rows`: cubes along x, y and z, at
-    least 1; a node is named by its coordinates in half edges.
-    """
-    _at_least(1, columns=columns, depth=depth, rows=rows)
-    _positive(edge=edge)
-    shape = (2 * columns + 1, 2 * depth + 1, 2 * rows + 1)
-    grid = np.indices(shape).reshape(3, -1).T
-    grid = grid[grid.sum(axis=1) % 2 == 0]
-    number = np.full(shape, -1, dtype=np.int64)
-    number[tuple(grid.T)] = np.arange(len(grid))
-    springs = []
-    for step in ((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)):
-        beside = grid + np.array(step)
-        inside = ((beside >= 0) & (beside < shape)).all(axis=1)
-        springs.append(_pairs(np.flatnonzero(inside), number[tuple(beside[inside].T)]))
-    return _pressed(
-        0.5 * edge * grid,
-        np.concatenate(springs),
-        np.full(sum(len(pairs) for pairs in springs), stiffness),
-        force,
-        np.ones(len(grid)),
-        [tuple(place) for place in grid.tolist()],
-    )
-
-
 def _places(width: int, rows: int) -> tuple[Ints, Ints]:
     """Row, and place in its row, of every node of a triangular lattice."""
     row, place = (index.ravel() for index in np.indices((rows, width)))
@@ -239,31 +178,12 @@ def _triangular_springs(width: int, rows: int) -> Springs:
     return every[every[:, 1] >= 0]
 
 
-def _delaunay(positions: Floats, more: Springs | None = None) -> Springs:
-    """Return the edges of a Delaunay triangulation, and more pairs, each once."""
+def _delaunay(positions: Floats) -> Springs:
+    """Return the edges of a Delaunay triangulation, each once."""
     corners = Delaunay(positions).simplices.astype(np.int64)
     first, second = np.triu_indices(positions.shape[1] + 1, 1)
     edges = _pairs(corners[:, first], corners[:, second])
-    every = edges if more is None else np.concatenate([more, edges])
-    return np.unique(np.sort(every, axis=1), axis=0)
-
-
-def _pressed(
-    positions: Floats,
-    springs: Springs,
-    stiffness: Floats,
-    force: float,
-    share: Floats,
-    names: list[tuple[int, ...]],
-) -> SpringNetwork:
-    """Hold the lowest nodes and press on the highest, each by its share."""
-    height = positions[:, -1]
-    top = height == height.max()
-    forces = np.zeros_like(positions)
-    forces[top, -1] = -force * share[top] / share[top].sum()
-    return SpringNetwork.build(
-        positions, springs, stiffness, held=height == height.min(), forces=forces, names=names
-    )
+    return np.unique(np.sort(edges, axis=1), axis=0)
 
 
 def _pairs(first: Ints, second: Ints) -> Springs:
@@ -280,39 +200,3 @@ def _positive(**lengths: float) -> None:
     for name, value in lengths.items():
         if not (isfinite(value) and value > 0.0):
             raise ParameterError(f"{name}: must be a length above 0 m, got {value}")
-
-
-def random_geometric(
-    nodes: int,
-    *,
-    dimension: int = 2,
-    seed: int = 0,
-    radius: float | None = None,
-    stiffness: float = 1.0,
-    force: float = 0.1,
-) -> SpringNetwork:
-    """Return points thrown into a box of edge 1 m, joined where they lie close.
-
-    Points, at least 20, closer than `radius` (m) are joined; unless given, an inner point has about
-    10 others within it. So are the neighbours of a Delaunay triangulation, without which chance
-    would leave loose points. The lowest tenth of the points is held, and the force is shared by the
-    highest tenth.
-    """
-    _at_least(20, nodes=nodes)
-    if dimension not in (2, 3):
-        raise ParameterError(f"dimension: must be 2 or 3, got {dimension}")
-    if radius is None:
-        ball = np.pi if dimension == 2 else 4.0 * np.pi / 3.0
-        radius = float((10.0 / (nodes * ball)) ** (1.0 / dimension))
-    _positive(radius=radius)
-    positions = np.random.default_rng(seed).random((nodes, dimension))
-    close = KDTree(positions).query_pairs(radius, output_type="ndarray")
-    springs = _delaunay(positions, close)
-    by_height = np.argsort(positions[:, -1])
-    tenth = max(nodes // 10, dimension)
-    low, high = by_height[:tenth], by_height[-tenth:]
-    held = np.zeros(nodes, dtype=bool)
-    held[low] = True
-    forces = np.zeros_like(positions)
-    forces[high, -1] = -force / tenth
-    return SpringNetwork.build(positions, springs, stiffness, held=held, forces=forces)

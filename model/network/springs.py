@@ -1,16 +1,16 @@
 """What a spring network is: nodes, the springs between them, what holds and what presses it.
 
-`SpringNetwork` only describes. The engines that load it stand on this description, in the
-modules beside, and are called from here when they are asked for.
+It only describes; `kaju.model.network.solve` loads it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
+import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
@@ -18,15 +18,10 @@ from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.scene import Scene
 
-if TYPE_CHECKING:
-    import networkx as nx
-
-    from kaju import NetworkResult
+from .graphs import Vectors, graph_of, read_graph
 
 Springs = NDArray[np.int64]
-Method = Literal["auto", "direct", "multigrid"]
 
 
 def as_stages(
@@ -223,7 +218,8 @@ class SpringNetwork:
 
     Examples
     --------
-    >>> from kaju import SpringNetwork, solve
+    >>> from kaju import SpringNetwork
+    >>> from kaju.model.network import solve
     >>> net = SpringNetwork.build(
     ...     positions=[[0.0, 0.0], [0.0, -1.0]], springs=[[0, 1]], stiffness=10.0,
     ...     held=[[True, True], [True, False]], forces=[[0.0, 0.0], [0.0, -2.0]],
@@ -302,24 +298,95 @@ class SpringNetwork:
         )
 
     @classmethod
-    def from_graph(cls, graph: nx.Graph, **attributes: Any) -> SpringNetwork:
-        """Read a network off any networkx graph; see `kaju.model.network.graphs`."""
-        from .graphs import network_from_graph
+    def from_graph(
+        cls,
+        graph: nx.Graph,
+        *,
+        positions: str | tuple[str, ...] = "pos",
+        stiffness: str | float = "stiffness",
+        rest_length: str | float | None = "rest_length",
+        held: str | Iterable[Hashable] = "held",
+        forces: Vectors = "force",
+        displacements: Vectors = "given_displacement",
+    ) -> SpringNetwork:
+        """Read a network off a graph of networkx: every edge is a spring.
 
-        return network_from_graph(graph, **attributes)
+        Vectors may be tuples, lists or texts such as "(0.5, 1.0)", as GraphML keeps them.
 
-    @classmethod
-    def from_scene(cls, scene: Scene) -> SpringNetwork:
-        """Return the network of a hexagon-celled body; see `kaju.model.network.hexagon_body`."""
-        from .hexagon_body import hexagon_body
+        Parameters
+        ----------
+        graph : networkx.Graph or MultiGraph
+            The nodes keep their names.
+        positions : str or tuple of str
+            Node attribute with 2 or 3 coordinates (m), or one attribute for each axis.
+        stiffness : str or float
+            Edge attribute K (N/m), or one number for all.
+        rest_length : str, float or None
+            Edge attribute λ (m), or one number for all; None: the length that each has at first.
+        held : str or collection of nodes
+            Node attribute (true, or one truth value for each axis; missing: free), or the nodes.
+        forces, displacements : str, tuple of str, or mapping
+            Node attribute with a vector (N, m) or one for each stage, one attribute for each axis,
+            or vectors by node; missing: 0.
 
-        return hexagon_body(scene)
+        Raises
+        ------
+        SceneError
+            If the graph is directed or empty, or an attribute is missing or not made of numbers.
 
-    def to_graph(self) -> nx.Graph:
-        """Return a networkx graph that `from_graph` reads back as this network."""
-        from .graphs import graph_from_network
+        Examples
+        --------
+        >>> import networkx as nx
+        >>> graph = nx.Graph()
+        >>> graph.add_node("wall", x=0.0, y=0.0, held=True)
+        >>> graph.add_node("end", x=1.0, y=0.0, held="(False, True)", fx=0.5)
+        >>> graph.add_edge("wall", "end", stiffness=5.0)
+        >>> from kaju import SpringNetwork
+        >>> axes = {"positions": ("x", "y"), "forces": ("fx", "fy")}
+        >>> SpringNetwork.from_graph(graph, rest_length=None, **axes).forces.tolist()
+        [[[0.0, 0.0], [0.5, 0.0]]]
+        """
+        return cls.build(
+            **read_graph(
+                graph,
+                positions=positions,
+                stiffness=stiffness,
+                rest_length=rest_length,
+                held=held,
+                forces=forces,
+                displacements=displacements,
+            )
+        )
 
-        return graph_from_network(self)
+    def to_graph(
+        self,
+        *,
+        texts: bool = False,
+        nodes: Mapping[str, Floats] | None = None,
+        springs: Mapping[str, Floats] | None = None,
+    ) -> nx.Graph:
+        """Return a networkx graph that `from_graph` reads back as this network.
+
+        Parameters
+        ----------
+        texts : bool
+            Write vectors as texts such as "(0.5, 1.0)": GraphML and GML keep no tuples.
+        nodes, springs : mapping of str to arrays, optional
+            More attributes, one row for each node or spring.
+        """
+        about: dict[str, NDArray[Any]] = {"pos": self.positions, "held": self.held}
+        if self.forces.any():
+            about["force"] = np.moveaxis(self.forces, 0, 1)
+        if self.displacements.any():
+            about["given_displacement"] = np.moveaxis(self.displacements, 0, 1)
+        edges = {"stiffness": self.stiffness, "rest_length": self.rest_length}
+        return graph_of(
+            self.names,
+            self.springs,
+            {**about, **(nodes or {})},
+            {**edges, **(springs or {})},
+            texts=texts,
+        )
 
     def with_loads(
         self, forces: ArrayLike | None = None, displacements: ArrayLike | None = None
@@ -327,20 +394,6 @@ class SpringNetwork:
         """Return the same network under other forces (N) and given displacements (m)."""
         force, shift = as_stages(forces, displacements, self.positions.shape)
         return replace(self, forces=force, displacements=shift)
-
-    def load_in_increments(self, increments: int = 20, **options: Any) -> NetworkResult:
-        """Load step by step without correction; see `kaju.model.network.increments`."""
-        from .increments import load_in_increments
-
-        return load_in_increments(self, increments, **options)
-
-    def solve(
-        self, increments: int = 10, *, method: Method = "auto", **options: Any
-    ) -> NetworkResult:
-        """Load step by step, each step in equilibrium; see `kaju.model.network.increments`."""
-        from .increments import solve
-
-        return solve(self, increments, method=method, **options)
 
     @property
     def dimension(self) -> int:

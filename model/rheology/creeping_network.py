@@ -14,7 +14,7 @@ from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import find_balance, tangent_error
-from kaju.model.network.linear import SingularTangentError, tangent_solver
+from kaju.model.network.linear import DirectSolver, SingularTangentError
 from kaju.model.network.network_result import (
     NetworkResult,
     network_archive,
@@ -106,7 +106,6 @@ class NetworkCreepResult(TimeResult):
             residual=np.zeros(len(self.times)),
             corrections=np.zeros(len(self.times), dtype=np.int64),
             scheme="newton",
-            method="creep",
             seconds=0.0,
         )
 
@@ -186,7 +185,7 @@ class CreepingNetwork:
                     "mass: every node needs a mass above 0 kg; leave it out for none"
                 )
             self.assembler = HeavyAssembler(network, self.mass)
-        self._solver = tangent_solver(self.assembler)
+        self._solver = DirectSolver()
         self._grip = np.zeros_like(network.positions)
 
     def start(self) -> Fields:

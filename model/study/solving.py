@@ -35,7 +35,7 @@ _OUTLINES = (
 )
 _TAKEN = {
     "network": (
-        "tolerance increments method",
+        "tolerance increments",
         "{name}: belongs to no SpringNetwork; leave it out",
     ),
     "scene": (
@@ -84,7 +84,6 @@ def solve(  # type: ignore[misc]
     most_agents: int | None = None,
     engine: Literal["petsc"] | None = None,
     increments: int | None = None,
-    method: str | None = None,
 ) -> AnyElastic | NetworkResult:
     """Return how a body or a network of springs answers its loads.
 
@@ -181,7 +180,6 @@ def solve(  # type: ignore[misc]
         "most_agents": most_agents,
         "engine": engine,
         "increments": increments,
-        "method": method,
     }
     given = {name: value for name, value in options.items() if value is not None}
     if isinstance(subject, Scene):

@@ -1,5 +1,8 @@
 """What a spring network accepts, and how it says what is wrong."""
 
+import json
+from dataclasses import replace
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -88,7 +91,7 @@ def test_attributes_of_a_graph_are_read_node_by_node():
 
 
 def test_supports_and_loads_may_come_beside_the_graph():
-    given = {"held": [(0, 0), (1, 0)], "force": {(0, 1): (0.0, -1.0)}}
+    given = {"held": [(0, 0), (1, 0)], "forces": {(0, 1): (0.0, -1.0)}}
     graph = nx.triangular_lattice_graph(2, 3)
     network = SpringNetwork.from_graph(graph, stiffness=1.0, rest_length=None, **given)
     assert network.held.all(axis=1).sum() == 2
@@ -135,7 +138,7 @@ def spoil(kind):
     ("kind", "message"),
     [
         ("misspelt", "no attribute 'rest_length' .*did you mean 'rest_lenght'"),
-        ("place", r"node \(0, 0\): has no attribute 'pos'"),
+        ("place", r"node \(0, 0\) has no attribute 'pos'"),
         ("dimension", "2 coordinates, or all need 3"),
         ("text", "must be made of numbers, got 'here'"),
         ("directed", "to_undirected"),
@@ -149,6 +152,43 @@ def test_what_a_graph_lacks_is_named(kind, message):
 def test_loops_and_unknown_nodes_of_a_graph_are_refused():
     with pytest.raises(SceneError, match="joins a node to itself"):
         SpringNetwork.from_graph(spoil("loop"), rest_length=None, held=[(0, 0)])
-    given = {"held": [(0, 0), (2, 0)], "force": {(9, 9): (0, 1)}}
+    given = {"held": [(0, 0), (2, 0)], "forces": {(9, 9): (0, 1)}}
     with pytest.raises(SceneError, match=r"no node \(9, 9\)"):
         SpringNetwork.from_graph(spoil("nothing"), rest_length=None, **given)
+
+
+def written(kind, graph, tmp_path):
+    """Write a graph to a file, and read it again."""
+    path = tmp_path / "net"
+    if kind == "json":
+        path.write_text(json.dumps(nx.node_link_data(graph, edges="links")))
+        return nx.node_link_graph(json.loads(path.read_text()), edges="links")
+    getattr(nx, f"write_{kind}")(graph, path)
+    return getattr(nx, f"read_{kind}")(path)
+
+
+@pytest.mark.parametrize("kind", ["graphml", "gml", "json"])
+def test_a_network_comes_back_from_a_file_of_a_graph(kind, tmp_path):
+    network = square(held=[[1, 1], [0, 1], [0, 0], [0, 0]], forces=np.eye(4)[:, 1:3] * [0.0, -0.1])
+    network = replace(network, names=tuple("abcd"))
+    again = SpringNetwork.from_graph(written(kind, network.to_graph(texts=True), tmp_path))
+    assert again.names == network.names
+    for name in ("positions", "held", "forces"):
+        assert np.array_equal(getattr(again, name), getattr(network, name)), name
+    assert sorted(again.rest_length) == sorted(network.rest_length)
+
+
+def test_coordinates_may_stand_in_attributes_of_their_own(tmp_path):
+    graph = nx.Graph()
+    graph.add_node("a", x=0.0, y=0.0, held=True)
+    graph.add_node("b", x=1.0, y=0.0, held=True)
+    graph.add_node("c", x=0.5, y=1.0, fy=-0.01)
+    graph.add_edges_from([("a", "b"), ("b", "c"), ("a", "c")], stiffness=2.0)
+    graph = written("graphml", graph, tmp_path)
+    axes = {"positions": ("x", "y"), "forces": ("fx", "fy")}
+    network = SpringNetwork.from_graph(graph, rest_length=None, **axes)
+    assert network.positions.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]]
+    assert network.forces.tolist() == [[[0.0, 0.0], [0.0, 0.0], [0.0, -0.01]]]
+    assert network.held.all(axis=1).tolist() == [True, True, False]
+    with pytest.raises(SceneError, match=r"has no attribute 'pos' .*positions=\("):
+        SpringNetwork.from_graph(graph, rest_length=None)

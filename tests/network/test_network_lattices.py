@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from kaju.errors import ParameterError
-from kaju.model.network import (
-    face_centred,
-    random_geometric,
-    spring_lengths_and_directions,
-    square_braced,
-    triangular,
-)
+from kaju.model.network import spring_lengths_and_directions, triangular
 
 
 def springs_per_node(network):
@@ -54,39 +48,6 @@ def test_neighbours_of_the_triangular_lattice_are_the_nodes_one_spacing_away():
     assert len(network.springs) == len(near)
 
 
-def test_the_block_of_face_centred_cubes():
-    network = face_centred(3, 3, 3, edge=2.0)
-    assert len(network.positions) == 4 * 27 + 6 * 9 + 6 * 3 // 2 + 1
-    assert springs_per_node(network).max() == 12
-    assert network.initial_length == pytest.approx(np.sqrt(2.0))
-    assert network.forces.sum(axis=(0, 1)) == pytest.approx([0.0, 0.0, -0.1])
-    assert springs_per_node(network).min() == 3
-
-
-def test_the_square_lattice_has_sides_and_braces():
-    network = square_braced(4, 3, stiffness=2.0)
-    assert len(network.springs) == 3 * 3 + 4 * 2 + 2 * 3 * 2
-    assert network.stiffness[network.initial_length > 1.2].tolist() == [1.0] * 12
-    assert network.held.all(axis=1).sum() == 4
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_random_networks_repeat_with_their_seed(dimension):
-    one, same, other = (random_geometric(60, dimension=dimension, seed=s) for s in (4, 4, 5))
-    assert np.array_equal(one.positions, same.positions)
-    assert np.array_equal(one.springs, same.springs)
-    assert not np.array_equal(one.positions, other.positions)
-    assert springs_per_node(one).min() >= dimension
-    assert one.solve(2).residual.max() < 1e-12
-
-
-def test_close_points_are_joined():
-    network = random_geometric(50, radius=0.3)
-    distance = np.linalg.norm(network.positions[:, None] - network.positions, axis=2)
-    close = {(i, j) for i, j in np.argwhere(distance < 0.3).tolist() if i < j}
-    assert close <= {tuple(pair) for pair in network.springs.tolist()}
-
-
 @pytest.mark.parametrize(
     ("build", "message"),
     [
@@ -95,10 +56,6 @@ def test_close_points_are_joined():
         (lambda: triangular(2, 3), "at 2 only held nodes are pressed"),
         (lambda: triangular(4, spacing=0.0), "spacing: must be a length above 0"),
         (lambda: triangular(4, stiffness=-1.0), "stiffness of spring 0"),
-        (lambda: square_braced(1, 4), "columns"),
-        (lambda: face_centred(0, 1, 1), "columns"),
-        (lambda: random_geometric(5), "nodes: must be at least 20"),
-        (lambda: random_geometric(50, dimension=4), "dimension: must be 2 or 3"),
     ],
 )
 def test_what_cannot_be_built_is_named(build, message):
@@ -118,11 +75,8 @@ def affine_energy(network, gradient):
     return per_node[inner].mean()
 
 
-@pytest.mark.parametrize(
-    ("network", "area"),
-    [(triangular(9, stiffness=3.0), np.sqrt(3.0) / 2.0), (square_braced(7, 7, stiffness=3.0), 1.0)],
-)
-def test_the_lattice_is_an_isotropic_sheet_with_a_poissons_ratio_of_a_third(network, area):
+def test_the_lattice_is_an_isotropic_sheet_with_a_poissons_ratio_of_a_third():
+    network, area = triangular(9, stiffness=3.0), np.sqrt(3.0) / 2.0
     stretch, shear = np.diag([1.0, 0.0]), np.array([[0.0, 0.5], [0.5, 0.0]])
     c11 = 2.0 * affine_energy(network, stretch) / area
     c66 = 2.0 * affine_energy(network, shear) / area
@@ -130,5 +84,4 @@ def test_the_lattice_is_an_isotropic_sheet_with_a_poissons_ratio_of_a_third(netw
     c12 = both / 2.0 - c11
     assert c12 / c11 == pytest.approx(1.0 / 3.0)
     assert c66 == pytest.approx((c11 - c12) / 2.0)
-    if area < 1.0:
-        assert c11 - c12**2 / c11 == pytest.approx(2.0 * 3.0 / np.sqrt(3.0))
+    assert c11 - c12**2 / c11 == pytest.approx(2.0 * 3.0 / np.sqrt(3.0))

@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scattered import scattered
 
 from kaju import SpringNetwork
 from kaju.errors import ConvergenceError, ParameterError
-from kaju.model.network import (
-    face_centred,
-    load_in_increments,
-    random_geometric,
-    solve,
-    square_braced,
-    triangular,
-)
+from kaju.model.network import load_in_increments, solve, triangular
 
 
 def tip(result):
@@ -29,8 +23,8 @@ def tip(result):
 
 def test_without_correction_the_error_falls_with_the_increment():
     network = triangular(5, force=0.2)
-    exact = tip(network.solve())
-    errors = [abs(tip(network.load_in_increments(n)) - exact) for n in (5, 10, 20, 40)]
+    exact = tip(solve(network))
+    errors = [abs(tip(load_in_increments(network, n)) - exact) for n in (5, 10, 20, 40)]
     assert errors == pytest.approx([7.4e-3, 3.9e-3, 2.0e-3, 1.0e-3], rel=0.02)
     slope = np.polyfit(np.log([5, 10, 20, 40]), np.log(errors), 1)[0]
     assert slope == pytest.approx(-1.0, abs=0.05)
@@ -38,15 +32,13 @@ def test_without_correction_the_error_falls_with_the_increment():
 
 @pytest.mark.parametrize(("width", "share"), [(5, 0.0330), (9, 0.0216), (17, 0.0135), (33, 0.0081)])
 def test_with_more_nodes_the_strain_is_a_smaller_share_of_the_height(width, share):
-    result = triangular(width, force=0.1).solve()
+    result = solve(triangular(width, force=0.1))
     assert result.share_of_height() == pytest.approx(share, abs=5e-5)
 
 
-@pytest.mark.parametrize(
-    "network", [triangular(7), square_braced(5, 6), face_centred(2, 2, 2), random_geometric(80)]
-)
+@pytest.mark.parametrize("network", [triangular(7), scattered(80), scattered(60, dimension=3)])
 def test_corrected_states_are_in_balance(network):
-    result = network.solve(4)
+    result = solve(network, 4)
     assert result.residual.max() < 1e-12
     free = ~network.held
     for record in range(1, 5):
@@ -72,10 +64,10 @@ def nodal(result, record):
 
 def test_the_state_does_not_depend_on_the_path():
     network = triangular(6, force=0.15)
-    at_once, slowly = network.solve(1), network.solve(13)
+    at_once, slowly = solve(network, 1), solve(network, 13)
     assert at_once.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-12)
     over, forces = [1.2, 0.3, 1.0], network.forces[-1]
-    detour = network.with_loads(np.multiply.outer(over, forces)).solve(3)
+    detour = solve(network.with_loads(np.multiply.outer(over, forces)), 3)
     assert detour.stage.tolist() == pytest.approx(np.arange(10) / 3)
     assert detour.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-12)
 
@@ -83,7 +75,7 @@ def test_the_state_does_not_depend_on_the_path():
 def test_unloaded_it_comes_back():
     network = triangular(6, force=0.15)
     cycle = network.with_loads(np.stack([network.forces[-1], 0.0 * network.forces[-1]]))
-    result = cycle.solve(4)
+    result = solve(cycle, 4)
     assert np.abs(result.displacement[4]).max() > 0.05
     assert np.abs(result.displacement[-1]).max() < 1e-13
     assert result.strain_energy() < 1e-25
@@ -91,7 +83,7 @@ def test_unloaded_it_comes_back():
 
 
 def test_the_work_done_is_stored():
-    result = triangular(6, force=0.15).solve(32)
+    result = solve(triangular(6, force=0.15), 32)
     assert result.work() == pytest.approx(result.strain_energy(), rel=1e-9)
 
 
@@ -109,7 +101,7 @@ def in_a_line(stiffness, rest_length=None, end=(1, 1), force=0.0):
 
 def test_two_springs_in_a_line_by_hand():
     network = in_a_line([2.0, 3.0], end=(0, 1), force=0.6)
-    for result in (network.solve(1), network.load_in_increments(1)):
+    for result in (solve(network, 1), load_in_increments(network, 1)):
         assert result.displacement[-1, :, 0] == pytest.approx([0.0, 0.3, 0.5])
         assert result.tension[-1] == pytest.approx([0.6, 0.6])
         assert result.reactions()[0] == pytest.approx([-0.6, 0.0])
@@ -124,7 +116,7 @@ def test_a_node_drawn_down_between_two_walls_by_hand():
     how = {"held": [True, False, True], "forces": [[0, 0], [0, -force], [0, 0]]}
     walls = [[-1, 0], [0, 0], [1, 0]]
     network = SpringNetwork.build(walls, [[0, 1], [1, 2]], 1.0, 0.8, **how)
-    assert network.solve(3).displacement[-1, 1] == pytest.approx([0.0, -sag], abs=1e-14)
+    assert solve(network, 3).displacement[-1, 1] == pytest.approx([0.0, -sag], abs=1e-14)
 
 
 def given_displacement(depth):
@@ -139,22 +131,22 @@ def given_displacement(depth):
 
 def test_a_given_displacement_needs_the_force_that_gives_it():
     network, top = given_displacement(0.2)
-    pressed = network.solve(4)
+    pressed = solve(network, 4)
     reaction = pressed.reactions()[top]
     forces = np.zeros_like(network.positions)
     forces[top] = reaction
     loose = triangular(5).with_loads(forces)
-    assert loose.solve(4).displacement[-1] == pytest.approx(pressed.displacement[-1], abs=1e-11)
+    assert solve(loose, 4).displacement[-1] == pytest.approx(pressed.displacement[-1], abs=1e-11)
     assert pressed.work() == pytest.approx(pressed.strain_energy(), rel=1e-4)
-    assert network.solve(32).work() == pytest.approx(pressed.strain_energy(), rel=1e-9)
+    assert solve(network, 32).work() == pytest.approx(pressed.strain_energy(), rel=1e-9)
 
 
 def test_without_correction_a_given_displacement_is_met_too():
     network, top = given_displacement(0.2)
-    exact = network.solve(1).displacement[-1]
+    exact = solve(network, 1).displacement[-1]
     errors = []
     for increments in (10, 20):
-        found = network.load_in_increments(increments).displacement[-1]
+        found = load_in_increments(network, increments).displacement[-1]
         assert found[top] == pytest.approx([0.0, -0.2], abs=1e-15)
         errors.append(np.abs(found - exact).max())
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
@@ -162,19 +154,19 @@ def test_without_correction_a_given_displacement_is_met_too():
 
 def test_springs_stretched_from_the_start_settle_first():
     """A middle node between two springs of rest lengths ½ and 1 goes where they pull alike."""
-    result = in_a_line(1.0, [0.5, 1.0]).solve(1)
+    result = solve(in_a_line(1.0, [0.5, 1.0]), 1)
     assert result.displacement[0, 1, 0] == pytest.approx(-0.25)
     assert result.tension[0] == pytest.approx([0.25, 0.25])
 
 
 def test_rest_lengths_far_from_the_first_are_refused():
     with pytest.raises(ConvergenceError, match="rest_length: so far from the first lengths"):
-        in_a_line(1.0, [0.01, 5.0]).solve()
+        solve(in_a_line(1.0, [0.01, 5.0]))
 
 
 def test_a_given_displacement_may_be_large_in_one_increment():
     network, top = given_displacement(0.6)
-    at_once, slowly = network.solve(1), network.solve(12)
+    at_once, slowly = solve(network, 1), solve(network, 12)
     assert at_once.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-11)
     assert at_once.corrections[-1] > 0
     assert at_once.displacement[-1, top, 1] == pytest.approx(-0.6)
@@ -183,7 +175,7 @@ def test_a_given_displacement_may_be_large_in_one_increment():
 def test_everything_held_leaves_nothing_to_solve():
     shift = [[0.0, 0.0], [0.1, 0.0]]
     network = SpringNetwork.build([[0, 0], [1, 0]], [[0, 1]], held=[1, 1], displacements=shift)
-    result = network.solve(2)
+    result = solve(network, 2)
     assert result.tension[:, 0] == pytest.approx([0.0, 0.05, 0.1])
     assert result.reactions()[1] == pytest.approx([0.1, 0.0])
 
@@ -196,28 +188,21 @@ def test_turning_and_shifting_the_network_turns_the_answer(angle, shift):
     turn = np.array([[c, -s], [s, c]])
     loads = {"held": network.held, "forces": network.forces @ turn.T}
     turned = SpringNetwork.build(network.positions @ turn.T + shift, network.springs, **loads)
-    expected = network.solve(2).displacement[-1] @ turn.T
-    assert turned.solve(2).displacement[-1] == pytest.approx(expected, abs=1e-12)
+    expected = solve(network, 2).displacement[-1] @ turn.T
+    assert solve(turned, 2).displacement[-1] == pytest.approx(expected, abs=1e-12)
 
 
 @settings(max_examples=25)
 @given(scale=st.floats(1e-6, 1e6), stiffness=st.floats(1e-6, 1e12))
 def test_length_and_stiffness_only_set_the_units(scale, stiffness):
-    plain = triangular(4, force=0.1).solve(2)
+    plain = solve(triangular(4, force=0.1), 2)
     force = 0.1 * scale * stiffness
-    other = triangular(4, spacing=scale, stiffness=stiffness, force=force).solve(2)
+    other = solve(triangular(4, spacing=scale, stiffness=stiffness, force=force), 2)
     assert other.displacement[-1] / scale == pytest.approx(plain.displacement[-1], abs=1e-11)
     assert other.residual.max() < 1e-12
 
 
-@pytest.mark.parametrize("options", [{"increments": 0}, {"tolerance": 0.0}, {"method": "magic"}])
+@pytest.mark.parametrize("options", [{"increments": 0}, {"tolerance": 0.0}])
 def test_options_outside_their_rule_are_refused(options):
     with pytest.raises(ParameterError, match=next(iter(options))):
         solve(triangular(3), **options)
-
-
-def test_functions_and_methods_are_the_same():
-    network = triangular(4)
-    pairs = (solve, network.solve), (load_in_increments, network.load_in_increments)
-    for function, method in pairs:
-        assert np.array_equal(function(network, 3).displacement, method(3).displacement)

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kaju import solve
 from kaju.arrays import all_largest, first_largest
-from kaju.model.network import triangular
+from kaju.model.network import solve, triangular
 
 
 @pytest.fixture(scope="module")

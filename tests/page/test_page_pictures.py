@@ -10,7 +10,7 @@ from plates import plate as pressed
 import kaju
 from kaju import ElasticModel, History, LoadModel, Scene, SpawningModel, ThreeElement, creep, solve
 from kaju.errors import SceneError
-from kaju.model.network import jittered, pulled, triangular
+from kaju.model.network import jittered, load_in_increments, pulled, triangular
 from kaju.view.page.export import packed_page
 from kaju.view.page.motion_data import motion_data
 from kaju.view.page.packing import unpack
@@ -32,7 +32,7 @@ def spawned():
 
 @cache
 def network():
-    return triangular(5, force=0.2).load_in_increments(10)
+    return load_in_increments(triangular(5, force=0.2), 10)
 
 
 @cache

@@ -24,6 +24,7 @@ from stored_files import joined, parts_of
 import kaju
 from kaju import ElasticModel, LoadModel, Material, NetworkModel, Reference, Scene, ThreeElement
 from kaju.errors import KajuError
+from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
 from kaju.model.results.formats import CREEP_STATE
 from kaju.model.rheology.creep_result import CreepState
@@ -161,7 +162,7 @@ def samples(folder):
         "cells": kaju.solve(plate()),
         "tree": kaju.solve(plate(), tolerance=0.3, strategy="spawning"),
         "pushes": ElasticModel(plate(**elastic)).run(),
-        "network": net.solve(),
+        "network": solve_network(net),
         "element in time": element,
         "network in time": crept(net, rheology=soft),
         "transfer in time": crept(slow(soft, firm).with_overrides({"rule.kind": "prescribed"})),

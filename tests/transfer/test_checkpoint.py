@@ -12,12 +12,10 @@ from kaju import (
     FreeBoundaryAgent,
     LoadModel,
     MaterialAgent,
-    NetworkModel,
     PrescribedRule,
     SpawningModel,
 )
 from kaju.errors import ParameterError, ResultFileError
-from kaju.model.network import triangular
 
 
 def plate(rule=None, steps=1, cells=10):
@@ -84,7 +82,6 @@ MODELS = {
     "wave": lambda: ElasticModel(plate(ElasticRule(order="wave", threshold=0.02))),
     "multilevel": lambda: ElasticModel(plate(ElasticRule()), engine="arrays"),
     "spawning": lambda: SpawningModel(plate(), tolerance=0.02),
-    "network": lambda: NetworkModel(triangular(3, force=0.05), increments=6),
 }
 
 

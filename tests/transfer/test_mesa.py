@@ -12,9 +12,8 @@ import pytest
 from plates import plate as pressed
 from transfer_answers import ENGINES
 
-from kaju import ElasticModel, ElasticRule, LoadModel, NetworkModel, PrescribedRule, SpawningModel
+from kaju import ElasticModel, ElasticRule, LoadModel, PrescribedRule, SpawningModel
 from kaju.errors import ParameterError
-from kaju.model.network import triangular
 
 
 def plate(steps=1, rule=None, cells=20, sense=False):
@@ -78,11 +77,9 @@ def test_until_pauses_and_a_finished_model_counts_nothing(engine):
 
 def sisters():
     elastic = plate(rule=ElasticRule(order="wave", threshold=0.05))
-    network = triangular(3, force=0.05)
     return [
         lambda: ElasticModel(elastic, seed=1),
         lambda: SpawningModel(plate(cells=8), tolerance=0.1, seed=1),
-        lambda: NetworkModel(network, increments=5, seed=1),
     ]
 
 
@@ -119,7 +116,7 @@ def test_runs_leave_nothing_behind():
 def test_importing_leaves_multiprocessing_as_it_was():
     code = (
         "import multiprocessing as m; before = m.get_start_method(allow_none=True); import kaju;"
-        "kaju.LoadModel, kaju.ElasticModel, kaju.SpawningModel, kaju.NetworkModel;"
+        "kaju.LoadModel, kaju.ElasticModel, kaju.SpawningModel;"
         "assert m.get_start_method(allow_none=True) == before, m.get_start_method()"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

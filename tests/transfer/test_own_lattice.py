@@ -21,7 +21,6 @@ from kaju import (
     PrescribedRule,
     Scene,
     Shares,
-    SpringNetwork,
     export_page,
     load_result,
     plot,
@@ -29,6 +28,7 @@ from kaju import (
     stability,
 )
 from kaju.errors import ParameterError, SceneError
+from kaju.model.network import hexagon_body
 from kaju.view.page.export import packed_page
 
 STRAIGHT = Material("straight", youngs_modulus=1e9, poissons_ratio=0.0)
@@ -287,7 +287,7 @@ def test_what_triangles_cannot_do_is_said():
     for ask, words in (
         (lambda: solve(scene), "'triangle' has no staggered grid; take square cells"),
         (lambda: ElasticModel(elastic), "'triangle' has no staggered grid; take square cells"),
-        (lambda: SpringNetwork.from_scene(scene), "cells of hexagons, got 'triangle'"),
+        (lambda: hexagon_body(scene), "cells of hexagons, got 'triangle'"),
         (lambda: scene.refine(2), "squares and cubes alone .* got triangles"),
         (lambda: LoadModel(scene).run().to_vtk("x"), "squares and cubes, .* got 10 triangles"),
         (lambda: sheet(size=[0.1, 0.1]), "rows of triangles overlap; give cell_size"),

@@ -15,6 +15,7 @@ from plates import plate
 
 import kaju
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
+from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
 
 COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
@@ -56,7 +57,7 @@ def test_there_is_a_frame_before_and_one_for_each_generation(run, tmp_path, coar
 
 def test_stages_and_increments_have_a_frame_each(run, tmp_path, coarse) -> None:
     assert len(durations(kaju.animate(run, tmp_path / "stages.gif", "stages"))) == 4
-    loaded = triangular(3).solve(5)
+    loaded = solve_network(triangular(3), 5)
     assert len(durations(kaju.animate(loaded, tmp_path / "network.gif"))) == 6
 
 
@@ -207,7 +208,7 @@ def test_agents_of_many_sizes_are_a_mesh_too(tmp_path) -> None:
 
 
 def test_springs_are_lines(tmp_path) -> None:
-    result = triangular(3).solve(4)
+    result = solve_network(triangular(3), 4)
     glb = Glb(kaju.animate(result, tmp_path / "network.glb", magnification=1.0))
     assert glb.primitive["mode"] == 1
     assert len(glb.corners()) == 2 * len(result.network.springs)

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from artists import axes_of, drawn, notes, part
 from plates import plate
+from scattered import scattered
 
 from kaju import plot, solve
 from kaju.errors import ParameterError
-from kaju.model.network import face_centred, triangular
+from kaju.model.network import solve as solve_network
+from kaju.model.network import triangular
 from kaju.view import plot_all
 from kaju.view.style import arrow_polygons
 from kaju.view.units import Scale, grouped, quantity, round_down, scale_for, times
@@ -30,7 +32,7 @@ def test_an_elastic_result_is_drawn_on_the_cells_that_were_solved() -> None:
 
 
 def test_the_springs_of_a_network_are_coloured_by_tension() -> None:
-    result = triangular(5).solve(4)
+    result = solve_network(triangular(5), 4)
     springs = part(axes_of(result), "springs")
     assert len(springs.get_segments()) == len(result.network.springs)
     assert springs.get_array().tolist() == result.tension[-1].tolist()
@@ -40,7 +42,7 @@ def test_the_springs_of_a_network_are_coloured_by_tension() -> None:
 
 
 def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
-    result = triangular(5, force=0.3).solve(4)
+    result = solve_network(triangular(5, force=0.3), 4)
     ax = axes_of(result)
     segments = np.array(part(ax, "springs").get_segments())
     np.testing.assert_allclose(segments, result.positions()[result.network.springs])
@@ -48,7 +50,7 @@ def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
 
 
 def test_networks_in_space_and_all_pictures_of_networks(tmp_path) -> None:
-    paths = plot_all(face_centred(1, 1, 1).solve(2), tmp_path)
+    paths = plot_all(solve_network(scattered(20, dimension=3), 2), tmp_path)
     assert [path.name for path in paths] == ["deformed.png", "response.png"]
 
 
@@ -57,7 +59,7 @@ def test_one_stage_is_drawn_beside_what_is_proportional() -> None:
     stages = {name: np.tile(getattr(net, name), (2, 1, 1)) for name in ("forces", "displacements")}
     twice = dataclasses.replace(net, **stages)
     for network, beside in ((net, True), (twice, False)):
-        lines = axes_of(network.solve(2), "response").lines
+        lines = axes_of(solve_network(network, 2), "response").lines
         assert any(line.get_label() == "proportional" for line in lines) == beside
 
 
@@ -66,7 +68,7 @@ def test_one_stage_is_drawn_beside_what_is_proportional() -> None:
 )
 def test_what_a_network_does_not_know_is_refused(options) -> None:
     with pytest.raises(ParameterError, match=next(iter(options))):
-        plot(triangular(3).solve(2), **options)
+        plot(solve_network(triangular(3), 2), **options)
 
 
 def test_arrows_end_at_their_heads_and_keep_their_length() -> None:

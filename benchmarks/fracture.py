@@ -71,7 +71,7 @@ def intensity() -> Iterator[str]:
             wanted = factor * np.sqrt(np.pi * (true + TIP) / np.cos(0.5 * np.pi * share))
             found.append(np.sqrt(released * modulus) / wanted)
             bent = np.cos(np.pi * true / (width - 1.0))
-            scaled.append(first_break(network).strength * np.sqrt((true + PEAK) / bent))
+            scaled.append(first_break(network).largest_load_factor * np.sqrt((true + PEAK) / bent))
         yield (
             f"{width} x {rows}, half cuts of {', '.join(map(str, halves))} spacings: stress "
             f"intensity over the handbook's {', '.join(f'{ratio:.4f}' for ratio in found)}; "
@@ -113,7 +113,7 @@ def bundles() -> Iterator[str]:
         ranges = ((1, 100), (10, 1000))
         powers = [f"{exponent(sizes, *bounds):.2f} from {bounds}" for bounds in ranges]
         yield (
-            f"{name}: strength a fibre {broken.strength / count:.4f}, Daniels {daniels:.4f}; "
+            f"{name}: strength a fibre {broken.largest_load_factor / count:.4f}, Daniels {daniels:.4f}; "
             f"{len(sizes)} avalanches, exponent {', '.join(powers)}; {seconds:.1f} s"
         )
 
@@ -196,7 +196,7 @@ def cells() -> Iterator[str]:
     broken, seconds = timed(model.run, perf_counter)
     off = np.abs((broken.work - broken.stored - broken.released) / broken.work).max()
     yield (
-        f"{len(broken.strengths)} cells: {broken.breaks} breaks in {seconds:.1f} s, "
+        f"{len(broken.largest_load_factors)} cells: {broken.breaks} breaks in {seconds:.1f} s, "
         f"{broken.outcome}; ledger off by {off:.1e}"
     )
 

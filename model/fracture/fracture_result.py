@@ -33,6 +33,11 @@ COLUMNS = ("broken", "load_factor", "displacement", "force", "stored", "released
 _DIGITS_LEFT = 1e-5
 """Share of the work that may be missed: shortly before it parts, a network's equations are bad."""
 
+_CELL_SIZE = (
+    "the strength is one of cells of this size: where stress is singular, cells break at a load "
+    "that falls as the root of their size"
+)
+
 _RECORD = 1e-9
 """Loads that differ by less than this share are the same, but for rounding."""
 
@@ -106,7 +111,7 @@ class FractureResult(Result):
         return len(self.broken)
 
     @property
-    def strength(self) -> float:
+    def largest_load_factor(self) -> float:
         """Largest share of the load that the body bore."""
         return float(self.load_factor.max(initial=0.0))
 
@@ -235,6 +240,18 @@ class FractureResult(Result):
                 body.break_part(body.place_of(int(self.broken[len(body.broken)])))
             yield body
 
+    def moments(self, counts: Iterable[int]) -> Iterator[tuple[Floats, Floats]]:
+        """Give displacements (m) and what parts bear after so many breaks, at the load of the last.
+
+        A body that has parted stays as it was before its last break, and bears nothing.
+        """
+        asked = list(counts)
+        standing = [min(count, self.standing) for count in asked]
+        for count, at, body in zip(asked, standing, self.replayed(standing), strict=True):
+            factor = self.factor_after(at)
+            borne = factor * body.borne()
+            yield factor * body.displacement(), borne if at == count else np.zeros_like(borne)
+
     def factor_after(self, count: int) -> float:
         """Return the load factor right after so many breaks; before the first, that of it."""
         return float(self.load_factor[max(count - 1, 0)]) if self.breaks else 1.0
@@ -263,7 +280,7 @@ class FractureResult(Result):
             **self._sizes(),
             "measure": self.measure,
             "breaks": self.breaks,
-            "strength": self.strength,
+            "largest_load_factor": self.largest_load_factor,
             "largest_force_N": float(self.force.max(initial=0.0)),
             "breaks_before_the_largest_load": at,
             "avalanches": len(self.avalanche_sizes),
@@ -272,7 +289,7 @@ class FractureResult(Result):
             "stored_J": float(self.stored[-1]) if self.breaks else 0.0,
             "released_J": float(self.released[-1]) if self.breaks else 0.0,
             "outcome": self.outcome,
-            "notes": list(self.subject.notes),
+            "notes": [*self.subject.notes, *([_CELL_SIZE] if self.parts == "cell" else [])],
             "seconds": self.seconds,
         }
 

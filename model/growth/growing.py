@@ -21,10 +21,13 @@ from kaju.errors import SceneError
 from kaju.model.elastic import fields
 from kaju.model.elastic.grid import grid_of
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.problem import FaceFields
+from kaju.model.elastic.problem import ElasticProblem, FaceFields
 from kaju.model.elastic.solver import followed
 from kaju.model.elastic.staggered import energy_of_cells
 from kaju.model.scene import Scene
+
+_ROUNDING = 1e-9
+"""Share of the largest by which numbers may differ and still be mirror images of each other."""
 
 
 class Neighbours:
@@ -105,6 +108,7 @@ class GrowingBody:
         self.body: Flags = np.asarray(self._whole.kinds[self._whole.inner] >= 0)
         ends = zip(grid.origin, self.body.shape, strict=True)
         self.box = tuple(slice(start, start + size) for start, size in ends)
+        self._mirrors = [axis for axis in range(self.body.ndim) if _mirrored(self._whole, axis)]
         self._moved: FaceFields | None = None
 
     def solve(self, stiffness: Floats, tolerance: float) -> None:
@@ -115,7 +119,9 @@ class GrowingBody:
         self._moved = solution.displacement
         unit = problem.scales.energy
         self.compliance = 2.0 * unit * solution.energy
-        self.energy = unit * energy_of_cells(problem, self._moved)[self.body]
+        # Loose equations are not solved alike on both sides of a mirror, and growth amplifies that.
+        self._kept = [axis for axis in self._mirrors if self._same(stiffness, axis)]
+        self.energy = self._symmetric(unit * energy_of_cells(problem, self._moved)[self.body])
         self.iterations = solution.iterations
 
     def von_mises(self) -> Floats:
@@ -128,4 +134,35 @@ class GrowingBody:
         if problem.plane == "strain":
             lateral, shear = problem.moduli.lateral, problem.moduli.shear
             across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-        return problem.scales.stress * fields.von_mises(stress, across)
+        return self._symmetric(problem.scales.stress * fields.von_mises(stress, across))
+
+    def _flipped(self, values: Floats, axis: int) -> Floats:
+        """Return the values of the cells' mirror images along an axis."""
+        field = np.zeros(self.body.shape)
+        field[self.body] = values
+        return np.asarray(np.flip(field, axis)[self.body])
+
+    def _same(self, values: Floats, axis: int) -> bool:
+        return bool(np.abs(values - self._flipped(values, axis)).max(initial=0.0) <= _ROUNDING)
+
+    def _symmetric(self, values: Floats) -> Floats:
+        """Return the means of values and their mirror images."""
+        for axis in self._kept:
+            values = 0.5 * (values + self._flipped(values, axis))
+        return values
+
+
+def _mirrored(problem: ElasticProblem, axis: int) -> bool:
+    """Tell whether body, supports and loads are their own mirror image, loads but for the sign."""
+    whole = (problem.kinds, *problem.face_states, *problem.spring)
+    if not all(np.array_equal(field, np.flip(field, axis)) for field in whole):
+        return False
+    # A mirror turns round what points along its axis; and shear, which has it as one of two axes.
+    loads = [(f, f_axis == axis) for f_axis, f in enumerate(problem.force)]
+    loads += [(np.asarray(s), axis in pair) for pair, s in problem.surface_shear.items()]
+    images = [(f, -np.flip(f, axis) if turned else np.flip(f, axis)) for f, turned in loads]
+    most = max(float(np.abs(f).max(initial=0.0)) for f, _ in images)
+    return any(
+        all(np.abs(f - sign * image).max(initial=0.0) <= _ROUNDING * most for f, image in images)
+        for sign in (1.0, -1.0)
+    )

@@ -90,14 +90,14 @@ def test_a_foundation_stores_its_share():
 def test_what_cannot_break_is_named():
     heavy = plate(gravity=[0.0, -9.81])
     with pytest.raises(kaju.KajuError, match="gravity"):
-        kaju.FractureModel(heavy)
+        kaju.FractureModel(heavy, strength=1.0)
     both = plate(moved=True).replace(loads=[{"cell": [0, 0], "force": [0.0, 1.0]}])
     with pytest.raises(kaju.KajuError, match="both"):
-        kaju.FractureModel(both)
+        kaju.FractureModel(both, strength=1.0)
     with pytest.raises(kaju.KajuError, match="neither"):
-        kaju.FractureModel(plate().replace(loads=[]))
+        kaju.FractureModel(plate().replace(loads=[]), strength=1.0)
     with pytest.raises(kaju.KajuError, match="measure"):
-        kaju.FractureModel(plate(), measure="force")
+        kaju.FractureModel(plate(), strength=1.0, measure="force")
     with pytest.raises(kaju.KajuError, match="strength"):
         kaju.FractureModel(plate(), strength=[1.0, 2.0])
     with pytest.raises(kaju.KajuError, match="one cell wide"):
@@ -117,6 +117,28 @@ def test_pressed_cells_do_not_break():
         sides={"bottom": "roller", "left": "roller"},
         loads=[{"side": "top", "force": [0.0, -1.0]}],
     )
-    broken = kaju.FractureModel(scene).run()
+    broken = kaju.FractureModel(scene, strength=1.0).run()
     assert broken.breaks == 0
     assert "pulled" in broken.outcome
+
+
+def test_cells_have_no_strength_by_themselves():
+    with pytest.raises(kaju.KajuError, match="strength: cells have none by themselves"):
+        kaju.FractureModel(plate())
+
+
+def test_a_plate_parts_by_its_last_break(tmp_path):
+    broken = kaju.FractureModel(plate(moved=True), strength=1e8, scatter=0.2, seed=2).run(
+        progress=False
+    )
+    assert broken.outcome.startswith("parted")
+    summary = broken.summary()
+    assert summary["largest_load_factor"] == broken.load_factor.max()
+    assert "cells of this size" in summary["notes"][-1]
+    (before, borne), (after, nothing) = broken.moments([broken.standing, broken.breaks])
+    assert broken.standing == broken.breaks - 1
+    assert np.array_equal(before, after)
+    assert np.abs(borne).max() > 0.0
+    assert not nothing.any()
+    again = kaju.load_result(broken.save(tmp_path / "broken"))
+    assert again.broken.tolist() == broken.broken.tolist()

@@ -310,3 +310,43 @@ def test_a_picture_of_a_step_and_a_film(tmp_path):
     (drawn,) = [collection for collection in shown if collection.get_gid() == "densities"]
     np.testing.assert_allclose(drawn.get_array(), 0.4, rtol=1e-6)
     assert kaju.animate(result, tmp_path / "grown.gif").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_symmetric_scene_grows_symmetric(axis, along):
+    """Loads along the mirror's axis turn round in it, those across do not: both are symmetric."""
+    size = (40, 20) if axis == 1 else (20, 40)
+    box = [[0.38, 0.09], [0.4, 0.11]] if axis == 1 else [[0.09, 0.38], [0.11, 0.4]]
+    force = [0.0, 0.0]
+    force[along] = -1.0
+    scene = kaju.Scene(
+        body={"cells": list(size), "cell_size": 0.01, "material": "steel"},
+        sides={"left" if axis == 1 else "bottom": "rigid"},
+        loads=[{"region": {"box": box}, "force": force}],
+    )
+    grown = kaju.GrowthModel(scene, volume=0.3, filter_radius=1.0, most_steps=40).run()
+    assert grown.density.max() > 0.9
+    np.testing.assert_allclose(grown.density, np.flip(grown.density, axis), atol=1e-9)
+    uneven = np.full(size, 0.3)
+    uneven[:10, :10] = 0.2
+    other = kaju.GrowthModel(scene, volume=0.3, start=uneven, most_steps=3).run().density
+    assert np.abs(other - np.flip(other, axis)).max() > 1e-3
+
+
+def test_a_rule_of_ones_own():
+    class Fading(GrowthRule):
+        def grow(self, felt):
+            return felt.design * 0.9
+
+    rule = Fading()
+    result = small(rule=rule).run(3)
+    assert result.rule == "own"
+    np.testing.assert_allclose(result.density[result.body], 0.4 * 0.9**3)
+
+    class Wrong(GrowthRule):
+        def grow(self, felt):
+            return felt.design + 2.0
+
+    with pytest.raises(ParameterError, match=r"Wrong\.grow must return 384 densities"):
+        small(rule=Wrong()).step()

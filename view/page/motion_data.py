@@ -339,13 +339,12 @@ def growth_steps(result: GrowthResult) -> Pictures:
 
 def breaks(result: FractureResult) -> Pictures:
     """Show springs or cells, each until it breaks, under the load of the last break."""
-    counts = _chosen(result.standing + 1)
+    counts = _chosen(result.breaks + 1)
     moved, borne = [], []
-    for count, body in zip(counts.tolist(), result.replayed(counts.tolist()), strict=True):
-        factor = result.factor_after(count)
-        moved.append(_steps_of(factor * body.displacement(), 128))
-        borne.append(_steps_of(factor * body.borne(), 128))
-    points, parts = body.points
+    for displacement, bears in result.moments(counts.tolist()):
+        moved.append(_steps_of(displacement, 128))
+        borne.append(_steps_of(bears, 128))
+    points, parts = next(result.replayed([0])).points
     gone = np.full(len(parts), result.breaks + 1)
     gone[result.broken] = np.arange(1, result.breaks + 1)
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))

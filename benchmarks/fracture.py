@@ -113,7 +113,8 @@ def bundles() -> Iterator[str]:
         ranges = ((1, 100), (10, 1000))
         powers = [f"{exponent(sizes, *bounds):.2f} from {bounds}" for bounds in ranges]
         yield (
-            f"{name}: strength a fibre {broken.largest_load_factor / count:.4f}, Daniels {daniels:.4f}; "
+            f"{name}: strength a fibre {broken.largest_load_factor / count:.4f}, "
+            f"Daniels {daniels:.4f}; "
             f"{len(sizes)} avalanches, exponent {', '.join(powers)}; {seconds:.1f} s"
         )
 

@@ -154,7 +154,9 @@ class GrowingBody:
 
 def _mirrored(problem: ElasticProblem, axis: int) -> bool:
     """Tell whether body, supports and loads are their own mirror image, loads but for the sign."""
-    whole = (problem.kinds, *problem.face_states, *problem.spring)
+    solid, kind = problem.kinds >= 0, np.maximum(problem.kinds, 0)
+    stiff = [np.where(solid, modulus[kind], 0.0) for modulus in problem.moduli]
+    whole = (*stiff, *problem.face_states, *problem.spring)
     if not all(np.array_equal(field, np.flip(field, axis)) for field in whole):
         return False
     # A mirror turns round what points along its axis; and shear, which has it as one of two axes.

@@ -101,14 +101,14 @@ def test_what_cannot_break_is_named():
     with pytest.raises(kaju.KajuError, match="strength"):
         kaju.FractureModel(plate(), strength=[1.0, 2.0])
     with pytest.raises(kaju.KajuError, match="one cell wide"):
-        kaju.FractureModel(plate((1, 12), notch=0))
+        kaju.FractureModel(plate((1, 12), notch=0), strength=1.0)
     turning = kaju.Scene(
         body={"cells": [4, 4], "cell_size": 0.1, "material": "steel"},
         sides={"bottom": "roller"},
         loads=[{"side": "top", "force": [0.0, 1.0]}],
     )
     with pytest.raises(kaju.KajuError, match="hold"):
-        kaju.FractureModel(turning)
+        kaju.FractureModel(turning, strength=1.0)
 
 
 def test_pressed_cells_do_not_break():

@@ -50,7 +50,7 @@ def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
 
 
 def test_networks_in_space_and_all_pictures_of_networks(tmp_path) -> None:
-    paths = plot_all(solve_network(scattered(20, dimension=3), 2), tmp_path)
+    paths = plot_all(solve_network(scattered(20, dimension=3, force=0.01), 2), tmp_path)
     assert [path.name for path in paths] == ["deformed.png", "response.png"]
 
 

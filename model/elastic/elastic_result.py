@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
+    from kaju.model.elastic.pair.space import BrickAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Generation, Spawning
 
@@ -95,7 +96,7 @@ class ElasticResult(BodyResult):
     kind: ClassVar[str] = "elastic"
     scene: Scene
     stage: int | None
-    found: CellAgents | Spawning
+    found: CellAgents | Spawning | BrickAgents
     seconds: float
     tolerance: float | None = None
     resolution: int | None = None
@@ -446,6 +447,11 @@ class ElasticResult(BodyResult):
         if self.tolerance_at == DISPLACEMENT:
             return self.goal_error_estimate
         spawning = self._spawning
+        if not hasattr(spawning, "balance"):
+            raise ResultError(
+                "displacement_error_estimate: agents in space have none; `error_estimate` is that "
+                "of their energy norm"
+            )
         state = (spawning.balance, spawning.displacement, spawning.indicator)
         return told_error(*state, self.found.bracket if self.provable else "")
 
@@ -685,6 +691,7 @@ class ElasticResult(BodyResult):
         """
         from kaju.model.elastic.goals.functionals import functional_of, plain, unit_of
         from kaju.model.elastic.goals.quantities import quantities_of
+        from kaju.model.elastic.pair.space import BrickAgents
 
         from .caveats import refuse_singular
 
@@ -694,6 +701,8 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         refuse_singular(self.scene, asked, self.stage, "value_of")
+        if isinstance(tree, BrickAgents):
+            return plain(unit_of(asked, tree.scales) * tree.value_of(asked))
         value = functional_of(asked, tree.ground).of(tree.fields).value
         return plain(unit_of(asked, tree.scales) * value)
 
@@ -837,11 +846,18 @@ class ElasticResult(BodyResult):
 
         about = archive.about
         storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
-        holders: dict[str, type[CellAgents | Spawning]] = {"cells": CellAgents, "tree": Spawning}
+        holders: dict[str, type[CellAgents | Spawning | BrickAgents]] = {
+            "cells": CellAgents,
+            "tree": Spawning,
+        }
         if storage == "solid":
             from kaju.model.solid.solid_agents import SolidAgents
 
             holders["solid"] = SolidAgents
+        if "bricks" in about:
+            from kaju.model.elastic.pair.space import BrickAgents
+
+            holders["tree"] = BrickAgents
         if storage not in holders:
             raise ParameterError(f"storage: must be one of {', '.join(holders)}, got {storage!r}")
         stage = archive.value("stage", int | None)

@@ -104,11 +104,14 @@ class PosedBody:
         stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
         return (stiffness or 0.0) * self.scales.length / self.scales.modulus
 
-    def start(self) -> LeafCells:
-        """Return the first leaves: as large as body, supports and loads allow."""
+    def start(self, across: int = ACROSS_LONGEST) -> LeafCells:
+        """Return the first leaves: as large as body, supports and loads allow.
+
+        At least so many are `across` the body's longest side.
+        """
         lower, upper = self.scene.bounds()
         spans = upper - lower
-        widest = max(1.0, min(spans.max() / ACROSS_LONGEST, spans.min() / ACROSS_SHORTEST))
+        widest = max(1.0, min(spans.max() / across, spans.min() / ACROSS_SHORTEST))
         exponent = int(log2(widest))
         leaves = self._pure(covering(lower, upper, exponent), exponent)
         leaves = self._until(leaves, self._beside_mixed)

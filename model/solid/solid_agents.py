@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from math import inf, isfinite
 from time import perf_counter
-from typing import Any, ClassVar, Literal, NamedTuple, cast
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +20,6 @@ from kaju.model.elastic.solver import Solution, solve_problem
 from kaju.model.elastic.staggered import axis_pairs, edge_modulus
 from kaju.model.elastic.supports import check_supports, slender_cell
 from kaju.model.results.archive import Archive
-from kaju.model.results.result import finite
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.pictures import check_size
@@ -39,18 +36,7 @@ FRACTIONS = (
     "true outlines: cells count by the share of them that is body, which is an estimate and proves "
     "nothing; stress and displacement of cut cells are means over all of each"
 )
-NO_STRESS = (
-    "nothing is proved of stresses within true outlines in space; `energy_bounds` hold the energy "
-    "of the true body"
-)
-
-
-class Certain(NamedTuple):
-    """What is proved of the true body: energies (J) below and above its own, and what is not."""
-
-    lower: float
-    upper: float
-    missing: str = ""
+NO_BOUND = "within true outlines in space errors are estimated, not proved"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,37 +47,11 @@ class SolidAgents(CellAgents):
     asked: Scene  # With its outlines
     solid: SolidBody
     sorts: NDArray[np.int8]  # of every cell of the array whether it is WHOLE, CUT or EMPTY
-    known: Certain | None = None  # What was proved before
 
     @property
     def bracket(self) -> str:
-        """Why there is no bracket of a stress."""
-        return self.certain.missing or NO_STRESS
-
-    @cached_property
-    def certain(self) -> Certain:
-        """What is proved of the energy of the true body, by a second solution."""
-        from .solid_bounds import certain_of
-
-        return self.known or certain_of(self)
-
-    @property
-    def energy_bounds(self) -> tuple[float, float]:
-        """Energies (J) below and above that of the true body; infinite where none is known."""
-        return self.certain.lower, self.certain.upper
-
-    def history(self) -> dict[str, Any]:
-        """Return how the agents came to be, and what is proved of the body."""
-        lower, upper = self.energy_bounds
-        bounds = {"energy_bounds": (lower, finite(upper)), "no_bound": self.certain.missing or None}
-        return super().history() | bounds
-
-    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: arrays, and plain values."""
-        arrays, about = super().archive()
-        lower, upper = self.energy_bounds
-        proved = [lower, upper if isfinite(upper) else None, self.certain.missing]
-        return arrays, about | {"certain": proved}
+        """Why there are no bounds."""
+        return NO_BOUND
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> SolidAgents:
@@ -101,9 +61,7 @@ class SolidAgents(CellAgents):
             archive.array(f"face.{axis}", "f", found.problem.face_shape(axis)) for axis in range(3)
         )
         solution = Solution(displacement=faces, **archive.record("solution", Solution))
-        lower, upper, missing = archive.value("certain", list)
-        known = Certain(float(lower), inf if upper is None else float(upper), str(missing))
-        return replace(found, solution=solution, known=known)
+        return replace(found, solution=solution)
 
 
 def solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:

@@ -119,17 +119,12 @@ def test_thin_parts_are_left_out() -> None:
     assert thick(cells).sum() == 27
 
 
-def test_a_ball_shaped_void_lies_within_its_bounds() -> None:
+def test_a_ball_shaped_void_is_better_by_fractions_than_by_whole_cells() -> None:
     answers = [kaju.solve(block(cells, BALL)) for cells in (6, 9)]
-    lower, upper = np.array([answer.energy_bounds for answer in answers]).T
+    assert [answer.energy_bounds for answer in answers] == [None, None]
     energy = np.array([answer.strain_energy for answer in answers])
     # 3.4022 pJ: 16, 24 and 32 cells continued to none (benchmarks/solids.py)
-    assert (lower < 3.4022e-12).all()
-    assert (upper > 3.4022e-12).all()
-    assert (lower < energy).all()
-    assert (energy < upper).all()
     assert abs(energy[-1] / 3.4022e-12 - 1.0) < 7e-3
-    assert (np.diff(lower) > 0.0).all()
     staircase = kaju.solve(block(9, BALL | {"outline": "cells"})).strain_energy
     assert abs(staircase - 3.4022e-12) > 4.0 * abs(energy[-1] - 3.4022e-12)
 
@@ -138,13 +133,9 @@ def test_a_ball_shaped_void_lies_within_its_bounds() -> None:
     {"image": kaju.sampled_shape(wavy, (0.0,) * 3, (1.0,) * 3, (21,) * 3)},
     {"cylinder": {"ends": [[0.3, 0.4, 0.3], [0.7, 0.6, 0.5]], "radius": 0.2}},
 ], ids=["samples", "cylinder"])  # fmt: skip
-def test_bounds_of_two_grids_hold_one_energy(region: dict[str, Any]) -> None:
-    answers = [kaju.solve(block(6, region), resolution=k) for k in (1, 2)]
-    lower, upper = np.array([answer.energy_bounds for answer in answers]).T
-    assert lower.max() < upper.min()
-    for answer, low, high in zip(answers, lower, upper, strict=True):
-        assert low < answer.strain_energy < high
-    assert upper[-1] < 1.5 * lower[-1]
+def test_two_grids_tell_one_energy(region: dict[str, Any]) -> None:
+    energy = [kaju.solve(block(6, region), resolution=k).strain_energy for k in (1, 2)]
+    assert energy[0] == pytest.approx(energy[1], rel=0.02)
 
 
 def test_a_hole_through_a_block_is_that_of_the_plane() -> None:
@@ -159,26 +150,7 @@ def test_a_hole_through_a_block_is_that_of_the_plane() -> None:
         loads=[{"side": "top", "force": [0.0, 1.0]}],
     )
     low, high = kaju.solve(plane, tolerance=0.03).energy_bounds
-    lower, upper = answer.energy_bounds
-    assert lower < low < high < upper
     assert answer.strain_energy == pytest.approx(0.5 * (low + high), rel=1e-2)
-
-
-def test_moved_sides_turn_the_bounds_round() -> None:
-    sides = SIDES | {"top": {"displacement": ["free", "free", 1e-6]}}
-    answers = [kaju.solve(block(cells, BALL, sides=sides, loads=[])) for cells in (6, 10)]
-    lower, upper = np.array([answer.energy_bounds for answer in answers]).T
-    assert lower.max() < upper.min()
-    assert (np.diff(upper) < 0.0).all()
-    for answer, low, high in zip(answers, lower, upper, strict=True):
-        assert low < answer.strain_energy < high
-
-
-def test_sides_that_are_moved_apart_have_no_upper_bound() -> None:
-    sides = {"left": "rigid", "top": {"displacement": [1e-6, 0.0, 0.0]}}
-    answer = kaju.solve(block(4, BALL, sides=sides, loads=[]))
-    assert answer.energy_bounds[1] == np.inf
-    assert "moved apart" in answer.no_bound
 
 
 def test_a_surface_is_the_body(tmp_path: Path) -> None:
@@ -215,14 +187,6 @@ def test_surfaces_in_words_are_read(tmp_path: Path) -> None:
     assert (scene.rasterise() == -1).sum() == 64
 
 
-def test_a_loaded_outline_has_no_upper_bound_without_whole_cells() -> None:
-    answer = kaju.solve(block(4, BALL))
-    lower, upper = answer.energy_bounds
-    assert lower < 3.4022e-12 < upper == np.inf
-    assert answer.no_bound.startswith("no upper bound")
-    assert answer.summary()["energy_bounds"][1] is None
-
-
 def test_a_rough_answer_names_a_remedy_that_is_not_refused() -> None:
     answer = kaju.solve(block(4, BALL, sides={"bottom": "rigid"}), resolution=2)
     (rough,) = [note for note in answer.notes if "ask for less" in note]
@@ -233,7 +197,7 @@ def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     answer = kaju.solve(block(6, BALL))
     answer.save(tmp_path / "answer.npz")
     again = kaju.load_result(tmp_path / "answer.npz")
-    assert again.energy_bounds == answer.energy_bounds
+    assert again.strain_energy == answer.strain_energy
     assert again.scene == answer.scene
     np.testing.assert_allclose(again.stress, answer.stress)
     assert answer.summary()["agents"] == len(answer.to_dataframe()) == len(answer.energy)

@@ -1,4 +1,4 @@
-"""A tolerance and no strategy: in the plane agents spawn, in solids the cheaper way is taken."""
+"""A tolerance and no strategy: agents spawn."""
 
 from math import sqrt
 
@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from elastic_scenes import spawned_agents
 from goal_bodies import plate
-from spawning_bodies import STEEL, drawn, under_a_patch
+from spawning_bodies import STEEL, drawn
 
 from kaju import Scene, solve
 from kaju.errors import SceneError, SupportError
-from kaju.model.elastic.refine import choice
 from kaju.model.elastic.refine.choice import same_loads
 
 LIMIT = 1.32302e-8
@@ -68,36 +67,6 @@ def test_bent_bar_needs_fewer_agents_than_equal_cells_however_many_cells_it_has(
     assert result.strain_energy == pytest.approx(of_many_cells.strain_energy, rel=1e-9)
 
 
-def test_beam_is_solved_on_equal_cells():
-    result = solve(beam(), tolerance=0.1)
-    assert not spawned_agents(result)
-    assert result.error_bound <= 0.1
-    assert any("agents that spawn" in note for note in result.summary()["notes"])
-    agents = solve(beam(), tolerance=0.1, strategy="spawning")
-    ends = (*result.energy_bounds, *agents.energy_bounds)
-    assert max(ends[::2]) <= min(ends[1::2]), "both hold the true energy"
-    same = solve(beam(), resolution=result.subdivision, strategy="uniform")
-    assert result.subdivision > 1
-    assert_same_faces(result, same)
-
-
-def test_own_cells_do_where_these_are_many_and_agents_would_be_more():
-    result = solve(beam(8), tolerance=0.1)
-    assert not spawned_agents(result)
-    assert result.subdivision == 1
-
-
-def test_pressure_on_rollers_needs_no_more_than_the_own_cells():
-    body = {"size": [0.2] * 3, "cells": [8] * 3, "material": "steel"}
-    sides = dict.fromkeys(["bottom", "left", "front"], "roller")
-    scene = Scene(body=body, sides=sides, loads=[{"side": "top", "pressure": 1e6}])
-    result = solve(scene, tolerance=0.1)
-    assert not spawned_agents(result)
-    assert result.subdivision == 1
-    energy = 0.5 * 1e6**2 / scene.cell_materials[0].youngs_modulus * 0.2**3
-    assert result.strain_energy == pytest.approx(energy, rel=1e-9)
-
-
 def test_agents_are_those_of_the_spawning_strategy():
     result = solve(plate(), tolerance=0.01)
     same = solve(plate(), tolerance=0.01, strategy="spawning")
@@ -118,28 +87,6 @@ def test_body_of_a_million_million_cells_is_never_rasterised():
     assert spawned_agents(solve(scene, tolerance=0.1))
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"regions": [{"material": "air", "ball": {"centre": [0.1] * 3, "radius": 0.08}}]},
-        {"loads": [{"point": [0.1, 0.1, 0.2], "force": [0.0, 0.0, -2.0]}]},
-        {
-            "loads": [
-                {"region": {"box": [[0.1, 0.1, 0.2], [0.14, 0.15, 0.2]]}, "force": [0, 0, -2.0]}
-            ]
-        },
-    ],
-)
-def test_cells_that_would_pose_another_problem_are_not_divided(changes, monkeypatch):
-    """Smaller cells make round holes rounder and point loads sharper; agents keep both."""
-    worth = dict.fromkeys(choice.WORTH, 1_000_000)  # equal cells, if there is any way
-    monkeypatch.setattr(choice, "WORTH", worth)
-    assert not spawned_agents(solve(cube(), tolerance=0.25))
-    result = solve(cube(**changes), tolerance=0.25)
-    assert spawned_agents(result)
-    assert any("same problem" in note for note in result.summary()["notes"])
-
-
 def test_loads_are_the_same_on_smaller_cells_if_they_fill_cells():
     face = {"cell": [3, 19], "side": "top", "force": [1.0, -2.0]}
     inside = {"region": {"box": [[0.02, 0.02], [0.05, 0.06]]}, "force": [1.0, 1.0]}
@@ -154,25 +101,6 @@ def test_loads_are_the_same_on_smaller_cells_if_they_fill_cells():
         assert not same_loads(scene, scene.refine(4), 4, None)
 
 
-def test_no_cell_is_smaller_than_the_resolution_allows():
-    result = solve(beam(), tolerance=0.02, resolution=2)
-    assert not spawned_agents(result)
-    assert result.subdivision == 2
-    assert result.error_estimate > 0.02
-    assert any("a larger resolution" in note for note in result.summary()["notes"])
-    coarse = solve(beam(), tolerance=0.3, resolution=2)
-    assert coarse.subdivision == 1
-    spawned = solve(plate(cells=[320, 320]), tolerance=0.005, resolution=2)
-    assert spawned.size.min() >= 0.2 / 640
-
-
-def test_more_agents_than_allowed_leave_it_to_equal_cells():
-    assert spawned_agents(solve(beam(8), tolerance=0.2))
-    result = solve(beam(8), tolerance=0.2, most_agents=60)
-    assert not spawned_agents(result)
-    assert result.error_bound <= 0.2
-
-
 def test_agents_go_where_members_are_too_thin_for_equal_cells():
     """Cells that hang together by single faces, about which they turn freely."""
     load = {"cell": [0, 5], "side": "top", "force": [1.0, -1.0]}
@@ -184,36 +112,6 @@ def test_agents_go_where_members_are_too_thin_for_equal_cells():
     assert result.error_bound <= 0.1
 
 
-def test_previous_answer_is_continued_in_its_own_way():
-    moved = beam(force=(10.0, 0.0, -50.0))
-    first = solve(beam(), tolerance=0.2)
-    again = solve(moved, tolerance=0.2, previous=first)
-    assert not spawned_agents(again)
-    assert again.subdivision == first.subdivision
-    assert sum("equal cells were taken" in note for note in again.summary()["notes"]) == 1
-    finer = solve(moved, tolerance=0.1, previous=again)
-    assert finer.subdivision > again.subdivision
-    spawned = solve(beam(), tolerance=0.3, strategy="spawning")
-    assert spawned_agents(solve(moved, tolerance=0.3, previous=spawned))
-
-
-def test_equal_cells_of_the_plane_are_followed_by_agents():
-    first = solve(bar(4))
-    result = solve(bar(4), tolerance=0.05, previous=first)
-    assert spawned_agents(result)
-    assert spawned_agents(solve(bar(4), tolerance=0.05, previous=result))
-
-
 def test_loose_bodies_are_refused_at_once():
     with pytest.raises(SupportError, match="move along x"):
         solve(plate(sides={"bottom": "roller"}), tolerance=0.1)
-
-
-def test_cube_under_a_patch_spawns_and_a_block_that_is_bent_does_not():
-    cube = under_a_patch(3, 16)
-    assert spawned_agents(solve(cube, tolerance=0.2))
-    body = {"size": [0.4, 0.1, 0.1], "cells": [16, 4, 4], "material": "steel"}
-    end = {"side": "right", "force": [0.0, 0.0, -100.0]}
-    bent = solve(Scene(body=body, sides={"left": "rigid"}, loads=[end]), tolerance=0.1)
-    assert not spawned_agents(bent)
-    assert bent.error_estimate <= 0.1

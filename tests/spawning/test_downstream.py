@@ -10,7 +10,7 @@ from spawning_bodies import spawned_by
 
 from kaju import ElasticResult, LoadModel, Reference, Scene, compare, load_scene, solve
 from kaju.errors import ResultError
-from kaju.model.elastic.refine import block_loop as spawning
+from kaju.model.elastic.refine import solve_spawning as spawning
 from kaju.model.study.compare import load_answer
 from kaju.view.comparison import plot_error, plot_shapes
 

@@ -8,7 +8,6 @@ import pytest
 from goal_bodies import (
     FLAT,
     GROUND,
-    SOLID,
     STEEL,
     beam,
     cube,
@@ -18,9 +17,9 @@ from goal_bodies import (
     rubber,
     sheared,
 )
-from spawning_bodies import BODIES, by_themselves, spawned_by
+from spawning_bodies import by_themselves, spawned_by
 
-from kaju import Reference, Scene, finite_elements, load_result, solve
+from kaju import Scene, finite_elements, load_result, solve
 from kaju.errors import ParameterError
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
@@ -51,7 +50,7 @@ def true_error(result, body):
         pytest.param(
             body, id=body.__name__, marks=pytest.mark.slow if body in (inclusion, cube) else ()
         )
-        for body in FLAT + SOLID
+        for body in FLAT
     ],
 )
 def test_estimate_is_within_its_factors_of_the_true_error(body):
@@ -67,14 +66,6 @@ def test_estimate_is_within_its_factors_of_the_true_error(body):
 
 
 LONG = {"cube-rubber": pytest.mark.slow}
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=LONG.get(n, ())) for n in BODIES])
-def test_the_estimate_is_never_much_too_small(name):
-    truth = Reference.load(DATA / f"{name}.npz")
-    result = spawned_by(BODIES[name](), tolerance=0.2)
-    off = np.linalg.norm(result.displacement_at(truth.points) - truth.displacement, axis=1)
-    assert 0.8 * off.max() < result.displacement_error_estimate * result.max_displacement
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.15])

@@ -50,7 +50,7 @@ def test_a_step_is_a_generation():
 def test_model_and_solver_give_the_same_numbers(model):
     found = model.result()
     solved = solve(model.scene, strategy="spawning", tolerance=model.tolerance)
-    np.testing.assert_array_equal(found.found.displacement, solved.found.displacement)
+    np.testing.assert_array_equal(found.displacement, solved.displacement)
     assert_same_rows(found.family, model.family)
 
 

@@ -48,12 +48,9 @@ def test_rigid_cells_inside_stand_still():
         assert np.all(result.displacement_at(points) == 0.0)
 
 
-@pytest.mark.parametrize(
-    "scene", [plate(), under_a_patch(3, force=(0.3, 0.0, -1.0))], ids=["plate", "block"]
-)
-def test_point_on_a_face_has_one_displacement(scene):
+def test_point_on_a_face_has_one_displacement():
     """The mean of what is said on either side of it."""
-    result = spawned_by(scene, tolerance=0.3)
+    result = spawned_by(plate(), tolerance=0.3)
     rows = np.flatnonzero(result.lower[:, 0] > 0.0)
     points = result.lower[rows] + result.size[rows, None] * [
         0.0,

@@ -23,6 +23,6 @@ def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance(most_age
     with pytest.raises(ConvergenceError, match="most_agents") as caught:
         spawned_by(scene, tolerance=0.1, most_agents=most_agents)
     result = caught.value.best
-    np.testing.assert_allclose(result.reactions["bottom"], [0.0, 0.0, 1.0], atol=1e-7)
+    np.testing.assert_allclose(result.reactions["bottom"], [0.0, 0.0, 1.0], atol=1e-3)
     energies = [generation.energy for generation in result.generations]
-    assert np.all(np.diff(energies) < 0.02 * energies[0])
+    assert np.all(np.diff(energies) > 0.0), "each is a lower bound"

@@ -88,7 +88,7 @@ def scenes(draw, folder):
 
 
 def random_scene(rng, folder):
-    d = int(rng.choice([2, 2, 3]))
+    d = 2
     names = ["left", "right", "bottom", "top"] if d == 2 else ["left", "right", "front", "back"]
     names += [] if d == 2 else ["bottom", "top"]
     described, legend = body(rng, rng.integers(3, 13 if d == 2 else 7, size=d), folder)

@@ -10,8 +10,6 @@ from elastic_scenes import spawned_agents
 
 from kaju import ElasticResult, Scene, solve
 from kaju.errors import ParameterError, SupportError
-from kaju.model.elastic.multigrid.forest import first_forest
-from kaju.model.elastic.refine import block_loop as block_spawner
 
 BODY = {"size": [0.2, 0.1], "cells": [32, 16], "thickness": 0.002, "material": "steel"}
 HOLE = {"centre": [0.1, 0.05], "radius": 0.02}
@@ -187,20 +185,6 @@ def test_a_tolerance_of_the_displacement_goes_on_too(loads):
     np.testing.assert_allclose(again.reactions["bottom"], fresh.reactions["bottom"], atol=1e-8)
 
 
-def test_agents_that_may_not_be_larger_do_not_retire():
-    """The load holds the agents on top to the size of a cell: none too many, none too few."""
-    block = Scene(
-        body={"size": [1.0] * 3, "cells": [16] * 3, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.5, 0.5, 1.0], [0.625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}],
-    )
-    first = spawned(block, tolerance=0.5)
-    load = {"region": {"box": [[0.4375, 0.5, 1.0], [0.5625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}
-    again = spawned(block.replace(loads=[load]), tolerance=0.5, previous=first)
-    assert again.found.reached
-    assert again.agents <= 1.1 * first.agents
-
-
 @pytest.mark.parametrize("loads", [press(4), press(force=(0.3, -2.0)), press(force=(0.0, -3.0))])
 def test_history_starts_with_the_agents_taken_over(loads):
     first = first_answer()
@@ -241,63 +225,3 @@ def test_what_cannot_go_on_says_so():
     with pytest.raises(SupportError):
         spawned(plate(sides={"bottom": "roller"}), previous=first)
     assert spawned_agents(solve(plate(), previous=first))
-
-
-FINE = 0.015
-"""A tolerance for which agents stand in blocks, where few are many."""
-
-
-@pytest.fixture
-def in_blocks(monkeypatch):
-    """Tell whether agents stand in blocks, as they do here wherever they can."""
-    monkeypatch.setattr(block_spawner, "blocks_for", lambda ground, _: first_forest(ground))
-    return lambda result: isinstance(result.found, block_spawner.BlockSpawning)
-
-
-@cache
-def first_in_blocks():
-    return spawned(plate(), tolerance=FINE)
-
-
-@pytest.mark.parametrize("change", ["turned", "moved", "cut"])
-def test_agents_in_blocks_go_on_too(in_blocks, change):
-    first, changes = first_in_blocks(), CHANGES | {"turned": plate(loads=press(force=(0.3, -2.0)))}
-    assert in_blocks(first)
-    again = spawned(changes[change], tolerance=None, previous=first)
-    fresh = spawned(changes[change], tolerance=FINE)
-    assert again.error_bound <= FINE
-    assert_as_good(again, fresh)
-    ours, theirs = (sum(g.iterations for g in found.generations) for found in (again, fresh))
-    assert ours < theirs if change == "turned" else ours == theirs
-    leaves, before = again.found.leaves, first.found.leaves
-    there = leaves.find(before.lower)
-    larger = (there >= 0) & (leaves.size[there] > before.size)
-    assert again.summary()["retired"] == np.count_nonzero(larger)
-
-
-def test_agents_in_blocks_retire_where_a_load_has_gone(in_blocks):
-    first = spawned(plate(loads=press(2)), tolerance=FINE)
-    again = spawned(plate(loads=press(26)), tolerance=None, previous=first)
-    fresh = spawned(plate(loads=press(26)), tolerance=FINE)
-    assert in_blocks(again)
-    assert again.summary()["retired"] > 0.2 * first.agents
-    assert_as_good(again, fresh)
-    assert (again.spawn_step >= 0).all()
-    assert (again.cause[again.spawn_step == 0] == 0.0).all()
-
-
-def test_blocks_of_cubes_go_on_too(in_blocks):
-    block = Scene(
-        body={"size": [0.1, 0.1, 0.1], "cells": [8, 8, 8], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.0, 0.0, 0.1], [0.025, 0.025, 0.1]]}, "force": [0, 0, -1.0]}],
-    )
-    load = {"region": {"box": [[0.05, 0.05, 0.1], [0.075, 0.1, 0.1]]}, "force": [0.1, 0.0, -1.0]}
-    moved = block.replace(loads=[load])
-    first = spawned(block, tolerance=0.07)
-    again, fresh = spawned(moved, tolerance=None, previous=first), spawned(moved, tolerance=0.07)
-    assert in_blocks(again)
-    assert again.agents < 1.4 * fresh.agents
-    gap = again.strain_energy / fresh.strain_energy - 1
-    assert abs(gap) < again.error_estimate**2 + fresh.error_estimate**2
-    np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-8)

@@ -191,7 +191,7 @@ def test_distant_material_costs_large_agents_only(joined_on):
 @pytest.mark.parametrize("scene", [ragged(1), under_a_patch(3)], ids=["ragged", "cubes"])
 def test_same_numbers_bit_by_bit(scene):
     first, second = (spawned_by(scene, tolerance=0.15) for _ in range(2))
-    np.testing.assert_array_equal(first.found.displacement, second.found.displacement)
+    np.testing.assert_array_equal(first.displacement, second.displacement)
     assert first.residuals == second.residuals
     assert first.error_estimate == second.error_estimate
 

@@ -11,6 +11,8 @@ agents halve; what they differ in, summed, proves the answer (`gap`: the law on 
 - `displacement`, `airy`: unknowns, supports and loads of the opinion that fits, and of the one
   that balances.
 - `levels`: equations of one field by generations as multigrid levels; of any dimension.
+- `bricks`, `brick_mesh`, `brick_levels`, `space`: bodies in space have the first opinion alone, and
+  an estimated error.
 - `opinions`: one generation, solved; `loop`: who halves, and when it ends.
 
 Elements of another kind join by the same unknowns: two displacements at every vertex and on every

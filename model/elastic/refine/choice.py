@@ -1,10 +1,4 @@
-"""`kaju.solve` with a tolerance and no strategy: equal cells, or agents that spawn.
-
-In the plane agents spawn. In space the scene's own cells are solved first, unless these are more
-than agents would be. Their error tells how many cells of a smaller size the tolerance needs: where
-the solution is smooth these are few, and they are solved. Otherwise, or when more turn out to be
-needed, agents spawn.
-"""
+"""Equal cells small enough for a tolerance, and `kaju.solve` with a tolerance alone."""
 
 from __future__ import annotations
 
@@ -16,14 +10,13 @@ from typing import Literal
 import numpy as np
 
 from kaju.errors import ConvergenceError, SceneError
-from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
+from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
 from kaju.model.elastic.bounds.admissible_displacement import fits_quadratics
 from kaju.model.elastic.bounds.energy_bounds import worth_proving
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.posed_body import face_keys
 from kaju.model.elastic.problem import is_rubber
-from kaju.model.elastic.refine.block_loop import FEWEST, MOST_AGENTS, SPREAD
 from kaju.model.elastic.refine.solve_spawning import solve_spawning
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
@@ -32,8 +25,6 @@ from kaju.stopping import interrupt_requested
 
 Method = Literal["box", "matrices", "pressures"]
 """Multigrid of equal cells on full boxes, on other bodies, and in mixed form (rubber)."""
-WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
-"""An agent, spawned generation by generation, costs as much as this many equal cells in space."""
 MOST_CELLS: dict[Method, int] = {"box": 40_000_000, "matrices": 8_000_000, "pressures": 1_000_000}
 """More equal cells do not fit in some 10 GB, and are not considered."""
 SPARE = 0.9  # Cells are chosen for this share of the tolerance
@@ -231,32 +222,10 @@ def solve_cheaply(
     most_agents: int | None = None,
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
-    """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper."""
-    # Arguments and errors are those of `kaju.solve`. In the plane agents mostly need less, since
-    # their bounds are of second order. In space equal cells are considered if the refined scene
-    # poses the same problem, first as many as in the previous answer. The answer's notes say what
-    # was chosen, and why.
-    start = perf_counter()
-    if scene.lattice.dimension == 2:
-        return solve_spawning(scene, tolerance, resolution, stage=stage, most_agents=most_agents)
-    check_numbers(tolerance, resolution)
-    cells = UniformRefinement(scene, tolerance, resolution, stage, previous)
-    expected = SPREAD * FEWEST / tolerance**3
-    allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[3])
-    equal = cells.run(most=WORTH[cells.method] * expected if allowed else inf)
-    if equal is not None:
-        taken = (
-            f"{equal.agents:,} equal cells were taken for a tolerance of {tolerance:g}; of "
-            f"agents that spawn about {expected:,.0f} were expected"
-        )
-        return _finished(equal, [taken, *_missed_note(equal, tolerance)], tolerance, start)
-    reason = f"about {cells.cells:,.0f} equal cells were expected"
-    if cells.cells == inf:
-        reason = "equal cells would not pose the same problem, or not be solved"
-    note = f"agents were taken for a tolerance of {tolerance:g}; {reason}"
-    return solve_spawning(
-        scene, tolerance, resolution, stage=stage, most_agents=most_agents, note=note
-    )
+    """Solve a scene to a tolerance by agents that spawn, or by equal cells if these are given."""
+    if previous is not None:
+        return solve_equal(scene, tolerance, resolution, stage=stage, previous=previous)
+    return solve_spawning(scene, tolerance, resolution, stage=stage, most_agents=most_agents)
 
 
 def solve_equal(

@@ -8,17 +8,21 @@ import numpy as np
 
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
+from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import Asked, aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
 from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.space import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.refine.block_loop import spawner_of
 from kaju.model.elastic.refine.generations import Spawning
+from kaju.model.elastic.refine.refine_loop import LeafLoop, RefineLoop, Target
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import Lattice
 from kaju.stopping import NOTE, interrupt_requested
 
+MOST_AGENTS = 400_000
+"""Of goals: what fits in some 14 GB, at 10 to 30 kB an agent."""
 CONTRAST = 1e4
 """Contrast of materials from which on error estimates of goals were seen to fail."""
 
@@ -64,7 +68,7 @@ def solve_spawning(
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
-    if before is not None:
+    if before is not None and isinstance(spawning, Spawning):
         spawning.retired = _coarsened(before.leaves, spawning.leaves)
     spawning.notes += [note] if note else []
     spawning.notes += [NOTE] if interrupt_requested() else []
@@ -90,8 +94,22 @@ def solve_spawning(
     return result
 
 
+def spawner_of(
+    ground: PosedBody,
+    tolerance: float,
+    most_agents: int | None,
+    aim: Target | None = None,
+    previous: Spawning | None = None,
+) -> RefineLoop | BrickLoop:
+    """Return the loop that agents spawn in: of bricks in space, but for goals."""
+    if ground.dimension == 3 and aim is None:
+        return BrickLoop(ground, tolerance, most_agents)
+    most = most_agents or (MOST_AGENTS if aim is not None else MOST_QUADRATIC)
+    return LeafLoop(ground, tolerance, most, aim, previous)
+
+
 def answer_of(
-    spawning: Spawning,
+    spawning: Spawning | BrickAgents,
     scene: Scene,
     stage: int | None,
     tolerance: float,
@@ -112,7 +130,7 @@ def answer_of(
     return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, tolerance_at)
 
 
-def missed_note(spawning: Spawning, tolerance: float, resolution: int | None) -> str:
+def missed_note(spawning: Spawning | BrickAgents, tolerance: float, resolution: int | None) -> str:
     """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
     if spawning.reached or spawning.stopped not in ("", "depth", "blind"):
         return ""
@@ -141,8 +159,10 @@ def check_previous(previous: Lattice, lattice: Lattice) -> None:
         )
 
 
-def _spawning_of(previous: ElasticResult) -> Spawning:
+def _spawning_of(previous: ElasticResult) -> Spawning | None:
     """Return the agents of a previous answer; refuse equal cells."""
+    if isinstance(previous.found, BrickAgents):
+        return None  # In space generations start anew: they take a second or two
     if not isinstance(previous.found, Spawning):
         raise ParameterError(
             "previous: spawning agents continue from agents that have spawned, and its cells are "

@@ -13,10 +13,9 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
 from kaju.model.elastic.posed_body import ground_of
-from kaju.model.elastic.refine.block_loop import spawner_of
 from kaju.model.elastic.refine.family import Family
 from kaju.model.elastic.refine.generations import Generation
-from kaju.model.elastic.refine.solve_spawning import answer_of, missed_note
+from kaju.model.elastic.refine.solve_spawning import answer_of, missed_note, spawner_of
 from kaju.model.scene import scene_needed
 from kaju.stepping import Until
 

@@ -1,0 +1,510 @@
+"""Bodies in space: bricks on an octree that spawn where stresses jump, to an estimated error.
+
+The displacement fits, so that the potential energy is never below the true one: where forces act
+and no side is moved the strain energy is a lower bound. Nothing is proved beyond that. The error is
+that of the stress against its own mean at the corners (Zienkiewicz and Zhu, *Int. J. Numer. Methods
+Eng.* 24, 1987), continued from the points where it is most accurate (Barlow 1976).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ParameterError
+from kaju.model.elastic.fields import von_mises
+from kaju.model.elastic.goals.functionals import functional_of
+from kaju.model.elastic.goals.goal_regions import region_of
+from kaju.model.elastic.goals.quantities import (
+    Deflection,
+    Quantity,
+    Reaction,
+    component_of,
+    directions_of,
+)
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.pair import bricks
+from kaju.model.elastic.pair.brick_levels import BrickLevel
+from kaju.model.elastic.pair.brick_mesh import BrickMesh
+from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.posed_body import PosedBody, ground_of
+from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.refine.generations import Generation, _generations_of, _leaves_of, halvings
+from kaju.model.elastic.refine.targets import Aimed, mark_largest
+from kaju.model.results.archive import Archive, plain_of
+from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import INSIDE
+
+ACROSS = 4  # The first leaves are at least this many along the body's longest side
+DORFLER = 0.6  # Share of the squared error that leaves which spawn hold
+SPARE = 0.95  # The last generation aims at this share of the tolerance
+GAIN = 0.8  # Share of a leaf's squared error that its halving is expected to remove
+ENOUGH = 0.01  # Steps end when one gains less than this share of the estimated error's energy
+LAST = 1e-10  # The last generation's steps gain this share of the energy at most
+MOST_GENERATIONS = 60
+MOST_AGENTS = 400_000
+"""Leaves: some 5 kB each, so about 2 GB."""
+NO_BOUND = "in space errors are estimated, not proved"
+
+
+class BrickField:
+    """The displacement of one generation, and what is read off it; scaled."""
+
+    def __init__(self, level: BrickLevel, moduli: Moduli, master: Floats) -> None:
+        self.level, self.mesh, self.moduli = level, level.mesh, moduli
+        self.master = master
+        self.moved = level.gathered(master)  # Less the common shift. Shape (leaves, 20, 3)
+
+    @cached_property
+    def force(self) -> Floats:
+        """Forces on the nodes of leaves. Shape (leaves, 20, 3)."""
+        return self.level.force(self.moved)
+
+    def energy(self, work: float) -> float:
+        """Return the strain energy, by the loads' work where that is the more accurate.
+
+        Where no side is moved, work less energy is off by the square of what the iteration left.
+        """
+        own = 0.5 * float(np.vdot(self.moved, self.force))
+        return own if self.mesh.given.any() else work - own
+
+    def stresses(self, places: Floats) -> Floats:
+        """Return the stresses at places from 0 to 1 in all leaves, shape (leaves, n, 6)."""
+        strain = np.einsum(
+            "pai,ni->npa", bricks.strain_rows(places), self.moved.reshape(-1, 60), optimize=True
+        )
+        strain /= self.mesh.edge[:, None, None]
+        kind = self.mesh.leaves.kind
+        lateral, shear = self.moduli.lateral[kind, None], self.moduli.shear[kind, None]
+        volume = lateral * strain[..., :3].sum(axis=2)
+        strain *= shear[..., None]
+        strain[..., :3] *= 2.0
+        strain[..., :3] += volume[..., None]
+        return np.asarray(strain)
+
+    @cached_property
+    def corner_stress(self) -> Floats:
+        """Stress at the corners of leaves: the mean of those of one material round each.
+
+        Shape (leaves, 8, 6).
+        """
+        points, _ = bricks.gauss(2)
+        own = np.einsum("cg,nga->nca", bricks.from_gauss(), self.stresses(points))
+        kinds = int(self.mesh.leaves.kind.max()) + 1
+        key = self.mesh.vertex * kinds + self.mesh.leaves.kind[:, None]
+        _, at = np.unique(key, return_inverse=True)
+        at = at.ravel()
+        count = np.bincount(at)
+        total = [np.bincount(at, own[..., a].ravel()) / count for a in range(6)]
+        return np.asarray(np.stack(total, axis=1)[at].reshape(own.shape))
+
+    @cached_property
+    def shares(self) -> Floats:
+        """Estimated squared error of every leaf in the energy norm."""
+        points, weights = bricks.gauss(3)
+        off = np.einsum("gc,nca->nga", bricks.trilinear(points), self.corner_stress)
+        off -= self.stresses(points)
+        kind = self.mesh.leaves.kind
+        lateral, shear = self.moduli.lateral[kind, None], self.moduli.shear[kind, None]
+        square = (off[..., :3] ** 2).sum(axis=2) + 2.0 * (off[..., 3:] ** 2).sum(axis=2)
+        trace = off[..., :3].sum(axis=2)
+        density = (square - lateral / (3.0 * lateral + 2.0 * shear) * trace**2) / (2.0 * shear)
+        return np.asarray((density @ weights) * self.mesh.edge**3)
+
+    def displacement_at(self, leaf: Ints, inside: Floats) -> Floats:
+        """Return the displacement at places from 0 to 1 in leaves."""
+        found = np.einsum("nk,nka->na", bricks.values(inside), self.moved[leaf])
+        return np.asarray(found + self.mesh.shift)
+
+    def stress_at(self, leaf: Ints, inside: Floats) -> Floats:
+        """Return stress tensors at places from 0 to 1 in leaves."""
+        return tensors(np.einsum("nc,nca->na", bricks.trilinear(inside), self.corner_stress[leaf]))
+
+    def reactions(self, load: Floats) -> dict[str, Floats]:
+        """Return the force of every support on the body, by the loads on the masters."""
+        mesh, names = self.mesh, self.mesh.ground.scene.lattice.sides
+        # What several sides hold together each of them holds to the same share.
+        holders = np.zeros((len(load), 3))
+        for holder in mesh.holders:
+            holders[holder.masters, holder.axis] += 1.0
+        pull = np.where(holders > 0.0, self.level.summed(self.force) - load, 0.0)
+        pull /= np.maximum(holders, 1.0)
+        found: dict[str, Floats] = {}
+        for holder in mesh.holders:
+            name = INSIDE if holder.number < 0 else names[holder.number]
+            total = found.setdefault(name, np.zeros(3))
+            # A shift of a side moves its corners, and leaves the bulges at 0.
+            total[holder.axis] += pull[holder.masters & mesh.at_corner, holder.axis].sum()
+        for leaf, side, area in self.level.beds:
+            axis = side // 2
+            given = self.moved[leaf, :, axis] @ bricks.side_loads()[side, 0]
+            found.setdefault(names[side], np.zeros(3))[axis] -= float(area[:, 0] @ given)
+        return found
+
+
+def tensors(six: Floats) -> Floats:
+    """Return stresses of six numbers as tensors, shape (n, 3, 3)."""
+    return np.asarray(six[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
+
+
+class Places(NamedTuple):
+    """What regions of goals need to know of leaves."""
+
+    leaves: LeafCells
+    ground: PosedBody
+    beside: Ints
+    dimension: int = 3
+
+
+class BrickIndicator(NamedTuple):
+    """Squared error of every agent, and the root of it as a load."""
+
+    square: Floats
+    load: Floats
+
+
+@dataclass
+class BrickAgents:
+    """Agents in space that spawned, along a space-filling curve; scaled."""
+
+    storage: ClassVar[Literal["tree"]] = "tree"
+    method: ClassVar[str] = "bricks"
+    stiffness: ClassVar[None] = None
+    energy_bounds: ClassVar[None] = None
+    proved: ClassVar[None] = None
+    known: ClassVar[str] = NO_BOUND
+    bracket: ClassVar[str] = NO_BOUND
+    field: BrickField
+    load: Floats  # On the masters
+    aimed: Aimed
+    energy: float
+    error: float  # Estimated, in the energy norm, relative
+    generations: list[Generation]
+    residuals: list[float]
+    levels: int
+    reached: bool
+    stopped: str  # Why the loop ended if not: "depth" or "agents"
+    notes: list[str]
+    retired: int = 0
+
+    @property
+    def leaves(self) -> LeafCells:
+        """The agents."""
+        return self.field.mesh.leaves
+
+    @property
+    def ground(self) -> PosedBody:
+        """The posed body."""
+        return self.field.mesh.ground
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+        return self.ground.scene
+
+    @property
+    def scales(self) -> Scales:
+        """Units of the scaled values."""
+        return self.ground.scales
+
+    @property
+    def moduli(self) -> Moduli:
+        """Scaled moduli of every material."""
+        return self.ground.moduli
+
+    @property
+    def solution(self) -> Self:
+        """Itself: it has the figures of its solution."""
+        return self
+
+    tree = solution
+
+    def from_tree(self, values: Floats) -> Floats:
+        """Return values of agents as they are."""
+        return values
+
+    @property
+    def count(self) -> int:
+        """Number of agents."""
+        return len(self.leaves)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners of the agents."""
+        return np.asarray(self.leaves.lower / self.ground.cell)
+
+    @property
+    def size(self) -> Floats:
+        """Edges of the agents."""
+        return np.asarray(self.leaves.size / self.ground.cell)
+
+    @property
+    def material(self) -> Ints:
+        """Index of each agent's material, which is that of its moduli."""
+        return self.leaves.kind
+
+    law = material
+
+    @property
+    def level(self) -> Ints:
+        """How often the largest of the first agents would be halved to give each agent."""
+        return halvings(self.leaves.size, int(self.generations[0].size.max()))
+
+    @property
+    def spawn_step(self) -> Ints:
+        """Step in which each agent spawned; 0 for the first."""
+        return self.leaves.step
+
+    @property
+    def cause(self) -> Floats:
+        """Load (N) for which each agent spawned."""
+        return self.leaves.cause
+
+    @property
+    def indicator(self) -> BrickIndicator:
+        """Squared error of every agent, and the root of it as a load."""
+        return BrickIndicator(self.field.shares, loads_of(self.field))
+
+    @cached_property
+    def moved(self) -> Floats:
+        """Displacement of the agents' middles."""
+        return self.field.displacement_at(*self._middles)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors in the agents' middles."""
+        return self.field.stress_at(*self._middles)
+
+    @property
+    def _middles(self) -> tuple[Ints, Floats]:
+        return np.arange(self.count), np.full((self.count, 3), 0.5)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        return self.field.reactions(self.load)
+
+    def displacement_at(self, points: Floats, cells: Ints) -> Floats:
+        """Return the displacement at points (m) in or on cells of the grid."""
+        return self.field.displacement_at(*self.placed(points, cells))
+
+    def stress_at(self, points: Floats, cells: Ints) -> Floats:
+        """Return stress tensors at points (m) in or on cells of the grid."""
+        return self.field.stress_at(*self.placed(points, cells))
+
+    def law_at(self, points: Floats, cells: Ints) -> Ints:
+        """Return the index of the moduli of the agents in or on which points lie."""
+        return self.leaves.kind[self.placed(points, cells)[0]]
+
+    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
+        """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
+        first, cell = cells * self.ground.cell, self.ground.cell
+        place = points / self.grid.lattice.cell_size * cell
+        place = np.clip(place, first, first + cell)
+        unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
+        leaf = self.leaves.find(unit)
+        return leaf, self._inside(place, leaf)
+
+    def _inside(self, place: Floats, leaf: Ints) -> Floats:
+        inside = (place - self.leaves.lower[leaf]) / self.leaves.size[leaf, None]
+        return np.asarray(np.clip(inside, 0.0, 1.0))
+
+    def value_of(self, quantity: Quantity) -> Floats:
+        """Return a quantity: means are taken at the middles of the agents' parts of a region."""
+        if isinstance(quantity, Reaction):
+            functional_of(quantity, self.ground)  # which refuses unknown names
+            reactions = self.reactions()
+            if quantity.side not in reactions:
+                raise ParameterError(
+                    f"value_of: nothing holds the body at {quantity.side!r}; supports are "
+                    f"{', '.join(reactions) or 'missing'}"
+                )
+            return np.asarray(directions_of(quantity.along, 3) @ reactions[quantity.side])
+        mesh = self.field.mesh
+        grid: Any = Places(self.leaves, self.ground, mesh.beside)
+        points = region_of(quantity.at, self.ground).points(grid)
+        inside = self._inside(points.place, points.leaf)
+        if isinstance(quantity, Deflection):
+            moved = self.field.displacement_at(points.leaf, inside)
+            return np.asarray(directions_of(quantity.along, 3) @ (points.weight @ moved))
+        stress = self.field.stress_at(points.leaf, inside)
+        axes = component_of(quantity.component, 3)
+        own = von_mises(stress) if axes is None else stress[:, axes[0], axes[1]]
+        return np.array([points.weight @ own])
+
+    def history(self) -> dict[str, Any]:
+        """Return the figures of their generations."""
+        return {"generations": len(self.generations)}
+
+    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: the agents of every generation; fields are found again."""
+        names = ("lower", "size", "kind", "step", "cause")
+        arrays: dict[str, NDArray[Any]] = {name: getattr(self.leaves, name) for name in names}
+        arrays |= {"master": self.field.master}
+        for name in Generation._fields[5:]:
+            arrays[f"history.{name}"] = np.concatenate(
+                [getattr(generation, name) for generation in self.generations]
+            )
+        return arrays, {
+            "bricks": plain_of(self),
+            "allowed": self.aimed.allowed,
+            "generations": [list(g[:5]) for g in self.generations],
+        }
+
+    @classmethod
+    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> BrickAgents:
+        """Return the agents of a stored result."""
+        ground = ground_of(scene, stage, archive.value("resolution", int | None))
+        leaves = _leaves_of(archive, ground)
+        level = BrickLevel(BrickMesh(ground, leaves), ground.moduli)
+        mesh = level.mesh
+        field = BrickField(
+            level, ground.moduli, archive.array("master", "f", (int(mesh.free.sum()), 3))
+        )
+        about = archive.record("bricks", BrickAgents)
+        unmarked = np.zeros(len(leaves), dtype=np.bool_)
+        allowed = archive.value("allowed", float)
+        aimed = Aimed(float(about["error"]), field.shares, unmarked, allowed)
+        return cls(
+            field,
+            np.asarray(mesh.ties.T @ mesh.loads()),
+            aimed,
+            generations=_generations_of(archive, 1 << 61),
+            **about,
+        )
+
+
+def loads_of(field: BrickField) -> Floats:
+    """Return the root of every leaf's share as a load: what deforms it by as much energy."""
+    mesh = field.mesh
+    stiffness = field.moduli.shear[mesh.leaves.kind] * mesh.edge
+    return np.asarray(np.sqrt(field.shares * stiffness))
+
+
+class BrickLoop:
+    """Bricks that settle, estimate their errors and spawn, generation by generation.
+
+    `finished` once the estimated error keeps the tolerance, or `stopped` says why none smaller can
+    spawn: "depth" or "agents".
+    """
+
+    def __init__(self, ground: PosedBody, tolerance: float, most_agents: int | None) -> None:
+        self.ground, self.tolerance = ground, tolerance
+        self.most_agents = most_agents or MOST_AGENTS
+        self.leaves = ground.start(ACROSS)
+        self.finished, self.stopped = False, ""
+        self.generations: list[Generation] = []
+        self.notes: list[str] = []
+        self.residuals: list[float] = []
+        self.error, self.energy = float("nan"), 0.0
+        self._field: BrickField | None = None
+        self._marked: Flags | None = None
+        self._mesh = BrickMesh(ground, self.leaves)
+        self._mesh.check_held()
+        if self._mesh.torn:
+            self.notes.append(
+                "sides that meet are moved apart: the energy has no limit as agents shrink"
+            )
+
+    def step(self) -> None:
+        """Spawn, but for the first time, and settle."""
+        before, marked, number = self._field, self._marked, len(self.generations)
+        descent = None
+        if before is not None and marked is not None:
+            load = loads_of(before) * self.ground.scales.force
+            old, new = self.leaves, self.leaves.split(marked, number, load)
+            self.leaves = new.balanced(number, young=new.step == number)
+            descent = descent_of(old, self.leaves)
+            self._mesh = BrickMesh(self.ground, self.leaves)
+        level = BrickLevel(self._mesh, self.ground.moduli)
+        master = self._mesh.given.copy()
+        enough = 0.0
+        if before is None or descent is None:
+            level.first()
+        else:
+            level.on(before.level, *descent)
+            prolonged = level.prolong @ before.master
+            master = np.where(self._mesh.open, prolonged, self._mesh.given)
+            enough = ENOUGH * 0.5 * float(before.shares.sum())
+        self._load = np.asarray(self._mesh.ties.T @ self._mesh.loads())
+        left = self._load - level.summed(level.force(level.gathered(master)))
+        change, self.residuals, last = level.solve(left, enough)
+        self._field = BrickField(level, self.ground.moduli, master + change)
+        self._judge(last)
+        if self.finished and level.below is not None:
+            # What is read has its forces in balance; the mesh would not need it.
+            master = self._field.master
+            left = self._load - level.summed(self._field.force)
+            change, residuals, last = level.solve(left, LAST * abs(self.energy))
+            self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
+            self._field = BrickField(level, self.ground.moduli, master + change)
+            self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
+
+    def _judge(self, left: float) -> None:
+        """Estimate the error and mark."""
+        field, leaves = self._field, self.leaves
+        assert field is not None
+        self.energy = field.energy(float(np.vdot(self._load, field.master)))
+        total = float(field.shares.sum()) * self._wanting(field) + 2.0 * left
+        scale = 2.0 * abs(self.energy) or 1.0
+        self.error = sqrt(total / scale)
+        smallest = leaves.size <= self.ground.smallest
+        allowed = scale * (SPARE * self.tolerance) ** 2 * float(field.shares.sum()) / (total or 1.0)
+        marked = mark_largest(field.shares, allowed, smallest, DORFLER, GAIN)
+        if self.error <= self.tolerance:
+            self.finished = True
+        elif not marked.any() or len(self.generations) + 1 == MOST_GENERATIONS:
+            self.finished, self.stopped = True, "depth"
+        elif len(leaves) + 7 * int(marked.sum()) > self.most_agents:
+            self.finished, self.stopped = True, "agents"
+        spawn = marked & (not self.finished)
+        self._marked = None if self.finished else marked
+        self.aimed = Aimed(self.error, field.shares, spawn, allowed)
+        figures = (len(leaves), self.error, self.energy, len(self.residuals) - 1, self.error)
+        own = (leaves.code, leaves.size, loads_of(field), spawn)
+        self.generations.append(Generation(*figures, *own))
+        self._before = float(field.shares.sum()), self.energy
+
+    def _wanting(self, field: BrickField) -> float:
+        """Return how many times more than its estimated share a generation has gained, 1 or more.
+
+        Squared errors fall by twice what the energy rises; an estimate that falls by less is too
+        small by so much, as it is where materials are nearly incompressible.
+        """
+        if not self.generations or field.mesh.given.any():
+            return 1.0
+        shares, energy = self._before
+        gained, estimated = 2.0 * (self.energy - energy), shares - float(field.shares.sum())
+        return max(gained / estimated, 1.0) if estimated > 0.0 and gained > 0.0 else 1.0
+
+    def outcome(self) -> BrickAgents:
+        """Return the agents as they are."""
+        assert self._field is not None
+        return BrickAgents(
+            self._field,
+            self._load,
+            self.aimed,
+            self.energy,
+            self.error,
+            list(self.generations),
+            list(self.residuals),
+            len(self.generations),
+            self.error <= self.tolerance,
+            self.stopped,
+            list(self.notes),
+        )
+
+
+def descent_of(before: LeafCells, after: LeafCells) -> tuple[Ints, Ints]:
+    """Return the leaf that each leaf came from, and which of its `descents` it is."""
+    parent = np.searchsorted(before.code, after.code, side="right") - 1
+    many = before.size[parent] // after.size
+    offset = (after.lower - before.lower[parent]) // after.size[:, None]
+    level = np.rint(np.log2(many)).astype(np.int64)
+    child = (offset[:, 2] * many + offset[:, 1]) * many + offset[:, 0]
+    return parent, np.asarray(bricks.FIRST_OF_LEVEL[level] + child)

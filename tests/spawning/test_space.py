@@ -1,0 +1,146 @@
+"""Agents in space: quadratic bricks on an octree, to an estimated error."""
+
+import numpy as np
+import pytest
+from spawning_bodies import quarter
+
+import kaju
+from kaju.errors import SupportError
+
+YOUNGS = 1e9
+MIRRORS = {"left": "roller", "front": "roller", "bottom": "roller"}
+
+
+def block(sides, loads=(), cells=(4, 4, 4), ratio=0.3, **body):
+    material = {"youngs_modulus": YOUNGS, "poissons_ratio": ratio, "density": 1e3}
+    described = {"cells": list(cells), "cell_size": 0.25, "material": "a"} | body
+    return kaju.Scene(body=described, materials={"a": material}, sides=sides, loads=list(loads))
+
+
+def patch(side=16, width=1, **changes):
+    """A cube of 1 m under a load on some of its cells in the middle of its top."""
+    low, high = 0.5 - width / side, 0.5 + width / side
+    load = {"region": {"box": [[low, low, 1.0], [high, high, 1.0]]}, "force": [0.0, 0.0, -1.0]}
+    return block({"bottom": "rigid"}, [load], [side] * 3, cell_size=1.0 / side, **changes)
+
+
+def test_an_even_pull_is_exact_and_so_is_a_moved_side():
+    pulled = kaju.solve(block(MIRRORS, [{"side": "top", "pressure": -1e6}]), tolerance=0.01)
+    assert pulled.strain_energy == pytest.approx(0.5 * 1e6**2 / YOUNGS, rel=1e-12)
+    np.testing.assert_allclose(pulled.reactions["bottom"], [0, 0, -1e6], atol=1e-6)
+    np.testing.assert_allclose(pulled.stress[:, 2, 2], 1e6, rtol=1e-10)
+    top = {"displacement": ["free", "free", 1e-3]}
+    moved = kaju.solve(block(MIRRORS | {"top": top}), tolerance=0.01)
+    assert moved.strain_energy == pytest.approx(0.5 * YOUNGS * 1e-6, rel=1e-12)
+    np.testing.assert_allclose(moved.reactions["top"], [0, 0, 1e6], atol=1e-6)
+
+
+def test_a_body_that_is_moved_far_keeps_its_small_strain():
+    sides = {"bottom": [0.0, 0.0, 1.0], "top": [0.0, 0.0, 1.0 + 2e-6]}
+    far, near = (
+        kaju.solve(
+            block({n: {"displacement": [0, 0, u[2] - less]} for n, u in sides.items()}),
+            tolerance=0.05,
+        )
+        for less in (0.0, 1.0)
+    )
+    assert far.strain_energy == pytest.approx(near.strain_energy, rel=1e-8)
+    np.testing.assert_allclose(
+        far.displacement - near.displacement, [[0, 0, 1.0]] * far.agents, atol=1e-9
+    )
+
+
+def test_a_bed_takes_its_share_of_the_energy():
+    sides = MIRRORS | {"bottom": {"stiffness": 1e10}}
+    result = kaju.solve(block(sides, [{"side": "top", "pressure": 1e6}]), tolerance=0.01)
+    assert result.strain_energy == pytest.approx(0.5e12 * (1 / YOUNGS + 1e-10), rel=1e-12)
+    np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1e6], atol=1e-5)
+    np.testing.assert_allclose(result.displacement_at([[0.5, 0.5, 0.0]])[0, 2], -1e-4)
+
+
+def test_a_narrow_load_is_seen_to_a_thousandth_by_a_few_thousand_agents():
+    """Six displacements against 12,300 bricks continued to none."""
+    points = [(0.5, 0.5, 1), (0.5, 0.5, 0.5), (0.45, 0.48, 0.97), (0.25, 0.25, 0.75)]
+    points += [(0.8, 0.8, 0.9), (0.56, 0.5, 0.99)]
+    truth = np.array([-8.0820, -0.71115, -5.4575, -0.7260, -0.6354, -5.559]) * 1e-9
+    result = kaju.solve(patch(), tolerance=0.03)
+    moved = result.displacement_at(points)[:, 2]
+    assert np.abs(moved - truth).max() < 9e-4 * 8.082e-9
+    assert result.agents < 4000
+    assert result.tolerance_kept == "estimated"
+    assert result.energy_bounds is None
+    true_error = np.sqrt(1.0 - result.strain_energy / 3.40178e-9)
+    assert 0.5 < result.error_estimate / true_error < 2.0
+
+
+def test_energies_rise_to_the_true_one():
+    """The displacement fits: every generation's energy is a lower bound."""
+    energies = [g.energy for g in kaju.solve(patch(8), tolerance=0.03).generations]
+    assert np.all(np.diff(energies) > 0.0)
+
+
+@pytest.mark.parametrize(("ratio", "finest"), [(0.0, 0.03), (0.45, 0.03)])
+def test_estimates_are_near_the_truth(ratio, finest):
+    rough, fine = (kaju.solve(quarter(ratio), tolerance=t) for t in (5 * finest, finest))
+    true_error = np.sqrt(1.0 - rough.strain_energy / fine.strain_energy)
+    assert 0.5 < rough.error_estimate / true_error < 2.0
+
+
+def test_a_stiff_inclusion_on_a_bed_ends():
+    cells = np.array([[[1, 1], [0, 1], [1, -1]], [[0, -1], [0, 0], [1, 1]]])
+    scene = kaju.Scene.from_array(
+        cells,
+        legend={0: "a", 1: "b", -1: "air"},
+        cell_size=0.01,
+        sides={"bottom": {"stiffness": 1e11}, "left": "roller", "front": "roller"},
+        materials={
+            "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
+            "b": {"youngs_modulus": 1e13, "poissons_ratio": 0.499},
+        },
+        loads=[{"side": "right", "force": [-1.856, -0.675, -0.203]}],
+    )
+    result = kaju.solve(scene, tolerance=0.5)
+    assert result.tolerance_kept == "estimated"
+    assert result.agents < 1000
+    np.testing.assert_allclose(sum(result.reactions.values()), [1.856, 0.675, 0.203], rtol=1e-4)
+
+
+def test_a_body_that_could_slide_is_refused():
+    with pytest.raises(SupportError, match="move along y"):
+        kaju.solve(block({"left": "roller"}, [{"side": "top", "pressure": 1.0}]), tolerance=0.1)
+
+
+def test_a_couple_turns_the_end_of_a_beam():
+    beam = block({"bottom": "rigid"}, [{"side": "top", "couple": [0, 1e3, 0]}], [2, 2, 8], 0.0)
+    result = kaju.solve(beam, tolerance=0.01, resolution=4)
+    assert result.strain_energy == pytest.approx(
+        0.5 * 1e3**2 * 2.0 * 12.0 / YOUNGS / 0.5**4, rel=2e-2
+    )
+
+
+def test_stored_agents_are_read_as_they_were(tmp_path):
+    result = kaju.solve(patch(8), tolerance=0.1)
+    result.save(tmp_path / "answer.npz")
+    again = kaju.load_result(tmp_path / "answer.npz")
+    points = [[0.3, 0.4, 0.5], [0.5, 0.5, 1.0]]
+    np.testing.assert_array_equal(again.displacement_at(points), result.displacement_at(points))
+    np.testing.assert_array_equal(again.stress, result.stress)
+    assert again.error_estimate == result.error_estimate
+
+
+def test_fine_bodies_begin_on_hats():
+    """More first agents than are factorised: the coarse functions beneath know no holes."""
+    rng = np.random.default_rng(0)
+    cells = np.where(rng.random((8, 8, 8)) < 0.1, -1, 1)
+    cells[:, :, :2] = 1
+    scene = kaju.Scene.from_array(
+        cells,
+        legend={1: "a", -1: "air"},
+        cell_size=0.1,
+        materials={"a": {"youngs_modulus": YOUNGS, "poissons_ratio": 0.3}},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.0, 0.2], [0.8, 0.8, 0.8]]}, "force": [0, 0, -1.0]}],
+    )
+    result = kaju.solve(scene, tolerance=0.3)
+    np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1.0], atol=1e-4)
+    assert result.generations[0].agents > 400

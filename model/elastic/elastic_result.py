@@ -443,11 +443,12 @@ class ElasticResult(BodyResult):
         """
         from kaju.model.elastic.goals.displacement_error import told_error
         from kaju.model.elastic.goals.quantities import DISPLACEMENT
+        from kaju.model.elastic.pair.space import BrickAgents
 
         if self.tolerance_at == DISPLACEMENT:
             return self.goal_error_estimate
         spawning = self._spawning
-        if not hasattr(spawning, "balance"):
+        if isinstance(spawning, BrickAgents):
             raise ResultError(
                 "displacement_error_estimate: agents in space have none; `error_estimate` is that "
                 "of their energy norm"
@@ -810,7 +811,7 @@ class ElasticResult(BodyResult):
         return write_mesh(self, path)
 
     @property
-    def _spawning(self) -> Spawning:
+    def _spawning(self) -> Spawning | BrickAgents:
         return self.found.tree
 
     def _located(self, points: Floats) -> tuple[Floats, Ints]:

@@ -8,8 +8,7 @@ from spawning_bodies import drawn, spawned_by
 from kaju.errors import ConvergenceError
 
 
-@pytest.mark.parametrize("most_agents", [1_000, 8_000])
-def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance(most_agents):
+def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance():
     """Stiff voxels that touch along edges are nearly hinged: no agents are small enough."""
     rng = np.random.default_rng(0)
     codes = rng.choice([0, 1, 2], p=[0.1, 0.5, 0.4], size=[4, 4, 4]).repeat(2, 0).repeat(2, 1)
@@ -21,7 +20,7 @@ def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance(most_age
     load = {"side": "top", "force": [0.0, 0.0, -1.0]}
     scene = drawn(codes, materials, [load], cell_size=1.0)
     with pytest.raises(ConvergenceError, match="most_agents") as caught:
-        spawned_by(scene, tolerance=0.1, most_agents=most_agents)
+        spawned_by(scene, tolerance=0.1, most_agents=1_000)
     result = caught.value.best
     np.testing.assert_allclose(result.reactions["bottom"], [0.0, 0.0, 1.0], atol=1e-3)
     energies = [generation.energy for generation in result.generations]

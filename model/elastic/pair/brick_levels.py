@@ -90,8 +90,7 @@ class BrickLevel:
         ties = sp.csr_array(sp.kron(mesh.ties, sp.eye_array(3)))
         self.places = np.flatnonzero(mesh.open.ravel())
         ties = sp.csr_array(ties[:, self.places] @ sp.diags_array(self.scale.ravel()[self.places]))
-        matrix = sp.csc_array(ties.T @ whole @ ties)
-        self.factors = factors_of(matrix)
+        self.factors = factors_of(sp.csc_array(ties.T @ whole @ ties))
 
     def on(self, below: BrickLevel, parent: Ints, child: Ints) -> None:
         """Stand on the generation before: `child` of `parent` is each leaf, as in `descents`."""
@@ -161,7 +160,7 @@ class BrickLevel:
         left = self.restrict @ (self.root * (r - self.apply(z)))
         below = self.below
         z = z + self.root * (self.prolong @ (below.scale * below.cycle(below.scale * left)))
-        return z + self.smooth(r - self.apply(z))
+        return np.asarray(z + self.smooth(r - self.apply(z)))
 
     def solve(self, load: Floats, enough: float) -> tuple[Floats, list[float], float]:
         """Return the masters' displacement by loads on them, residuals, and what is left.

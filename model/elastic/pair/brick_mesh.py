@@ -93,7 +93,7 @@ class BrickMesh:
         # What a node follows may follow others in its turn.
         while True:
             further = ties @ ties
-            if (further != ties).nnz == 0 or abs(further - ties).max() < TINY:
+            if abs(further - ties).max() < TINY:
                 break
             ties = further
         self.ties = sp.csr_array(ties[:, keep])

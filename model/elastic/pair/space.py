@@ -444,6 +444,10 @@ class BrickLoop:
             self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
             self._field = BrickField(level, self.ground.moduli, master + change)
             self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
+            self.aimed = self.aimed._replace(part=self._field.shares)
+            self.generations[-1] = self.generations[-1]._replace(
+                energy=self.energy, load=loads_of(self._field)
+            )
 
     def _judge(self, left: float) -> None:
         """Estimate the error and mark."""

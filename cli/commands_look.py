@@ -63,6 +63,9 @@ def page(
         Language | None,
         typer.Option(help="Of the page's own words; the reader's own unless given."),
     ] = None,
+    python: Annotated[
+        bool, typer.Option("--python", help="Readers write agents of their own in it.")
+    ] = False,
     settings: Settings = None,
     force: Force = False,
 ) -> None:
@@ -76,4 +79,5 @@ def page(
         raise ParameterError("--set: changes a scene, and what a stored result shows is over")
     shown: Any = scene_of(file, settings) if is_scene else load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
-    typer.echo(export_page(shown, target, title=headline, language=language and language.value))
+    words = language and language.value
+    typer.echo(export_page(shown, target, title=headline, language=words, python=python))

@@ -32,6 +32,7 @@ from kaju.model.transfer.stability import stability
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
+from . import python as written
 from .motion_data import motion_data
 from .own import own_data
 from .packing import pack
@@ -87,6 +88,7 @@ def export_page(
     language: str | None = None,
     exact: bool = False,
     lesson: Mapping[str, Any] | None = None,
+    python: bool = False,
 ) -> Path:
     """Write a page in which a run can be watched, touched and handed on.
 
@@ -116,6 +118,10 @@ def export_page(
     lesson : mapping, optional
         Makes the page a lesson: its questions with answers, tolerances and hints, asked one by
         one. README.md beside this file lists the keys.
+    python : bool
+        Let readers write agents in the page, in Python: a tab holds a class, and Run runs it. The
+        page then carries Brython (``pip install 'kaju[page]'``) and has some 520 kB. Of a model with
+        agents of one's own the tab opens with their source.
 
     Returns
     -------
@@ -158,8 +164,8 @@ def export_page(
         scene = preset[0] if isinstance(preset, tuple) and len(preset) == 2 else preset
         if not isinstance(scene, Scene):
             raise ParameterError(f"presets: {name!r} must be a Scene, or one with a text, in pairs")
-    packed = packed_page(from_file(of), title, text, presets or {}, language, exact, lesson)
-    html = page_html(packed, _in(language, title) or "kaju")
+    packed = packed_page(from_file(of), title, text, presets or {}, language, exact, lesson, python)
+    html = page_html(packed, _in(language, title) or "kaju", python=python)
     with atomic_file(target, ResultFileError) as scratch:
         scratch.write_text(html, encoding="utf-8")
     return target
@@ -173,6 +179,7 @@ def packed_page(
     language: str | None = None,
     exact: bool = False,
     lesson: Mapping[str, Any] | None = None,
+    python: bool = False,
 ) -> bytes:
     """Return a page's data, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and of.outlined:
@@ -199,6 +206,11 @@ def packed_page(
     if not isinstance(shown, Scene) and not (
         isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
     ):
+        if python:
+            raise ParameterError(
+                "python: agents are written in pages of squares, hexagons or cubes under a prescribed "
+                "rule; leave python out"
+            )
         pictures, columns = motion_data(shown)
         return pack(header | pictures | {"kind": "pictures"}, columns)
     assert isinstance(scene, Scene)
@@ -213,6 +225,7 @@ def packed_page(
             "late": account is None,
         }
         columns |= history_columns(scene, shown.last, exact, account)
+    header |= written.header(own) if python else {}
     header["presets"] = [
         _preset(number, name, preset, columns)
         for number, (name, preset) in enumerate((presets or {}).items())
@@ -336,18 +349,23 @@ def worker() -> str:
     return joined(("lattice.js", "elastic.js")) + ANSWER
 
 
-def page_html(packed: bytes, title: str, code: str | None = None, policy: str = "") -> str:
+def page_html(
+    packed: bytes, title: str, code: str | None = None, policy: str = "", python: bool = False
+) -> str:
     """Return the file: the page's modules, their data, and a strict content policy.
 
     The modules are deflated, half of the file's bytes otherwise, and put in by a short script.
     Only these two, whose hashes the policy names, may run; nothing may be fetched but what
     `policy` adds.
     """
-    code = joined() + START if code is None else code
+    if code is None:
+        code = joined((*MODULES, "agent.js") if python else MODULES) + START
     digests = [hashlib.sha256(script.encode()).digest() for script in (UNFOLD, code)]
     fields = {
         "policy": policy,
-        "hashes": " ".join(f"'sha256-{base64.b64encode(d).decode()}'" for d in digests),
+        "hashes": " ".join(f"'sha256-{base64.b64encode(d).decode()}'" for d in digests)
+        + (" 'unsafe-eval'" if python else ""),  # Brython turns Python into functions
+        "python": written.worker() if python else "",
         "title": escape(title),
         "data": base64.b64encode(packed).decode(),
         "code": base64.b64encode(zlib.compress(code.encode(), 9)).decode(),

@@ -1,5 +1,5 @@
 // How a host opens a page: a file, or an iframe in a notebook.
-import { bytesOf, Recorded, unpack } from "./history.js";
+import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { MotionPage } from "./motion.js";
 import { Page } from "./page.js";
 
@@ -28,6 +28,7 @@ export async function openPage(element, base64) {
   takeWindow(element);
   const { header, columns } = await unpack(bytesOf(base64));
   const { cells } = columns;
+  if (header.python) header.python.blob = new TextDecoder().decode(await through(bytesOf(document.getElementById("kaju-python").textContent), new DecompressionStream("deflate")));
   if (header.kind === "pictures") return mount(element, { ...header, columns }, MotionPage);
   const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late }).append(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));

@@ -7,6 +7,7 @@ import { curvesOf, paintGrid, partOf } from "./charts.js";
 import { icon, make } from "./controls.js";
 import { Lesson } from "./lesson.js";
 import { Loads } from "./loads.js";
+import { Workshop } from "./agent.js";
 import { offered } from "./modes.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./story.js";
@@ -32,6 +33,7 @@ export class Page {
       camera: { yaw: -0.6, pitch: 0.5 }, cut: { axis: -1, at: 0, only: false } };
     this.begin(header);
     this.loads = new Loads(this);
+    this.studio = header.python ? new Workshop(this, header.python) : null;
     this.lesson = lesson ? new Lesson(this, lesson) : null;
     if (this.lesson) this.look.speed = 1;
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
@@ -70,10 +72,10 @@ export class Page {
   get limit() { return this.lesson?.limit ?? Infinity; }
   get touchable() { return this.kind === "runnable"; }
   get solid() { return this.run.lattice.dimension === 3; }
-  word(key) { return this.t(key); }
+  word(key) { return key.startsWith("state ") ? this.studio.states.find(([name]) => `state ${name}` === key)?.[1] ?? "" : this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
   get deformable() { return this.scene.rule.kind === "prescribed"; }
-  get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : [])]; }
+  get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.studio?.active ? this.studio.states.map(([name]) => `state ${name}`) : [])]; }
   /** The page answers with elasticity for squares. */
   get solvable() { return this.scene.lattice.kind === "square"; }
 
@@ -98,6 +100,7 @@ export class Page {
   adopt(run) {
     this.run = run; this.scales = new Map(); this.moved = null; this.curves = null;
     const { lattice: L, C } = run, size = { taken: L.size * C, passed: L.size * L.D, dropped: L.size, returned: L.size, kept: L.size * L.axes.length, stretch: L.size * L.axes.length };
+    for (const [name] of run.states ?? []) size[`state ${name}`] = L.size;
     this.sums = {};
     for (const [name, n] of Object.entries(size)) if (run[name]) this.sums[name] = new Sums(run[name], n);
   }
@@ -115,7 +118,9 @@ export class Page {
   }
   renew(goal = this.goal) {
     cancelAnimationFrame(this.due); clearTimeout(this.due);
-    this.due = this.goal = null;
+    this.due = null;
+    if (this.studio?.active) { this.goal = goal; this.studio.run(); return; }
+    this.goal = null;
     this.adopt(this.compute());
     this.seek(goal);
   }
@@ -151,6 +156,7 @@ export class Page {
     const { verdict, stable } = this.given, { kind } = this.scene.rule;
     clearTimeout(this.judging);
     this.judging = null;
+    if (this.studio?.active) { this.tellVerdict("", true); return; }
     if (kind !== "prescribed" || (verdict && !this.touchable)) { this.tellVerdict(verdict ?? "", stable); return; }
     const steps = certifying(this.scene, this.cells), go = (budget) => {
       const until = performance.now() + budget;
@@ -229,6 +235,7 @@ export class Page {
       if (kinds[k] < 0) continue;
       if (colour === "move") { v[k] = size(moved.displacement, k); continue; }
       if (!awake(k)) continue;
+      if (colour.startsWith("state ")) { v[k] = sums[colour]?.sum[k] ?? 0; continue; }
       if (colour === "spawn") { v[k] = spawn[k]; continue; }
       if (colour === "stress") { v[k] = Math.max(...moved.pressure.map((p) => Math.abs(p[k]))); continue; }
       let sum = 0;

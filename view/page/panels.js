@@ -105,11 +105,12 @@ export const cardsBox = (page) => page.parts.cards = make("div", { className: "c
 /** Which panels a page has, by the word of each. */
 export function panelsOf(page) {
   const panels = {};
+  if (page.studio) panels.code = () => page.studio.panel();
   if (page.touchable) panels.rule = () => rulePanel(page);
   panels.look = () => lookPanel(page);
   if (page.touchable && page.run.lattice.dimension === 2) panels.draw = () => drawPanel(page);
   if (page.text) panels.about = () => [rendered(page.say(page.text))];
-  if (page.own) panels.source = () => [...(page.touchable ? [] : parameterRows(page)), make("pre", { tabIndex: 0, textContent: page.own.source })];
+  if (page.own && !page.studio) panels.source = () => [...(page.touchable ? [] : parameterRows(page)), make("pre", { tabIndex: 0, textContent: page.own.source })];
   return panels;
 }
 

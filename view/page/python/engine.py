@@ -514,7 +514,7 @@ def generations(model, most=MOST_GENERATIONS):
                 if value != before:
                     name, at = place
                     told[place] = value
-                    changes[name][at] = value if name in states else value - before
+                    changes[name][at] = value - before
         news |= {"taken": model.rows, "returned": model.given, **changes, "pending": model.pending}
         yield news
         if not model.pending <= MOST_GROWTH * model.applied:

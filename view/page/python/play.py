@@ -10,6 +10,9 @@ PRINTS = [0]
 class Random(Twister):
     """Python's random numbers, from a seed."""
 
+    def __init__(self, seed=1):
+        self.seed(seed)
+
     def uniform(self, low, high):
         return low + (high - low) * self.random()
 

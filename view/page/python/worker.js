@@ -1,5 +1,6 @@
 // In the worker: Brython, kaju's agents in plain Python, and a pupil's code. Nothing of it reaches a network.
 const py = __BRYTHON__, post = postMessage.bind(globalThis), lineNoted = py.set_lineno;
+for (const name of ["log", "warn", "error", "debug", "info"]) console[name] = () => {};
 let line = 0, beat = 0, every = false;
 py.set_lineno = (frame, at, type) => {
   if (frame.__file__?.endsWith("#agent")) {

@@ -1,0 +1,69 @@
+"""Agents in Python in a page: what runs in it, and how it gets there."""
+
+from __future__ import annotations
+
+import json
+import re
+import zlib
+from base64 import b64encode
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from kaju.errors import needing
+
+OFFERED = (
+    "Emission", "FreeBoundaryAgent", "Load", "MaterialAgent", "Parameter", "RigidBoundaryAgent",
+    "RollerBoundaryAgent", "Shares", "State",
+)  # fmt: skip
+"""What agents in a page import from kaju."""
+SMALL = {
+    "dataclasses": "def replace(of, **named):\n    return of._replace(**named)\n",
+    "typing": "class A:\n    def __getitem__(self, what):\n        return self\nAny = ClassVar = A()\n",
+    "random": "from kaju import Random\n",
+}
+"""Modules of Python that agents may import, as far as they need them."""
+
+
+def _text(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")
+
+
+def header(own: dict[str, Any]) -> dict[str, Any]:
+    """Return what a page's header says: the code it opens with, and the agents to begin from."""
+    ready = json.loads(_text("ready/ready.json"))
+    for name, agent in ready.items():
+        agent["code"] = _text(f"ready/{name}.py")
+    code = ready["standard"]["code"]
+    if own:
+        source = own["own"]["source"]
+        names = [name for name in OFFERED if re.search(rf"\b{name}\b", source)]
+        code = f"from kaju import {', '.join(names)}\n\n\n{source}\n"
+    return {"python": {"code": code, "ready": ready}}
+
+
+@cache
+def worker() -> str:
+    """Return the worker's text, deflated: Brython, two of its modules, kaju's agents.
+
+    Raises
+    ------
+    MissingExtraError
+        If Brython is not installed.
+    """
+    with needing("python: a page that runs Python needs Brython; pip install 'kaju[page]'"):
+        import brython
+    library = files(brython).joinpath("data")
+    stored = library.joinpath("brython_stdlib.js").read_text("utf-8")
+    modules, _ = json.JSONDecoder().raw_decode(stored[stored.index("{") :])
+    needed = {name: modules[name] for name in ("math", "_random")}
+    parts = (
+        'globalThis.__BRYTHON__ = { brython_path: "https://page.invalid/" };',
+        library.joinpath("brython.js").read_text("utf-8"),
+        f"__BRYTHON__.use_VFS = true; __BRYTHON__.update_VFS({json.dumps(needed)});",
+        f"const ENGINE = {json.dumps(_text('engine.py') + _text('play.py'))};",
+        f"const OFFERED = {json.dumps(SMALL)};",
+        _text("worker.js"),
+    )
+    packed = b64encode(zlib.compress("\n".join(parts).encode(), 9)).decode()
+    return f'<script type="application/octet-stream" id="kaju-python">{packed}</script>\n'

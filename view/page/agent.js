@@ -6,7 +6,7 @@ import { hand } from "./save.js";
 import { tomlOf } from "./scene.js";
 import { general } from "./words.js";
 
-const SILENCE = 2000, SEED = 1, CELLS = 40000, PRINTED = 200;   // ms without a word; at most so many cells, and lines that are shown
+const SILENCE = 2000, SEED = 1, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000;   // ms without a word; at most so many cells, and lines that are shown
 
 /** What Python is told of the scene: the tables that page and agents share. */
 export function bodyOf({ scene, cells, stage }, run, parameters) {
@@ -126,14 +126,20 @@ export class Workshop {
   drop() { this.worker?.terminate(); this.worker = null; this.busy = false; clearTimeout(this.watch); }
   stop() { if (this.busy) this.drop(); }
   hear(data) {
+    if (!this.busy) return;
     const told_ = typeof data === "string" ? JSON.parse(data) : data;
     if (told_.line && !told_.error) { this.line = told_.line; return; }
-    if (told_.print !== undefined) { this.wait(); if (this.shown++ < PRINTED) this.printed += told_.print; return; }
+    if (told_.print !== undefined) { this.wait(); this.print(told_); return; }
     if (told_.error) { this.busy = false; this.end(told(this.page.t, told_, this.code)); return; }
     if (told_.names) { Object.assign(this, { names: told_.names, states: told_.states, parameters: told_.parameters }); this.fresh = new Written(this.page, told_.states); return; }
     for (const news of told_.news) this.fresh.take(news);
     this.wait();
     if (told_.end) { this.busy = false; this.fresh.atRest = true; this.fresh.grown = told_.end.pending > 0; this.show(); this.end(told_.end); }
+  }
+  /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */
+  print({ print, at }) {
+    if (this.shown++ < PRINTED) this.printed += print;
+    if (this.shown > MOST_PRINTED) { this.drop(); this.end({ error: this.page.t("atLine", { n: at, e: this.page.t("printed", { n: MOST_PRINTED }) }), line: at }); }
   }
   /** The page shows what came of it. */
   show() {

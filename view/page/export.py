@@ -120,8 +120,8 @@ def export_page(
         one. README.md beside this file lists the keys.
     python : bool
         Let readers write agents in the page, in Python: a tab holds a class, and Run runs it. The
-        page then carries Brython (``pip install 'kaju[page]'``) and has some 520 kB. Of a model with
-        agents of one's own the tab opens with their source.
+        page then carries Brython (``pip install 'kaju[page]'``) and has some 560 kB. Of a model
+        with agents of one's own the tab opens with their source.
 
     Returns
     -------
@@ -208,8 +208,8 @@ def packed_page(
     ):
         if python:
             raise ParameterError(
-                "python: agents are written in pages of squares, hexagons or cubes under a prescribed "
-                "rule; leave python out"
+                "python: agents are written in pages of squares, hexagons or cubes under a "
+                "prescribed rule; leave python out"
             )
         pictures, columns = motion_data(shown)
         return pack(header | pictures | {"kind": "pictures"}, columns)

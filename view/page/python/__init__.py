@@ -19,7 +19,8 @@ OFFERED = (
 """What agents in a page import from kaju."""
 SMALL = {
     "dataclasses": "def replace(of, **named):\n    return of._replace(**named)\n",
-    "typing": "class A:\n    def __getitem__(self, what):\n        return self\nAny = ClassVar = A()\n",
+    "typing": "class A:\n    def __getitem__(self, what):\n        return self\n"
+    "Any = ClassVar = A()\n",
     "random": "from kaju import Random\n",
 }
 """Modules of Python that agents may import, as far as they need them."""

@@ -3,8 +3,7 @@
 from _random import Random as Twister
 from browser import self as worker
 
-PRINTED, SLICE = 1000, 64
-PRINTS = [0]
+SLICE = 64
 
 
 class Random(Twister):
@@ -68,16 +67,12 @@ def text(value):
 
 
 def show(*values, sep=" ", end="\n", **rest):
-    PRINTS[0] += 1
-    if PRINTS[0] > PRINTED:
-        raise KajuError(f"print: more than {PRINTED} lines")
-    worker.postMessage(text({"print": sep.join([str(v) for v in values]) + end}))
+    worker.postMessage(text({"print": sep.join([str(v) for v in values]) + end, "at": worker.lineNow()}))
 
 
 def play(names, told):
     """Run the classes among names on the scene that the page tells."""
     body = eval(told, {"true": True, "false": False, "null": None})
-    PRINTS[0] = 0
     classes = classes_of(names)
     if not classes:
         raise KajuError("class: there is no class of agents; write one, as in class Mine(MaterialAgent)")

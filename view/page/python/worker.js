@@ -9,6 +9,7 @@ py.set_lineno = (frame, at, type) => {
   }
   return lineNoted(frame, at, type);
 };
+globalThis.lineNow = () => line;
 py.runPythonSource(ENGINE, { id: "kaju" });
 py.builtins.print = globalThis.show;
 for (const [id, code] of Object.entries(OFFERED)) py.runPythonSource(code, { id });

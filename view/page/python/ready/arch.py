@@ -13,6 +13,15 @@ class ArchMaker(MaterialAgent):
         along = [row for row in beside if row.direction == load.direction]
         more = self.aside * ahead / max(1, len(along))
         return [
-            row._replace(share=row.share + (more if row in along else -self.aside * ahead if row.arm == load.direction else 0.0))
+            row._replace(
+                share=row.share
+                + (
+                    more
+                    if row in along
+                    else -self.aside * ahead
+                    if row.arm == load.direction
+                    else 0.0
+                )
+            )
             for row in rows
         ]

@@ -1,4 +1,4 @@
-from kaju import Emission, MaterialAgent, State
+from kaju import MaterialAgent, State
 
 
 class Random(MaterialAgent):

@@ -100,8 +100,6 @@ def runs(page, code):
 def test_ready_agents_do_in_the_page_what_they_do_in_kaju(opened, pages, name):
     page = opened(pages[name])
     for title, agent in READY.items():
-        if "State" in agent["code"] and not hasattr(kaju, "State"):
-            continue
         found = runs(page, agent["code"])
         assert "error" not in found, (title, found)
         for what, value in as_page_says(in_kaju(agent["code"], SCENES[name])).items():

@@ -15,7 +15,7 @@ export function bodyOf({ scene, cells, stage }, run, parameters) {
   const normal = (n) => L.normals[L.axes[n]], along = L.axes.map((_, a) => L.axes.map((_, n) => dot(normal(n), normal(a)) ** 2));
   const axis = Array.from({ length: L.D }, (_, d) => L.axes.findIndex((arm) => arm === d || L.opposite[arm] === d));
   return { lattice: { directions: L.D, states: sense ? 2 * L.D : L.D, stride: L.stride, padded: L.padded, steps: L.steps.map((s) => Array.from(s)), opposite: L.opposite,
-    mirrored: L.mirrored, axis_of: axis, beside: L.beside, along, cell_size: L.h, dimension: L.dimension, shape: L.shape },
+    mirrored: L.mirrored, axis_of: axis, beside: L.beside.map((list) => list.toSorted((a, b) => a[0] - b[0])), along, cell_size: L.h, dimension: L.dimension, shape: L.shape },
   threshold: rule.threshold, accumulate: rule.accumulate, sense, cross_section: L.faceArea(scene.thickness), kinds: Array.from(kinds),
   materials: materials.map((m) => [m.name, m.youngs_modulus, m.poissons_ratio]), shares, loads: appliedLoads(scene, L, kinds, stage), parameters, seed: SEED };
 }

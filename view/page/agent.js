@@ -128,7 +128,7 @@ export class Workshop {
   hear(data) {
     if (!this.busy) return;
     const told_ = typeof data === "string" ? JSON.parse(data) : data;
-    if (told_.line && !told_.error) { this.line = told_.line; return; }
+    if (told_.steps !== undefined) { this.line = told_.line; if (told_.steps !== this.steps) { this.steps = told_.steps; this.wait(); } return; }
     if (told_.print !== undefined) { this.wait(); this.print(told_); return; }
     if (told_.error) { this.busy = false; this.end(told(this.page.t, told_, this.code)); return; }
     if (told_.names) { Object.assign(this, { names: told_.names, states: told_.states, parameters: told_.parameters }); this.fresh = new Written(this.page, told_.states); return; }

@@ -276,6 +276,9 @@ class Model:
         steps = self.lattice.steps[(key % self.lattice.padded[1] - 1) % 2]
         return [(key + step, self.kinds[key + step]) for step in steps]
 
+    def tick(self):
+        """Whoever waits learns that another agent acts."""
+
     def heading(self, load):
         return load[0] if load[3] == "push" else self.lattice.opposite[load[0]]
 
@@ -294,6 +297,7 @@ class Model:
             agent.fresh = False
         for agent in agents:
             if agent.inbox:
+                self.tick()
                 self.note(agent)
                 agent.step()
         self.judge(True)

@@ -83,6 +83,7 @@ def play(names, told):
             "whole": all([isinstance(v, int) for v in (p.default, p.low, p.high)])} for n, p in numbers.items()],
         "states": [[n, s.text or n] for n, s in states.items()], "names": [c.__name__ for c in classes.values()]}))
     model, pieces = Model(body, classes, Random(body["seed"]), Elsewhere("rng")), []
+    model.tick = worker.tick
     for news in generations(model):
         pieces.append(news)
         if len(pieces) == SLICE:

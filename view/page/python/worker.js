@@ -1,13 +1,17 @@
 // In the worker: Brython, kaju's agents in plain Python, and a pupil's code. Nothing of it reaches a network.
 const py = __BRYTHON__, post = postMessage.bind(globalThis), lineNoted = py.set_lineno;
 for (const name of ["log", "warn", "error", "debug", "info"]) console[name] = () => {};
-let line = 0, beat = 0, every = false;
+let line = 0, beat = 0, every = false, steps = 0;
 py.set_lineno = (frame, at, type) => {
   if (frame.__file__?.endsWith("#agent")) {
     line = at;
-    if (every || Date.now() - beat > 200) { beat = Date.now(); post({ line }); }
+    if (every || Date.now() - beat > 200) { beat = Date.now(); post({ line, steps }); }
   }
   return lineNoted(frame, at, type);
+};
+globalThis.tick = () => {                      // an agent acts
+  steps++;
+  if (Date.now() - beat > 200) { beat = Date.now(); post({ line, steps }); }
 };
 globalThis.lineNow = () => line;
 py.runPythonSource(ENGINE, { id: "kaju" });

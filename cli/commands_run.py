@@ -323,12 +323,22 @@ def creep(
         )
 
     def answer() -> Result:
+        import tomllib
+
+        from kaju.agents.elastic_rule import ElasticRule
+        from kaju.agents.rules import PrescribedRule
         from kaju.model.rheology.creeping import creep as let_creep
         from kaju.model.rheology.load_history import History
 
         history = History.step().hold(hold) if hold is not None else scene.history
-        found = let_creep(scene, history, duration, step=step)
-        task.console.say(f"the body of the {scene.rule.kind} rule in time")
+        # A rule that nobody wrote is none: the body creeps as an elastic one.
+        unsaid = scene.rule == PrescribedRule() and scene.lattice.boxes
+        if unsaid and not (task.file.is_file() and "rule" in tomllib.loads(task.file.read_text())):
+            body = scene.replace(rule=ElasticRule())
+        else:
+            body = scene
+        found = let_creep(body, history, duration, step=step)
+        task.console.say(f"the body of the {body.rule.kind} rule in time")
         if not any(material.rheology for material in scene.cell_materials):
             task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
         return found

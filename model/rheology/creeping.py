@@ -9,6 +9,7 @@ One call for all of them::
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import isfinite
 from time import perf_counter
 from typing import Any, Literal, NamedTuple, overload
@@ -40,6 +41,10 @@ AnyTimeResult = CreepResult | NetworkCreepResult | TransferCreepResult | Elastic
 
 _STATIC_TOLERANCE = 1e-10
 """Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
+_NO_EQUILIBRIUM = (
+    "the prescribed rule keeps no equilibrium: its displacements may be hardly closer to those of "
+    'the body than no answer at all; rule = { kind = "elastic" } gives these'
+)
 _JUMPS_NOTED_FROM = 0.01
 """Share of the work that is set free at jumps from which on a note says so."""
 
@@ -195,10 +200,13 @@ class TimeTask:
                 "and factors"
             )
         self.history = history
+        by_rule = isinstance(subject, Scene) and subject.rule.kind == "prescribed"
+        self._rule = (_NO_EQUILIBRIUM,) if by_rule else ()
         self.asked = _asked_times(history, duration, times, resume)
         method, loading = schemes.scheme(scheme), Loading.of(history, drive)
+        last = history.duration if duration is None else duration
         self.system = _system(subject, rheology, drive, mass)
-        self._integrator = Integrator(self.system, method, loading, control)
+        self._integrator = Integrator(self.system, method, loading, replace(control, end=last))
         start = self.system.start()
         self._stored_first = self.system.stored(start)
         self.first = resume or CreepState(start)
@@ -238,7 +246,7 @@ class TimeTask:
             at_jumps=at_jumps,
             state=state,
             seconds=seconds,
-            notes=_notes(float(np.abs(work).max()), float(at_jumps[-1])),
+            notes=(*self._rule, *_notes(float(np.abs(work).max()), float(at_jumps[-1]))),
             **self.system.parts,
             **{name: np.stack([m.record[name] for m in moments]) for name in moments[0].record},
         )

@@ -4,7 +4,8 @@ A body (a single element, a spring network, cells) answers one question only: wh
 in an implicit step from its present state to a given load. Both time schemes are made of such
 steps, so every kind of body has both, with and without mass.
 
-Steps end on every corner of the history and at every time asked for. With a tolerance each
+Steps end on every corner of the history. Equal steps also end at every time asked for; where a
+tolerance is kept, these times are read between the steps, which do not feel them. With it each
 step is made once whole and once as two halves; the halves are kept. Their difference, over
 2 - 1 or 2² - 1, estimates the step's error, which may be tolerance · (largest stretch so
 far) · h / 4(t + h), t counted since the last corner: the same share for every e-fold of time,
@@ -89,8 +90,13 @@ class Loading:
 
     @cached_property
     def corners(self) -> Floats:
-        """Times (s) at which one of them turns or jumps."""
-        return np.union1d(self.forces.times, self.displacements.times)
+        """Times (s) at which one of them turns or jumps; points on a straight piece are none."""
+        found = []
+        for history in (self.forces, self.displacements):
+            corners = history.corners()
+            least = 1e-9 * max(abs(corner.bend) for corner in corners)
+            found += [c.time for c in corners if c.jump or abs(c.bend) > least]
+        return np.unique(found)
 
     @cached_property
     def jumps(self) -> set[float]:
@@ -113,6 +119,7 @@ class StepControl:
     step: float | None
     tolerance: float
     most_steps: int
+    end: float = 0.0  # of the run (s), where the last step ends
 
     def __post_init__(self) -> None:
         if self.step is not None and not (isfinite(self.step) and self.step > 0.0):
@@ -132,6 +139,9 @@ class Integrator:
 
     def states(self, state: CreepState, asked: Floats) -> Iterator[CreepState]:
         """Yield the state at each time `asked`, and where an interrupt ends the run."""
+        if self.control.step is None:
+            yield from self._read_between(state, asked)
+            return
         corners = self.loading.corners
         nodes = np.union1d(asked, corners)
         nodes = nodes[(nodes > state.time) & (nodes <= asked[-1])]
@@ -141,20 +151,56 @@ class Integrator:
         for node in nodes.tolist():
             if node - state.time <= _SAME_MOMENT * node:
                 state = replace(state, time=node)
-            elif self.control.step is not None:
-                state = self._in_equal_steps(state, node, self.control.step)
             else:
-                if state.scale == 0.0:
-                    later = corners[corners > state.time]
-                    end = float(later[0]) if later.size else float(asked[-1])
-                    state = replace(state, scale=self._expected_scale(state, end))
-                corner = float(corners[corners <= state.time].max(initial=0.0))
-                state = self._keep_tolerance(state, node, corner)
+                state = self._in_equal_steps(state, node, self.control.step)
             ended = interrupt_requested()
             if node in wanted or ended:
                 yield state
             if ended:
                 break
+
+    def _read_between(self, state: CreepState, asked: Floats) -> Iterator[CreepState]:
+        """Yield the states at the times `asked`, which the steps on the way do not feel.
+
+        Each is reached by a step of its own from the last half step before it.
+        """
+        corners, left = self.loading.corners, asked[asked >= state.time].tolist()
+        if left and left[0] == state.time:
+            yield state
+            left.pop(0)
+        while left and not interrupt_requested():
+            later = corners[corners > state.time]
+            node = float(later[0]) if later.size else self.control.end
+            if node - state.time <= _SAME_MOMENT * node:
+                state = replace(state, time=node)
+                continue
+            if state.scale == 0.0:
+                state = replace(state, scale=self._expected_scale(state, node))
+            corner = float(corners[corners <= state.time].max(initial=0.0))
+            for before, middle, after in self._keep_tolerance(state, node, corner):
+                state = after
+                while left and left[0] <= state.time:
+                    yield self._read(before, middle, state, left.pop(0))
+                if not left:
+                    break
+        if left:
+            yield state  # interrupted
+
+    def _read(
+        self, before: CreepState, middle: CreepState, after: CreepState, time: float
+    ) -> CreepState:
+        """Return the state at a time within a step, of which start, middle and end are known."""
+        if time == after.time:
+            return after
+        base = before if time <= middle.time else middle
+        read = self._advance(base, time, time - base.time)
+        return replace(
+            read,
+            next_step=after.next_step,
+            error_estimate=after.error_estimate,
+            steps=after.steps,
+            rejected=after.rejected,
+        )
 
     def take_step(
         self, fields: Fields, start: float, end: float, step: float
@@ -198,24 +244,31 @@ class Integrator:
                 break
         return state
 
-    def _keep_tolerance(self, state: CreepState, node: float, corner: float) -> CreepState:
-        """Go on to `node` in steps whose estimated error keeps the tolerance."""
+    def _keep_tolerance(
+        self, state: CreepState, node: float, corner: float
+    ) -> Iterator[tuple[CreepState, CreepState, CreepState]]:
+        """Go on to `node` in steps whose estimated error keeps the tolerance.
+
+        Yield the states before, in the middle and at the end of each.
+        """
         control = self.control
-        wish, failures, failed_step = state.next_step or 1e-3 * (node - state.time), 0, inf
+        wish, failures, failed_step = state.next_step or 1e-5 * (node - state.time), 0, inf
         while state.time < node and not interrupt_requested():
             left = node - state.time
             # Two equal steps to the node rather than a long one and a sliver.
             step = left if wish >= left else min(wish, 0.5 * left)
             end = node if step == left else state.time + step
-            tried, error, trouble = self._doubled(state, end)
+            middle, tried, error, trouble = self._doubled(state, end)
             since = state.time - corner
             allowed = 0.25 * control.tolerance * tried.scale * step / (since + step)
             growth = _growth(error, allowed, self.method.order)
             if error <= allowed:
                 # A step cut short by the node says nothing against a longer one after it.
                 wish = max(wish, step * growth) if step < wish else step * growth
+                before = state
                 state = replace(tried, next_step=wish, error_estimate=state.error_estimate + error)
                 failures = 0 if step >= failed_step else failures
+                yield before, middle, state
             else:
                 wish = step * growth
                 state = replace(state, rejected=state.rejected + 1)
@@ -231,19 +284,21 @@ class Integrator:
                     "reached; allow a larger tolerance, more steps (most_steps=), or take "
                     "scheme='sdirk2'"
                 )
-        return state
 
-    def _doubled(self, state: CreepState, end: float) -> tuple[CreepState, float, KajuError | None]:
-        """Make a step whole and in halves; return the state after these, its error, and trouble."""
+    def _doubled(
+        self, state: CreepState, end: float
+    ) -> tuple[CreepState, CreepState, float, KajuError | None]:
+        """Make a step whole and in halves; return middle and end of these, error, and trouble."""
         middle, half = 0.5 * (state.time + end), 0.5 * (end - state.time)
         try:
             whole, _ = self.take_step(state.fields, state.time, end, 2.0 * half)
-            halves = self._advance(self._advance(state, middle, half), end, half)
+            first = self._advance(state, middle, half)
+            halves = self._advance(first, end, half)
         except (ConvergenceError, TangentError) as trouble:
-            return state, inf, trouble  # a shorter step may find what a long one does not
+            return state, state, inf, trouble  # a shorter step may find what a long one does not
         apart = [a - b for a, b in zip(whole[:2], halves.fields[:2], strict=True)]
         error = _largest_stretch(apart) / (2**self.method.order - 1)
-        return halves, error if isfinite(error) else inf, None
+        return first, halves, error if isfinite(error) else inf, None
 
     def _expected_scale(self, state: CreepState, end: float) -> float:
         """Estimate the stretches to come by one step to the end of the first piece.

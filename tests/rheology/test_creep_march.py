@@ -132,3 +132,19 @@ def test_a_file_that_is_no_state_is_refused(tmp_path):
     path.write_bytes(b"nothing")
     with pytest.raises(ResultFileError, match=r"no\.npz: is not a result"):
         CreepState.load(path)
+
+
+def test_times_asked_for_and_points_on_a_straight_piece_do_not_move_the_answer():
+    few, many = np.array([1.0, 3.0, 10.0]), np.union1d([1.0, 3.0, 10.0], np.linspace(0, 25.3, 301))
+    plain = creep(ELEMENT, BITE, times=few)
+    asked = creep(ELEMENT, BITE, times=many)
+    at = np.searchsorted(many, few)
+    np.testing.assert_allclose(asked.displacement[at], plain.displacement, rtol=1e-13)
+    np.testing.assert_allclose(asked.dissipated[at], plain.dissipated, rtol=1e-13)
+    points = np.linspace(0.01, 25.2, 50)
+    times = np.union1d(BITE.times, points)
+    dotted = creep(ELEMENT, History(tuple(times), tuple(BITE.at(times))), times=few)
+    np.testing.assert_allclose(dotted.displacement, plain.displacement, rtol=1e-10)
+    exact = ELEMENT.creep(force=BITE, times=many, scheme="exact")
+    assert np.abs(asked.displacement - exact).max() < 1e-3 * np.abs(exact).max()
+    assert np.all(np.diff(asked.dissipated) >= 0.0)

@@ -48,7 +48,7 @@ def test_impossible_histories_are_refused(times, factors, message):
 def test_negative_durations_and_no_cycles_are_refused():
     with pytest.raises(ParameterError, match="duration"):
         History().ramp(1.0, -1.0)
-    with pytest.raises(ParameterError, match="at least one cycle"):
+    with pytest.raises(ParameterError, match="cycles: from 1 to"):
         History().cycles(0, 1.0)
 
 
@@ -66,3 +66,11 @@ def test_jumps_and_bends_superpose_to_the_history(moves, eighths):
         for corner in history.corners()
     )
     assert history.at(t) == pytest.approx(superposed, abs=1e-9)
+
+
+def test_endless_cycles_are_refused_by_name():
+    with pytest.raises(ParameterError, match="cycles: from 1 to 10,000"):
+        History().cycles(1_000_000, 1.0)
+    many = History().cycles(10_000, 0.5)
+    assert many.duration == pytest.approx(5000.0)
+    assert many.at([0.25, 0.5, 0.75]).tolist() == [1.0, 0.0, 1.0]

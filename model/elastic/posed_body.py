@@ -53,7 +53,9 @@ class PosedBody:
     the loaded cells of the scene, shape (n, dimension).
     """
 
-    def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
+    def __init__(
+        self, scene: Scene, stage: int | None, at_cells: bool, deepest: int = DEEPEST
+    ) -> None:
         lattice = scene.lattice
         check_boxes(lattice)
         self.scene, self.dimension = scene, lattice.dimension
@@ -64,7 +66,7 @@ class PosedBody:
                 f"body.cells: {max(lattice.shape)} cells along an axis are more than the "
                 f"2^{BITS[self.dimension] - 1} that agents can be counted in; use larger cells"
             )
-        self.cell = 1 << min(spare, DEEPEST)
+        self.cell = 1 << min(spare, deepest)
         self.smallest = self.cell if at_cells else 1
         self.extent = np.asarray(lattice.shape) * self.cell
         self._purity = scene.purity()

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.elastic.pair.displacement import followed
-from kaju.model.elastic.pair.elements import airy_of_tractions, forms
+from kaju.model.elastic.pair.elements import airy_of_tractions, forms, without_plane
 from kaju.model.elastic.pair.levels import Blocks
 from kaju.model.elastic.pair.mesh import Mesh
 from kaju.model.elastic.pair.sides import Sides, corner_numbers
@@ -65,7 +65,10 @@ def sheets_of(mesh: Mesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets
     """Cut the body to the right of every hole that something holds."""
     start, end = mesh.along()
     place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
-    base, cut, parts, closed = [], [], [], []
+    base: list[Ints] = []
+    cut: list[Ints] = []
+    parts: list[int] = []
+    closed: list[Flags] = []
     count = mesh.vertices
     for loop in loops:
         a, b = place[start[loop]], place[end[loop]]
@@ -88,8 +91,7 @@ def sheets_of(mesh: Mesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets
         cut.append(np.full(len(own), len(parts)))
         count += len(own)
         parts.append(part[mesh.owner[loop[0]]])
-        given = sides.given[loop].all(axis=0)
-        closed.append([given.all(), given[1], given[0]])
+        closed.append(_closed(sides.given[loop]))
     nothing = np.zeros(0, dtype=np.int64)
     return Sheets(
         corner,
@@ -98,6 +100,12 @@ def sheets_of(mesh: Mesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets
         np.array(parts, dtype=np.int64),
         np.array(closed, dtype=np.bool_).reshape(-1, 3),
     )
+
+
+def _closed(given: Flags) -> Flags:
+    """Tell which of phi, phi_x and phi_y are given all round a loop by its edges' tractions."""
+    along_x, along_y = (bool(given[:, axis].all()) for axis in (0, 1))
+    return np.array([along_x and along_y, along_y, along_x])
 
 
 class _Follow:
@@ -149,7 +157,7 @@ class Airy:
             (agents, np.einsum("kij,k->ij", forms(True), compliance(own[:, None])[:, 0]))
             for agents, own in laws
         ]
-        return Blocks(dof, matrices, size**-2.0, scale, self.size, self._beds())
+        return Blocks(dof, matrices, size**-2.0, scale, self.size, self._beds(), without_plane)
 
     def _beds(self) -> sp.csr_array | None:
         beds = np.flatnonzero(self.sides.bed > 0.0)
@@ -274,7 +282,7 @@ class Airy:
         change = np.flatnonzero(kind != np.roll(kind, 1))
         turn = int(change[np.argmin(np.roll(kind, 1)[change])]) if len(change) else 0
         # What is given all along the loop closes by itself, since the loads balance.
-        closed = given.all(), given[:, 1].all(), given[:, 0].all()
+        closed = _closed(given).tolist()
         loop, kind = np.roll(loop, -turn), np.roll(kind, -turn)
         start, end = mesh.along()
         back = np.isin(mesh.side[loop], (1, 2))
@@ -308,7 +316,7 @@ class Airy:
         seen: list[Ints],
         end: Ints,
         last: int,
-        closed: tuple[bool, ...],
+        closed: list[bool],
     ) -> None:
         """Take the jumps off where a stretch of the border crosses cuts."""
         passed: dict[int, int] = {}
@@ -336,9 +344,9 @@ class Airy:
             following = np.roll(place, -1, axis=0)
             if np.sum(place[:, 0] * following[:, 1] - following[:, 0] * place[:, 1]) < 0.0:
                 continue  # a hole's loop
-            given = self.sides.given[loop].all(axis=0)
+            given = _closed(self.sides.given[loop])
             own = np.flatnonzero(sheets.part == self.part[self.mesh.owner[loop[0]]])
-            for k, none in enumerate((given.all(), given[1], given[0])):
+            for k, none in enumerate(given.tolist()):
                 left = own[~sheets.closed[own, k]]
                 if none and len(left):
                     row = np.array([self.jump + 3 * left[-1] + k])
@@ -378,9 +386,9 @@ def first_stress(mesh: Mesh, sides: Sides, size: Floats) -> Floats:
         follow.add(number[half, 2], number[mesh.whole, 2], 0.25)
     free = ~follow.follows
     border = number[mesh.border]
-    normal = np.where(mesh.side < 2, 1, 0)
+    normals = np.where(mesh.side < 2, 1, 0)
     free[border[:, :2]] &= ~sides.given
-    free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normal]
+    free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normals]
     way = sp.csr_array(follow.way()[:, np.flatnonzero(free)])
     # Couples weigh as tractions of the same size.
     weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[free]

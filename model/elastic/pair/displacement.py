@@ -59,12 +59,12 @@ def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     return sp.csr_array(both[:, free]), free
 
 
-def followed(rows: Floats, columns: Floats, values: Floats, size: int) -> sp.csr_array:
+def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_array:
     """Return what unknowns are by those that follow no other: those they follow may do so, too."""
-    way = sp.csr_array((values, (rows, columns)), shape=(size, size))
+    way: sp.csr_array[np.float64] = sp.csr_array((values, (rows, columns)), shape=(size, size))
     while True:
-        next_way = sp.csr_array(way @ way)
-        if next_way.nnz == way.nnz and abs(next_way - way).max() < 1e-12:
+        next_way: sp.csr_array[np.float64] = sp.csr_array(way @ way)
+        if next_way.nnz == way.nnz and np.abs((next_way - way).data).max(initial=0.0) < 1e-12:
             return way
         way = next_way
 

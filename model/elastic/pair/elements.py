@@ -106,7 +106,8 @@ def _triangle_of(points: Floats) -> Ints:
 def airy(points: Floats, order: tuple[int, int], triangle: Ints | None = None) -> Floats:
     """Return a derivative of phi at points by the 16 unknowns, shape (n, 16)."""
     triangle = _triangle_of(points) if triangle is None else triangle
-    return np.einsum("nk,nkj->nj", _monomials(points, order), _airy_coefficients()[triangle])
+    cubics = _airy_coefficients()[triangle]
+    return np.asarray(np.einsum("nk,nkj->nj", _monomials(points, order), cubics))
 
 
 def airy_stress(points: Floats, triangle: Ints | None = None) -> Floats:
@@ -158,7 +159,7 @@ def forms(balances: bool) -> Floats:
     xx, yy, xy = rows[:, 0], rows[:, 1], rows[:, 2]
 
     def product(one: Floats, other: Floats) -> Floats:
-        return np.einsum("pi,pj,p->ij", one, other, weights)
+        return np.asarray(np.einsum("pi,pj,p->ij", one, other, weights))
 
     like = product(xx, xx) + product(yy, yy)
     return np.stack([like, product(xx, yy) + product(yy, xx), product(xy, xy)])
@@ -172,7 +173,7 @@ def edge_tractions() -> Floats:
     are those of each component along the edge, about its middle.
     """
     found = np.zeros((4, 2, 2, 16))
-    line, weight = np.polynomial.legendre.leggauss(2)
+    line, weight = (np.asarray(x) for x in np.polynomial.legendre.leggauss(2))
     for edge, (start, end) in enumerate(EDGES):
         normal, sign = (1, 2.0 * edge - 1.0) if edge < 2 else (0, 2.0 * edge - 5.0)
         for at, share in zip(0.5 * line, 0.5 * weight, strict=True):
@@ -181,7 +182,7 @@ def edge_tractions() -> Floats:
             traction = sign * np.stack([xy, yy] if normal else [xx, xy])
             found[edge, 0] += share * traction
             found[edge, 1] += share * at * traction
-    return found
+    return np.asarray(found, dtype=np.float64)
 
 
 @lru_cache(maxsize=1)
@@ -225,7 +226,7 @@ def _child_map(balances: bool, offset: Floats) -> Floats:
         normal, order = (2, (0, 1)) if edge < 2 else (1, (1, 0))
         slope = 0.5 * airy(middles[[edge]], order)[0]
         found[12 + edge] = slope - found[[3 * start + normal, 3 * end + normal]].mean(axis=0)
-    return found
+    return np.asarray(found)
 
 
 def without_plane(phi: Floats) -> Floats:

@@ -8,6 +8,7 @@ dimension or the element.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,8 @@ class Blocks:
     scale: Floats | None  # What an agent's own unknowns are by the shared ones; shape (n, m)
     size: int  # Number of shared unknowns
     extra: sp.csr_array | None = None  # Added to the sum: elastic beds
+    lighten: Callable[[Floats], Floats] | None = None
+    """Takes from agents' own unknowns what their matrices make nothing of: else it is rounding."""
 
     def own(self, shared: Floats) -> Floats:
         """Return the agents' own unknowns, shape (n, m)."""
@@ -51,11 +54,13 @@ class Blocks:
         """Return the sums of what agents put on the shared unknowns."""
         if self.scale is not None:
             forces = forces * self.scale
-        return np.bincount(self.dof.ravel(), forces.ravel(), self.size)
+        sums = np.bincount(self.dof.ravel(), forces.ravel(), self.size)
+        return np.asarray(sums, dtype=np.float64)
 
     def apply(self, shared: Floats) -> Floats:
         """Return the matrix times a vector of the shared unknowns."""
-        out = self.gather(self.times(self.own(shared)))
+        own = self.own(shared)
+        out = self.gather(self.times(own if self.lighten is None else self.lighten(own)))
         return out if self.extra is None else out + self.extra @ shared
 
     def diagonal(self) -> Floats:
@@ -63,11 +68,8 @@ class Blocks:
         own = np.empty(self.dof.shape)
         for agents, matrix in self.laws:
             own[agents] = np.diag(matrix)
-        out = np.bincount(
-            self.dof.ravel(),
-            (own * self.weight[:, None] * (1.0 if self.scale is None else self.scale**2)).ravel(),
-            self.size,
-        )
+        own *= self.weight[:, None]
+        out = self.gather(own if self.scale is None else own * self.scale)
         return out if self.extra is None else out + self.extra.diagonal()
 
     def shared(self, own: Floats) -> Floats:
@@ -160,7 +162,7 @@ class Level:
         coarse = before.back @ (self.fall @ ((rest - self.apply(found)) / self.scale))
         correction = before.way @ (before.scale * before.cycle(before.scale * coarse))
         found = found + (self.rise @ correction) / self.scale
-        return found + self.smooth(rest - self.apply(found))
+        return np.asarray(found + self.smooth(rest - self.apply(found)))
 
     def solve(self, forces: Floats, gap: float) -> Floats:
         """Return the correction of the shared unknowns by the forces on them; `gap` ends it."""
@@ -174,14 +176,18 @@ class Level:
             if power <= 0.0:
                 break
             image = self.apply(direction)
-            share = power / float(direction @ image)
-            found, rest = found + share * direction, rest - share * image
-            gained += 0.5 * share * power
-            if 0.5 * share * power < ENOUGH * max(gap - gained, 0.0):
+            # The step of least energy along the direction, whatever rounding made of this.
+            share = float(rest @ direction) / float(direction @ image)
+            gain = 0.5 * share * float(rest @ direction)
+            found, before = found + share * direction, rest
+            rest = rest - share * image
+            gained += gain
+            if gain < ENOUGH * max(gap - gained, 0.0):
                 break
             turned = self.cycle(rest)
             new = float(rest @ turned)
-            direction, power = turned + new / power * direction, new
+            direction = turned + float((rest - before) @ turned) / power * direction
+            power = new
         return np.asarray(self.way @ (self.scale * found))
 
 

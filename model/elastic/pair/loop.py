@@ -115,7 +115,7 @@ def halvings(share: Floats, wanted: float, at: Ints) -> Ints:
         # A halving takes half of the share at the strongest of corners.
         more = np.ceil(np.log2(np.maximum(share[at] * len(at) / budget, 1.0))).astype(np.int64)
         often[at] = np.maximum(often[at], np.minimum(more, DEEPEST_STEP))
-    return often
+    return np.asarray(often)
 
 
 def generations(

@@ -16,18 +16,23 @@ from kaju.model.elastic.pair.elements import (
     CORNERS,
     EDGES,
     FIRST_PART,
+    SIDE_OF_EDGE,
+    airy_stress,
     child_maps,
     edge_tractions,
+    quadratic_values,
     rule,
+    strain_rows,
     stresses,
     without_plane,
 )
-from kaju.model.elastic.pair.gap import Bounds, bounds_of, energies, fields_at_rule
+from kaju.model.elastic.pair.gap import Bounds, bounds_of, energies, fields_at_rule, stress_of
 from kaju.model.elastic.pair.levels import Blocks, Level, rise_of
 from kaju.model.elastic.pair.mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.quadtree import LeafCells
 from kaju.model.elastic.pair.sides import Sides, check_held, sides_of
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.scene.cell_types import INSIDE
 
 DIRECT = 4_000
 """Up to so many unknowns factors are as quick as levels: measured on the plate, L and hole."""
@@ -109,6 +114,36 @@ class Generation:
         """The gap of each agent: its part of the squared distance of both opinions."""
         return self._judged[1]
 
+    def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
+        """Return the displacement at places from 0 to 1 in agents, shape (n, 2); scaled."""
+        own = self.fit.sum(axis=0)[agent].reshape(-1, 8, 2)
+        return np.asarray(np.einsum("nk,nkd->nd", quadratic_values(inside), own)) + self.sides.shift
+
+    def stresses_at(self, agent: Ints, inside: Floats) -> tuple[Floats, Floats]:
+        """Return xx, yy, xy of the stress that balances, and of the strain that fits; scaled."""
+        size = self.size[agent, None]
+        phi, fit = self.phi.sum(axis=0)[agent], self.fit.sum(axis=0)[agent]
+        stress = np.einsum("nki,ni->nk", airy_stress(inside), phi) / size**2
+        if any(self.loads):
+            stress[:, :2] -= self.sides.body[agent] / size * (inside - 0.5)
+        strain = np.einsum("nki,ni->nk", strain_rows(inside), fit) / size
+        return np.asarray(stress), stress_of(strain, self.law[:, agent])
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body, of the stress that balances; scaled."""
+        mesh, borne = self.mesh, ~self.sides.given
+        own = self.tractions[mesh.owner, mesh.side, 0] - self.sides.load[mesh.owner, mesh.side, 0]
+        middle = mesh.place[mesh.ends[mesh.border]].mean(axis=1)
+        outer = (middle == 0.0) | (middle == self.body.extent)
+        outer = outer[np.arange(len(own)), np.where(mesh.side < 2, 1, 0)]
+        names = np.append(np.array(self.body.scene.lattice.sides, dtype=object), INSIDE)
+        which = np.where(outer, SIDE_OF_EDGE[mesh.side], len(names) - 1)
+        found = {}
+        for number in np.unique(which[borne.any(axis=1)]).tolist():
+            here = which == number
+            found[str(names[number])] = np.where(borne[here], own[here], 0.0).sum(axis=0)
+        return found
+
     def _edge_forces(self, case: int) -> Floats:
         """Return forces and moments on the body at its border edges, shape (m, 2, 2)."""
         own = np.einsum(
@@ -181,7 +216,9 @@ def _solved(body: PosedBody, leaves: LeafCells, before: Generation | None) -> Ge
     laws = by_law(law)
     if before is None:
         check_held(body, mesh, sides)
-        loads = (True, False) if sides.both else (not sides.moved.any(),)
+        loads: tuple[bool, ...] = (not sides.moved.any(),)
+        if sides.both:
+            loads = (True, False)
         cases = len(loads)
         fit, phi = np.zeros((cases, len(size), 16)), np.zeros((cases, len(size), 16))
         if not loads[-1]:
@@ -206,7 +243,7 @@ def _solved(body: PosedBody, leaves: LeafCells, before: Generation | None) -> Ge
     free, family = displacement.way_of(mesh, sides), None
     if before is not None:
         family = parent, child_maps(False)[part]
-    fits = _level(blocks, free, before and before.levels[0], family, direct)
+    fits = _level(blocks, free, before.levels[0] if before else None, family, direct)
     wanted = displacement.forces_of(sides)
     for case, loaded in enumerate(loads):
         rest = blocks.gather((wanted if loaded else 0.0) - blocks.times(fit[case]))
@@ -218,7 +255,7 @@ def _solved(body: PosedBody, leaves: LeafCells, before: Generation | None) -> Ge
     blocks = airy.blocks(laws, size)
     if before is not None:
         family = parent, child_maps(True)[part]
-    balances = _level(blocks, airy.way(), before and before.levels[1], family, direct)
+    balances = _level(blocks, airy.way(), before.levels[1] if before else None, family, direct)
     generation = Generation(body, mesh, sides, law, size, fit, phi, loads, (fits, balances))
     for case, loaded in enumerate(loads):
         rest = -blocks.gather(blocks.times(phi[case]) + _of_growing(generation, case))
@@ -358,7 +395,7 @@ def _of_growing(generation: Generation, case: int) -> Floats:
         ],
         axis=-1,
     )
-    return np.einsum("npk,pki,p->ni", strain, stresses()[:, :2], weights)
+    return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses()[:, :2], weights))
 
 
 def _of_supports(airy: Airy, generation: Generation, case: int) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.model.elastic.bounds.uneven_loads import data_error, softest
+from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.pair.elements import EDGE_OF_SIDE, SIDE_OF_EDGE
 from kaju.model.elastic.pair.mesh import Mesh
 from kaju.model.elastic.posed_body import PosedBody
@@ -66,16 +67,16 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     forces = body.forces(leaves)
     within = forces.direction < 0
     np.add.at(inside, forces.leaf[within], forces.force[within])
-    at = forces.leaf[~within], EDGE_OF_SIDE[forces.direction[~within]], 0
-    np.add.at(load, at, forces.force[~within])
+    edge = EDGE_OF_SIDE[forces.direction[~within]]
+    np.add.at(load[:, :, 0], (forces.leaf[~within], edge), forces.force[~within])
     rest = 0.0
     if forces.uneven is not None and len(forces.uneven.box):
         uneven, size = forces.uneven, leaves.size / body.cell
         along = np.where(uneven.side < 2, 1, 0)
         moment = uneven.moment[np.arange(len(along)), :, along] / size[uneven.box, None]
-        np.add.at(load, (uneven.box, EDGE_OF_SIDE[uneven.side], 1), moment)
-        law = [modulus[leaves.kind] for modulus in body.moduli]
-        rest = data_error(uneven, size, softest(*law, 2))
+        np.add.at(load[:, :, 1], (uneven.box, EDGE_OF_SIDE[uneven.side]), moment)
+        law = moduli_at(body.moduli, leaves.kind)
+        rest = data_error(uneven, size, softest(law.stretch, law.lateral, law.shear, 2))
     # What enters at a held component is the wall's at once.
     own = load[mesh.owner, mesh.side]
     load[mesh.owner, mesh.side] = np.where(held[:, None], 0.0, own)

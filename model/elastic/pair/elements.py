@@ -188,7 +188,8 @@ def edge_tractions() -> Floats:
 @lru_cache(maxsize=1)
 def airy_of_tractions() -> Floats:
     """Return phi by the tractions of `edge_tractions` where these balance: shape (16, 4, 2, 2)."""
-    return np.linalg.pinv(edge_tractions().reshape(16, 16), rcond=1e-10).reshape(16, 4, 2, 2)
+    found = np.linalg.pinv(edge_tractions().reshape(16, 16), rcond=1e-10)
+    return np.asarray(found, dtype=np.float64).reshape(16, 4, 2, 2)
 
 
 @lru_cache(maxsize=2)

@@ -108,7 +108,7 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., None]], Callable[..., Non
             **own: Any,
         ) -> None:
             console, described = Console(as_json, quiet), scene_of(scene, settings)
-            folder = out or Path(f"{scene.stem}-{ending}")
+            folder = out or Path(f"{'scene' if scene.stem == '-' else scene.stem}-{ending}")
             drawn = Drawn.none if no_pictures else pictures
             do(Task(scene, described, folder, console, drawn, force), **own)
 

@@ -38,7 +38,9 @@ def folder(help: str) -> Any:
     return typer.Option("--out", "-o", metavar="DIR", help=help)
 
 
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE", help="A scene file (TOML); - is standard input.")
+]
 Out = Annotated[
     Path | None,
     folder(

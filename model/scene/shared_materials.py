@@ -89,7 +89,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Material]]:
     text = text_of_file(path, SceneFileError, LONGEST, key="materials")
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOMLDecodeError, or a number of too many digits
         raise SceneError(f"materials: {path} is not valid TOML: {error}") from None
     inside = "materials." if "materials" in table else ""
     tables = table.get("materials", table)

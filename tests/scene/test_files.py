@@ -126,6 +126,9 @@ def stl(path, *boxes):
         ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, True)], 7.0, False),  # a cavity
         ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, False)], 7.0, True),
         ([((0.2, 0.2, 0.2), 0.5, False), ((1.2, 1.2, 1.2), 1.0, False)], 1.125, False),  # apart
+        ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 0.2, 0.2), 1.0, False)], 2.0, False),  # a face
+        ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 1.2, 0.2), 1.0, False)], 2.0, False),  # an edge
+        ([((0.2, 0.2, 0.2), 1.0, False)] * 2, 1.0, False),  # twice the same
         (
             [
                 ((0.1, 0.1, 0.1), 2.2, False),
@@ -270,10 +273,11 @@ def test_numbers_without_end_are_refused_at_once():
 
 def test_the_command_reads_standard_input(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "kaju", "check", "-"],
+        [sys.executable, "-m", "kaju", "run", "-", "--no-pictures"],
         input=TOML.encode("utf-8-sig"),
         capture_output=True,
         cwd=tmp_path,
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    assert (tmp_path / "scene-result" / "result.npz").exists()

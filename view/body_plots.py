@@ -142,7 +142,7 @@ def draw_forces(
     return applied_text(applied)
 
 
-_SUPPORTS = {
+SUPPORTS = {
     cell_types.RIGID: ("rigid", "////"),
     cell_types.ROLLER: ("roller", "oo"),
     cell_types.FOUNDATION: ("elastic bed", "xx"),
@@ -192,7 +192,7 @@ def draw_body(
 def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[Artist]:
     entries: list[Artist] = []
     idle = _beside_no_body(section, tiles, kind)
-    for code, (name, hatch) in _SUPPORTS.items():
+    for code, (name, hatch) in SUPPORTS.items():
         chosen = (kind == code) & ~idle
         if not chosen.any():
             continue

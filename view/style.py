@@ -7,6 +7,7 @@ scenes, no display is needed, and pictures can be made in threads.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
 from math import ceil, log10
 from textwrap import wrap
 from typing import Any, cast
@@ -65,9 +66,19 @@ _OWN = "kaju"  # marks figures that were made here and may be resized
 _CHARACTER = 4.6 / 72.0  # mean width of a letter of the captions (inches)
 
 
+class Picture(Figure):
+    """A figure that a notebook shows although no display was asked for."""
+
+    def _repr_png_(self) -> bytes:
+        """Return what a notebook shows."""
+        data = BytesIO()
+        self.savefig(data, format="png")
+        return data.getvalue()
+
+
 def new_figure(size: tuple[float, float]) -> Figure:
     """Return an empty figure of a size in inches that arranges its own parts."""
-    figure = Figure(figsize=size, dpi=RESOLUTION, layout="compressed", facecolor="white")
+    figure = Picture(figsize=size, dpi=RESOLUTION, layout="compressed", facecolor="white")
     FigureCanvasAgg(figure)
     engine = figure.get_layout_engine()
     assert isinstance(engine, ConstrainedLayoutEngine)

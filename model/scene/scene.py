@@ -18,6 +18,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import text_of_file
 from kaju.model.scene.box_kinds import BoxKinds
+from kaju.result_kinds import NOTEBOOK, fetch
 
 from .body import Body
 from .description import Description, check_rule
@@ -172,6 +173,11 @@ class Scene(Description):
         body = {name: value for name, value in others.items() if name not in cls.model_fields}
         rest = {name: value for name, value in others.items() if name in cls.model_fields}
         return cls(body={key: picture, "cell_size": cell_size, **body}, legend=legend, **rest)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the drawing."""
+        html: str = fetch(NOTEBOOK)(self)
+        return html
 
     @property
     def outlined(self) -> bool:

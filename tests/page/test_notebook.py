@@ -87,3 +87,9 @@ def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium,
         frame.locator(".count").get_by_text("Generation 8 of 8").wait_for()
         frame.get_by_role("button", name="Back").first.click()
         frame.locator(".count").get_by_text("Generation 7 of 8").wait_for()
+
+
+def test_pictures_and_scenes_show_themselves_in_a_fresh_notebook():
+    scene = Scene(**PLATE)
+    assert kaju.plot(scene)._repr_png_().startswith(b"\x89PNG")
+    assert scene._repr_html_().startswith("<img ")

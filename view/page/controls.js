@@ -1,5 +1,5 @@
 // What can be pressed, dragged and typed: elements, icons, choices, sliders with a field.
-import { general, quantity } from "./words.js";
+import { general, prefixOf, quantity } from "./words.js";
 
 /** An element: properties, attributes (where it has no such property), children. */
 export function make(tag, props = {}, ...children) {
@@ -55,11 +55,11 @@ export function segments(label, value, options, change) {
 const FACTORS = { G: 1e9, M: 1e6, k: 1e3, c: 1e-2, m: 1e-3, "µ": 1e-6, u: 1e-6, n: 1e-9, p: 1e-12 }, BASES = ["", "N", "m", "Pa", "J", "s", "g", "°", "%", "N/m"];
 /** A unit as how many of its base: "mN" is [0.001, "N"]. */
 const split = (unit) => (BASES.includes(unit) || !FACTORS[unit[0]] ? [1, unit] : [FACTORS[unit[0]], unit.slice(1)]);
-/** What a reader has typed, in a unit: "12 mN", "0.012", "0,012"; NaN if it is no number of it. */
-export function numberOf(text, unit = "") {
+/** What a reader has typed, in a unit: "12 mN", "0.012", "0,012"; a bare number has the unit `shown`; NaN if it is no number of it. */
+export function numberOf(text, unit = "", shown = unit) {
   const found = text.trim().replace(",", ".").replace("−", "-").match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)$/i);
   if (!found) return NaN;
-  const [, digits, given] = found, [theirs, base] = split(given || unit), [ours, wanted] = split(unit);
+  const [, digits, given] = found, [theirs, base] = split(given || shown), [ours, wanted] = split(unit);
   return base === wanted ? Number(digits) * (theirs / ours) : NaN;
 }
 
@@ -69,7 +69,7 @@ export function numberField({ label, value, min, max, unit = "", log = false, st
   const field = make("input", { type: "text", className: "field", inputMode: "decimal", value: written(value), ariaLabel: t("typed", { name: label }), autocomplete: "off" });
   const put = (v) => { value = v; field.value = written(v); error.hidden = true; field.ariaInvalid = "false"; };
   const take = () => {
-    const v = numberOf(field.value, unit);
+    const prefix = unit && unit !== "°" && value ? prefixOf(Math.abs(value), unit)[1] : "", v = numberOf(field.value, unit, prefix + unit);   // beside "10 mN", 4.5 is 4.5 mN
     if (field.value === written(value)) { put(value); return; }
     if (v >= min && v <= max) { put(v); change(v); return; }
     error.textContent = t("outOfRange", { a: written(min), b: written(max) });

@@ -73,8 +73,14 @@ export class Lesson {
     if (n > 0) return () => this.go(this.questions.indexOf(own[n - 1]));
     return step >= 0 ? () => this.open(step) : null;
   }
+  /** Whether a question is done: ticked, written, or as in the picture. */
+  isDone(q) {
+    if (q.kind === "cells") return Object.keys(this.guesses[q.key] ?? {}).length > 0;
+    return q.kind === "number" ? q.fields.every((field, i) => isRight(field, numberOf(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
+  }
   finish(step) {
-    if (!this.done.includes(this.step)) this.done.push(this.step);
+    this.done = this.done.filter((name) => name !== this.step);
+    if (this.of(this.step).every((q) => this.isDone(q))) this.done.push(this.step);
     this.keep(); this.open(step);
   }
   answer(q, value, field) {
@@ -129,6 +135,7 @@ export class Lesson {
   }
 }
 
+const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
 /** The body with a guess, with what happened, or both: marks differ in form, never in colour alone. */
@@ -228,7 +235,7 @@ export function lessonSide(page) {
     button("", () => worksheet(page), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
     ...(next ? [button(t(next.word, { step: next.step ? t(`step_${STEPS[next.step]}`) : "" }), next.go, { className: "main" })] : []))];
   foot[0].querySelector(".icon").append(icon("print"), make("span", { className: "wide", textContent: t("worksheet") }));
-  return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher)], foot };
+  return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher, button(t("forget"), () => lesson.forget(), { className: "small" }))], foot };
 }
 
 function questionCards(lesson, q) {
@@ -258,7 +265,7 @@ function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberOf(text, unit), right = Math.abs(v - field.answer) <= (field.tolerance ?? 0) * (1 + 1e-9) + 1e-12 * Math.abs(field.answer);
+    const text = input.value.trim(), v = numberOf(text, unit), right = isRight(field, v);
     verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : right ? t("asInPicture") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right) verdict.prepend(icon("tick"));

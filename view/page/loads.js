@@ -15,14 +15,29 @@ export class Loads {
 
   /** Where arrows stand: their heads at the surface, as long as the root of the force; those on one cell side by side. */
   placed(view) {
-    const seen = new Map(), { list, strongest } = this, every = Math.max(1, Math.ceil(list.length * 14 / Math.max(60, view.u * view.lattice.shape[0])));
+    const seen = new Map(), { list, strongest } = this, every = Math.max(1, Math.ceil(list.length * 14 / Math.max(60, view.u * view.lattice.shape[0]))), whole = this.alongSides(view.lattice);
     return list.flatMap((load, n) => {
-      const size = Math.hypot(...load.force);
-      if (!size || (n - (every >> 1)) % every) return [];
+      const own = whole.get(n), size = own ?? Math.hypot(...load.force);
+      if (!size || (own === undefined && (n - (every >> 1)) % every)) return [];
       const key = load.cell.join(), beside = seen.get(key) ?? 0;
       seen.set(key, beside + 1);
-      return [{ n, load, size, ...this.ends(view, load, 18 + 26 * Math.sqrt(size / strongest), 14 * (beside + 1 >> 1) * (beside & 1 ? 1 : -1)) }];
+      return [{ n, load, size, ...this.ends(view, load, 18 + 26 * Math.sqrt(Math.min(1, size / strongest)), 14 * (beside + 1 >> 1) * (beside & 1 ? 1 : -1)) }];
     });
+  }
+  /** Loads along a side lie over each other: the one in their middle stands for all, with their sum; the others have none. */
+  alongSides({ normals }) {
+    const groups = new Map(), found = new Map();
+    this.list.forEach(({ force, face }, n) => {
+      const size = Math.hypot(...force), normal = normals?.[face];
+      if (!normal || Math.abs(force.reduce((sum, f, a) => sum + f * normal[a], 0)) > 0.5 * size) return;
+      const key = `${face}:${force.map((f) => (f / size).toFixed(6))}`;
+      groups.set(key, [...(groups.get(key) ?? []), n]);
+    });
+    for (const group of groups.values()) if (group.length > 3) {
+      const middle = group[group.length >> 1], sum = group.reduce((all, n) => all + Math.hypot(...this.list[n].force), 0);
+      for (const n of group) found.set(n, n === middle ? sum : 0);
+    }
+    return found;
   }
   ends(view, { cell, force }, length, aside = 0) {
     const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
@@ -45,7 +60,7 @@ export class Loads {
       ctx.beginPath(); ctx.arc(x, y, 5, 0, 7); ctx.fill(); ctx.stroke();
     }
     this.said = [];
-    if (list.length <= LABELLED) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
+    if (spots.length <= LABELLED) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
     if (hold?.ghost) this.paintGhost(view, hold);
   }
   label(view, size, [x, y], dx, dy, length, n) {

@@ -9,18 +9,19 @@ import { Page } from "./page.js";
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
-  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, alone, outlines, columns }) {
+  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, ground, outlines, lesson, columns }) {
     const { points, parts, held, moved, born, gone } = columns;
-    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, alone, outlines, points, parts, held, born, gone });
+    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, ground, outlines, points, parts, held, born, gone });
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
     this.moved = moved && this.framesOf(moved, moved.length / (along === "share" ? 1 : at.length));
     this.each = moved ? dimension * points.length / this.moved[0].length : 0;   // numbers in points to one displacement
-    this.look.colour = Object.keys(colours)[0] ?? "";
+    this.look.colour = lesson && "level" in colours ? "level" : Object.keys(colours)[0] ?? "";   // a lesson asks first who is there
     this.curveList = curves;
     this.run = { generation: at.length - 1, atRest: true };
     this.sums = {}; this.scales = new Map();
     this.frame();
+    if (lesson && born) this.look.deformed = false;
     this.forces = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));
   }
   /** An answer at rest is told once: its frames are shares of it. */
@@ -33,15 +34,14 @@ export class MotionPage extends Page {
     const { dimension: d, points, parts } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
     for (const i of parts) for (let a = 0; a < d; a++) { low[a] = Math.min(low[a], points[i * d + a]); high[a] = Math.max(high[a], points[i * d + a]); }
     const extent = this.extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
-    const room = this.moved ? Math.max(SHOWN * extent, this.alone ? 0 : this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
+    const room = this.moved ? Math.max(SHOWN * extent, this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
     this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room);
     this.run.lattice = { shape: high.map((h, a) => (h - low[a] + room) / this.unit), dimension: d, hexagon: false };
     this.look.deformed = Boolean(this.moved);
   }
   /** Small displacements are magnified: the largest is shown as a fifteenth of the body. */
   get usual() {
-    const { extent } = this, far = this.alone ? this.farthest() : this.scale("move").far;
-    if (this.alone) return far ? SHOWN * extent / far : 1;
+    const { extent } = this, far = this.scale("move").far;
     return far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
   }
   get touchable() { return false; }
@@ -76,12 +76,6 @@ export class MotionPage extends Page {
     for (let a = 0, d = this.dimension; a < d; a++) sum += moved[i * d + a] ** 2;
     return Math.sqrt(sum);
   }
-  /** How far anything has moved in the present frame. */
-  farthest() {
-    let far = 0;
-    for (let i = 0, moved = this.moved[this.g ?? 0], d = this.dimension; i < moved.length; i += d) far = Math.max(far, this.far(moved, i / d));
-    return far;
-  }
   /** Ends of the colours over all frames; what was seen of them before is not looked at again. */
   scale(name = this.look.colour) {
     const known = this.scales.get(name) ?? { seen: 0, least: 0, far: 0 }, d = this.dimension;
@@ -102,10 +96,11 @@ export class MotionPage extends Page {
     const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.loads.list.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     this.times = look.deformed && this.moved ? this.magnification() : 0;
-    const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
-    const ink = (part) => (scale ? colourOf(this.value(part), scale, inks) : plain);
+    const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent)), unknown = packed(rgb(inks.cell));
+    const inkOf = (v) => (Number.isNaN(v) ? unknown : colourOf(v, scale, inks)), ink = (part) => (scale ? inkOf(this.value(part)) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
     if (this.outlines?.length) this.cutOut(view);
+    for (const line of this.ground) this.paintGround(view, line);
     this.loads.paint(view);
     if (this.picked >= 0 && this.there(this.picked)) {
       const [x, y] = view.point(this.middle(this.picked));
@@ -188,6 +183,17 @@ export class MotionPage extends Page {
       if (fixed.has(i)) ctx.rect(x - radius - 2, y - radius - 2, 2 * radius + 4, 2 * radius + 4); else ctx.arc(x, y, radius, 0, 7);
       ctx.fill();
     }
+  }
+  /** What holds a body in the plane: a line with strokes, of rollers with dots, beyond it. */
+  paintGround(view, { from, to, out: [nx, ny], kind }) {
+    const { low, unit, inks } = this, { ctx } = view, ends = [from, to].map((p) => view.point(p.map((x, a) => (x - low[a]) / unit)));
+    const [[ax, ay], [bx, by]] = ends, long = Math.hypot(bx - ax, by - ay), n = Math.max(1, Math.round(long / 8)), deep = 8;
+    ctx.strokeStyle = ctx.fillStyle = inks.soft; ctx.lineWidth = 1.5; ctx.beginPath(); ctx.moveTo(ax, ay); ctx.lineTo(bx, by);
+    for (let i = 0; i < n; i++) {
+      const x = ax + (bx - ax) * (i + 0.5) / n, y = ay + (by - ay) * (i + 0.5) / n;
+      if (kind === "roller") { ctx.moveTo(x + deep * nx / 2 + 2.5, y - deep * ny / 2); ctx.arc(x + deep * nx / 2, y - deep * ny / 2, 2.5, 0, 7); } else { ctx.moveTo(x, y); ctx.lineTo(x + deep * (nx - Math.abs(ny) / 2), y - deep * (ny - Math.abs(nx) / 2)); }
+    }
+    ctx.stroke();
   }
   moment() {
     const { along, at, g, t } = this, value = at[g];

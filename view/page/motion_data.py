@@ -23,9 +23,13 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.result_kinds import KINDS, fetch
 from kaju.view import motion
+from kaju.view.body_plots import SUPPORTS, force_arrows
+from kaju.view.deformed import stress_text
+from kaju.view.fracture_plots import bearing
 from kaju.view.quadtree import errors_of
+from kaju.view.units import quantity
 
-from .scene_data import Columns
+from .scene_data import MOST_CELLS, Columns
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
@@ -71,8 +75,8 @@ class Pictures:
     forces: Forces = ()
     visits: Sequence[int] = ()  # level that acted before each frame, where blocks have parents
     outcome: str = ""  # how the run ended, in words
-    alone: bool = False
-    """Whether every frame is magnified by itself: what hardly holds any more moves far."""
+    ground: Sequence[dict[str, Any]] = ()
+    """Where a body in the plane stands on what holds it; see `ground_of`."""
     outlines: Sequence[dict[str, Any]] = ()
     """What cuts the parts, first the box, then regions by their curves: "solid", and "lines", the
     number of points of each. These are the last points: one, and three a cubic curve."""
@@ -86,7 +90,11 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
             f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, "
             "models and their results"
         )
-    return picture_data(fetch(page)(result))
+    pictures: Pictures = fetch(page)(result)
+    scene = getattr(result, "scene", getattr(result, "subject", None))
+    if isinstance(scene, Scene):
+        pictures = replace(pictures, ground=ground_of(scene))
+    return picture_data(pictures)
 
 
 def picture_data(pictures: Pictures) -> tuple[dict[str, Any], Columns]:
@@ -115,7 +123,7 @@ def picture_data(pictures: Pictures) -> tuple[dict[str, Any], Columns]:
         "forces": [{"place": place, "force": force} for place, force in pictures.forces],
         "visits": list(pictures.visits),
         "outcome": pictures.outcome,
-        "alone": pictures.alone,
+        "ground": list(pictures.ground),
         "outlines": list(pictures.outlines),
     }
     return header, columns
@@ -174,7 +182,9 @@ def elastic_answer(result: ElasticResult) -> Pictures:
     """Show how agents spawned; of equal agents how they move with the load."""
     if result.spawned:
         return _spawned(result)
-    return _moving(motion.loaded(result), "share", [], applied(solved_scene(result)), shares=21)
+    loads = applied(solved_scene(result))
+    pictures = _moving(motion.loaded(result), "share", [], loads, shares=21)
+    return replace(pictures, outcome=stress_text(result))
 
 
 _UNITS = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "strain": "", "stress": "Pa"}
@@ -277,16 +287,56 @@ def _apart(corners: Floats) -> dict[str, Any]:
 
 
 def applied(scene: Scene, stage: int | None = None) -> Forces:
-    """Return the places and forces of a scene's loads."""
+    """Return the places and forces of a scene's loads, as few arrows."""
     applied = scene.applied(stage)
-    places = scene.lattice.centres(applied.cells).tolist()
-    return list(zip(places, applied.force.tolist(), strict=True))
+    arrows = force_arrows(scene, applied, np.arange(len(applied.force)))
+    return list(zip(arrows.place.tolist(), arrows.force.tolist(), strict=True))
+
+
+def ground_of(scene: Scene) -> list[dict[str, Any]]:
+    """Return the lines (m) along which a body of squares is held, with the way out of it."""
+    lattice = scene.lattice
+    if scene.outlined or lattice.kind != "square" or lattice.size > MOST_CELLS:
+        return []
+    cells, lines = np.argwhere(scene.rasterise() >= 0), []
+    for arm, normal in enumerate(lattice.normals):
+        axis = int(np.abs(normal).argmax())
+        kinds, step = scene.kinds(lattice.neighbours(cells, arm)), np.eye(2, dtype=int)[1 - axis]
+        for kind, (name, _) in SUPPORTS.items():
+            held = cells[kinds == kind]
+            held = held[np.lexsort((held[:, 1 - axis], held[:, axis]))]
+            begins = np.ones(len(held), dtype=np.bool_)
+            begins[1:] = np.any(np.diff(held, axis=0) != step, axis=1)
+            first = np.flatnonzero(begins)
+            last = np.append(first[1:], len(held))[: len(first)] - 1
+            side = 0.5 * (1.0 - step) + 0.5 * normal  # of a cell: where its face lies
+            for one, other in zip(held[first], held[last], strict=True):
+                ends = lattice.cell_size * np.array([one + side, other + side + step])
+                line = {"from": ends[0].tolist(), "to": ends[1].tolist()}
+                lines.append(line | {"out": normal.tolist(), "kind": name})
+    return lines
 
 
 def _spawned(result: ElasticResult) -> Pictures:
     """Show agents of every generation, each from when it spawned to when it retired."""
     family, generations = result.family, result.generations
     rows = family.rows
+    # Of the agents that stand at the end also how they are stressed and move.
+    standing, loaded = family.standing(len(generations) - 1), motion.loaded(result)
+    order = [
+        np.lexsort((size, *lower.T))
+        for lower, size in (
+            (family.lower[standing], family.size[standing]),
+            (result.lower, result.size),
+        )
+    ]
+    standing, own = standing[order[0]], order[1]
+    stress = np.full((len(generations), len(family.size)), np.nan)
+    stress[-1, standing] = result.von_mises[own]
+    each, dimension = loaded.parts.shape[1], result.lower.shape[1]
+    moved = np.zeros((len(generations), len(family.size), each, dimension))
+    moved[-1, standing] = loaded.frames[-1].moved[loaded.parts[own]]
+    proved = result.energy_bounds
     corners = corner_order(result.lower.shape[1])
     at = np.arange(float(len(generations)))
 
@@ -300,20 +350,32 @@ def _spawned(result: ElasticResult) -> Pictures:
         at=at,
         along="generation",
         values={
+            "von_mises": ("Pa", stress),
             "level": ("", family.level.astype(float)),
             "unbalanced_load": ("N", np.nan_to_num(rows["unbalanced_load"])),
             "spawn_step": ("", rows["spawn_step"].astype(float)),
         },
+        moved=moved.reshape(len(generations), -1, dimension),
         born=rows["spawn_step"].astype(np.int64),
         gone=np.where(retired < 0, len(generations), retired),
         curves=[
             curve("Agents", [float(g.agents) for g in generations], ""),
             curve("Error", [100.0 * error for error in errors_of(result)], "%", True),
-            curve("Strain energy", [g.energy for g in generations], "J"),
+            # What is proved of the energy is said in words: that of the agents may lie outside.
+            *([] if proved else [curve("Strain energy", [g.energy for g in generations], "J")]),
         ],
         forces=applied(result.scene),
-        outcome=f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %",
+        outcome="; ".join([_error_of(result), stress_text(result)]),
     )
+
+
+def _error_of(result: ElasticResult) -> str:
+    """Return how many agents there are, their error, and between which bounds the energy lies."""
+    words = f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %"
+    if result.energy_bounds is None:
+        return words
+    lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
+    return f"{words}, energy between {lower} and {upper}"
 
 
 def growth_steps(result: GrowthResult) -> Pictures:
@@ -340,17 +402,20 @@ def growth_steps(result: GrowthResult) -> Pictures:
 def breaks(result: FractureResult) -> Pictures:
     """Show springs or cells, each until it breaks, under the load of the last break."""
     counts = _chosen(result.breaks + 1)
+    drawn = [bearing(result, count) for count in counts.tolist()]
     moved, borne = [], []
-    for displacement, bears in result.moments(counts.tolist()):
-        moved.append(_steps_of(displacement, 128))
+    for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):
+        factor = result.factor_after(at)
+        moved.append(_steps_of(factor * body.displacement(), 128))
+        bears = factor * body.borne() if count <= result.standing else np.zeros(len(body.borne()))
         borne.append(_steps_of(bears, 128))
-    points, parts = next(result.replayed([0])).points
+    points, parts = body.points
     gone = np.full(len(parts), result.breaks + 1)
     gone[result.broken] = np.arange(1, result.breaks + 1)
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
     # What bears hardly anything any more moves so far that the rest would not be seen.
-    bearing = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
-    load = {"load": force[:bearing]}
+    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
+    load = {"load": force[:loaded]}
     sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
     energy = {
         name: np.append(0.0, getattr(result, name)) for name in ("work", "stored", "released")
@@ -371,13 +436,12 @@ def breaks(result: FractureResult) -> Pictures:
         gone=gone,
         curves=[
             Curves("Load", *over, {"load": force}, "N"),
-            Curves("Load over displacement (m)", "displacement", "m", way[:bearing], load, "N"),
+            Curves("Load over displacement (m)", "displacement", "m", way[:loaded], load, "N"),
             Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
             Curves("Energy", *over, energy, "J"),
         ],
         **supports,
         outcome=result.outcome,
-        alone=True,
     )
 
 

@@ -17,6 +17,7 @@ from kaju.errors import KajuError
 from kaju.mesa_model import SteppedModel
 from kaju.model.results.archive import Archive
 from kaju.model.results.subjects import subject_from
+from kaju.model.scene import Scene
 
 from .export import packed_page, page_html
 
@@ -25,7 +26,9 @@ HEIGHT = 640
 
 
 def html_of(of: Any) -> str:
-    """Return what a notebook shows of a model or a result: a page, or else a picture."""
+    """Return what a notebook shows: of a scene a picture, of all else a page, or a picture."""
+    if isinstance(of, Scene):
+        return _picture(of)
     try:
         page = page_html(packed_page(_so_far(of)), "kaju")
     except KajuError:

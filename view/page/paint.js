@@ -270,7 +270,7 @@ function hatch(view, kinds, inks) {
     const kind = kinds[(x + 1) * step + y + 1];
     if (kind !== -2 && kind !== -3) continue;
     const inside = x >= 0 && y >= 0 && x < nx && y < ny, corner = (x < 0 || x >= nx) && (y < 0 || y >= ny);
-    if (corner) continue;
+    if (corner || (!inside && kinds[(Math.min(Math.max(x, 0), nx - 1) + 1) * step + Math.min(Math.max(y, 0), ny - 1) + 1] < 0)) continue;   // ground under the body alone
     const [cx, cy] = view.at(...view.centre([x, y])), depth = inside ? u : Math.max(5, Math.min(9, u));
     const px = x < 0 ? cx + u / 2 - depth : cx - u / 2, py = y >= ny ? cy + u / 2 - depth : cy - u / 2;
     const w = x < 0 || x >= nx ? depth : u, h = y < 0 || y >= ny ? depth : u;
@@ -376,6 +376,6 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks
   const wideHigh = ctx.measureText(show(high)).width;
   word(low, (log ? "≤ " : "") + show(low));
   const between = log ? [0.01, 0.1].map((f) => f * high) : low < 0 ? [0] : [(low + high) / 2];
-  for (const v of between) if (x + n * place(v, scale) + 30 < x + n - wideHigh) word(v, show(v));
+  for (const v of between) if (n * place(v, scale) + ctx.measureText(show(v)).width / 2 + 10 < n - wideHigh) word(v, show(v));   // both ends always have theirs
   word(high, show(high));
 }

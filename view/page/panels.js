@@ -37,7 +37,6 @@ function saves(page) {
   const items = [item("savePng", savePng), item("saveSvg", saveSvg), item("saveFilm", saveFilm)];
   if (page.touchable) items.unshift(item("saveScene", saveScene));
   if (page.run.taken) items.push(item("saveCsv", saveTable));
-  if (page.lesson) items.push(button(t("forget"), () => page.lesson.forget()));
   return items;
 }
 

@@ -210,7 +210,7 @@ MODES.push({
     for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -26 : 26) : views[name].w / 2, page.solid ? 16 : views[name].y0 - 14, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
     if (!answer) twin.elastic.firstChild.ariaLabel = twin.gap.firstChild.ariaLabel = t("solving");
     twin.elastic.style.clipPath = swipe ? `inset(0 0 0 ${x}px)` : "";
-    twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = general(two.split, 3);
+    twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
     const [drawn] = page.drawnWith;
     twin.line.textContent = t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
     page.parts.cap.textContent = page.told || "";

@@ -4,10 +4,16 @@ import WORDS from "./words.json" with { type: "json" };
 
 export const LANGUAGES = { en: "English", de: "Deutsch", ja: "日本語" };
 
-export const say = (language) => (key, values = {}) => {
-  const text = WORDS[language]?.[key] ?? WORDS.en[key];
-  if (text === undefined) throw new Error(`no word for ${key}`);
-  return text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
+let comma = false;                             // decimal, as German writes it
+const local = (number) => (comma ? number.replace(".", ",") : number);
+
+export const say = (language) => {
+  comma = language === "de";
+  return (key, values = {}) => {
+    const text = WORDS[language]?.[key] ?? WORDS.en[key];
+    if (text === undefined) throw new Error(`no word for ${key}`);
+    return text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
+  };
 };
 
 // ------------------------------------------------------------------------------------ numbers
@@ -17,8 +23,8 @@ export function general(x, digits) {
   if (x === 0) return "0";
   const [mantissa, exponent] = x.toExponential(digits - 1).split("e"), e = Number(exponent);
   const plain = (text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
-  if (e < -4 || e >= digits) return `${plain(mantissa)}e${e < 0 ? "-" : "+"}${String(Math.abs(e)).padStart(2, "0")}`;
-  return plain(x.toFixed(Math.max(0, digits - 1 - e)));
+  if (e < -4 || e >= digits) return local(`${plain(mantissa)}e${e < 0 ? "-" : "+"}${String(Math.abs(e)).padStart(2, "0")}`);
+  return local(plain(x.toFixed(Math.max(0, digits - 1 - e))));
 }
 
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"], [1e-12, "p"]];
@@ -35,7 +41,7 @@ export function quantity(v, unit) {
   const [factor, prefix] = prefixOf(size, unit), shown = size / factor;
   return `${sign}${shown >= 1e4 || shown < 1e-2 ? power(shown) : general(shown, 4)} ${prefix}${unit}`;
 }
-const power = (x) => x.toExponential(2).replace(/e\+?(-?)(\d+)/, (_, s, n) => ` × 10${s ? "⁻" : ""}${[...n].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]).join("")}`);
+const power = (x) => local(x.toExponential(2)).replace(/e\+?(-?)(\d+)/, (_, s, n) => ` × 10${s ? "⁻" : ""}${[...n].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]).join("")}`);
 
 /** The certificate in words: in English those of kaju.stability. */
 export function verdictOf(certificate, rule, t) {

@@ -17,6 +17,8 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
+from kaju.errors import needing
+
 log = logging.getLogger("kaju")
 _import_lock = RLock()  # threads that import numba at once would wait for each other without end
 
@@ -119,7 +121,11 @@ def keep_loops_somewhere() -> None:
 @cache
 def _prepare() -> None:
     """Choose where compiled loops are kept, and have a message logged when they are made."""
-    from numba.core import event
+    with needing(
+        "compiled loops need numba, which a browser's Python has not: growth and bodies of more than "
+        "50,000 cells are for a Python outside; elsewhere pip install numba"
+    ):
+        from numba.core import event
 
     class Announcement(event.Listener):
         """Logs once that loops are compiled."""

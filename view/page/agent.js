@@ -83,8 +83,8 @@ export function told(t, { error, args = [], line }, code) {
 // ------------------------------------------------------------------------------- the workshop
 
 export class Workshop {
-  constructor(page, { code, ready, blob }) {
-    Object.assign(this, { page, code, ready, blob, first: code, states: [], parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
+  constructor(page, { code, ready, blob, licence }) {
+    Object.assign(this, { page, code, ready, blob, licence, first: code, states: [], parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }

@@ -108,7 +108,7 @@ export function panelsOf(page) {
   if (page.touchable) panels.rule = () => rulePanel(page);
   panels.look = () => lookPanel(page);
   if (page.touchable && page.run.lattice.dimension === 2) panels.draw = () => drawPanel(page);
-  if (page.text) panels.about = () => [rendered(page.say(page.text))];
+  if (page.text || page.studio) panels.about = () => [...(page.text ? [rendered(page.say(page.text))] : []), ...(page.studio ? [make("p", { className: "soft small", textContent: page.studio.licence })] : [])];
   if (page.own && !page.studio) panels.source = () => [...(page.touchable ? [] : parameterRows(page)), make("pre", { tabIndex: 0, textContent: page.own.source })];
   return panels;
 }

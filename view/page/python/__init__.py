@@ -17,6 +17,17 @@ OFFERED = (
     "RollerBoundaryAgent", "Shares", "State",
 )  # fmt: skip
 """What agents in a page import from kaju."""
+LICENCE = (
+    "Brython 3.15 (brython.info): Copyright (c) 2012, Pierre Quentel. All rights reserved"
+    ". BSD 3-clause licence: redistribution and use in source and binary forms, with or w"
+    "ithout modification, are permitted provided that the copyright notice, these conditi"
+    "ons and the disclaimer are kept, and that the names of its makers are not used to en"
+    "dorse products without written permission. THIS SOFTWARE IS PROVIDED BY THE COPYRIGH"
+    'T HOLDERS AND CONTRIBUTORS "AS IS" AND ANY EXPRESS OR IMPLIED WARRANTIES ARE DISCLAI'
+    "MED; IN NO EVENT SHALL THEY BE LIABLE FOR ANY DAMAGES ARISING IN ANY WAY OUT OF THE "
+    "USE OF THIS SOFTWARE."
+)
+"""What the page's About says of Brython; the package comes without a text of its own."""
 SMALL = {
     "dataclasses": "def replace(of, **named):\n    return of._replace(**named)\n",
     "typing": "class A:\n    def __getitem__(self, what):\n        return self\n"
@@ -40,7 +51,7 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
         source = own["own"]["source"]
         names = [name for name in OFFERED if re.search(rf"\b{name}\b", source)]
         code = f"from kaju import {', '.join(names)}\n\n\n{source}\n"
-    return {"python": {"code": code, "ready": ready}}
+    return {"python": {"code": code, "ready": ready, "licence": LICENCE}}
 
 
 @cache

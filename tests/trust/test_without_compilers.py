@@ -1,0 +1,40 @@
+"""kaju in a browser's Python (Pyodide): without numba, joblib, typer and rich."""
+
+import subprocess
+import sys
+
+TAKEN_AWAY = """
+import sys
+for name in ("numba", "llvmlite", "joblib", "typer", "rich", "resource"):
+    sys.modules[name] = None
+import tempfile
+from pathlib import Path
+
+import kaju
+
+plate = kaju.Scene(
+    body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    sides={"bottom": "rigid"},
+    loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
+)
+elastic = plate.replace(rule=kaju.ElasticRule())
+folder = Path(tempfile.mkdtemp())
+run = kaju.LoadModel(plate).run()
+assert len(run.last.cells) == 34
+kaju.solve(elastic, tolerance=0.1)
+kaju.plot(run)
+kaju.animate(run, folder / "film.gif")
+kaju.export_page(plate, folder / "page.html")
+try:
+    kaju.GrowthModel(elastic, volume=0.5).run()
+except kaju.KajuError as refusal:
+    print(refusal)
+"""
+
+
+def test_agents_answers_pictures_and_pages_need_no_compiler():
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", TAKEN_AWAY], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "growth and bodies of more than 50,000 cells" in done.stdout

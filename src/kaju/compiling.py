@@ -122,8 +122,8 @@ def keep_loops_somewhere() -> None:
 def _prepare() -> None:
     """Choose where compiled loops are kept, and have a message logged when they are made."""
     with needing(
-        "compiled loops need numba, which a browser's Python has not: growth and bodies of more than "
-        "50,000 cells are for a Python outside; elsewhere pip install numba"
+        "compiled loops need numba, which a browser's Python has not: growth and bodies of "
+        "more than 50,000 cells are for a Python outside; elsewhere pip install numba"
     ):
         from numba.core import event
 

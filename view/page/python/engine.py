@@ -171,7 +171,8 @@ class MaterialAgent(PlacedAgent):
             raise self.model.wrong(self, "take", f"has kept {self.kept} N")
 
     def waiting(self):
-        return [tuple.__new__(Load, (d, m, n, s)) for (s, d, m), n in self.inbox.items()]
+        loads = [tuple.__new__(Load, (d, m, n, s)) for (s, d, m), n in self.inbox.items()]
+        return sorted(loads, key=lambda load: load[3] == "pull") if self.model.sense else loads
 
     def send(self, emissions, load):
         _, magnitude, copies, _ = load

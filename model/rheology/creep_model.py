@@ -31,7 +31,7 @@ class CreepModel(Stepper[AnyTimeResult]):
         How long (s); by default as long as the history.
     times : array_like, optional
         Where steps end (s), rising; by default 100 even steps, and the corners of the history.
-    step, tolerance, scheme, rheology, drive, mass, most_steps
+    step, tolerance, scheme, rheology, drive, most_steps
         As for `creep`.
 
     Attributes
@@ -70,7 +70,6 @@ class CreepModel(Stepper[AnyTimeResult]):
         scheme: SchemeName = "sdirk2",
         rheology: Rheology = None,
         drive: Drives = "both",
-        mass: ArrayLike | None = None,
         most_steps: int = 100_000,
     ) -> None:
         if not isinstance(subject, (Scene, SpringNetwork, ThreeElement)):
@@ -88,7 +87,6 @@ class CreepModel(Stepper[AnyTimeResult]):
             scheme=scheme,
             rheology=rheology,
             drive=drive,
-            mass=mass,
         )
         self._state = self.task.first
         self._moments: list[Moment] = []

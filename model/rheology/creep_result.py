@@ -73,7 +73,7 @@ class TimeResult(Result):
     stored: Floats
     dissipated: Floats
     numerical: Floats
-    """Since time 0 (J): work from outside; energy that springs (and moving masses) can give back;
+    """Since time 0 (J): work from outside; energy that springs can give back;
     energy that went into the dampers, never falling; and what is neither. ``work = stored +
     dissipated + numerical`` but for rounding. Shape (k,)."""
     at_jumps: Floats

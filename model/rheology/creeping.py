@@ -73,7 +73,6 @@ def creep(  # type: ignore[misc]
     scheme: SchemeName = "sdirk2",
     rheology: Rheology = None,
     drive: Drives = "both",
-    mass: ArrayLike | None = None,
     resume: CreepState | None = None,
     most_steps: int = 100_000,
 ) -> AnyTimeResult:
@@ -105,9 +104,6 @@ def creep(  # type: ignore[misc]
         spring, a sequence is taken as it is.
     drive : {"both", "forces", "displacements"}
         What the history multiplies; what it does not multiply stays 0.
-    mass : float or array_like, optional
-        Point mass at the loaded end of the element, or at each node of the network (kg). What
-        is pushed then swings, and its kinetic energy is part of `stored`.
     resume : CreepState, optional
         Where an earlier run ended. If that end was among the times of an unbroken run, the
         numbers that follow are the same (to rounding, if supports move).
@@ -152,7 +148,6 @@ def creep(  # type: ignore[misc]
         scheme=scheme,
         rheology=rheology,
         drive=drive,
-        mass=mass,
         resume=resume,
     )
 
@@ -188,7 +183,6 @@ class TimeTask:
         scheme: SchemeName,
         rheology: Rheology,
         drive: Drives,
-        mass: ArrayLike | None,
         resume: CreepState | None = None,
     ) -> None:
         if history is None and isinstance(subject, Scene):
@@ -205,7 +199,7 @@ class TimeTask:
         self.asked = _asked_times(history, duration, times, resume)
         method, loading = schemes.scheme(scheme), Loading.of(history, drive)
         last = history.duration if duration is None else duration
-        self.system = _system(subject, rheology, drive, mass)
+        self.system = _system(subject, rheology, drive)
         self._integrator = Integrator(self.system, method, loading, replace(control, end=last))
         start = self.system.start()
         self._stored_first = self.system.stored(start)
@@ -253,29 +247,24 @@ class TimeTask:
         return found  # type: ignore[no-any-return]
 
 
-def _system(
-    subject: Subject, rheology: Rheology, drive: Drives, mass: ArrayLike | None
-) -> Creeping:
+def _system(subject: Subject, rheology: Rheology, drive: Drives) -> Creeping:
     """Return what is integrated over time."""
     if isinstance(subject, SpringNetwork):
         if rheology is None:
             raise ParameterError(
                 "rheology: a spring network says nothing about time; give a ThreeElement"
             )
-        return CreepingNetwork(subject, rheology, mass)
+        return CreepingNetwork(subject, rheology)
     if rheology is not None:
         raise ParameterError(
             "rheology: is for spring networks; the cells of a scene have that of their material"
         )
     if isinstance(subject, Scene):
-        if mass is not None:
-            raise ParameterError("mass: the cells of a scene creep without inertia; leave it out")
         if subject.rule.kind == "prescribed":
             return CreepingAgents(LoadModel(subject).run())
         return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
-    weight = None if mass is None else np.atleast_1d(np.asarray(mass, dtype=np.float64))
     stretched = drive == "displacements"
-    return Elements(laws_of([subject]), np.ones(1), stretched=stretched, mass=weight)
+    return Elements(laws_of([subject]), np.ones(1), stretched=stretched)
 
 
 def _notes(work: float, at_jumps: float) -> tuple[str, ...]:

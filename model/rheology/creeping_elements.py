@@ -42,58 +42,40 @@ from .creep_result import BodyTimeResult, CreepResult, TimeResult, times_of
 class Elements:
     """Any number of three-element materials that do not feel each other; by itself, one.
 
-    Its state is the stretches of both parts, the force in each element, and the velocity of its end
-    (which stays 0 without mass). `share` is the force (N) of each at a factor of 1, or, if
-    `stretched`, its elongation (m); `mass` (kg) is 0 without inertia.
+    Its state is the stretches of both parts, and the force in each element. `share` is the force
+    (N) of each at a factor of 1, or, if `stretched`, its elongation (m).
     """
 
     result: type[TimeResult] = CreepResult
 
-    def __init__(
-        self, laws: Laws, share: Floats, *, stretched: bool = False, mass: Floats | None = None
-    ) -> None:
+    def __init__(self, laws: Laws, share: Floats, *, stretched: bool = False) -> None:
         self.laws, self.share, self.stretched = laws, share, stretched
-        self.mass = np.zeros(1) if mass is None else mass
         self.parts: dict[str, Any] = {}
 
     def start(self) -> Fields:
-        """Return the state at time 0: nothing stretched, nothing moving."""
-        return tuple(np.zeros((4, len(self.share))))
+        """Return the state at time 0: nothing stretched."""
+        return tuple(np.zeros((3, len(self.share))))
 
     def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
-        q, d, force, velocity = fields
+        q, d, force = fields
         state, length = Stretch(q, d), substep.length
-        applied = substep.factor * self.share
-        acceleration = np.zeros_like(velocity)
         if self.stretched:
             speed = (substep.displacement_factor * self.share - q - d) / length
-            applied = after = force_at_rate(self.laws, length, state, speed)
-        elif self.mass.any():
-            # The element resists as at rest and, as it is linear, with so much a unit of speed.
-            at_rest = force_at_rate(self.laws, length, state, 0.0)
-            damping = force_at_rate(self.laws, length, Stretch(0.0 * q, d), 1.0)
-            inertia = self.mass / length
-            speed = (inertia * velocity + applied - at_rest) / (inertia + damping)
-            after, acceleration = at_rest + damping * speed, (speed - velocity) / length
+            after = force_at_rate(self.laws, length, state, speed)
         else:
-            after = applied
+            after = substep.factor * self.share
         rate = rates(self.laws, length, state, after)
         energy = stage_energy(self.laws, substep, after, rate)
-        if self.mass.any():  # the load works on the mass too
-            work = substep.duration * float(np.sum(applied * (rate.q + rate.d)))
-            lost = substep.numerical(float(np.sum(self.mass * np.square(acceleration))))
-            energy = energy._replace(work=work, numerical=energy.numerical + lost)
-        return (rate.q, rate.d, (after - force) / length, acceleration), energy
+        return (rate.q, rate.d, (after - force) / length), energy
 
     def stored(self, fields: Fields) -> float:
-        """Return the energy of the springs and of the moving mass (J)."""
-        q, _, _, velocity = fields
-        return stored_energy(self.laws, q) + 0.5 * float(np.sum(self.mass * np.square(velocity)))
+        """Return the energy of the springs (J)."""
+        return stored_energy(self.laws, fields[0])
 
     def record(self, fields: Fields) -> dict[str, Floats]:
         """Return elongation (m) and force (N) of the element."""
-        q, d, force, _ = fields
+        q, d, force = fields
         return {"displacement": (q + d)[0], "force": force[0]}
 
 

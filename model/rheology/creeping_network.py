@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_array, diags_array
+from numpy.typing import NDArray
 
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
-from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
+from kaju.model.network.assembler import Assembler, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import find_balance, tangent_error
 from kaju.model.network.linear import DirectSolver, SingularTangentError
 from kaju.model.network.network_result import (
@@ -86,8 +85,7 @@ class NetworkCreepResult(TimeResult):
     def outside_forces(self, record: int = -1) -> Floats:
         """Return what acts on every node from outside (N), shape (n, dimension).
 
-        Where a node is held, that is the force of its support; where it is free, its load
-        (less mass times acceleration).
+        Where a node is held, that is the force of its support; where it is free, its load.
         """
         geometry = spring_geometry(self.network, self.displacement[record])
         return -spring_forces(self.network, geometry, self.force[record])
@@ -110,46 +108,6 @@ class NetworkCreepResult(TimeResult):
         )
 
 
-class HeavyAssembler(Assembler):
-    """Sums up springs and, over one implicit step, the inertia of the nodes.
-
-    Inertia pulls every node to where it would get without forces, as a spring of stiffness M/h² in
-    every direction. `geometry` is always asked before `internal_force`, so it notes where the nodes
-    are. `mass`, shape (n, 1): of the nodes (kg).
-    """
-
-    def __init__(self, network: SpringNetwork, mass: Floats) -> None:
-        super().__init__(network)
-        self.mass = mass
-        self._coasted = self._at = self._pull = np.zeros_like(network.positions)
-
-    def begin_step(self, displacement: Floats, velocity: Floats, length: float) -> None:
-        """Take up a step (s) of nodes from a displacement (m), with a velocity (m/s)."""
-        self._coasted = displacement + length * velocity
-        self._pull = np.broadcast_to(self.mass / length**2, displacement.shape)
-
-    def geometry(self, displacement: Floats) -> Geometry:
-        """Return the springs' geometry, and note where the nodes are."""
-        self._at = displacement
-        return super().geometry(displacement)
-
-    def internal_force(self, geometry: Geometry, tension: Floats) -> Floats:
-        """Return the force of springs and inertia on the nodes (N)."""
-        return super().internal_force(geometry, tension) - self._pull * (self._at - self._coasted)
-
-    def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
-        """Return how the free nodes resist small displacements (N/m)."""
-        springs = super().tangent(geometry, tension, stiffness)
-        return csc_array(springs + diags_array(self.restrict(self._pull)))
-
-    def force_change(
-        self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats
-    ) -> Floats:
-        """Return by how much the force on the nodes changes with a small displacement."""
-        change = super().force_change(geometry, tension, stiffness, displacement)
-        return change - self._pull * displacement
-
-
 _SHARES = (1, 2, 4, 8, 16)
 """Into how many shares a load is divided, one after the other, before Newton gives up."""
 
@@ -157,11 +115,11 @@ _SHARES = (1, 2, 4, 8, 16)
 class CreepingNetwork:
     """A network that creeps; every implicit step is one balance of forces.
 
-    Its state is the stretches of both parts of every spring, the tension of the springs, the
-    displacement of the nodes, and their velocity (which stays 0 without mass). At the start a
-    spring that is longer than its rest length has stretched its Voigt part, as one that has long
-    been so. A held coordinate moves from where it is when the run begins, by its given displacement
-    times the growth of the factor; so teeth may grip a network that is bent already.
+    Its state is the stretches of both parts of every spring, the tension of the springs, and the
+    displacement of the nodes. At the start a spring that is longer than its rest length has
+    stretched its Voigt part, as one that has long been so. A held coordinate moves from where it is
+    when the run begins, by its given displacement times the growth of the factor; so teeth may grip
+    a network that is bent already.
     """
 
     result = NetworkCreepResult
@@ -170,21 +128,11 @@ class CreepingNetwork:
         self,
         network: SpringNetwork,
         rheology: ThreeElement | Sequence[ThreeElement],
-        mass: ArrayLike | None = None,
     ) -> None:
         self.network = network
         self.parts: dict[str, Any] = {"network": network}
         self.laws = _spring_laws(network, rheology)
-        nodes = len(network.positions)
-        self.mass = np.zeros((nodes, 1))
         self.assembler = Assembler(network)
-        if mass is not None:
-            self.mass += np.broadcast_to(np.asarray(mass, dtype=np.float64), (nodes,))[:, None]
-            if not np.all(np.isfinite(self.mass) & (self.mass > 0.0)):
-                raise ParameterError(
-                    "mass: every node needs a mass above 0 kg; leave it out for none"
-                )
-            self.assembler = HeavyAssembler(network, self.mass)
         self._solver = DirectSolver()
         self._grip = np.zeros_like(network.positions)
 
@@ -193,36 +141,31 @@ class CreepingNetwork:
         none = np.zeros(len(self.network.springs))
         still = np.zeros_like(self.network.positions)
         stretched = self.network.prestretch.copy()
-        return (stretched, none, self.laws.K_f * stretched, still, still.copy())
+        return (stretched, none, self.laws.K_f * stretched, still)
 
     def begin(self, fields: Fields, displacement_factor: float) -> None:
         """Note from where held coordinates move, and the factor of displacements there."""
-        *_, displacement, _ = fields
+        displacement = fields[-1]
         self._grip = displacement - displacement_factor * self.network.displacements[-1]
 
     def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
-        q, d, tension, displacement, velocity = fields
+        q, d, tension, displacement = fields
         state, length = Stretch(q, d), substep.length
-        if isinstance(self.assembler, HeavyAssembler):
-            self.assembler.begin_step(displacement, velocity, length)
         after, found = self._balance(state, displacement, substep)
         speed = (after - displacement) / length
         rate = rates(self.laws, length, state, found)
-        acceleration = np.where(self.mass, (speed - velocity) / length, 0.0)
         energy = stage_energy(self.laws, substep, found, rate)
         # Springs turn within a step: work on the nodes and in the springs differ by what the time
         # stepping makes of geometry, and the difference is the scheme's own.
         on_springs = -spring_forces(self.network, spring_geometry(self.network, after), found)
-        inertia = self.mass * acceleration
         turned = substep.duration * float(np.vdot(on_springs, speed)) - energy.work
-        lost = substep.numerical(float(np.vdot(inertia, acceleration)))
         energy = Energy(
-            substep.duration * float(np.vdot(on_springs + inertia, speed)),
+            substep.duration * float(np.vdot(on_springs, speed)),
             energy.dissipated,
-            energy.numerical + turned + lost,
+            energy.numerical + turned,
         )
-        return (rate.q, rate.d, (found - tension) / length, speed, acceleration), energy
+        return (rate.q, rate.d, (found - tension) / length, speed), energy
 
     def _balance(
         self, state: Stretch, displacement: Floats, substep: SubStep
@@ -238,7 +181,7 @@ class CreepingNetwork:
         given = self._grip + substep.displacement_factor * network.displacements[-1]
         geometry = assembler.geometry(displacement)
         carried = -assembler.internal_force(geometry, law(geometry.elongation)[0])
-        scale = self._force_scale(stiffness, rest, displacement, substep)
+        scale = self._force_scale(stiffness, rest)
         trouble: Exception | None = None
         for parts in _SHARES:
             moved = displacement
@@ -264,27 +207,23 @@ class CreepingNetwork:
         assert trouble is not None
         raise trouble
 
-    def _force_scale(
-        self, stiffness: Floats, rest: Floats, displacement: Floats, substep: SubStep
-    ) -> float:
+    def _force_scale(self, stiffness: Floats, rest: Floats) -> float:
         """Return the force (N) of which rounding leaves a share of 1e-12 unbalanced.
 
-        In a very short step dampers and inertia are stiff, and the digits of stretches and
+        In a very short step dampers are stiff, and the digits of stretches and
         displacements times this stiffness are all that a balance can reach. A network that
         is let go need come no nearer to nothing than the digits of its full load.
         """
         force = np.max(stiffness, initial=0.0) * np.max(np.abs(rest), initial=0.0)
-        force += np.max(self.mass) / substep.length**2 * np.max(np.abs(displacement))
         return max(1e-2 * float(force), float(np.abs(self.network.forces[-1]).max(initial=0.0)))
 
     def stored(self, fields: Fields) -> float:
-        """Return the energy of the springs and of the moving masses (J)."""
-        q, *_, velocity = fields
-        return stored_energy(self.laws, q) + 0.5 * float(np.sum(self.mass * np.square(velocity)))
+        """Return the energy of the springs (J)."""
+        return stored_energy(self.laws, fields[0])
 
     def record(self, fields: Fields) -> dict[str, Floats]:
         """Return displacement (n, dimension) of the nodes and tension (m,) of the springs."""
-        _, _, tension, displacement, _ = fields
+        _, _, tension, displacement = fields
         return {"displacement": displacement, "force": tension}
 
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,23 +29,7 @@ from kaju.model.rheology.load_history import History
 from kaju.model.rheology.schemes import Laws, Scheme, Stretch, force_at_rate, rates
 from kaju.model.rheology.schemes import scheme as scheme_named
 
-Number = float | Floats
 Answer = Callable[[ArrayLike], Floats]
-
-
-class ElementState(NamedTuple):
-    """An element between two time steps; numbers, or arrays for many elements at once."""
-
-    q: Number = 0.0  # displacement of the Voigt part (m)
-    d: Number = 0.0  # displacement of the damper in series (m)
-    force: Number = 0.0  # in the element (N), above 0 when it is pulled
-
-
-class StepNumbers(NamedTuple):
-    """The two numbers of an implicit step: see `ThreeElement.coefficients`."""
-
-    C: float  # velocity per force (m/(N s))
-    D: float  # velocity per displacement of the Voigt part (1/s), by which it recovers
 
 
 @dataclass(frozen=True)
@@ -123,51 +106,6 @@ class ThreeElement:
     def relaxation_time(self) -> float:
         """(D_d + D_f)/K_f (s): how long the force takes to fade at a held displacement."""
         return (self.D_d + self.D_f) / self.K_f if self.K_f else inf
-
-    def coefficients(self, dt: float) -> StepNumbers:
-        """Return the two numbers by which an implicit step of length `dt` (s) is made.
-
-        C = 1/D_d + 1/(K_f dt + D_f) and D = K_f/(K_f dt + D_f). At the step's end the force is
-        (v + D q)/C, with v the rate of elongation and q the displacement of the Voigt part at
-        its beginning: seen over the step the element is a damper 1/C that pulls by D q/C.
-        So a mass M with the velocity v under a force P, held back by the element, has after
-        the step the velocity (M v/dt + P − D q/C)/(M/dt + 1/C).
-
-        Raises
-        ------
-        ParameterError
-            If `dt` is not above 0.
-        """
-        if not (isfinite(dt) and dt > 0.0):
-            raise ParameterError(f"dt: must be a time above 0 s, got {dt}")
-        voigt = self.K_f * dt + self.D_f
-        return StepNumbers(1.0 / self.D_d + 1.0 / voigt, self.K_f / voigt)
-
-    def step(self, state: ElementState, velocity: Number, dt: float) -> ElementState:
-        """Return the state after a step of backward Euler, the ends moving apart at a speed.
-
-        For those who animate: any `dt` is stable, and nothing rings.
-
-        Parameters
-        ----------
-        state : ElementState
-            Where the step begins; ``ElementState()`` is an element at rest.
-        velocity : float or array
-            Rate of elongation during the step (m/s).
-        dt : float
-            Length of the step (s), above 0.
-
-        Raises
-        ------
-        ParameterError
-            If `dt` is not above 0, or the velocity is not finite.
-        """
-        if not np.all(np.isfinite(velocity)):
-            raise ParameterError(f"velocity: must be finite (m/s), got {velocity}")
-        numbers = self.coefficients(dt)
-        force = (velocity + numbers.D * state.q) / numbers.C
-        rate = (force - self.K_f * state.q) / (self.K_f * dt + self.D_f)
-        return ElementState(state.q + dt * rate, state.d + dt * force / self.D_d, force)
 
     def creep_compliance(self, times: ArrayLike) -> Floats:
         """Return J(t): displacement per force held since time 0 (m/N or 1/Pa)."""

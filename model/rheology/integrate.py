@@ -2,7 +2,7 @@
 
 A body (a single element, a spring network, cells) answers one question only: which rates it has
 in an implicit step from its present state to a given load. Both time schemes are made of such
-steps, so every kind of body has both, with and without mass.
+steps, so every kind of body has both.
 
 Steps end on every corner of the history. Equal steps also end at every time asked for; where a
 tolerance is kept, these times are read between the steps, which do not feel them. With it each
@@ -320,7 +320,7 @@ class Integrator:
         raise ConvergenceError(
             f"creep: at {state.time:.6g} s no step however short keeps the tolerance "
             f"{self.control.tolerance}: there it moves ever faster, as what folds or snaps through "
-            "does; give it mass (mass=) to follow it there, end before (duration=), or load it less"
+            "does; end before (duration=), or load it less"
         ) from trouble
 
 

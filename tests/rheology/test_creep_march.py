@@ -1,4 +1,4 @@
-"""Marching through time: tolerance, order, energy, mass, and taking a run up again."""
+"""Marching through time: tolerance, order, energy, and taking a run up again."""
 
 import numpy as np
 import pytest
@@ -79,18 +79,6 @@ def test_a_run_taken_up_again_gives_the_same_numbers(tmp_path, options):
         joined = np.concatenate([getattr(first, name), getattr(second, name)])
         np.testing.assert_array_equal(joined, getattr(unbroken, name))
     assert second.state.steps == unbroken.state.steps
-
-
-def test_a_mass_on_a_spring_swings():
-    element = ThreeElement.spring(4.0)
-    errors = []
-    for count in (50, 100, 200):
-        result = creep(element, History.step(), 3.0, times=[3.0], step=3.0 / count, mass=1.0)
-        errors.append(abs(result.displacement[0] - 0.25 * (1.0 - np.cos(6.0))))
-        left = result.work - result.stored - result.dissipated - result.numerical
-        assert abs(left[0]) < 1e-13
-    slopes = np.log2(np.array(errors[:-1]) / errors[1:])
-    np.testing.assert_allclose(slopes, 2.0, atol=0.05)
 
 
 def test_what_was_not_asked_for_is_refused():

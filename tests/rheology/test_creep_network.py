@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kaju.errors import BucklingError, ConvergenceError, MechanismError, ParameterError
+from kaju.errors import BucklingError, MechanismError, ParameterError
 from kaju.model.network import solve, triangular
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.rheology.creeping import creep
@@ -71,16 +71,6 @@ def test_measured_order_in_true_geometry(scheme, order):
     assert slope == pytest.approx(order, abs=0.15)
 
 
-@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
-@pytest.mark.parametrize("mass", [None, 0.5])
-def test_work_is_stored_dissipated_or_the_schemes_own(scheme, mass):
-    result = creep(truss(), BITE, times=TIMES, step=0.1, rheology=ELEMENT, scheme=scheme, mass=mass)
-    left = result.work - result.stored - result.dissipated - result.numerical
-    np.testing.assert_allclose(left, 0.0, atol=1e-9 * np.abs(result.work).max())
-    assert np.all(np.diff(result.dissipated) >= 0.0)
-    assert np.abs(result.numerical[-1]) < 0.1 * result.work[-1]
-
-
 def test_small_loads_follow_the_correspondence_principle():
     times = np.array([0.5, 2.0, 8.0])
     small = truss(force=(1e-9, -3e-8))
@@ -102,20 +92,6 @@ def test_a_resumed_network_goes_on_as_if_unbroken():
     np.testing.assert_array_equal(second.force, unbroken.force[4:])
 
 
-def test_a_heavy_node_swings_at_its_own_frequency():
-    network = SpringNetwork.build(
-        [[0.0, 0.0], [1.0, 0.0]], [[0, 1]], 4.0, held=[[True, True], [False, True]],
-        forces=[[0.0, 0.0], [0.01, 0.0]],
-    )  # fmt: skip
-    times = np.linspace(0.1, 3.0, 30)
-    result = creep(
-        network, History.step(), 3.0, times=times, step=0.01, mass=1.0,
-        rheology=ThreeElement.spring(4.0),
-    )  # fmt: skip
-    swing = 0.0025 * (1.0 - np.cos(2.0 * times))
-    np.testing.assert_allclose(result.displacement[:, 1, 0], swing, atol=2e-6)
-
-
 def test_a_bent_truss_stays_bent_by_what_flowed():
     result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
     sunk = result.displacement[:, 2, 1]
@@ -129,14 +105,6 @@ def test_a_bent_truss_stays_bent_by_what_flowed():
 def test_a_truss_that_snaps_through_is_reported():
     with pytest.raises(BucklingError, match="buckles"):
         creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, step=0.05, rheology=ELEMENT)
-
-
-def test_a_truss_that_creeps_until_it_snaps_is_followed_with_mass_only():
-    options = {"times": [1.0], "tolerance": 3e-2, "rheology": ELEMENT}
-    with pytest.raises(ConvergenceError, match=r"at 0\.55\d* s .* give it mass"):
-        creep(truss(force=(0.0, -3.0)), History.step(), 1.0, **options)
-    through = creep(truss(force=(0.0, -3.0)), History.step(), 1.0, mass=1e-2, **options)
-    assert through.displacement[0, 2, 1] < -1.5
 
 
 @pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
@@ -174,17 +142,6 @@ def test_a_chain_without_stiffness_across_is_named():
         creep(chain, History.step(), 3.0, rheology=ELEMENT)
 
 
-def test_networks_need_a_rheology_that_fits():
-    with pytest.raises(ParameterError, match="says nothing about time"):
-        creep(truss(), BITE)
-    with pytest.raises(ParameterError, match="2 springs need as many"):
-        creep(truss(), BITE, rheology=[ELEMENT])
-    with pytest.raises(ParameterError, match="cannot be scaled"):
-        creep(truss(), BITE, rheology=ThreeElement.dashpot(1.0))
-    with pytest.raises(ParameterError, match="mass: every node"):
-        creep(truss(), BITE, rheology=ELEMENT, mass=-1.0)
-
-
 def test_forces_from_outside_are_loads_and_reactions():
     result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
     outside = result.outside_forces(record=1)
@@ -199,3 +156,18 @@ def test_moments_are_records_of_a_loaded_network():
     np.testing.assert_array_equal(records.positions(2), truss().positions + result.displacement[2])
     np.testing.assert_array_equal(records.stage, BITE.at(TIMES))
     np.testing.assert_allclose(records.reactions(1)[:2], result.outside_forces(1)[:2])
+
+
+@pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
+def test_work_is_stored_dissipated_or_the_schemes_own(scheme):
+    result = creep(truss(), BITE, times=TIMES, step=0.1, rheology=ELEMENT, scheme=scheme)
+    left = result.work - result.stored - result.dissipated - result.numerical
+    np.testing.assert_allclose(left, 0.0, atol=1e-12 * np.abs(result.work).max())
+    assert np.all(np.diff(result.dissipated) >= 0.0)
+
+
+def test_networks_need_a_rheology_that_fits():
+    with pytest.raises(ParameterError, match="rheology: a spring network says nothing"):
+        creep(truss(), BITE)
+    with pytest.raises(ParameterError, match=r"rheology: .* springs need as many elements"):
+        creep(truss(), BITE, rheology=[ELEMENT])

@@ -10,7 +10,6 @@ from plates import plate
 from kaju import ElasticModel, History, Scene, ThreeElement, animate, creep, load_result, plot
 from kaju.errors import ParameterError, SceneError
 from kaju.model.network import triangular
-from kaju.model.rheology.element import ElementState
 
 LAW = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
 BITE = History().ramp(1.0, 0.5).hold(2.0).release().hold(4.0)
@@ -123,50 +122,6 @@ def test_bodies_and_networks_are_drawn_at_a_time(tmp_path):
         with pytest.raises(ParameterError, match="times 0 to 4"):
             plot(course, "deformed", record=5)
     assert plot(body, "scene").axes
-
-
-def test_a_step_is_the_schemes_own():
-    times = 0.3 * np.arange(1, 6)
-    state, forces = ElementState(), []
-    for _ in times:
-        state = LAW.step(state, velocity=0.7, dt=0.3)
-        forces.append(state.force)
-    ramp = History().ramp(0.7 * times[-1], times[-1])
-    np.testing.assert_allclose(forces, LAW.relaxation(displacement=ramp, times=times))
-    assert state.q + state.d == pytest.approx(0.7 * times[-1])
-
-
-def test_many_elements_may_step_at_once():
-    speeds = np.array([0.0, 0.5, -1.0])
-    start = ElementState(np.zeros(3), np.zeros(3), np.zeros(3))
-    together = LAW.step(LAW.step(start, speeds, 0.2), speeds, 0.2)
-    for k, speed in enumerate(speeds):
-        alone = LAW.step(LAW.step(ElementState(), speed, 0.2), speed, 0.2)
-        assert together.force[k] == pytest.approx(alone.force)
-
-
-@pytest.mark.parametrize("law", [LAW, ThreeElement.maxwell(2.0, 5.0), ThreeElement.dashpot(3.0)])
-def test_the_two_coefficients_move_a_mass_as_creep_does(law):
-    mass, pushed, dt, steps = 0.8, 1.5, 0.1, 30
-    state, velocity, moved = ElementState(), 0.0, []
-    for _ in range(steps):
-        numbers = law.coefficients(dt)
-        pull = numbers.D * state.q / numbers.C
-        velocity = (mass * velocity / dt + pushed - pull) / (mass / dt + 1.0 / numbers.C)
-        state = law.step(state, velocity, dt)
-        moved.append(state.q + state.d)
-    times = dt * np.arange(1, steps + 1)
-    course = creep(
-        law, History.step(pushed), times[-1], times=times, step=dt, mass=mass,
-        scheme="backward_euler",
-    )  # fmt: skip
-    np.testing.assert_allclose(course.displacement, moved, rtol=1e-10)
-
-
-@pytest.mark.parametrize(("velocity", "dt"), [(1.0, 0.0), (1.0, -1.0), (np.nan, 1.0)])
-def test_steps_out_of_range_are_refused(velocity, dt):
-    with pytest.raises(ParameterError, match=r"above 0 s|finite"):
-        LAW.step(ElementState(), velocity, dt)
 
 
 STEPS = plate([4, 4], [2, 3], [0.0, -1.0]).to_toml() + "[history]\n"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from kaju.agents.materials import Material
-from kaju.errors import ParameterError
 from kaju.model.rheology.creeping import creep
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
@@ -88,13 +87,6 @@ def test_a_run_taken_up_again_gives_the_same_numbers():
     first = creep(scene(SOFT, None), BITE, 5.2, times=TIMES[:3])
     second = creep(scene(SOFT, None), BITE, times=TIMES[3:], resume=first.state)
     np.testing.assert_array_equal(second.growth, unbroken.growth[3:])
-
-
-def test_rheology_and_mass_are_not_for_scenes():
-    with pytest.raises(ParameterError, match="have that of their material"):
-        creep(scene(SOFT, None), BITE, rheology=SOFT)
-    with pytest.raises(ParameterError, match="without inertia"):
-        creep(scene(SOFT, None), BITE, mass=1.0)
 
 
 def test_a_scene_keeps_its_rheology_when_written():

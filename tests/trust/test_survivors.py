@@ -15,7 +15,6 @@ from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.refine import refine_loop as spawner
 from kaju.model.elastic.staggered import compact
-from kaju.model.rheology.element import ElementState
 from kaju.view.space import box_around
 
 
@@ -217,14 +216,6 @@ def test_what_a_corner_keeps_of_its_shear_modulus_gives_the_energy_of_finite_ele
     bent = plate(regions=[air], loads=[{"side": "top", "force": [1.0, -2.0]}])
     truth = kaju.finite_elements(bent, order=4, levels=6).strain_energy
     assert kaju.solve(bent, resolution=4).strain_energy == pytest.approx(truth, rel=3e-3)
-
-
-def test_a_step_of_an_element_keeps_its_law_and_its_elongation():
-    element = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=4.0)
-    numbers = element.coefficients(0.5)
-    assert (numbers.C, numbers.D) == (0.75, 1.0)
-    then = element.step(ElementState(0.3, 0.1, 0.0), velocity=1.5, dt=0.5)
-    assert (then.force, then.q, then.d) == pytest.approx((2.4, 0.75, 0.4))
 
 
 @pytest.mark.parametrize(

@@ -244,10 +244,15 @@ def solve(
         return
 
     def answer() -> Result:
+        from kaju.model.scale.solve_petsc import solve_petsc
         from kaju.model.study.solving import solve as solve_scene
 
-        more: dict[str, Any] = {"engine": "petsc"} if pieces else {"tolerance_at": places_of(at)}
-        found: Result = solve_scene(task.scene, tolerance, resolution, strategy.value, **more)
+        found: Result
+        if pieces:
+            found = solve_petsc(task.scene, tolerance, resolution)
+        else:
+            how: dict[str, Any] = {"tolerance_at": places_of(at)}
+            found = solve_scene(task.scene, tolerance, resolution, strategy.value, **how)
         task.console.say("solved as linear elasticity")
         return found
 

@@ -76,7 +76,7 @@ def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
     parts = _processes(shape, size)
     if any(n < (HALO * p if p > 1 else 1) for n, p in zip(shape, parts, strict=True)):
         raise ParameterError(
-            f"engine: {' x '.join(map(str, shape))} cells cannot be cut for {size} processes: "
+            f"solve_petsc: {' x '.join(map(str, shape))} cells cannot be cut for {size} processes: "
             f"each needs {HALO} or more along every axis; start fewer"
         )
     shapes = [shape]

@@ -1,4 +1,4 @@
-"""`kaju.solve(scene, engine="petsc")`: linear elasticity on as many processes as there are.
+"""`kaju.solve_petsc(scene)`: linear elasticity on as many processes as there are.
 
 Every process calls it alike, under ``mpirun``, and has its own part of the body afterwards. With
 one process the answer is an ordinary `ElasticResult`.
@@ -80,9 +80,38 @@ def solve_petsc(
 ) -> ElasticResult | PiecedResult:
     """Solve a scene of squares or cubes as linear elasticity on PETSc, each process its own piece.
 
-    `tolerance`: relative error, in the energy norm, to which the equations are solved, 1e-11 unless
-    given; `resolution`: cells per cell of the scene along every axis, 1 unless given, or 2 where a
-    member is one cell wide.
+    All processes call it alike, under ``mpirun``.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float, optional
+        Relative error, in the energy norm, to which the equations of equal cells are solved; 1e-11
+        unless given.
+    resolution : int, optional
+        Cells per cell of the scene along every axis; 1 unless given, or 2 where a member is one
+        cell wide.
+    stage : int, optional
+        Stage of loading; by default the last.
+
+    Returns
+    -------
+    ElasticResult or PiecedResult
+        Of one process an `ElasticResult`; of several the piece of each.
+
+    Raises
+    ------
+    MissingExtraError
+        If petsc4py or mpi4py is not installed.
+    SupportError, SceneError, ParameterError, ConvergenceError
+        As of `kaju.solve`, on all processes alike.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> scene = kaju.load_scene("plate.toml")  # doctest: +SKIP
+    >>> kaju.solve_petsc(scene).strain_energy  # doctest: +SKIP
+    1.6e-08
     """
     comm = communicator()
     began = perf_counter()
@@ -216,7 +245,7 @@ def communicator() -> Any:
         from petsc4py import PETSc  # noqa: F401
     except ImportError as error:
         raise MissingExtraError(
-            "engine='petsc' needs petsc4py and mpi4py: apt-get install python3-petsc4py-real "
+            "solve_petsc: needs petsc4py and mpi4py: apt-get install python3-petsc4py-real "
             "python3-mpi4py (Debian, for the system's Python; see docs/scale.md), or "
             f"pip install 'kaju[petsc]', which builds PETSc ({error})"
         ) from error

@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.network.network_model import NetworkModel
     from kaju.model.outline.outline_result import OutlineResult
-    from kaju.model.scale.pieces import PiecedResult
     from kaju.model.transfer.load_model import LoadModel
 
-    AnyElastic = ElasticResult | OutlineResult | PiecedResult
+    AnyElastic = ElasticResult | OutlineResult
 
 Strategy = Literal["auto", "uniform", "spawning"]
 STRATEGIES = ("auto", "uniform", "spawning")
@@ -39,7 +38,7 @@ _TAKEN = {
         "{name}: belongs to no SpringNetwork; leave it out",
     ),
     "scene": (
-        "tolerance resolution strategy tolerance_at previous stage stiffness most_agents engine",
+        "tolerance resolution strategy tolerance_at previous stage stiffness most_agents",
         "{name}: belongs to no Scene; leave it out",
     ),
     "plane with outlines": (
@@ -49,11 +48,6 @@ _TAKEN = {
     "solid with outlines": (
         "resolution strategy=uniform stage=1",
         _OUTLINES % "are equal cells in space, as many as `resolution` says",
-    ),
-    "petsc": (
-        "tolerance resolution stage engine strategy=uniform",
-        "engine: 'petsc' solves equal cells, by tolerance (of the equations), resolution and "
-        "stage; it knows no {name}",
     ),
     "stiffness": (
         "tolerance resolution previous stage stiffness strategy=uniform",
@@ -65,8 +59,6 @@ _TAKEN = {
 
 
 # The overloads only say which subject gives which result; options are checked by name below.
-@overload
-def solve(subject: Scene, *how: Any, engine: Literal["petsc"], **more: Any) -> AnyElastic: ...
 @overload
 def solve(subject: Scene | LoadModel | str | Path, *how: Any, **more: Any) -> ElasticResult: ...
 @overload
@@ -82,7 +74,6 @@ def solve(  # type: ignore[misc]
     *,
     stiffness: ArrayLike | None = None,
     most_agents: int | None = None,
-    engine: Literal["petsc"] | None = None,
     increments: int | None = None,
 ) -> AnyElastic | NetworkResult:
     """Return how a body or a network of springs answers its loads.
@@ -128,9 +119,6 @@ def solve(  # type: ignore[misc]
         each time, 0.01 with the `previous` answer does.
     most_agents : int, optional
         Give up before there are more; by default 4 million, 400,000 in three dimensions.
-    engine : {None, "petsc"}
-        "petsc" solves equal cells by PETSc, under ``mpirun`` on many processes, and the
-        tolerance is that of their equations: see `kaju.model.scale.solve_petsc`.
     increments : int, optional
         Steps in which a network is loaded; 10 unless given.
     method : str, optional
@@ -178,7 +166,6 @@ def solve(  # type: ignore[misc]
         "stage": stage,
         "stiffness": stiffness,
         "most_agents": most_agents,
-        "engine": engine,
         "increments": increments,
     }
     given = {name: value for name, value in options.items() if value is not None}
@@ -186,13 +173,6 @@ def solve(  # type: ignore[misc]
         _refuse_others("scene", given)
         if subject.outlined:
             return interruptible(lambda: _with_memory(_solve_outlined, subject, given))
-        if engine is not None:
-            if engine != "petsc":
-                raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
-            _refuse_others("petsc", given)
-            from kaju.model.scale.solve_petsc import solve_petsc
-
-            return solve_petsc(subject, tolerance, resolution, stage=stage)
         return interruptible(lambda: _with_memory(_solve_scene, subject, given))
     from kaju.model.network import SpringNetwork
     from kaju.model.network import solve as solve_network

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from kaju.model.rheology.creeping import creep as creep
     from kaju.model.rheology.element import ThreeElement as ThreeElement
     from kaju.model.rheology.load_history import History as History
+    from kaju.model.scale.solve_petsc import solve_petsc as solve_petsc
     from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
@@ -95,6 +96,7 @@ _NAMES = {
     "model.rheology.creeping": "creep",
     "model.rheology.element": "ThreeElement",
     "model.rheology.load_history": "History",
+    "model.scale.solve_petsc": "solve_petsc",
     "model.scene": "Lattice Scene load_scene",
     "model.scene.level_sets": "sampled_shape",
     "model.scene.lattices": "Cubes Squares",

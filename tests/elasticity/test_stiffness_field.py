@@ -143,7 +143,6 @@ def test_the_cell_that_breaks_a_rule_is_named(wrong):
         {"strategy": "spawning"},
         {"tolerance_at": "displacement"},
         {"most_agents": 10},
-        {"engine": "petsc"},
     ],
 )
 def test_what_knows_no_field_says_so(beside):

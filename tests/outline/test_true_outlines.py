@@ -458,7 +458,7 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
         lambda scene: kaju.solve(scene, resolution=2),
         lambda scene: kaju.solve(scene, strategy="uniform"),
         lambda scene: kaju.solve(scene, tolerance_at="displacement"),
-        lambda scene: kaju.solve(scene, engine="petsc"),
+        kaju.solve_petsc,
         lambda scene: kaju.solve(scene, tolerance=2.0),
         lambda scene: kaju.animate(kaju.solve(scene, tolerance=0.3), "ring.gif"),
         lambda scene: kaju.export_page(scene, "ring.html"),

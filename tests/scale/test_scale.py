@@ -67,7 +67,7 @@ def test_forty_random_scenes_are_answered_as_solve_does(processes):
 
 def test_one_process_gives_an_ordinary_result():
     scene = scale_work.plate()
-    result = kaju.solve(scene, engine="petsc")
+    result = kaju.solve_petsc(scene)
     own = scale_work.own_solve(scene, tolerance=1e-12)
     assert type(result) is type(own)
     points = np.array([[0.1, 0.15], [0.2, 0.05]])
@@ -164,12 +164,8 @@ def test_a_killed_process_ends_the_run_and_leaves_no_torn_file(tmp_path):
 
 def test_what_petsc_cannot_do_is_refused():
     scene = scale_work.plate()
-    with pytest.raises(ValueError, match="it knows no previous"):
-        kaju.solve(scene, engine="petsc", previous=kaju.solve(scene))
-    with pytest.raises(ValueError, match="it knows no strategy"):
-        kaju.solve(scene, engine="petsc", strategy="spawning")
     with pytest.raises(ValueError, match="tolerance: must lie"):
-        kaju.solve(scene, engine="petsc", tolerance=2.0)
+        kaju.solve_petsc(scene, tolerance=2.0)
 
 
 def test_the_command_on_two_processes(tmp_path):

@@ -1,4 +1,4 @@
-"""What `engine=` says where PETSc is not installed."""
+"""What `solve_petsc` says where PETSc is not installed."""
 
 import sys
 
@@ -8,13 +8,8 @@ import scale_work
 import kaju
 
 
-def test_engines_that_are_not_there_are_refused():
-    with pytest.raises(ValueError, match=r"engine: None .* or 'petsc', got 'cuda'"):
-        kaju.solve(scale_work.plate(), engine="cuda")
-
-
 def test_without_petsc_the_error_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "petsc4py", None)
     with pytest.raises(ImportError, match="apt-get install python3-petsc4py-real") as raised:
-        kaju.solve(scale_work.plate(), engine="petsc")
+        kaju.solve_petsc(scale_work.plate())
     assert isinstance(raised.value, kaju.KajuError)

@@ -91,7 +91,7 @@ def compare(count):
     comm = communicator()
     for seed in range(count):
         scene = random_scene(seed)
-        result = kaju.solve(scene, engine="petsc")
+        result = kaju.solve_petsc(scene)
         moved, stress = displacement(result, comm)
         if comm.Get_rank() == 0:
             own = own_solve(scene, tolerance=1e-12)
@@ -115,11 +115,11 @@ def compare(count):
 
 
 def save(folder):
-    kaju.solve(random_scene(2), engine="petsc").save(folder)
+    kaju.solve_petsc(random_scene(2)).save(folder)
 
 
 def save_space(folder):
-    kaju.solve(random_scene(3), engine="petsc").save(folder)
+    kaju.solve_petsc(random_scene(3)).save(folder)
 
 
 def fail():
@@ -133,7 +133,7 @@ def fail():
             raise MemoryError("no more of it")
 
         solve_petsc.rows_on = broken
-    kaju.solve(plate(), engine="petsc")
+    kaju.solve_petsc(plate())
 
 
 def die(folder):
@@ -143,7 +143,7 @@ def die(folder):
     comm = solve_petsc.communicator()
     if comm.Get_rank() == comm.Get_size() - 1:
         pieces._write = lambda *arguments: os.kill(os.getpid(), signal.SIGKILL)
-    kaju.solve(plate(), engine="petsc").save(folder)
+    kaju.solve_petsc(plate()).save(folder)
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ _TAKEN = {
 def solve(subject: Scene | LoadModel | str | Path, *how: Any, **more: Any) -> ElasticResult: ...
 @overload
 def solve(subject: SpringNetwork | NetworkModel, *how: Any, **more: Any) -> NetworkResult: ...
-def solve(  # type: ignore[misc]
+def solve(
     subject: Scene | SpringNetwork | NetworkModel | LoadModel | str | Path,
     tolerance: float | None = None,
     resolution: int | None = None,

@@ -402,6 +402,7 @@ class BrickLoop:
         self.notes: list[str] = []
         self.residuals: list[float] = []
         self.error, self.energy = float("nan"), 0.0
+        self.aimed: Aimed
         self._field: BrickField | None = None
         self._marked: Flags | None = None
         self._mesh = BrickMesh(ground, self.leaves)

@@ -61,6 +61,4 @@ def subject_from(archive: Archive) -> Any:
         return ThreeElement(**archive.value("element", dict[str, float]))
     if "scene" not in archive.about:
         return network_from(archive)
-    # Earlier checkpoints named a scene's arrays as the scene does.
-    arrays = archive.part(_SCENE) or archive.arrays
-    return Scene.from_archive(archive.value("scene", str), arrays)
+    return Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))

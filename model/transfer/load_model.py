@@ -176,8 +176,8 @@ class LoadModel(LoadTransfer, SteppedModel):
         """
         self.engine.act(self.order)
 
-    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and those that no file can hold."""
+    def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and classes and functions of one's own."""
         options = {
             "engine": "agents" if isinstance(self.engine, AgentEngine) else "arrays",
             "allow_unstable": self.allow_unstable,

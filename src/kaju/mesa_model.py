@@ -1,43 +1,17 @@
-"""What all of kaju's Mesa models have in common: seeds, steps that end, data, and checkpoints.
-
-Steps are deterministic: from the same scene, seed and classes they lead to the same numbers, bit
-for bit. So a checkpoint holds no inboxes and no multigrid cycle half done; loading it takes the
-steps again and compares the figures noted at the end. Nothing in the file is code: classes of
-one's own are given again.
-"""
+"""What kaju's Mesa models have in common: seeds, steps that end, and data."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable
 from copy import deepcopy
 from functools import partial
-from pathlib import Path
 from typing import Any, Self
 
 from kaju._mesa import DataCollector, Model
-from kaju.errors import ParameterError, ResultFileError
-from kaju.model.results.archive import Archive, open_archive, reading, write_archive
-from kaju.model.results.subjects import subject_archive, subject_from
+from kaju.errors import ParameterError
 from kaju.result_kinds import NOTEBOOK, fetch
 from kaju.stepping import Until, step_to_end
 from kaju.stopping import Answer
-
-_SUBJECT = "subject."
-RandomStates = tuple[dict[str, Any], tuple[int, tuple[int, ...], float | None]]
-"""Of a model's two generators of random numbers, before anything was drawn."""
-
-
-def _names_of(own: Mapping[str, Any]) -> dict[str, str]:
-    """Return by which names classes and objects of one's own are recognised."""
-
-    def name_of(value: Any) -> str:
-        if isinstance(value, Mapping):
-            return ", ".join(f"{key}: {name_of(part)}" for key, part in sorted(value.items()))
-        return str(getattr(value, "__name__", None) or type(value).__name__)
-
-    return {name: name_of(value) for name, value in own.items() if value is not None}
 
 
 class SteppedModel(Model):
@@ -134,14 +108,6 @@ class SteppedModel(Model):
             # Mesa copies every figure deeply, which would cost as much as a small step.
             self._noted.append((self.steps, self.figures()))
 
-    def _forget(self, count: int) -> None:
-        """Take the data of the last steps back."""
-        collected = self.datacollector  # with what was noted since it was last read
-        for values in collected.model_vars.values():
-            del values[-count:]
-        if hasattr(collected, "_collection_steps"):  # Mesa from 3.4 on
-            del collected._collection_steps[-count:]
-
     def _start_again(self) -> None:
         """Go back to no steps, the first random numbers and no data."""
         self.steps = self.steps_taken = 0
@@ -157,7 +123,7 @@ class SteppedModel(Model):
 
     def again(self, scene: Any, **changed: Any) -> Self:
         """Return a model of another scene with the same agents; it runs loads that grow, too."""
-        options, own = self.checkpoint_options()
+        options, own = self.arguments()
         options |= {name: value for name, value in own.items() if value is not None}
         if "allow_unstable" in options:
             options["allow_unstable"] = True
@@ -168,94 +134,9 @@ class SteppedModel(Model):
         html: str = fetch(NOTEBOOK)(self)
         return html
 
-    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and those that no file can hold."""
+    def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and classes and functions of one's own."""
         raise NotImplementedError
-
-    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return what the model is of, such as its scene, as arrays and plain values."""
-        names = ("subject", "network", "scene")
-        return subject_archive(next(getattr(self, name) for name in names if hasattr(self, name)))
-
-    def save_checkpoint(self, path: str | Path) -> Path:
-        """Write what it takes to go on from here later: continuing is as never having stopped.
-
-        The file holds what was asked, the seed and the number of steps.
-
-        Raises
-        ------
-        ResultFileError
-            If the file cannot be written.
-        """
-        arrays, about = self.checkpoint_parts()
-        options, own = self.checkpoint_options()
-        text = {
-            "model": type(self).__name__,
-            "subject": about,
-            "options": options,
-            "own": _names_of(own),
-            "rng": list(self.first_states),
-            "steps": self.steps,
-            "figures": self.figures(),
-        }
-        packed = {_SUBJECT + name: array for name, array in arrays.items()}
-        return write_archive(path, "checkpoint", packed, text)
-
-    @classmethod
-    def load_checkpoint(cls, path: str | Path, **own: Any) -> Self:
-        """Return the model of a checkpoint, as it was; its steps are taken again.
-
-        Parameters
-        ----------
-        path : path
-            What `save_checkpoint` wrote.
-        **own
-            Classes, orders and rules of your own that the model was made with.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is none of this model, or its steps now lead elsewhere.
-        ParameterError
-            If something of your own is missing or another.
-        """
-        target = Path(path)
-        if not target.exists() and target.suffix != ".npz":
-            target = target.with_name(target.name + ".npz")
-        archive = open_archive(target, "checkpoint")
-        with reading(target):
-            model_name = archive.value("model", str)
-            if model_name != cls.__name__:
-                raise ResultFileError(
-                    f"{target}: holds a {model_name}; load it with {model_name}.load_checkpoint"
-                )
-            about = archive.value("subject", dict[str, Any])
-            subject = subject_from(Archive(target, archive.part(_SUBJECT), about))
-            wanted = archive.value("own", dict[str, str])
-            steps, figures = archive.value("steps", int), archive.about["figures"]
-        found = _names_of(own)
-        for name in wanted.keys() | found.keys():
-            if wanted.get(name) != found.get(name):
-                raise ParameterError(
-                    f"{name}: {target} was made with {wanted.get(name, 'none of your own')}, got "
-                    f"{found.get(name, 'none')}; give load_checkpoint(path, {name}=...) what the "
-                    "model was made with"
-                )
-        # What goes wrong with classes of one's own is not the file's fault.
-        with nullcontext() if own else reading(target):
-            model = cls(subject, **archive.value("options", dict[str, Any]), **own)
-            model.first_states = archive.value("rng", RandomStates)
-            model.reset()
-            while model.running and model.steps < steps:
-                model.step()
-        again = json.loads(json.dumps(model.figures()))
-        if model.steps != steps or repr(again) != repr(figures):
-            raise ResultFileError(
-                f"{target}: its {steps} steps led elsewhere this time ({again} instead of "
-                f"{figures}); agents were changed by hand between steps, draw random numbers that "
-                "are not the model's, or are other classes now"
-            )
-        return model
 
     def _run(
         self,

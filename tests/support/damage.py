@@ -22,7 +22,7 @@ from plates import plate as pressed
 from stored_files import joined, parts_of
 
 import kaju
-from kaju import ElasticModel, LoadModel, Material, NetworkModel, Reference, Scene, ThreeElement
+from kaju import ElasticModel, LoadModel, Material, Reference, Scene, ThreeElement
 from kaju.errors import KajuError
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
@@ -138,9 +138,6 @@ def samples(folder):
         numbers = {name: getattr(state, name) for name in CREEP_STATE}
         return contents_of(({str(i): part for i, part in enumerate(state.fields)}, numbers))
 
-    def half_way(model):
-        return lambda path: contents_of(model.load_checkpoint(path).checkpoint_parts())
-
     soft, firm = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7), ThreeElement(K_f=1e6, D_f=1e6, D_d=9e7)
     net = triangular(3)
     net = kaju.SpringNetwork.build(
@@ -153,10 +150,6 @@ def samples(folder):
 
     element = crept(soft)
     elastic = {"rule": {"kind": "elastic", "threshold": 1e-3}}
-    walking, pushing = LoadModel(plate()), ElasticModel(plate(**elastic))
-    for _ in range(3):
-        walking.step()
-        pushing.step()
     answers = {
         "transfer": LoadModel(plate()).run(),
         "cells": kaju.solve(plate()),
@@ -176,11 +169,6 @@ def samples(folder):
     }
     element.state.save(folder / "state.npz")
     made["state"] = folder / "state.npz", read_state
-    loading = NetworkModel(net, increments=3)
-    loading.step()
-    for name, model in (("walk", walking), ("pushes", pushing), ("network", loading)):
-        path = model.save_checkpoint(folder / f"{name} half-way.npz")
-        made[f"{name} half-way"] = path, half_way(type(model))
     forces = {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}
     kaju.sweep(plate(), forces, out=folder / "sweep", workers=1)
     made["sweep"] = (

@@ -62,10 +62,10 @@ def test_a_tenth_less_from_cell_to_cell():
         assert reaches(loss) == cells == 1 + int(np.log(20.0) / -np.log(1.0 - loss))
 
 
-def test_agents_harden_after_so_many_loads():
+def test_agents_harden_after_so_much_load():
     sinks = example("own_agents/shortening.py")["sinks"]
-    assert sinks(3) == pytest.approx(3.127e-9, rel=1e-3)
-    assert sinks(1) < sinks(3) < sinks(10)
+    assert sinks(0.2) == pytest.approx(3.127e-9, rel=1e-3)
+    assert sinks(0.2) < sinks(1.0) < sinks(10.0)
 
 
 def test_felt_keeps_what_it_does_not_give_back():

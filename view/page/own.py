@@ -13,7 +13,7 @@ from kaju.agents.parameter import Parameter, declared
 def own_parts(model: Any) -> list[type | Callable[..., Any]]:
     """Return what of a model is one's own: classes of agents and boundaries, order, rule."""
     parts: list[Any] = []
-    for own in model.checkpoint_options()[1].values():
+    for own in model.arguments()[1].values():
         parts += list(own.values()) if isinstance(own, Mapping) else [own]
     chosen = (part for part in parts if part is not None)
     named = [part if hasattr(part, "__name__") else type(part) for part in chosen]

@@ -207,8 +207,8 @@ class SpawningModel(SteppedModel):
         missed = missed_note(spawning, self.tolerance, self.resolution)
         return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or missed}"
 
-    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and those that no file can hold."""
+    def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and classes and functions of one's own."""
         names = ("tolerance", "resolution", "stage", "most_agents")
         options = {name: getattr(self, name) for name in names}
         return options, {"tolerance_at": self._tolerance_at}

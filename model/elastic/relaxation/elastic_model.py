@@ -259,8 +259,8 @@ class ElasticModel(SteppedModel):
         """The agents' network of cells; None where they are rows of arrays."""
         return self.engine.space
 
-    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and those that no file can hold."""
+    def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and classes and functions of one's own."""
         own = None if self.face_agent is FaceAgent else self.face_agent
         options = {
             "engine": "agents" if isinstance(self.engine, AgentPushEngine) else "arrays",

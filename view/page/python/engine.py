@@ -82,6 +82,9 @@ class Amounts(dict):
 class Emissions(tuple):
     """Emissions that follow from shares: right, and split once for loads of one size."""
 
+    def __init__(self, rows):
+        self.parted = {}
+
 
 class Parameter:
     """A number of a class of agents: a slider."""
@@ -410,11 +413,15 @@ class Model:
         """Part what leaves for a load: size, and whether it goes on."""
         known = type(emissions) is Emissions
         least, rows = 0.0 if self.accumulate else self.threshold, []
+        if known and magnitude in emissions.parted:
+            return emissions.parted[magnitude]
         for arm, direction, share, sense in emissions if known else self.checked(agent, emissions):
             size = share * magnitude
             if not 0.0 <= size < inf:
                 raise self.wrong(agent, "pass_on", f"would hand over {size} N")
             rows.append((arm, direction, size, sense, size > least))
+        if known:
+            emissions.parted[magnitude] = rows
         return rows
 
     def checked(self, agent, sent):

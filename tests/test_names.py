@@ -2,6 +2,7 @@
 
 import ast
 from collections import Counter
+from pathlib import Path
 
 import networkx as nx
 from parsed_sources import parsed
@@ -40,7 +41,10 @@ def test_files_have_names_of_their_own():
 
 
 def test_classes_have_names_of_their_own():
-    nodes = [node for tree in parsed().values() for node in tree.body]
+    # Agents in the page are kaju's own by name, in a Python that has no kaju.
+    page = Path("view", "page", "python")
+    own = [tree for path, tree in parsed().items() if not path.is_relative_to(page)]
+    nodes = [node for tree in own for node in tree.body]
     classes = [node.name for node in nodes if isinstance(node, ast.ClassDef)]
     assert len(classes) > 200
     assert twice(classes) == []

@@ -66,7 +66,7 @@ _OWN = "kaju"  # marks figures that were made here and may be resized
 _CHARACTER = 4.6 / 72.0  # mean width of a letter of the captions (inches)
 
 
-class Picture(Figure):
+class ShownFigure(Figure):
     """A figure that a notebook shows although no display was asked for."""
 
     def _repr_png_(self) -> bytes:
@@ -78,7 +78,7 @@ class Picture(Figure):
 
 def new_figure(size: tuple[float, float]) -> Figure:
     """Return an empty figure of a size in inches that arranges its own parts."""
-    figure = Picture(figsize=size, dpi=RESOLUTION, layout="compressed", facecolor="white")
+    figure = ShownFigure(figsize=size, dpi=RESOLUTION, layout="compressed", facecolor="white")
     FigureCanvasAgg(figure)
     engine = figure.get_layout_engine()
     assert isinstance(engine, ConstrainedLayoutEngine)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
-    from kaju.model.elastic.pair.space import BrickAgents
+    from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Generation, Spawning
 
@@ -443,7 +443,7 @@ class ElasticResult(BodyResult):
         """
         from kaju.model.elastic.goals.displacement_error import told_error
         from kaju.model.elastic.goals.quantities import DISPLACEMENT
-        from kaju.model.elastic.pair.space import BrickAgents
+        from kaju.model.elastic.pair.octree import BrickAgents
 
         if self.tolerance_at == DISPLACEMENT:
             return self.goal_error_estimate
@@ -692,7 +692,7 @@ class ElasticResult(BodyResult):
         """
         from kaju.model.elastic.goals.functionals import functional_of, plain, unit_of
         from kaju.model.elastic.goals.quantities import quantities_of
-        from kaju.model.elastic.pair.space import BrickAgents
+        from kaju.model.elastic.pair.octree import BrickAgents
 
         from .caveats import refuse_singular
 
@@ -856,7 +856,7 @@ class ElasticResult(BodyResult):
 
             holders["solid"] = SolidAgents
         if "bricks" in about:
-            from kaju.model.elastic.pair.space import BrickAgents
+            from kaju.model.elastic.pair.octree import BrickAgents
 
             holders["tree"] = BrickAgents
         if storage not in holders:

@@ -16,7 +16,7 @@ from . import fields
 from .staggered import Pair, axis_pairs
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.pair.space import BrickAgents
+    from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.generations import Spawning
 
     from .cell_agents import CellAgents

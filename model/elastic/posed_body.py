@@ -16,7 +16,7 @@ from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
-from kaju.model.elastic.pair.quadtree import BITS, LeafCells
+from kaju.model.elastic.pair.leaves import BITS, LeafCells
 from kaju.model.elastic.problem import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.box_kinds import MIXED

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.pair.quadtree import morton
+from kaju.model.elastic.pair.leaves import morton
 from kaju.model.scene.curves import Point
 
 DEPTH = 16  # how often a first leaf can be halved

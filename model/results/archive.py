@@ -34,7 +34,7 @@ _NAMES = {"f": "float64", "s": "float32", "i": "int64", "b": "bool"}
 _TYPES = {"f": ("f8",), "s": ("f4",), "i": ("i8", "u8"), "b": ("b1",)}
 
 
-class Column(NamedTuple):
+class ArchiveColumn(NamedTuple):
     """What an array of a stored result must be."""
 
     kind: Kind
@@ -97,7 +97,7 @@ class Archive:
         return found
 
     def columns(
-        self, table: Mapping[str, Column], sizes: Mapping[str, Any], prefix: str = ""
+        self, table: Mapping[str, ArchiveColumn], sizes: Mapping[str, Any], prefix: str = ""
     ) -> dict[str, NDArray[Any]]:
         """Return the arrays of a table; the first that names an unknown size gives it."""
         sizes, found = dict(sizes), {}

@@ -14,112 +14,116 @@ from typing_extensions import TypedDict
 
 from kaju.model.scene.cell_types import AIR, DISPLACED
 
-from .archive import Column
+from .archive import ArchiveColumn
 from .stored import sizes_of as sizes_of
 
 if TYPE_CHECKING:
     pass
 
 FACE_AGENTS = {
-    "level": Column("i", "agents", 0, 64),
-    "spawn_step": Column("i", "agents", 0),
-    "number": Column("i", "agents", 0),
-    "axis": Column("i", "agents", 0, "dimension"),
-    "position": Column("f", "agents dimension"),
-    "taken": Column("f", "agents", 0.0),
-    "left": Column("f", "agents"),
-    "displacement": Column("f", "agents"),
+    "level": ArchiveColumn("i", "agents", 0, 64),
+    "spawn_step": ArchiveColumn("i", "agents", 0),
+    "number": ArchiveColumn("i", "agents", 0),
+    "axis": ArchiveColumn("i", "agents", 0, "dimension"),
+    "position": ArchiveColumn("f", "agents dimension"),
+    "taken": ArchiveColumn("f", "agents", 0.0),
+    "left": ArchiveColumn("f", "agents"),
+    "displacement": ArchiveColumn("f", "agents"),
 }
 BOUNDARY_AGENTS = {
-    "cells": Column("i", "boundary dimension", -1, "cells and beyond"),
-    "kind": Column("i", "boundary", DISPLACED, AIR),
-    "spawn_step": Column("i", "boundary", 0),
-    "reaction": Column("f", "boundary dimension"),
-    "returned": Column("f", "boundary", 0.0),
+    "cells": ArchiveColumn("i", "boundary dimension", -1, "cells and beyond"),
+    "kind": ArchiveColumn("i", "boundary", DISPLACED, AIR),
+    "spawn_step": ArchiveColumn("i", "boundary", 0),
+    "reaction": ArchiveColumn("f", "boundary dimension"),
+    "returned": ArchiveColumn("f", "boundary", 0.0),
 }
 OUTLINE_AGENTS = {
-    "x": Column("i", "agents", 0),
-    "y": Column("i", "agents", 0),
-    "width": Column("i", "agents", 1),
-    "corner_displacement": Column("f", "agents 4 2"),
-    "mean_stress": Column("f", "agents 3"),
-    "area": Column("f", "agents", 0.0),
+    "x": ArchiveColumn("i", "agents", 0),
+    "y": ArchiveColumn("i", "agents", 0),
+    "width": ArchiveColumn("i", "agents", 1),
+    "corner_displacement": ArchiveColumn("f", "agents 4 2"),
+    "mean_stress": ArchiveColumn("f", "agents 3"),
+    "area": ArchiveColumn("f", "agents", 0.0),
 }
 MOMENTS = {
-    "step": Column("i", "moments", 0),
-    "level": Column("i", "moments", 0, 64),
-    "energy": Column("f", "moments"),
-    "left": Column("s", "moments agents"),
-    "taken": Column("s", "moments agents", 0.0),
-    "displacement": Column("s", "moments agents", optional=True),
+    "step": ArchiveColumn("i", "moments", 0),
+    "level": ArchiveColumn("i", "moments", 0, 64),
+    "energy": ArchiveColumn("f", "moments"),
+    "left": ArchiveColumn("s", "moments agents"),
+    "taken": ArchiveColumn("s", "moments agents", 0.0),
+    "displacement": ArchiveColumn("s", "moments agents", optional=True),
 }
 NETWORK = {
-    "positions": Column("f", "nodes dimension"),
-    "springs": Column("i", "springs 2", 0, "nodes"),
-    "stiffness": Column("f", "springs", 0.0),
-    "rest_length": Column("f", "springs", 0.0),
-    "held": Column("b", "nodes dimension"),
-    "forces": Column("f", "stages nodes dimension"),
-    "displacements": Column("f", "stages nodes dimension"),
+    "positions": ArchiveColumn("f", "nodes dimension"),
+    "springs": ArchiveColumn("i", "springs 2", 0, "nodes"),
+    "stiffness": ArchiveColumn("f", "springs", 0.0),
+    "rest_length": ArchiveColumn("f", "springs", 0.0),
+    "held": ArchiveColumn("b", "nodes dimension"),
+    "forces": ArchiveColumn("f", "stages nodes dimension"),
+    "displacements": ArchiveColumn("f", "stages nodes dimension"),
 }
 RECORDS = {
-    "stage": Column("f", "records", 0.0, "stages", order="rising"),
-    "displacement": Column("f", "records nodes dimension"),
-    "tension": Column("f", "records springs"),
-    "residual": Column("f", "records"),
-    "corrections": Column("i", "records", 0),
+    "stage": ArchiveColumn("f", "records", 0.0, "stages", order="rising"),
+    "displacement": ArchiveColumn("f", "records nodes dimension"),
+    "tension": ArchiveColumn("f", "records springs"),
+    "residual": ArchiveColumn("f", "records"),
+    "corrections": ArchiveColumn("i", "records", 0),
 }
 BREAKS = {
-    "strengths": Column("f", "parts", 0.0),
-    "broken": Column("i", "breaks", 0, "parts"),
-    "load_factor": Column("f", "breaks", 0.0),
-    "displacement": Column("f", "breaks"),
-    "force": Column("f", "breaks"),
-    "stored": Column("f", "breaks", 0.0),
-    "released": Column("f", "breaks", 0.0),
-    "work": Column("f", "breaks"),
+    "strengths": ArchiveColumn("f", "parts", 0.0),
+    "broken": ArchiveColumn("i", "breaks", 0, "parts"),
+    "load_factor": ArchiveColumn("f", "breaks", 0.0),
+    "displacement": ArchiveColumn("f", "breaks"),
+    "force": ArchiveColumn("f", "breaks"),
+    "stored": ArchiveColumn("f", "breaks", 0.0),
+    "released": ArchiveColumn("f", "breaks", 0.0),
+    "work": ArchiveColumn("f", "breaks"),
 }
 GROWTH = {
-    "cells": Column("f", "agents", 0.0, 1.0),
-    "stiffness_of_cells": Column("f", "agents", 0.0, 1.0),
-    "designs": Column("s", "kept agents", 0.0, 1.0),
-    "compliances": Column("f", "steps", 0.0),
-    "volumes": Column("f", "steps", 0.0, 1.0),
-    "changes": Column("f", "steps", 0.0, 1.0),
-    "iterations": Column("i", "steps", 0),
+    "cells": ArchiveColumn("f", "agents", 0.0, 1.0),
+    "stiffness_of_cells": ArchiveColumn("f", "agents", 0.0, 1.0),
+    "designs": ArchiveColumn("s", "kept agents", 0.0, 1.0),
+    "compliances": ArchiveColumn("f", "steps", 0.0),
+    "volumes": ArchiveColumn("f", "steps", 0.0, 1.0),
+    "changes": ArchiveColumn("f", "steps", 0.0, 1.0),
+    "iterations": ArchiveColumn("i", "steps", 0),
 }
-COURSE = {"times": Column("f", "times", 0.0, order="never falling")} | {
-    name: Column("f", "times") for name in ("factors", "work", "stored", "dissipated", "numerical")
+COURSE = {"times": ArchiveColumn("f", "times", 0.0, order="never falling")} | {
+    name: ArchiveColumn("f", "times")
+    for name in ("factors", "work", "stored", "dissipated", "numerical")
 }
-COURSE["at_jumps"] = Column("f", "times", optional=True)
-ELEMENT_IN_TIME = {"displacement": Column("f", "times"), "force": Column("f", "times")}
+COURSE["at_jumps"] = ArchiveColumn("f", "times", optional=True)
+ELEMENT_IN_TIME = {
+    "displacement": ArchiveColumn("f", "times"),
+    "force": ArchiveColumn("f", "times"),
+}
 NETWORK_IN_TIME = {
-    "displacement": Column("f", "times nodes dimension"),
-    "force": Column("f", "times springs"),
+    "displacement": ArchiveColumn("f", "times nodes dimension"),
+    "force": ArchiveColumn("f", "times springs"),
 }
-TRANSFER_IN_TIME = {"growth": Column("f", "times materials")}
+TRANSFER_IN_TIME = {"growth": ArchiveColumn("f", "times materials")}
 ELASTIC_IN_TIME = {
-    "growth": Column("f", "times", optional=True),
-    "faces": Column("f", "times faces", optional=True),
-    "cells": Column("f", "times dimension solid", optional=True),
-    "edges": Column("f", "times edges", optional=True),
+    "growth": ArchiveColumn("f", "times", optional=True),
+    "faces": ArchiveColumn("f", "times faces", optional=True),
+    "cells": ArchiveColumn("f", "times dimension solid", optional=True),
+    "edges": ArchiveColumn("f", "times edges", optional=True),
 }
 CREEP_STATE = {
-    "time": Column("f", "", 0.0),
-    "next_step": Column("f", "", 0.0),
-    "scale": Column("f", "", 0.0),
-    "error_estimate": Column("f", "", 0.0),
-    "work": Column("f", ""),
-    "dissipated": Column("f", ""),
-    "numerical": Column("f", ""),
-    "steps": Column("i", "", 0),
-    "rejected": Column("i", "", 0),
-    "at_jumps": Column("f", "", optional=True),
+    "time": ArchiveColumn("f", "", 0.0),
+    "next_step": ArchiveColumn("f", "", 0.0),
+    "scale": ArchiveColumn("f", "", 0.0),
+    "error_estimate": ArchiveColumn("f", "", 0.0),
+    "work": ArchiveColumn("f", ""),
+    "dissipated": ArchiveColumn("f", ""),
+    "numerical": ArchiveColumn("f", ""),
+    "steps": ArchiveColumn("i", "", 0),
+    "rejected": ArchiveColumn("i", "", 0),
+    "at_jumps": ArchiveColumn("f", "", optional=True),
 }
 REFERENCE = {
-    "points": Column("f", "points dimension"),
-    "displacement": Column("f", "points dimension"),
-    "stress": Column("f", "points dimension dimension", optional=True),
+    "points": ArchiveColumn("f", "points dimension"),
+    "displacement": ArchiveColumn("f", "points dimension"),
+    "stress": ArchiveColumn("f", "points dimension dimension", optional=True),
 }
 
 

@@ -9,7 +9,7 @@ from kaju import Scene, solve
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import interpolation
-from kaju.model.elastic.pair.quadtree import LeafCells, morton
+from kaju.model.elastic.pair.leaves import LeafCells, morton
 from kaju.model.elastic.posed_body import PosedBody
 
 

@@ -6,7 +6,7 @@ from plane_bodies import plane_body
 
 import kaju
 from kaju.errors import KajuError, SupportError
-from kaju.model.elastic.pair.loop import Spawning
+from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 
 LEGEND = {0: "air", 1: "steel", 2: "rigid"}
@@ -23,7 +23,7 @@ def body(codes, **more):
 
 
 def proved(scene, tolerance):
-    spawning = Spawning(PosedBody(scene, None, at_cells=False, deepest=22), tolerance)
+    spawning = PairLoop(PosedBody(scene, None, at_cells=False, deepest=22), tolerance)
     while not spawning.finished:
         spawning.step()
     assert spawning.reached
@@ -122,7 +122,7 @@ def test_random_bodies_have_the_same_energy_as_equal_cells_bound(seed):
         bounds = kaju.solve(scene, resolution=2).energy_bounds
     except KajuError:
         pytest.skip("no body, or one that moves freely")
-    spawning = Spawning(PosedBody(scene, None, at_cells=False, deepest=22), 0.1, 5_000)
+    spawning = PairLoop(PosedBody(scene, None, at_cells=False, deepest=22), 0.1, 5_000)
     while not spawning.finished:
         spawning.step()
     own, unit = spawning.last.bounds, spawning.body.scales.energy

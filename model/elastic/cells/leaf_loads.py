@@ -21,7 +21,7 @@ from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import oriented
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import Pair

@@ -53,7 +53,7 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import LAST, NestedMultigrid
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import LeafForces, PosedBody
 from kaju.model.elastic.refine.estimator import Curvature, SecondDifferences
 from kaju.model.elastic.refine.refine_loop import RefineLoop, Target

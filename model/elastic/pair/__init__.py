@@ -4,15 +4,15 @@ Every agent holds two opinions of the same load: a displacement that *fits* its 
 a gap, and a stress that *balances*, which hands on exactly what arrives. Where they differ most,
 agents halve; what they differ in, summed, proves the answer (`gap`: the law on one page).
 
-- `quadtree`: agents as leaves of a quadtree or octree, by Morton code; 2:1.
-- `mesh`: the corners, edges and border that they share.
-- `sides`: what holds and loads them; free bodies are refused.
+- `leaves`: agents as leaves of a quadtree or octree, by Morton code; 2:1.
+- `leaf_mesh`: the corners, edges and border that they share.
+- `border`: what holds and loads them; free bodies are refused.
 - `elements`: both elements of a square, their products, and what its parts take over.
 - `displacement`, `airy`: unknowns, supports and loads of the opinion that fits, and of the one
   that balances.
 - `levels`: equations of one field by generations as multigrid levels; of any dimension.
-- `bricks`, `brick_mesh`, `brick_levels`, `space`: bodies in space have the first opinion alone, and
-  an estimated error.
+- `bricks`, `brick_mesh`, `brick_levels`, `octree`: bodies in space have the first opinion alone,
+  and an estimated error.
 - `opinions`: one generation, solved; `loop`: who halves, and when it ends.
 
 Elements of another kind join by the same unknowns: two displacements at every vertex and on every

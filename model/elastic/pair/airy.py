@@ -18,11 +18,11 @@ import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
+from kaju.model.elastic.pair.border import Sides, corner_numbers
 from kaju.model.elastic.pair.displacement import followed
 from kaju.model.elastic.pair.elements import airy_of_tractions, forms, without_plane
+from kaju.model.elastic.pair.leaf_mesh import LeafMesh
 from kaju.model.elastic.pair.levels import Blocks
-from kaju.model.elastic.pair.mesh import Mesh
-from kaju.model.elastic.pair.sides import Sides, corner_numbers
 
 
 def compliance(law: Floats) -> Floats:
@@ -43,7 +43,7 @@ class Sheets:
     closed: Flags  # Which of a cut's forces along x and y, and couple, are none; shape (cuts, 3)
 
 
-def loops_of(mesh: Mesh) -> list[Ints]:
+def loops_of(mesh: LeafMesh) -> list[Ints]:
     """Return the rows of the border's edges in the order of a walk, loop by loop."""
     start, end = mesh.along()
     following = np.full(mesh.vertices, -1)
@@ -61,7 +61,7 @@ def loops_of(mesh: Mesh) -> list[Ints]:
     return loops
 
 
-def sheets_of(mesh: Mesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets:
+def sheets_of(mesh: LeafMesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets:
     """Cut the body to the right of every hole that something holds."""
     start, end = mesh.along()
     place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
@@ -134,7 +134,7 @@ class _Follow:
 class Airy:
     """Unknowns of phi: of vertices, copies and edges, then three for each cut."""
 
-    def __init__(self, mesh: Mesh, sides: Sides, cell: int) -> None:
+    def __init__(self, mesh: LeafMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
         self.part = mesh.parts()
         self.loops = loops_of(mesh)
@@ -355,7 +355,7 @@ class Airy:
                         self._follow.add(row, np.array([self.jump + 3 * other + k]), -1.0)
 
 
-def first_stress(mesh: Mesh, sides: Sides, size: Floats) -> Floats:
+def first_stress(mesh: LeafMesh, sides: Sides, size: Floats) -> Floats:
     """Return phi of each agent, shape (n, 16), of a stress that balances the loads."""
     # Unknown are force and couple of each edge, but of halves, which follow the whole edge, and
     # where the traction is given. A row of `matrix` is a force on an agent, or its couple over h.

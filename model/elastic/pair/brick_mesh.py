@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import rigid_motions
 from kaju.model.elastic.pair import bricks
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.supports import free_motion, unheld
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER

@@ -6,10 +6,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import EDGES, forms
+from kaju.model.elastic.pair.leaf_mesh import LeafMesh
 from kaju.model.elastic.pair.levels import Blocks
-from kaju.model.elastic.pair.mesh import Mesh
-from kaju.model.elastic.pair.sides import Sides
 
 MEANS = np.array([0.25] * 4 + [1.0 / 3.0] * 4)
 """Means of the eight quadratics over the square."""
@@ -18,7 +18,7 @@ ON_EDGE = np.array([[1 / 3, 1 / 6, 1 / 3], [1 / 6, 1 / 3, 1 / 3], [1 / 3, 1 / 3,
 
 
 def blocks_of(
-    mesh: Mesh, sides: Sides, laws: list[tuple[Ints | slice, Floats]], law: Floats, cell: int
+    mesh: LeafMesh, sides: Sides, laws: list[tuple[Ints | slice, Floats]], law: Floats, cell: int
 ) -> Blocks:
     """Return the stiffness of the agents and of the beds; `law` has C11, C12 and mu of each."""
     node = np.concatenate([mesh.corner, mesh.vertices + mesh.edge], axis=1)
@@ -37,7 +37,7 @@ def blocks_of(
     return Blocks(dof, matrices, np.ones(len(node)), None, size, extra)
 
 
-def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
+def way_of(mesh: LeafMesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     """Return what all unknowns are by the free ones, and which these are."""
     nodes = mesh.vertices + mesh.edges
     start, end = mesh.ends[mesh.whole].T
@@ -69,7 +69,7 @@ def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_arr
         way = next_way
 
 
-def moved_by(mesh: Mesh, sides: Sides) -> Floats:
+def moved_by(mesh: LeafMesh, sides: Sides) -> Floats:
     """Return a displacement that is as given where it is held, and 0 at all other corners."""
     value = np.zeros((mesh.vertices + mesh.edges, 2))
     for end in mesh.ends[mesh.border].T:

@@ -104,14 +104,14 @@ class Blocks:
         return sp.csc_array(way.T @ whole @ way)
 
 
-class Level:
+class FieldLevel:
     """The equations of one generation for its free unknowns, scaled by the diagonal."""
 
     def __init__(
         self,
         blocks: Blocks,
         way: sp.csr_array,
-        before: Level | None,
+        before: FieldLevel | None,
         rise: sp.csr_array | None,
         direct: int,
     ) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
-from kaju.model.elastic.pair.opinions import Generation, first, following
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.opinions import Opinions, first, following
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.stopping import interrupt_requested
 
@@ -26,13 +26,13 @@ STALLED = 3
 MOST_AGENTS = 1_000_000
 
 
-class Spawning:
+class PairLoop:
     """A body's agents, generation by generation."""
 
     def __init__(self, body: PosedBody, tolerance: float, most_agents: int | None = None) -> None:
         self.body, self.tolerance = body, tolerance
         self.most_agents = most_agents or MOST_AGENTS
-        self.last: Generation | None = None
+        self.last: Opinions | None = None
         self.stopped = ""
         """Why it ended short of the tolerance: "agents", "depth", "rounding", "interrupt"."""
         self.leaves = body.start()
@@ -48,11 +48,11 @@ class Spawning:
         """Whether there is no further generation."""
         return self.reached or bool(self.stopped)
 
-    def _kept(self, generation: Generation) -> bool:
+    def _kept(self, generation: Opinions) -> bool:
         bounds = generation.bounds
         return bounds.error <= self.tolerance and not bounds.lost
 
-    def step(self) -> Generation:
+    def step(self) -> Opinions:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
         last = self.last
         self.last = first(self.body, self.leaves) if last is None else following(last, self.leaves)
@@ -77,7 +77,7 @@ class Spawning:
             self.leaves = leaves
         return self.last
 
-    def _halved(self, generation: Generation, wanted: float) -> LeafCells | None:
+    def _halved(self, generation: Opinions, wanted: float) -> LeafCells | None:
         """Return the agents of the next generation, None if none may halve."""
         leaves, number = generation.leaves, len(generation.leaves)
         sharp = self.body.sharp
@@ -120,8 +120,8 @@ def halvings(share: Floats, wanted: float, at: Ints) -> Ints:
 
 def generations(
     body: PosedBody, tolerance: float, most_agents: int | None = None
-) -> Iterator[Generation]:
+) -> Iterator[Opinions]:
     """Yield the generations of a body until its tolerance is proved, or cannot be."""
-    spawning = Spawning(body, tolerance, most_agents)
+    spawning = PairLoop(body, tolerance, most_agents)
     while not spawning.finished:
         yield spawning.step()

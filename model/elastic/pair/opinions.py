@@ -12,6 +12,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import by_law
 from kaju.model.elastic.pair import displacement
 from kaju.model.elastic.pair.airy import Airy, compliance, first_stress
+from kaju.model.elastic.pair.border import Sides, check_held, sides_of
 from kaju.model.elastic.pair.elements import (
     CORNERS,
     EDGES,
@@ -27,10 +28,9 @@ from kaju.model.elastic.pair.elements import (
     without_plane,
 )
 from kaju.model.elastic.pair.gap import Bounds, bounds_of, energies, fields_at_rule, stress_of
-from kaju.model.elastic.pair.levels import Blocks, Level, rise_of
-from kaju.model.elastic.pair.mesh import Mesh, mesh_of
-from kaju.model.elastic.pair.quadtree import LeafCells
-from kaju.model.elastic.pair.sides import Sides, check_held, sides_of
+from kaju.model.elastic.pair.leaf_mesh import LeafMesh, mesh_of
+from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.levels import Blocks, FieldLevel, rise_of
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene.cell_types import INSIDE
 
@@ -43,18 +43,18 @@ INCOMPRESSIBLE = 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Generation:
+class Opinions:
     """Agents with their two opinions; arrays over cases of load: loads, then moved supports."""
 
     body: PosedBody
-    mesh: Mesh
+    mesh: LeafMesh
     sides: Sides
     law: Floats  # C11, C12 and mu of the agents; shape (3, n)
     size: Floats  # Edges in cells
     fit: Floats  # Unknowns of the displacement of each agent; shape (cases, n, 16)
     phi: Floats  # Those of Airy's function, without its linear part
     loads: tuple[bool, ...]  # Whether loads act in a case (else supports move)
-    levels: tuple[Level, Level]  # Equations of the displacement, and of phi
+    levels: tuple[FieldLevel, FieldLevel]  # Equations of the displacement, and of phi
 
     @property
     def leaves(self) -> LeafCells:
@@ -188,12 +188,12 @@ class Generation:
         return bed, borne, apart
 
 
-def first(body: PosedBody, leaves: LeafCells) -> Generation:
+def first(body: PosedBody, leaves: LeafCells) -> Opinions:
     """Return the first generation."""
     return _solved(body, leaves, None)
 
 
-def following(before: Generation, leaves: LeafCells) -> Generation:
+def following(before: Opinions, leaves: LeafCells) -> Opinions:
     """Return a generation that corrects the one before, of which its agents are parts."""
     return _solved(before.body, leaves, before)
 
@@ -207,7 +207,7 @@ def descent(old: LeafCells, new: LeafCells) -> tuple[Ints, Ints]:
     return parent, np.asarray(FIRST_PART[step] + offset[:, 1] * ratio + offset[:, 0])
 
 
-def _solved(body: PosedBody, leaves: LeafCells, before: Generation | None) -> Generation:
+def _solved(body: PosedBody, leaves: LeafCells, before: Opinions | None) -> Opinions:
     """Return a generation whose opinions are of least energy, but for what the gap allows."""
     mesh = mesh_of(leaves)
     sides = sides_of(body, mesh)
@@ -256,7 +256,7 @@ def _solved(body: PosedBody, leaves: LeafCells, before: Generation | None) -> Ge
     if before is not None:
         family = parent, child_maps(True)[part]
     balances = _level(blocks, airy.way(), before.levels[1] if before else None, family, direct)
-    generation = Generation(body, mesh, sides, law, size, fit, phi, loads, (fits, balances))
+    generation = Opinions(body, mesh, sides, law, size, fit, phi, loads, (fits, balances))
     for case, loaded in enumerate(loads):
         rest = -blocks.gather(blocks.times(phi[case]) + _of_growing(generation, case))
         rest += _of_supports(airy, generation, case)
@@ -277,19 +277,19 @@ def _handed_down(own: Floats, parent: Ints, part: Ints, balances: bool) -> Float
 def _level(
     blocks: Blocks,
     free: tuple[sp.csr_array, Ints],
-    before: Level | None,
+    before: FieldLevel | None,
     family: tuple[Ints, Floats] | None,
     direct: int,
-) -> Level:
+) -> FieldLevel:
     """Return the equations of a generation for its free unknowns."""
     way, unknown = free
     if before is None or family is None or way.shape[1] <= direct:
-        return Level(blocks, way, before, None, direct)
-    return Level(blocks, way, before, rise_of(blocks, unknown, before.blocks, *family), direct)
+        return FieldLevel(blocks, way, before, None, direct)
+    return FieldLevel(blocks, way, before, rise_of(blocks, unknown, before.blocks, *family), direct)
 
 
 def _of_body_forces(
-    before: Generation, parent: Ints, leaves: LeafCells, loads: tuple[bool, ...]
+    before: Opinions, parent: Ints, leaves: LeafCells, loads: tuple[bool, ...]
 ) -> Floats:
     """Return phi of the even stress that children have of a stress that grows within parents."""
     out = np.zeros((len(loads), len(parent), 16))
@@ -318,7 +318,7 @@ _EVEN = _even()
 
 
 def _of_finer_loads(
-    before: Generation, mesh: Mesh, sides: Sides, parent: Ints, phi: Floats, size: Floats
+    before: Opinions, mesh: LeafMesh, sides: Sides, parent: Ints, phi: Floats, size: Floats
 ) -> Floats:
     """Return phi of what children take of loads that end within sides, not their parents."""
     # On a parent's side force and couples of the rest are none: only vertices within it move.
@@ -380,7 +380,7 @@ def _of_finer_loads(
     return out
 
 
-def _of_growing(generation: Generation, case: int) -> Floats:
+def _of_growing(generation: Opinions, case: int) -> Floats:
     """Return what a stress that grows within agents puts on phi, shape (n, 16)."""
     body = generation.forces(case)
     if not body.any():
@@ -398,7 +398,7 @@ def _of_growing(generation: Generation, case: int) -> Floats:
     return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses()[:, :2], weights))
 
 
-def _of_supports(airy: Airy, generation: Generation, case: int) -> Floats:
+def _of_supports(airy: Airy, generation: Opinions, case: int) -> Floats:
     """Return what beds put on phi by the tractions that they bear already."""
     beds = np.flatnonzero(airy.sides.bed > 0.0)
     out = np.zeros(airy.size)

@@ -26,7 +26,7 @@ from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.goals.goal_regions import located
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.nested import relative_error
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.estimator import Indicator, indicate

@@ -32,7 +32,7 @@ from kaju.model.elastic.multigrid.nested import (
     relative_error,
     settle,
 )
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.refine.estimator import Indicator, indicate
 from kaju.model.elastic.refine.generations import Generation, Spawning

@@ -12,8 +12,8 @@ from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import Asked, aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
-from kaju.model.elastic.pair.quadtree import LeafCells
-from kaju.model.elastic.pair.space import BrickAgents, BrickLoop
+from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.refine.generations import Spawning
 from kaju.model.elastic.refine.refine_loop import LeafLoop, RefineLoop, Target

@@ -11,7 +11,7 @@ from kaju.errors import SupportError
 from kaju.model.elastic.bounds.uneven_loads import data_error, softest
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.pair.elements import EDGE_OF_SIDE, SIDE_OF_EDGE
-from kaju.model.elastic.pair.mesh import Mesh
+from kaju.model.elastic.pair.leaf_mesh import LeafMesh
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.supports import free_motion, unheld
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
@@ -42,7 +42,7 @@ class Sides:
         return bool(self.load.any() or self.body.any())
 
 
-def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
+def sides_of(body: PosedBody, mesh: LeafMesh) -> Sides:
     """Return supports and loads of a body."""
     leaves, n, m = mesh.leaves, len(mesh.leaves), len(mesh.border)
     normal = np.where(mesh.side < 2, 1, 0)
@@ -94,7 +94,7 @@ def _common_shift(moved: Floats, held: Flags, bed: Floats) -> Floats:
     return shift
 
 
-def check_held(body: PosedBody, mesh: Mesh, sides: Sides) -> None:
+def check_held(body: PosedBody, mesh: LeafMesh, sides: Sides) -> None:
     """Refuse a body of which a part could move without straining, or whose supports tear it."""
     part = mesh.parts()
     resisted = ~sides.given

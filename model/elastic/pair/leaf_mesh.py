@@ -8,11 +8,11 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.pair.elements import CORNERS, EDGES
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class LeafMesh:
     """Corners and edges of square agents of 2:1; lengths in units of the quadtree.
 
     Elements of other kinds join by vertices and edges appended to `place` and `ends`: a field's
@@ -71,7 +71,7 @@ class Mesh:
         return np.asarray(connected_components(links, directed=False)[1][:n], dtype=np.int64)
 
 
-def mesh_of(leaves: LeafCells) -> Mesh:
+def mesh_of(leaves: LeafCells) -> LeafMesh:
     """Return the mesh of the agents of a plane body."""
     row = int(leaves.upper.max()) + 1
     lower = leaves.lower[:, None] + CORNERS.astype(np.int64) * leaves.size[:, None, None]
@@ -100,7 +100,7 @@ def mesh_of(leaves: LeafCells) -> Mesh:
     beside[whole] = beside[halves] = 2
     border = np.flatnonzero(beside == 1)
     owner, side = np.divmod(first[border], 4)
-    return Mesh(
+    return LeafMesh(
         leaves, corner, edge, place.astype(np.float64), ends, first % 4 // 2, whole, middle,
         halves, border, owner, side,
     )  # fmt: skip

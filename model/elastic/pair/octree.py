@@ -32,7 +32,7 @@ from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
-from kaju.model.elastic.pair.quadtree import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.generations import Generation, _generations_of, _leaves_of, halvings

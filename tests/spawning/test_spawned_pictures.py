@@ -146,7 +146,7 @@ def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
 
 def test_usual_pictures_are_written(solid, tmp_path):
     names = [path.stem for path in plot_all(solid, tmp_path)]
-    assert names[:3] == ["agents", "agents_section", "deformed"]
+    assert names[:3] == ["deformed", "agents", "agents_section"]
     assert names[3:] == ["displacement", "strain", "stress", "von_mises", "cuts"]
     assert plot_scene(solid.scene) is not None
 
@@ -163,7 +163,7 @@ def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
     for what, options in (("generations", {"colour": "spawn_step"}), ("loads", {"crop": True})):
         assert durations(animate(result, tmp_path / "film.gif", what, **options)) == count
     if name == "solid":
-        path = animate(result, tmp_path / "film.gif", cut={"y": 0.4})
+        path = animate(result, tmp_path / "film.gif", "generations", cut={"y": 0.4})
         assert durations(path) == count
 
 
@@ -191,6 +191,6 @@ def test_cuts_and_films_that_cannot_be_are_named(flat, solid, tmp_path):
     with pytest.raises(ParameterError, match="magnification"):
         plot(flat, "deformed", magnification=0.0)
     with pytest.raises(ParameterError, match="an animation shows level"):
-        animate(flat, tmp_path / "film.gif", colour="von_mises")
+        animate(flat, tmp_path / "film.gif", "generations", colour="von_mises")
     with pytest.raises(ParameterError, match="did you mean 'generations'"):
         animate(flat, tmp_path / "film.gif", "generation")

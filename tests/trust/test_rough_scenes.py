@@ -148,13 +148,13 @@ def test_what_cannot_be_solved_floating_is_not_told_to_float():
         solve(block(sides={"bottom": "free"}))
 
 
-@pytest.mark.parametrize("size", [[1.0, 1.0], [1.0, 1.0, 1.0]])
-def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours(size):
+@pytest.mark.parametrize(("size", "most"), [([1.0, 1.0], 20_000), ([1.0, 1.0, 1.0], 400_000)])
+def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours(size, most):
     load = {"side": "top", "force": [0.0] * (len(size) - 1) + [-1.0]}
     scene = plate([4] * len(size), None, size=size, loads=[load])
     with pytest.raises(ConvergenceError, match=r"needs more than the [45]0+ allowed") as error:
         solve(scene, tolerance=1e-6, strategy="spawning")
-    assert error.value.best.agents < 20_000
+    assert error.value.best.agents < most
     assert error.value.best.error_estimate < 0.5
 
 

@@ -25,7 +25,6 @@ COMMANDS = {
     "creep": ("creep", "{scene}.toml", "--hold", "1", "--out", "{out}", *BARE),
     "break": ("break", "{hexagons}.toml", "--strength", "0.1", "--out", "{out}", *BARE),
     "compare": ("compare", "{scene}.toml", "--fit", "20", "--out", "{out}", *BARE),
-    "fit": ("fit", "{scene}.toml", "--runs", "20", "--out", "{out}.toml"),
     "sweep": ("sweep", "{scene}.toml", "--vary", "rule.threshold=0.5", "--out", "{out}"),
     "animate": ("animate", "{stored}.npz", "--out", "{out}.gif"),
     "page": ("page", "{scene}.toml", "--out", "{out}.html"),

@@ -46,7 +46,7 @@ def test_other_things_that_are_no_scene_or_result(call, kind, told):
 @pytest.mark.parametrize(
     ("what", "option", "told"),
     [
-        ("agents", "generation", "'agents' has no such option; it has cut, crop"),
+        ("agents", "magnification", "'agents' has no such option"),
         ("loads", "generatoin", "did you mean 'generation'"),
         ("ledger", "cut", "it has none"),
         ("stress", "components", "did you mean 'component'"),

@@ -146,8 +146,9 @@ def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
 
 def test_usual_pictures_are_written(solid, tmp_path):
     names = [path.stem for path in plot_all(solid, tmp_path)]
-    assert names[:3] == ["deformed", "agents", "agents_section"]
-    assert names[3:] == ["displacement", "strain", "stress", "von_mises", "cuts"]
+    assert names[0] == "deformed"
+    fields = {"displacement", "strain", "stress", "von_mises", "cuts"}
+    assert set(names[1:]) == {"agents", "agents_section", *fields}
     assert plot_scene(solid.scene) is not None
 
 

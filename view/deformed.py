@@ -243,6 +243,7 @@ def plot_deformed(
     crop: bool | None = None,
 ) -> Axes:
     """Draw the deformed agents, coloured by their stress, over the outline of the body at rest."""
+    check_magnification(magnification)
     if colour not in COLOURS:
         raise ParameterError(
             f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "

@@ -191,7 +191,7 @@ def test_cuts_and_films_that_cannot_be_are_named(flat, solid, tmp_path):
         plot(flat, "stress", component="xz")
     with pytest.raises(ParameterError, match="magnification"):
         plot(flat, "deformed", magnification=0.0)
-    with pytest.raises(ParameterError, match="an animation shows level"):
+    with pytest.raises(ParameterError, match="last generation only"):
         animate(flat, tmp_path / "film.gif", "generations", colour="von_mises")
     with pytest.raises(ParameterError, match="did you mean 'generations'"):
         animate(flat, tmp_path / "film.gif", "generation")

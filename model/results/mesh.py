@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultFileError, needing
+from kaju.files import atomic_file
 
 
 def corner_order(dimension: int) -> Floats:
@@ -91,8 +92,6 @@ def _write(
         target = target.with_name(target.name + ".vtu")
     flat = [(0, 0), (0, 3 - points.shape[1])]
     of_points = {} if moved is None else {"displacement": np.pad(moved, flat)}
-    try:
-        meshlane.Mesh(np.pad(points, flat), blocks, of_points, values).write(target)
-    except OSError as error:
-        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
+    with atomic_file(target, ResultFileError) as scratch:  # a good file stays if the disk is full
+        meshlane.Mesh(np.pad(points, flat), blocks, of_points, values).write(scratch)
     return target

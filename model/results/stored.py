@@ -168,8 +168,8 @@ def _mark(form: Any) -> Column | Coded | None:
 
 
 def _dtype(form: Any) -> np.dtype[Any]:
-    array = get_args(form)[0]
-    number: np.dtype[Any] = np.dtype(get_args(get_args(array)[1])[0])
+    held = get_args(get_args(form)[0])[-1]  # of an array: its dtype, or since NumPy 2.5 its number
+    number: np.dtype[Any] = np.dtype((get_args(held) or (held,))[0])
     return number
 
 

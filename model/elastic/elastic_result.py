@@ -224,9 +224,10 @@ class ElasticResult(BodyResult):
 
         The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, where
         the bounds contradict the estimated error, and where agents spawned in the plane for one.
+        Bounds of which the lower is below a tenth of the upper say too little to be halved.
         """
         bounds, own = self._deciding_bounds, self.found.solution.energy
-        if bounds is not None:
+        if bounds is not None and bounds.lower > 0.1 * bounds.upper:
             own = 0.5 * (bounds.lower + bounds.upper)
         return own * self.found.scales.energy
 

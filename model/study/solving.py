@@ -85,7 +85,7 @@ def solve(
         scene or network is, of a path the scene in it.
     tolerance : float, optional
         Relative error of a scene's answer: in the energy norm, or in what `tolerance_at` names;
-        the square of an error in the energy norm is the relative error of the energy. Without
+        where forces alone act, or moved sides alone, its square is that of the energy. Without
         one the scene's own cells are solved, or `resolution` times as many along every axis;
         agents that spawn take 0.01. Of a network it is the force left in every node, as a share
         of the largest force (1e-12 unless given).

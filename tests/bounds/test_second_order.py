@@ -181,3 +181,26 @@ def test_bounds_of_agents_of_many_sizes_hold_what_far_more_say(seed):
         for low, high in ((lower, upper), (below, above)):
             assert low <= truth * (1 + 1e-5)
             assert truth <= high * (1 + 1e-9)
+
+
+def test_bounds_that_say_nothing_do_not_decide_the_energy():
+    """The truth is 5.405 J by elements of order 3; the bounds are seven orders apart."""
+    picture = "#o#o#\n#.o.o\n.##o#\n.##o#"
+    soft = {"youngs_modulus": 2.369e9, "poissons_ratio": -0.048}
+    stiff = {"youngs_modulus": 2.369e17, "poissons_ratio": -0.255}
+    box = [[3.082, 0.0], [3.082, 1.2328]]
+    scene = Scene.from_drawing(
+        picture,
+        legend={"#": "soft", "o": "stiff", ".": "air"},
+        cell_size=0.6164,
+        thickness=0.9734,
+        plane="strain",
+        materials={"soft": soft, "stiff": stiff},
+        sides={
+            "bottom": {"stiffness": 219257849.9},
+            "left": {"displacement": [0.0, "free"]},
+            "top": {"displacement": ["free", -0.0001471863899851217]},
+        },
+        loads=[{"region": {"box": box}, "force": [-12737.93617896872, -8070.593097436557]}],
+    )
+    assert solve(scene, tolerance=0.05).strain_energy == pytest.approx(5.405, rel=0.1)

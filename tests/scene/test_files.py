@@ -6,13 +6,16 @@ import sys
 
 import numpy as np
 import pytest
-import tifffile
 from PIL import Image
 from plates import loaded
 from plates import plate as pressed
 
 import kaju
 from kaju.errors import MissingExtraError, SceneError
+
+tifffile = pytest.importorskip("tifffile")
+pytest.importorskip("svgpathtools")
+pytest.importorskip("trimesh")
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 FACES = np.array(

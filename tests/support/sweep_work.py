@@ -87,7 +87,7 @@ def kill_once(out, after):
         process.kill()
     process.wait(60)
     process.stdout.close()
-    deadline = time.monotonic() + 15.0  # a worker that starts has to import first
+    deadline = time.monotonic() + 60.0  # a worker that starts has to import first
     while members(process.pid) and time.monotonic() < deadline:
         time.sleep(0.01)
     return list(members(process.pid))

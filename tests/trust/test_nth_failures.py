@@ -62,7 +62,6 @@ COMMANDS = {
     "break": "break h.toml --no-pictures --out out",
     "grow": "grow s.toml --steps 3 --no-pictures --out out",
     "compare": "compare s.toml --no-pictures --out out",
-    "fit": "fit s.toml --runs 12 --out out",
     "sweep": "sweep s.toml --vary loads[0].force[1]=-2,-3 --workers 1 --no-pictures --out out",
     "animate": "animate stored.npz --out out.gif",
 }

@@ -48,6 +48,7 @@ GAIN = 0.8  # Share of a leaf's squared error that its halving is expected to re
 ENOUGH = 0.01  # Steps end when one gains less than this share of the estimated error's energy
 LAST = 1e-10  # The last generation's steps gain this share of the energy at most
 MOST_GENERATIONS = 60
+MOST_RATIO = 0.4999  # above it the equations are not settled: forces were a third off at 0.4999999
 MOST_AGENTS = 400_000
 """Leaves: some 5 kB each, so about 2 GB."""
 NO_BOUND = "in space errors are estimated, not proved"
@@ -394,6 +395,13 @@ class BrickLoop:
     """
 
     def __init__(self, ground: PosedBody, tolerance: float, most_agents: int | None) -> None:
+        for material in ground.scene.cell_materials:
+            if material.poissons_ratio > MOST_RATIO:
+                raise ParameterError(
+                    f"tolerance: in space agents spawn for a Poisson's ratio of {MOST_RATIO} at "
+                    f"most, and {material.name!r} has {material.poissons_ratio:.10g}; leave the "
+                    "tolerance out: equal cells are solved for any"
+                )
         self.ground, self.tolerance = ground, tolerance
         self.most_agents = most_agents or MOST_AGENTS
         self.leaves = ground.start(ACROSS)

@@ -11,7 +11,6 @@ from kaju import Reference, finite_elements, solve
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [(name, 0.05) for name in PLANE] + [("cube", 0.2), ("cube-inclusion", 0.2)]
 CASES += [pytest.param(name, 0.1, marks=pytest.mark.slow) for name in (*PLANE, *SOLID)]
-CASES += [pytest.param("cube-rubber", 0.2, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize(("name", "tolerance"), CASES)

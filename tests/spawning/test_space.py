@@ -144,3 +144,15 @@ def test_fine_bodies_begin_on_hats():
     result = kaju.solve(scene, tolerance=0.3)
     np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1.0], atol=1e-4)
     assert result.generations[0].agents > 400
+
+
+def test_a_tolerance_is_refused_for_what_is_nearly_incompressible():
+    scene = kaju.Scene(
+        body={"cells": [2, 2, 2], "cell_size": 0.1, "material": "gel"},
+        materials={"gel": {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "pressure": 10.0}],
+    )
+    with pytest.raises(kaju.KajuError, match=r"Poisson's ratio of 0\.499 at most.*'gel'"):
+        kaju.solve(scene, tolerance=0.2)
+    assert kaju.solve(scene).strain_energy > 0.0

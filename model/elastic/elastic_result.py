@@ -224,11 +224,13 @@ class ElasticResult(BodyResult):
 
         The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, where
         the bounds contradict the estimated error, and where agents spawned in the plane for one.
-        Bounds of which the lower is below a tenth of the upper say too little to be halved.
+        Bounds of which the lower is below a tenth of the upper decide only what lies outside.
         """
         bounds, own = self._deciding_bounds, self.found.solution.energy
-        if bounds is not None and bounds.lower > 0.1 * bounds.upper:
-            own = 0.5 * (bounds.lower + bounds.upper)
+        if bounds is not None:
+            wide = bounds.lower < 0.1 * bounds.upper
+            if not (wide and bounds.lower <= own <= bounds.upper):
+                own = 0.5 * (bounds.lower + bounds.upper)
         return own * self.found.scales.energy
 
     @property

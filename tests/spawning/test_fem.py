@@ -7,10 +7,15 @@ import pytest
 from spawning_bodies import BODIES, PLANE, SOLID, by_themselves
 
 from kaju import Reference, finite_elements, solve
+from kaju.errors import ParameterError
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [(name, 0.05) for name in PLANE] + [("cube", 0.2), ("cube-inclusion", 0.2)]
-CASES += [pytest.param(name, 0.1, marks=pytest.mark.slow) for name in (*PLANE, *SOLID)]
+CASES += [
+    pytest.param(name, 0.1, marks=pytest.mark.slow)
+    for name in (*PLANE, *SOLID)
+    if name != "cube-rubber"
+]
 
 
 @pytest.mark.parametrize(("name", "tolerance"), CASES)
@@ -39,6 +44,12 @@ def test_true_error_is_what_was_asked_for(name, tolerance):
     )
     assert away < (10 if name in PLANE else 4) * tolerance**2 * largest
     assert away < 1.1 * of_agents
+
+
+def test_tolerance_in_space_is_refused_for_rubber():
+    """The estimate is too small there; equal cells answer for any ratio below one half."""
+    with pytest.raises(ParameterError, match=r"0\.499 at most.*0\.4999"):
+        solve(BODIES["cube-rubber"](), tolerance=0.1)
 
 
 @pytest.mark.parametrize("name", ["rubber", "rubber-corner"])

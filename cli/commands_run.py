@@ -251,8 +251,8 @@ def solve(
         if pieces:
             found = solve_petsc(task.scene, tolerance, resolution)
         else:
-            how: dict[str, Any] = {"tolerance_at": places_of(at)}
-            found = solve_scene(task.scene, tolerance, resolution, strategy.value, **how)
+            how: dict[str, Any] = {"resolution": resolution, "strategy": strategy.value}
+            found = solve_scene(task.scene, tolerance, goal=places_of(at), **how)
         task.console.say("solved as linear elasticity")
         return found
 

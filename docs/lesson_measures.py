@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kaju
+from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
 
 Words = dict[str, Callable[..., Any]]
@@ -246,7 +247,7 @@ def _many_sizes(run: Callable[..., Any]) -> Words:
 def _lattice(run: Callable[..., Any]) -> Words:
     def buckles_at(width: int, force: float) -> float:
         try:
-            kaju.solve(triangular(width, force=force))
+            solve_network(triangular(width, force=force))
         except kaju.KajuError as error:
             return float(str(error).split()[2])
         return 1.0

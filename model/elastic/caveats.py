@@ -51,7 +51,7 @@ class Caveat(NamedTuple):
 
 
 def refuse_singular(
-    scene: Scene, tolerance_at: ToleranceAt, stage: int | None, name: str = "tolerance_at"
+    scene: Scene, tolerance_at: ToleranceAt, stage: int | None, name: str = "goal"
 ) -> None:
     """Refuse to look for a stress at a point where it has no limit."""
     if isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT:

@@ -32,7 +32,7 @@ KINK = radians(0.5)  # angle from which on a corner counts as one
 
 
 def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, ...] | None:
-    """Return the peak that `tolerance_at` asks for within true outlines.
+    """Return the peak that `goal` asks for within true outlines.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, 
     asked = quantities_of(tolerance_at)
     if len(asked) > 1 or not isinstance(asked[0], Stress) or asked[0].component != HOOP:
         raise ParameterError(
-            "tolerance_at: within true outlines a tolerance is about the energy norm, or about the "
+            "goal: within true outlines a tolerance is about the energy norm, or about the "
             f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), got '
             f"{tolerance_at!r}; outlines are {', '.join(named) or 'without names'}"
         )
@@ -56,7 +56,7 @@ def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, 
     if at not in named:
         near = suggestion(at, named) if isinstance(at, str) else ""
         raise ParameterError(
-            f"tolerance_at: there is no true outline {at!r}{near}; there is "
+            f"goal: there is no true outline {at!r}{near}; there is "
             f"{', '.join(named) or 'none with a name'}"
         )
     return (asked[0],)
@@ -77,7 +77,7 @@ class OutlinePeak:
         self._name, self._tolerance = name, tolerance
         self.value = self.off = self.error = inf
         """The stress, its estimated error (in units of the problem), and the same relative."""
-        no_limit = f"tolerance_at: the stress along {name!r} has no limit, since it"
+        no_limit = f"goal: the stress along {name!r} has no limit, since it"
         frames = ArcFrames(self._region.shape.arcs)
         kink = angle(frames.last, np.roll(frames.first, -1, axis=0))
         if not self._region.solid:

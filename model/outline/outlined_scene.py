@@ -53,7 +53,7 @@ def solve_outlined(
     if goal is not None:
         name = str(goal[0].at)
         which = [region.name for region in scene.body.regions].index(name)
-        _check_alone(problem.body.regions, which, f"tolerance_at: {name!r}", "peak")
+        _check_alone(problem.body.regions, which, f"goal: {name!r}", "peak")
         peak = OutlinePeak(which, name, problem, edge, tolerance)
     before = None
     if previous is not None:

@@ -89,9 +89,12 @@ def by_its_kind(subject: Any, rng: int | None = None) -> Any:
     if hasattr(subject, "step") and hasattr(subject, "run"):
         return subject.run()  # a model
     from kaju.model.network import SpringNetwork
+    from kaju.model.network import solve as solve_network
     from kaju.model.study.solving import solve
 
-    return solve(subject) if isinstance(subject, (Scene, SpringNetwork)) else subject
+    if isinstance(subject, SpringNetwork):
+        return solve_network(subject)
+    return solve(subject) if isinstance(subject, Scene) else subject
 
 
 def _called(

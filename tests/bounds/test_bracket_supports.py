@@ -70,7 +70,7 @@ def test_goals_of_a_slender_bar_are_proved():
         sides={"left": "rigid"},
         loads=[{"side": "right", "force": [0.0, -1.0]}],
     )
-    goal = solve(scene, tolerance=0.2, tolerance_at=Deflection("right", "y")).goals[0]
+    goal = solve(scene, tolerance=0.2, goal=Deflection("right", "y")).goals[0]
     timoshenko = -(4.0 * 100.0**3 + 1.2 * 100.0 * 2.0) / 1e9
     assert abs(goal.value - timoshenko) <= goal.error_bound
     assert goal.relative_bound <= 0.2
@@ -115,7 +115,7 @@ def test_one_quantity_has_one_value():
     place = {"box": [[0.02, 0.01], [0.04, 0.02]]}
     asked = (Deflection("top", "y"), Stress(place, "yy"))
     loads = [{"side": "top", "force": [0.0, -1e3]}]
-    result = solve(plate({"bottom": "rigid"}, loads), tolerance=0.2, tolerance_at=asked)
+    result = solve(plate({"bottom": "rigid"}, loads), tolerance=0.2, goal=asked)
     for quantity, goal in zip(asked, result.goals, strict=True):
         assert result.value_of(quantity) == goal.value
     assert result.value_of(Deflection("top", "x")) != result.goals[0].value

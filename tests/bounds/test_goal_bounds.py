@@ -66,7 +66,7 @@ def test_truths_of_random_bodies_lie_within(seed):
         (Stress(box_of(cell), "xy"), stress[0, 1]),
     ]
     quantities = [quantity for quantity, _ in asked]
-    result = solve(scene, tolerance=0.05, tolerance_at=quantities)
+    result = solve(scene, tolerance=0.05, goal=quantities)
     for goal, (_, truth) in zip(result.goals, asked, strict=True):
         off = np.linalg.norm(goal.value - truth)
         assert off <= goal.error_bound + 1e-4 * np.linalg.norm(truth)
@@ -91,7 +91,7 @@ def test_what_is_uniform_is_certain():
         Stress({"box": [[0.05, 0.025], [0.15, 0.075]]}, "xx"),
         Stress({"box": [[0.05, 0.025], [0.15, 0.075]]}, "xy"),
     ]
-    result = solve(scene, tolerance=1e-4, tolerance_at=asked)
+    result = solve(scene, tolerance=1e-4, goal=asked)
     strain = 1e6 / 200e9
     exact = [0.2 * strain, 0.1 * strain, -0.3 * strain * 0.05, 1e6, 0.0]
     for goal, truth in zip(result.goals, exact, strict=True):
@@ -113,7 +113,7 @@ def test_moved_sides_and_beds_have_bounds_that_close_in(sides, at):
     loads = [] if "top" in sides else [{"side": "top", "pressure": 1e6}]
     scene = drawn(["aaaa", "a.bb", "aabb", "aaaa"], sides=sides, loads=loads)
     asked = [Stress(box_of([2, 1]), at), Deflection(box_of([2, 2]), "y")]
-    coarse, fine = (solve(scene, tolerance=t, tolerance_at=asked) for t in (0.05, 0.01))
+    coarse, fine = (solve(scene, tolerance=t, goal=asked) for t in (0.05, 0.01))
     for first, second in zip(coarse.goals, fine.goals, strict=True):
         assert abs(first.value - second.value) <= first.error_bound + second.error_bound
         assert second.error_bound < 0.5 * first.error_bound
@@ -127,7 +127,7 @@ def test_solids_have_bounds_too():
         Deflection({"box": [[0.025, 0.025, 0.1], [0.075, 0.075, 0.1]]}),
         Stress({"box": [[0.025] * 3, [0.075] * 3]}, "zz"),
     ]
-    coarse, fine = (solve(scene, tolerance=t, tolerance_at=asked) for t in (0.2, 0.05))
+    coarse, fine = (solve(scene, tolerance=t, goal=asked) for t in (0.2, 0.05))
     for first, second in zip(coarse.goals, fine.goals, strict=True):
         assert np.linalg.norm(first.value - second.value) <= first.error_bound + second.error_bound
         assert second.error_bound < 0.6 * first.error_bound
@@ -137,7 +137,7 @@ def test_the_deflection_under_the_load_is_known_as_well_as_the_energy():
     """There the load itself asks for it."""
     scene = drawn(["aaaa"] * 4, loads=[{"cell": [1, 3], "side": "top", "force": [0.0, -3e3]}])
     under = Deflection({"box": [[CELL, 4 * CELL], [2 * CELL, 4 * CELL]]}, "y")
-    result = solve(scene, tolerance=0.02, tolerance_at=under)
+    result = solve(scene, tolerance=0.02, goal=under)
     (goal,) = result.goals
     lower, upper = result.found.bracket.lower, result.found.bracket.upper
     assert goal.relative_bound == pytest.approx((upper - lower) / (upper + lower), rel=0.05)
@@ -155,7 +155,7 @@ def test_the_deflection_under_the_load_is_known_as_well_as_the_energy():
     ],
 )
 def test_where_no_theorem_reaches_it_says_why(asked, why):
-    result = solve(drawn(["aaaa"] * 4), tolerance=0.2, tolerance_at=asked)
+    result = solve(drawn(["aaaa"] * 4), tolerance=0.2, goal=asked)
     (goal,) = result.goals
     assert goal.error_bound is None
     assert goal.relative_bound is None
@@ -166,11 +166,11 @@ def test_where_no_theorem_reaches_it_says_why(asked, why):
 
 def test_what_is_certain_is_told_and_stored(tmp_path):
     asked = [Deflection("top", "y"), (0.1, 0.1)]
-    result = solve(drawn(["aaaa"] * 4), tolerance=0.01, tolerance_at=asked)
+    result = solve(drawn(["aaaa"] * 4), tolerance=0.01, goal=asked)
     goal = result.goals[0]
     assert result.summary()["goals"][0]["error_bound"] == goal.error_bound > 0.0
     assert load_result(result.save(tmp_path / "plate")).goals[0] == goal
-    lower = solve(drawn(["aaaa"] * 4), tolerance=1e-3, tolerance_at=asked[0])
+    lower = solve(drawn(["aaaa"] * 4), tolerance=1e-3, goal=asked[0])
     goal = lower.goals[0]
     told = f"is estimated as {goal.relative_error:.2g}, and proved to be below"
     assert sum(f"{told} {goal.relative_bound:.2g}" in note for note in lower.notes) == 1
@@ -184,8 +184,8 @@ def test_agents_that_do_not_see_a_hinge_go_on_until_they_do():
         materials={"a": LAWS["a"], "b": LAWS["b"] | {"youngs_modulus": 1e9}},
     )
     right = Deflection("right", "y")
-    few = solve(scene, tolerance=0.1, tolerance_at=right)
-    fine = solve(scene, tolerance=0.01, tolerance_at=right)
+    few = solve(scene, tolerance=0.1, goal=right)
+    fine = solve(scene, tolerance=0.01, goal=right)
     (goal,), (truth,) = few.goals, fine.goals
     assert abs(goal.value - truth.value) <= goal.error_bound
     assert abs(goal.value / truth.value - 1.0) < 0.1

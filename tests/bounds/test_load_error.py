@@ -129,7 +129,7 @@ def test_what_is_certain_of_a_goal_holds_for_the_load_described(seed):
     along = EDGE * (np.arange(400) + 0.5) / 400
     top = elements.displacement_at(np.stack([along, np.full(400, EDGE * (1 - 1e-9))], axis=1))
     for cells in (5, 10, 16):
-        answer = solve(square(load, cells), tolerance=0.1, tolerance_at=Deflection("top", "y"))
+        answer = solve(square(load, cells), tolerance=0.1, goal=Deflection("top", "y"))
         (goal,) = answer.goals
         assert abs(goal.value - top[:, 1].mean()) <= goal.error_bound
         assert (answer.tolerance_kept == "proved") == (goal.relative_bound <= 0.1)

@@ -52,5 +52,5 @@ def test_what_a_bound_keeps_is_kept_again():
 
 
 def test_goals_are_not_ended_by_the_bound_of_the_energy():
-    result = spawned(0.05, tolerance_at=Deflection("top", "y"))
+    result = spawned(0.05, goal=Deflection("top", "y"))
     assert result.goals[0].relative_error <= 0.05

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from kaju import Scene, Stress, solve
+from kaju import Scene, SpawningModel, Stress, solve
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.corners import singular_at
 
@@ -203,7 +203,7 @@ def test_edges_of_solids_and_ends_of_rollers_have_no_limit_either():
 
 def test_a_mean_round_a_corner_is_a_goal():
     region = {"box": [[0.05, 0.05], [0.15, 0.15]]}
-    result = solve(L_SHAPE, tolerance=0.1, tolerance_at=Stress(region, "yy"), most_agents=20_000)
+    result = solve(L_SHAPE, tolerance=0.1, goal=Stress(region, "yy"))
     assert np.isfinite(result.goals[0].value)
 
 
@@ -240,8 +240,8 @@ def test_at_singular_places_no_stress_is_given_as_a_number(scene, places):
     answer = solve(scene)
     for at in places:
         for component in ("xx", "von_mises"):
-            with pytest.raises(SingularPlaceError, match="tolerance_at: "):
-                solve(scene, tolerance=0.1, tolerance_at=Stress(at, component))
+            with pytest.raises(SingularPlaceError, match="goal: "):
+                solve(scene, tolerance=0.1, goal=Stress(at, component))
             with pytest.raises(SingularPlaceError, match="value_of: "):
                 answer.value_of(Stress(at, component))
 
@@ -254,7 +254,7 @@ def test_an_error_without_a_share_is_not_known():
         sides={"bottom": "rigid", "top": "roller"},
         loads=[{"region": on_the_wall, "pressure": 6000.0}],
     )
-    result = solve(scene, tolerance=0.3, most_agents=3000)
+    result = SpawningModel(scene, 0.3, most_agents=3000).run()
     assert result.energy_bounds[0] == 0.0
     assert result.tolerance_kept == "missed"
     told = json.loads(json.dumps(result.summary(), allow_nan=False))

@@ -148,12 +148,10 @@ def test_space_offers_the_same():
         ({"resolution": 0}, "resolution"),
         ({"resolution": 0, "tolerance": 0.1, "strategy": "spawning"}, "resolution"),
         ({"stage": 1.5}, "stage"),
-        ({"most_agents": 0}, "most_agents"),
         ({"strategy": "guess"}, "strategy"),
         ({"previous": 3}, "previous"),
         ({"previous": 3, "strategy": "uniform"}, "an ElasticResult is needed to start from"),
-        ({"increments": 3}, "increments: belongs to no Scene"),
-        ({"tolerance": 0.1, "tolerance_at": "top", "strategy": "uniform"}, "tolerance_at"),
+        ({"tolerance": 0.1, "goal": "top", "strategy": "uniform"}, "goal"),
     ],
 )
 def test_what_breaks_a_rule_is_named(how, match):

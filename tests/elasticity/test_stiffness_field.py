@@ -141,8 +141,7 @@ def test_the_cell_that_breaks_a_rule_is_named(wrong):
     "beside",
     [
         {"strategy": "spawning"},
-        {"tolerance_at": "displacement"},
-        {"most_agents": 10},
+        {"goal": "displacement"},
     ],
 )
 def test_what_knows_no_field_says_so(beside):

@@ -53,7 +53,7 @@ def plate(*regions: dict[str, Any], pull: float = 1.0, size: float = 20.0, **mor
     ],
 )
 def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance, most) -> None:
-    answer = kaju.solve(plate(hole), tolerance=tolerance, tolerance_at=HOOP)
+    answer = kaju.solve(plate(hole), tolerance=tolerance, goal=HOOP)
     (goal,) = answer.goals
     assert goal.quantity == HOOP
     assert goal.value == answer.outline_stress("hole")[1].max()
@@ -66,7 +66,7 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance, most) -> Non
 
 
 def test_agents_spawn_at_the_peak_and_not_at_the_rest_of_the_outline() -> None:
-    answer = kaju.solve(plate(region(**DISK)), tolerance=0.01, tolerance_at=HOOP)
+    answer = kaju.solve(plate(region(**DISK)), tolerance=0.01, goal=HOOP)
     size = {
         at: answer.size[np.hypot(*(answer.lower + 0.5 * answer.size[:, None] - at).T).argmin()]
         for at in ((0.0, 1.0), (1.0, 0.0), (10.0, 10.0))
@@ -86,7 +86,7 @@ def ring(pressure: float) -> kaju.Scene:
     ("name", "pressure", "truth"), [("hole", 1.0, 5 / 3), ("rim", -1.0, -2 / 3)]
 )
 def test_peaks_of_a_ring_are_lames(name: str, pressure: float, truth: float) -> None:
-    goal = kaju.solve(ring(pressure), tolerance=0.01, tolerance_at=name).goals[0]
+    goal = kaju.solve(ring(pressure), tolerance=0.01, goal=name).goals[0]
     assert goal.value == pytest.approx(truth, rel=0.01)
     assert 0.0 < goal.error_estimate < 0.01 * abs(truth) * 1.01
 
@@ -107,7 +107,7 @@ def test_what_spawned_for_something_else_makes_no_peak_more_certain() -> None:
 
 def test_a_peak_is_stored_and_continued(tmp_path: Path) -> None:
     scene = plate(region(**DISK))
-    answer = kaju.solve(scene, tolerance=0.05, tolerance_at=HOOP)
+    answer = kaju.solve(scene, tolerance=0.05, goal=HOOP)
     loaded = kaju.load_result(answer.save(tmp_path / "plate"))
     assert loaded.goals == answer.goals
     assert loaded.summary() == answer.summary()
@@ -125,14 +125,17 @@ def test_a_peak_is_stored_and_continued(tmp_path: Path) -> None:
     assert kaju.solve(scene, previous=plain).goals == ()
 
 
-def test_what_is_short_of_agents_says_how_far_it_came() -> None:
+def test_what_is_short_of_agents_says_how_far_it_came(monkeypatch) -> None:
+    most = "kaju.model.outline.outlined_scene.MOST_AGENTS"
+    monkeypatch.setattr(most, 150)
     with pytest.raises(ConvergenceError, match="the error estimate is") as error:
-        kaju.solve(plate(region(**DISK)), tolerance=0.01, tolerance_at="hole", most_agents=150)
+        kaju.solve(plate(region(**DISK)), tolerance=0.01, goal="hole")
     best = error.value.best
     assert best.tolerance_kept == "missed"
     assert best.goals[0].relative_error > 0.01
+    monkeypatch.setattr(most, 20)
     with pytest.raises(ConvergenceError) as error:
-        kaju.solve(ring(1.0), tolerance=0.01, tolerance_at="hole", most_agents=20)
+        kaju.solve(ring(1.0), tolerance=0.01, goal="hole")
     assert error.value.best.goals[0].error_estimate == np.inf  # of one generation
     assert error.value.best.summary()["goals"][0]["relative_error"] is None  # as JSON tells it
 
@@ -166,19 +169,19 @@ INNER = {"disk": {"centre": [5.5, 5.5], "radius": 1.0}}
     ],
 )
 def test_what_has_no_peak_is_refused_by_name(asked, scene, told) -> None:
-    with pytest.raises(kaju.KajuError, match=rf"^tolerance_at: .*{told}"):
-        kaju.solve(scene, tolerance=0.05, tolerance_at=asked)
+    with pytest.raises(kaju.KajuError, match=rf"^goal: .*{told}"):
+        kaju.solve(scene, tolerance=0.05, goal=asked)
 
 
 def test_a_covered_outline_has_no_peak() -> None:
     inner = region(disk=INNER["disk"] | {"radius": 0.5})
     with pytest.raises(kaju.KajuError, match="no agent lies along 'hole'"):
-        kaju.solve(plate(inner, region("matrix", "over", **INNER)), 0.3, tolerance_at="hole")
+        kaju.solve(plate(inner, region("matrix", "over", **INNER)), 0.3, goal="hole")
 
 
 def test_a_corner_that_sticks_out_does_no_harm() -> None:
     block = region("matrix", "block", box=[[-1.0, -1.0], [1.3, 1.1]])
     body = {"size": [2.0, 2.0], "cells": [8, 8], "material": "air", "regions": [block]}
     pressed = plate(body=body, loads=[{"outline": "block", "pressure": 1.0}])
-    goal = kaju.solve(pressed, tolerance=0.01, tolerance_at="block").goals[0]
+    goal = kaju.solve(pressed, tolerance=0.01, goal="block").goals[0]
     assert goal.value == pytest.approx(-1.0, rel=1e-6)  # everywhere

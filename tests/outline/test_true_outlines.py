@@ -178,7 +178,7 @@ def test_peaks_at_small_holes_are_met_or_said_to_be_uncertain(across: float, alo
     assert fine.outline_stress("hole")[1].max() == pytest.approx(peak, rel=0.02)
     assert fine.agents < 450
     assert not fine.notes
-    coarse = kaju.solve(wide, tolerance=0.05, most_agents=100)  # enough for the energy alone
+    coarse = kaju.solve(wide, tolerance=0.05)  # enough for the energy alone
     assert coarse.tolerance_kept == "proved"
     assert "'hole'" in "".join(coarse.notes)
 
@@ -457,7 +457,7 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
         lambda scene: scene.selections,
         lambda scene: kaju.solve(scene, resolution=2),
         lambda scene: kaju.solve(scene, strategy="uniform"),
-        lambda scene: kaju.solve(scene, tolerance_at="displacement"),
+        lambda scene: kaju.solve(scene, goal="displacement"),
         kaju.solve_petsc,
         lambda scene: kaju.solve(scene, tolerance=2.0),
         lambda scene: kaju.animate(kaju.solve(scene, tolerance=0.3), "ring.gif"),
@@ -598,9 +598,10 @@ def test_loads_that_no_number_holds_are_refused(pull):
         kaju.solve(plate().replace(loads=[{"side": "right", "force": [pull, 0.0]}]))
 
 
-def test_too_many_agents_keep_the_best() -> None:
+def test_too_many_agents_keep_the_best(monkeypatch) -> None:
+    monkeypatch.setattr("kaju.model.outline.outlined_scene.MOST_AGENTS", 60)
     with pytest.raises(kaju.KajuError) as error:
-        kaju.solve(plate(), tolerance=0.01, most_agents=60)
+        kaju.solve(plate(), tolerance=0.01)
     best = error.value.best
     assert isinstance(best, kaju.OutlineResult)
     assert best.tolerance_kept == "missed"

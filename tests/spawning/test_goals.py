@@ -58,11 +58,11 @@ def test_estimates_are_within_their_factors_of_the_true_errors(number):
     """
     body, quantity = CASES[number]
     tolerances = np.array([0.03, 0.016]) * (6 if body in (cube, beam) else 1)
-    truth = spawned_by(body(), tolerance=tolerances[-1] / 6, tolerance_at=quantity).goals[0]
+    truth = spawned_by(body(), tolerance=tolerances[-1] / 6, goal=quantity).goals[0]
     scale = truth.error_estimate / truth.relative_error
     factors, gains = [], []
     for tolerance in tolerances:
-        result = spawned_by(body(), tolerance=tolerance, tolerance_at=quantity)
+        result = spawned_by(body(), tolerance=tolerance, goal=quantity)
         assert result.goal_error_estimate <= tolerance
         off = np.linalg.norm(result.goal_values[0] - truth.value) / scale
         own = np.linalg.norm(by_agents(result, quantity) - truth.value) / scale
@@ -78,8 +78,8 @@ def test_estimates_are_within_their_factors_of_the_true_errors(number):
 def test_few_agents_keep_a_tolerance():
     """What they say by themselves is twice as far off."""
     stress = Stress({"box": [[0.05, 0.05], [0.15, 0.15]]}, "xy")
-    truth = spawned_by(sheared(), tolerance=1e-3, tolerance_at=stress).goal_values[0]
-    result = spawned_by(sheared(), tolerance=0.02, tolerance_at=stress)
+    truth = spawned_by(sheared(), tolerance=1e-3, goal=stress).goal_values[0]
+    result = spawned_by(sheared(), tolerance=0.02, goal=stress)
     assert abs(by_agents(result, stress) / truth - 1) > 0.035
     assert abs(result.goal_values[0] / truth - 1) < 0.018
 
@@ -89,7 +89,7 @@ def test_finite_elements_agree_where_it_matters(name):
     """Where they are displaced most."""
     truth = Reference.load(DATA / f"{name}.npz")
     most = np.linalg.norm(truth.displacement, axis=1).argmax()
-    result = spawned_by(PLANE[name](), tolerance=0.01, tolerance_at=truth.points[most])
+    result = spawned_by(PLANE[name](), tolerance=0.01, goal=truth.points[most])
     off = np.linalg.norm(result.goal_values[0] - truth.displacement[most])
     assert off < 2 * 0.01 * np.linalg.norm(truth.displacement[most])
 
@@ -113,12 +113,12 @@ def many_loads():
 def test_fewer_agents_do_than_for_the_energy_norm(body, place):
     """Half as many or fewer for the same error: errors fall like one over the agents."""
     stress = Stress(place, "yy")
-    truth = spawned_by(body(), tolerance=5e-4, tolerance_at=stress).goal_values[0]
+    truth = spawned_by(body(), tolerance=5e-4, goal=stress).goal_values[0]
 
     def cost(result):
         return np.log(result.agents * abs(by_agents(result, stress) - truth))
 
-    aimed = [cost(spawned_by(body(), tolerance=t, tolerance_at=stress)) for t in (0.01, 0.005)]
+    aimed = [cost(spawned_by(body(), tolerance=t, goal=stress)) for t in (0.01, 0.005)]
     by_energy = [cost(spawned_by(body(), tolerance=t)) for t in (0.03, 0.015, 0.007)]
     assert np.exp(np.mean(aimed) - np.mean(by_energy)) < 0.5
 
@@ -131,7 +131,7 @@ def test_values_are_what_the_result_tells_of_these_places():
         Reaction("bottom"),
         Deflection("top", "y"),
     ]
-    result = spawned_by(plate(), tolerance=0.05, tolerance_at=quantities)
+    result = spawned_by(plate(), tolerance=0.05, goal=quantities)
     vector, along, stress, force, mean = result.goal_values
     # Of points there are no bounds: goals are what the agents say. Proved fields differ by less
     # than their estimated errors.
@@ -198,7 +198,7 @@ def test_mean_of_a_linear_field_is_its_value_in_the_middle(at, middle, dimension
     steel = material("steel")
     ratio = np.array([1.0, -steel.poissons_ratio, -steel.poissons_ratio])[:dimension]
     quantities = [Deflection(at), Stress(at, "xx"), Stress(at, "von_mises"), Stress(at, "xy")]
-    result = spawned_by(bar(dimension), tolerance=1e-4, tolerance_at=quantities)
+    result = spawned_by(bar(dimension), tolerance=1e-4, goal=quantities)
     moved, stress, equivalent, shear = result.goal_values
     exact = 1e6 / steel.youngs_modulus * ratio * np.array(middle)
     np.testing.assert_allclose(moved, exact, atol=1e-3 * np.abs(exact).max())
@@ -240,7 +240,7 @@ def test_derivatives_tell_how_quantities_change(plane):
 def test_small_values_are_compared_with_the_largest():
     """On the axis of a symmetric plate nothing moves aside."""
     scene = plate(loads=[{"side": "top", "pressure": 1e6}])
-    result = spawned_by(scene, tolerance=0.05, tolerance_at=Deflection((0.1, 0.1), "x"))
+    result = spawned_by(scene, tolerance=0.05, goal=Deflection((0.1, 0.1), "x"))
     goal = result.goals[0]
     assert abs(goal.value) < 1e-6 * result.max_displacement
     hundredth = 0.01 * by_themselves(result).max_displacement
@@ -249,31 +249,31 @@ def test_small_values_are_compared_with_the_largest():
 
 def test_of_several_quantities_the_worst_counts():
     both = [Deflection((0.105, 0.2), "y"), Stress((0.1, 0.05), "xx")]
-    result = spawned_by(plate(), tolerance=0.02, tolerance_at=both)
+    result = spawned_by(plate(), tolerance=0.02, goal=both)
     assert result.goal_error_estimate == max(goal.relative_error for goal in result.goals) <= 0.02
     assert result.error_share.sum() == pytest.approx(1.0)
-    alone = [spawned_by(plate(), tolerance=0.02, tolerance_at=one).agents for one in both]
+    alone = [spawned_by(plate(), tolerance=0.02, goal=one).agents for one in both]
     assert max(alone) <= 1.1 * result.agents
 
 
 def test_reaction_of_the_only_support_needs_no_more_agents():
-    result = spawned_by(plate(), tolerance=1e-4, tolerance_at=Reaction("bottom"))
+    result = spawned_by(plate(), tolerance=1e-4, goal=Reaction("bottom"))
     assert len(result.generations) == 1
     np.testing.assert_allclose(result.goal_values[0], [0.0, 2.0], atol=1e-8)
 
 
 def test_reactions_of_springs_and_walls_share_a_load():
     scene = plate(sides={"bottom": {"stiffness": 1e11}, "left": "rigid"})
-    fine = spawned_by(scene, tolerance=2e-4, tolerance_at=Reaction("bottom", "y"))
+    fine = spawned_by(scene, tolerance=2e-4, goal=Reaction("bottom", "y"))
     for tolerance in (0.02, 0.005):
-        result = spawned_by(scene, tolerance=tolerance, tolerance_at=Reaction("bottom", "y"))
+        result = spawned_by(scene, tolerance=tolerance, goal=Reaction("bottom", "y"))
         off = abs(result.goal_values[0] / fine.goal_values[0] - 1)
         assert 0.3 * off < result.goal_error_estimate <= tolerance
 
 
 def test_small_round_regions_are_seen_by_small_agents():
     disk = {"disk": {"centre": [0.043, 0.061], "radius": 0.002}}
-    result = spawned_by(plate(), tolerance=0.3, tolerance_at=Stress(disk, "yy"))
+    result = spawned_by(plate(), tolerance=0.3, goal=Stress(disk, "yy"))
     inside = np.linalg.norm(result.middle - [0.043, 0.061], axis=1) < 0.002
     assert result.size[inside].max() <= 0.001
     at_point = result.stress_at(np.array([[0.043, 0.061]]))[0, 1, 1]
@@ -282,7 +282,7 @@ def test_small_round_regions_are_seen_by_small_agents():
 
 def test_everything_is_stored(tmp_path):
     asked = ["top", Stress({"box": [[0, 0], [0.02, 0.02]]}, "yy"), Reaction("bottom", "y")]
-    result = spawned_by(plate(), tolerance=0.05, tolerance_at=asked)
+    result = spawned_by(plate(), tolerance=0.05, goal=asked)
     again = load_result(result.save(tmp_path / "plate"))
     assert again.tolerance_at == result.tolerance_at
     assert again.summary() == result.summary()
@@ -298,13 +298,13 @@ def test_everything_is_stored(tmp_path):
 
 def test_previous_agents_aim_at_the_same():
     asked = Deflection((0.105, 0.2), "y")
-    first = spawned_by(plate(), tolerance=0.01, tolerance_at=asked)
+    first = spawned_by(plate(), tolerance=0.01, goal=asked)
     load = {"region": {"box": [[0.05, 0.2], [0.06, 0.2]]}, "force": [0.0, -2.0]}
     moved = plate(loads=[load])
     result = spawned_by(moved, previous=first)
     assert result.tolerance_at == (asked,)
     assert result.goal_error_estimate <= 0.01
-    fresh = spawned_by(moved, tolerance=0.01, tolerance_at=asked)
+    fresh = spawned_by(moved, tolerance=0.01, goal=asked)
     assert result.goal_values[0] == pytest.approx(fresh.goal_values[0], rel=0.02)
 
 
@@ -333,24 +333,24 @@ def test_previous_agents_aim_at_the_same():
 )
 def test_what_cannot_be_asked_is_told_in_one_line(asked, match):
     with pytest.raises(ParameterError, match=match) as caught:
-        solve(plate(), tolerance=0.1, tolerance_at=asked)
+        solve(plate(), tolerance=0.1, goal=asked)
     assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith("tolerance_at")
+    assert str(caught.value).startswith("goal")
 
 
 def test_contrasts_that_estimates_cannot_follow_are_noted():
     soft = inclusion().with_overrides({"materials.soft.youngs_modulus": 1e4})
-    result = spawned_by(soft, tolerance=0.2, tolerance_at=(0.075, 0.2))
+    result = spawned_by(soft, tolerance=0.2, goal=(0.075, 0.2))
     assert any("differ by a factor of 1e+05" in note for note in result.summary()["notes"])
-    notes = spawned_by(inclusion(), tolerance=0.2, tolerance_at="top").notes
+    notes = spawned_by(inclusion(), tolerance=0.2, goal="top").notes
     assert not any("differ by a factor" in note for note in notes)
 
 
 def test_air_and_empty_regions_are_outside():
     with pytest.raises(ParameterError, match="outside the body"):
-        solve(pierced(), tolerance=0.1, tolerance_at=(0.1, 0.1))
+        solve(pierced(), tolerance=0.1, goal=(0.1, 0.1))
     with pytest.raises(ParameterError, match="no body at"):
-        solve(pierced(), tolerance=0.1, tolerance_at={"box": [[0.09, 0.09], [0.11, 0.11]]})
+        solve(pierced(), tolerance=0.1, goal={"box": [[0.09, 0.09], [0.11, 0.11]]})
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ FINER = (pierced, rubber, sheared)
 @cache
 def fine(body):
     tolerance = {cube: 0.02, beam: 0.01}.get(body, 1.5e-3 if body in FINER else 4e-3)
-    return spawned_by(body(), tolerance=tolerance, tolerance_at="displacement")
+    return spawned_by(body(), tolerance=tolerance, goal="displacement")
 
 
 def true_error(result, body):
@@ -91,7 +91,7 @@ def test_it_knows_of_what_agents_do_not_see_between_stiff_parts(tolerance):
 @pytest.mark.parametrize("body", FINER)
 def test_an_agent_takes_as_much_off_the_displacement_as_one_that_the_energy_asks_for(body):
     """They stand at corners, where the body turns by a lot and stores little."""
-    aimed = spawned_by(body(), tolerance=4e-3, tolerance_at="displacement")
+    aimed = spawned_by(body(), tolerance=4e-3, goal="displacement")
     assert aimed.goal_error_estimate == aimed.displacement_error_estimate <= 4e-3
     assert aimed.error_share.sum() == pytest.approx(1.0)
     by_energy = spawned_by(body(), tolerance=aimed.error_bound)
@@ -101,7 +101,7 @@ def test_an_agent_takes_as_much_off_the_displacement_as_one_that_the_energy_asks
 
 def test_finer_cells_of_one_size_agree():
     """The largest difference from 320² equal cells is within the estimate."""
-    result = spawned_by(plate(), tolerance=0.01, tolerance_at="displacement")
+    result = spawned_by(plate(), tolerance=0.01, goal="displacement")
     uniform = solve(plate(), resolution=16, strategy="uniform")
     rng = np.random.default_rng(2)
     points = rng.uniform(0.0, 0.2, size=(500, 2))
@@ -112,7 +112,7 @@ def test_finer_cells_of_one_size_agree():
 def test_body_that_only_shifts_has_no_error():
     body = {"size": [0.4, 0.1], "cells": [16, 4], **STEEL}
     moved = Scene(body=body, sides={"left": {"displacement": [1e-3, 2e-3]}})
-    result = spawned_by(moved, tolerance=1e-3, tolerance_at="displacement")
+    result = spawned_by(moved, tolerance=1e-3, goal="displacement")
     assert len(result.generations) == 1
     assert result.displacement_error_estimate < 1e-9
     still = Scene(body=body, sides={"left": "rigid"})
@@ -126,7 +126,7 @@ def test_estimate_survives_being_stored(tmp_path):
         by_energy.displacement_error_estimate, rel=1e-4
     )
     assert again.goal_error_estimate == again.error_estimate
-    aimed = spawned_by(plate(), tolerance=0.05, tolerance_at="displacement")
+    aimed = spawned_by(plate(), tolerance=0.05, goal="displacement")
     again = load_result(aimed.save(tmp_path / "aimed"))
     assert again.tolerance_at == "displacement"
     assert again.summary() == aimed.summary()
@@ -134,8 +134,8 @@ def test_estimate_survives_being_stored(tmp_path):
 
 
 def test_spawning_is_the_strategy_of_an_aim():
-    assert solve(plate(), tolerance=0.3, tolerance_at="displacement").tolerance == 0.3
-    with pytest.raises(ParameterError, match="tolerance_at: equal cells"):
-        solve(plate(), tolerance_at="displacement", strategy="uniform")
+    assert solve(plate(), tolerance=0.3, goal="displacement").tolerance == 0.3
+    with pytest.raises(ParameterError, match="goal: equal cells"):
+        solve(plate(), goal="displacement", strategy="uniform")
     with pytest.raises(ParameterError, match=r"no side 'stress'.*'displacement'"):
-        solve(plate(), tolerance_at="stress")
+        solve(plate(), goal="stress")

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from scipy.ndimage import label
-from spawning_bodies import drawn, spawned_by
+from spawning_bodies import drawn
 
+from kaju import SpawningModel
 from kaju.errors import ConvergenceError
 
 
@@ -20,7 +21,7 @@ def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance():
     load = {"side": "top", "force": [0.0, 0.0, -1.0]}
     scene = drawn(codes, materials, [load], cell_size=1.0)
     with pytest.raises(ConvergenceError, match="most_agents") as caught:
-        spawned_by(scene, tolerance=0.1, most_agents=1_000)
+        SpawningModel(scene, 0.1, most_agents=1_000).run()
     result = caught.value.best
     np.testing.assert_allclose(result.reactions["bottom"], [0.0, 0.0, 1.0], atol=1e-3)
     energies = [generation.energy for generation in result.generations]

@@ -173,12 +173,12 @@ def test_agents_do_not_pile_up_over_many_moves():
 
 @pytest.mark.parametrize("loads", [press(force=(0.3, -2.0)), press(4)])
 def test_a_tolerance_of_the_displacement_goes_on_too(loads):
-    first = spawned(plate(), tolerance=0.005, tolerance_at="displacement")
+    first = spawned(plate(), tolerance=0.005, goal="displacement")
     again = spawned(plate(loads=loads), tolerance=None, previous=first)
     assert again.tolerance_at == "displacement"
     assert again.found.reached
     assert again.found.aimed.error <= 0.005
-    fresh = spawned(plate(loads=loads), tolerance=0.005, tolerance_at="displacement")
+    fresh = spawned(plate(loads=loads), tolerance=0.005, goal="displacement")
     assert again.agents <= 1.4 * fresh.agents
     gap = again.displacement_at(fresh.middle) - fresh.displacement_at(fresh.middle)
     assert np.abs(gap).max() < 0.01 * fresh.max_displacement

@@ -11,6 +11,7 @@ import pytest
 from stored_files import rewritten
 
 import kaju
+from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
 
 pytest.importorskip("pyarrow")
@@ -44,7 +45,7 @@ def test_damaged_files_are_refused_by_name(tmp_path, seed, counts):
     "change", [lambda s: s[::-1], lambda s: 0 * s, lambda s: -s, lambda s: s[:0]]
 )
 def test_stages_out_of_order_are_refused_by_name(tmp_path, change):
-    path = kaju.solve(triangular(3, force=0.1)).save(tmp_path / "n.npz")
+    path = solve_network(triangular(3, force=0.1)).save(tmp_path / "n.npz")
     rewritten(path, lambda arrays, about: arrays.update(stage=change(arrays["stage"])))
     with pytest.raises(kaju.KajuError, match="'stage' must"):
         kaju.load_result(path)

@@ -65,7 +65,7 @@ def test_agents_that_spawn_keep_their_generation(monkeypatch):
         ({}, "cells"),
         ({"tolerance": 0.02, "strategy": "uniform"}, "cells"),
         ({"tolerance": 0.02, "strategy": "spawning"}, "tree"),
-        ({"tolerance": 0.02, "strategy": "spawning", "tolerance_at": "displacement"}, "tree"),
+        ({"tolerance": 0.02, "strategy": "spawning", "goal": "displacement"}, "tree"),
     ],
 )
 def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):

@@ -76,7 +76,7 @@ class Functional(ABC):
     def _points(self, grid: CompositeGrid) -> QuadraturePoints:
         points = self._region.points(grid)
         if not len(points.leaf):
-            raise ParameterError(f"tolerance_at: there is no body at {self._name}")
+            raise ParameterError(f"goal: there is no body at {self._name}")
         return points
 
 
@@ -186,7 +186,7 @@ class _Supported(Functional):
         names = [*ground.scene.lattice.sides, INSIDE]
         if quantity.side not in names:
             raise ParameterError(
-                f"tolerance_at: there is no support {quantity.side!r}"
+                f"goal: there is no support {quantity.side!r}"
                 f"{suggestion(quantity.side, names)}; there may be {', '.join(names)}"
             )
         self._name, self._side = quantity.side, names.index(quantity.side)
@@ -208,7 +208,7 @@ class _Supported(Functional):
         reactions = balance.reactions(fields.u)
         if self._name not in reactions:
             raise ParameterError(
-                f"tolerance_at: nothing holds the body at {self._name!r}; supports are "
+                f"goal: nothing holds the body at {self._name!r}; supports are "
                 f"{', '.join(reactions) or 'missing'}"
             )
         d = grid.dimension

@@ -190,8 +190,7 @@ def region_of(at: Place, ground: PosedBody) -> GoalRegion:
     d = ground.dimension
     if len(at) != d:
         raise ParameterError(
-            f"tolerance_at: {list(at)} should have {d} coordinates (m), one for each axis of the "
-            "cells"
+            f"goal: {list(at)} should have {d} coordinates (m), one for each axis of the cells"
         )
     point = np.array([at])
     if np.isfinite(point).all():
@@ -199,7 +198,7 @@ def region_of(at: Place, ground: PosedBody) -> GoalRegion:
         if found.all():
             return Point(*located(ground, point, cells))
     raise ParameterError(
-        f"tolerance_at: ({', '.join(f'{x:g}' for x in at)}) m lies outside the body; choose a "
+        f"goal: ({', '.join(f'{x:g}' for x in at)}) m lies outside the body; choose a "
         "place in or on it"
     )
 
@@ -212,7 +211,7 @@ def _side(name: str, ground: PosedBody) -> GoalRegion:
     lattice = ground.scene.lattice
     if name not in lattice.sides:
         raise ParameterError(
-            f"tolerance_at: there is no side {name!r}{suggestion(name, lattice.sides)}; there is "
+            f"goal: there is no side {name!r}{suggestion(name, lattice.sides)}; there is "
             f"{', '.join(lattice.sides)}, and 'displacement' for the largest error anywhere"
         )
     axis, upper = divmod(lattice.sides.index(name), 2)
@@ -231,10 +230,10 @@ def _region(region: dict[str, Any], ground: PosedBody) -> GoalRegion:
             low[flat] = high[flat] = face
         return Cuboid(low, high, flat)
     try:
-        shape = Region(material="air", **region).shape_in(lattice, "tolerance_at")
+        shape = Region(material="air", **region).shape_in(lattice, "goal")
     except KajuError as error:
         message = str(error)
-        where = "" if message.startswith("tolerance_at") else "tolerance_at: "
+        where = "" if message.startswith("goal") else "goal: "
         raise ParameterError(where + message) from None
     lower, upper = (np.asarray(corner) / metre for corner in shape.extent)
     if isinstance(shape, Box):

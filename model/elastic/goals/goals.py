@@ -75,7 +75,7 @@ ALGEBRAIC_SHARE, FIRST_GUESS = 0.05, 0.3
 """Dual solutions are solved to this share of their own error, at first of a guess at it."""
 
 
-Asked = str | tuple[Quantity, ...] | None  # What `tolerance_at` asks for in its shortest form
+Asked = str | tuple[Quantity, ...] | None  # What `goal` asks for in its shortest form
 
 
 class Goal(NamedTuple):
@@ -357,12 +357,12 @@ def asked(tolerance_at: ToleranceAt | None) -> Asked:
     quantities = quantities_of(tolerance_at)
     if any(isinstance(one, Stress) and one.component == HOOP for one in quantities):
         raise ParameterError(
-            f"tolerance_at: {HOOP!r} is the stress along a true outline; give the region one "
+            f"goal: {HOOP!r} is the stress along a true outline; give the region one "
             '(outline = "true")'
         )
     if len(quantities) > MOST:
         raise ParameterError(
-            f"tolerance_at: {len(quantities)} quantities are more than {MOST}, and each takes a "
+            f"goal: {len(quantities)} quantities are more than {MOST}, and each takes a "
             f"solution of its own; ask for the mean of a region, or for {DISPLACEMENT!r}"
         )
     return quantities

@@ -56,7 +56,7 @@ class Deflection(_Parsed):
     ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
     ... )
     >>> down = Deflection((0.025, 0.05), along="y")
-    >>> answer = solve(scene, tolerance=0.02, tolerance_at=down)
+    >>> answer = solve(scene, tolerance=0.02, goal=down)
     >>> round(1e12 * answer.value_of(down))  # pm
     -19
     """
@@ -126,11 +126,11 @@ class Reaction(_Parsed):
 Quantity = Deflection | Stress | Reaction
 _KINDS: dict[str, type[Quantity]] = {k.__name__: k for k in (Deflection, Stress, Reaction)}
 ToleranceAt = str | Quantity | Mapping[str, Any] | Sequence[Any]
-"""What `tolerance_at` may be."""
+"""What `goal` may be."""
 
 
 def quantities_of(tolerance_at: ToleranceAt) -> tuple[Quantity, ...]:
-    """Return the quantities that `tolerance_at` asks for: of places the displacement."""
+    """Return the quantities that `goal` asks for: of places the displacement."""
     if isinstance(tolerance_at, Quantity):
         return (tolerance_at,)
     if isinstance(tolerance_at, (str, Mapping)) or _is_point(tolerance_at):
@@ -138,7 +138,7 @@ def quantities_of(tolerance_at: ToleranceAt) -> tuple[Quantity, ...]:
     if isinstance(tolerance_at, (Sequence, np.ndarray)) and len(tolerance_at):
         return tuple(quantity for item in tolerance_at for quantity in quantities_of(item))
     raise ParameterError(
-        'tolerance_at: a point, a region such as {"box": [[0, 0], [0.1, 0.2]]}, a side, '
+        'goal: a point, a region such as {"box": [[0, 0], [0.1, 0.2]]}, a side, '
         f"{DISPLACEMENT!r}, a Deflection, Stress or Reaction, or a list of these is needed, got "
         f"{tolerance_at!r}"
     )
@@ -174,7 +174,7 @@ def directions_of(along: str | tuple[float, ...] | None, dimension: int) -> Floa
         return np.eye(dimension)[[axes.index(along)]]
     if isinstance(along, str) or len(along) != dimension:
         raise ParameterError(
-            f"tolerance_at: along must be {', '.join(axes)} or a direction of {dimension} "
+            f"goal: along must be {', '.join(axes)} or a direction of {dimension} "
             f"numbers, got {along!r}"
         )
     return np.array([along])
@@ -188,7 +188,7 @@ def component_of(name: str, dimension: int) -> tuple[int, int] | None:
     if not (isinstance(name, str) and len(name) == 2 and all(letter in axes for letter in name)):
         known = [f"{axes[i]}{axes[j]}" for i in range(len(axes)) for j in range(i, len(axes))]
         raise ParameterError(
-            f"tolerance_at: there is no stress {name!r}; there is {', '.join(known)}, von_mises"
+            f"goal: there is no stress {name!r}; there is {', '.join(known)}, von_mises"
         )
     return axes.index(name[0]), axes.index(name[1])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,17 +29,25 @@ class Sides:
     # By agent, edge, force or first moment about the edge's middle (over its length), axis
     load: Floats  # Shape (n, 4, 2, 2)
     body: Floats  # Forces within agents; shape (n, 2)
+    # Work of the loads on an even strain of each agent (xx, yy, twice xy), over its edge: that of
+    # a stress times the edge. Shape (n, 3)
+    even: Floats
     rest: float  # Energy norm of what the agents do not take of loads that end within sides
+    ragged: Ints  # The agents with such loads
 
     @property
-    def both(self) -> bool:
-        """Whether forces act, and supports move."""
-        return bool(self.loaded and self.moved.any())
+    def cases(self) -> tuple[Sides, ...]:
+        """What is solved for by itself: the loads, and the supports that move."""
+        if not (self.loaded and self.moved.any()):
+            return (self,)
+        still = replace(self, moved=np.zeros_like(self.moved))
+        arrays = {name: np.zeros_like(getattr(self, name)) for name in ("load", "body", "even")}
+        return still, replace(self, **arrays)
 
     @property
     def loaded(self) -> bool:
         """Whether forces act."""
-        return bool(self.load.any() or self.body.any())
+        return bool(self.load.any() or self.body.any() or self.even.any())
 
 
 def sides_of(body: PosedBody, mesh: LeafMesh) -> Sides:
@@ -69,9 +77,10 @@ def sides_of(body: PosedBody, mesh: LeafMesh) -> Sides:
     np.add.at(inside, forces.leaf[within], forces.force[within])
     edge = EDGE_OF_SIDE[forces.direction[~within]]
     np.add.at(load[:, :, 0], (forces.leaf[~within], edge), forces.force[~within])
-    rest = 0.0
+    rest, ragged = 0.0, np.zeros(0, dtype=np.int64)
     if forces.uneven is not None and len(forces.uneven.box):
         uneven, size = forces.uneven, leaves.size / body.cell
+        ragged = np.unique(uneven.box[uneven.rest > 0.0])
         along = np.where(uneven.side < 2, 1, 0)
         moment = uneven.moment[np.arange(len(along)), :, along] / size[uneven.box, None]
         np.add.at(load[:, :, 1], (uneven.box, EDGE_OF_SIDE[uneven.side]), moment)
@@ -80,7 +89,8 @@ def sides_of(body: PosedBody, mesh: LeafMesh) -> Sides:
     # What enters at a held component is the wall's at once.
     own = load[mesh.owner, mesh.side]
     load[mesh.owner, mesh.side] = np.where(held[:, None], 0.0, own)
-    return Sides(held, given, moved, shift, bed, load, inside, rest)
+    even = np.zeros((n, 3))
+    return Sides(held, given, moved, shift, bed, load, inside, even, rest, ragged)
 
 
 def _common_shift(moved: Floats, held: Flags, bed: Floats) -> Floats:

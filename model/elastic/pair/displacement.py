@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.pair.border import Sides
-from kaju.model.elastic.pair.elements import EDGES, forms
+from kaju.model.elastic.pair.elements import EDGES, forms, rule, strains
 from kaju.model.elastic.pair.leaf_mesh import LeafMesh
 from kaju.model.elastic.pair.levels import Blocks
 
@@ -87,4 +87,5 @@ def forces_of(sides: Sides) -> Floats:
         out[:, start] += 0.5 * force[:, edge] - moment[:, edge]
         out[:, end] += 0.5 * force[:, edge] + moment[:, edge]
         out[:, 4 + edge] += 2.0 / 3.0 * force[:, edge]
-    return np.asarray(out.reshape(len(out), 16))
+    even = np.einsum("pki,p->ki", strains(), rule()[1])
+    return np.asarray(out.reshape(len(out), 16) + sides.even @ even)

@@ -15,6 +15,7 @@ from math import inf, sqrt
 import numpy as np
 
 from kaju.arrays import Floats
+from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import rule, strains, stresses
 
 ROUNDING = 0.1
@@ -22,15 +23,23 @@ ROUNDING = 0.1
 
 
 def fields_at_rule(
-    fit: Floats, phi: Floats, body: Floats, size: Floats, law: Floats
+    fit: Floats, phi: Floats, sides: Sides, size: Floats, law: Floats
 ) -> tuple[Floats, Floats]:
     """Return the stress that balances and that of the strain that fits, each (n, 28, 3)."""
     n = len(size)
     strain = (fit @ strains().reshape(84, 16).T).reshape(n, 28, 3) / size[:, None, None]
     stress = (phi @ stresses().reshape(84, 16).T).reshape(n, 28, 3) / (size**2)[:, None, None]
-    if body.any():
-        stress[..., :2] -= (body / size[:, None])[:, None] * (rule()[0] - 0.5)
-    return stress, stress_of(strain, law)
+    own = beside_phi(sides, size)
+    return stress if own is None else stress + own, stress_of(strain, law)
+
+
+def beside_phi(sides: Sides, size: Floats) -> Floats | None:
+    """Return the stress that agents have besides that of phi, (n, 28, 3), None if there is none."""
+    if not (sides.body.any() or sides.even.any()):
+        return None
+    own = np.repeat((sides.even / size[:, None])[:, None], len(rule()[0]), axis=1)
+    own[..., :2] -= (sides.body / size[:, None])[:, None] * (rule()[0] - 0.5)
+    return own
 
 
 def stress_of(strain: Floats, law: Floats) -> Floats:
@@ -40,14 +49,15 @@ def stress_of(strain: Floats, law: Floats) -> Floats:
     return np.stack([stretch * xx + lateral * yy, lateral * xx + stretch * yy, shear * xy], axis=-1)
 
 
-def energies(stress: Floats, law: Floats, size: Floats) -> Floats:
-    """Return the integral of s : C^-1 : s over each agent."""
+def energies(stress: Floats, law: Floats, size: Floats, other: Floats | None = None) -> Floats:
+    """Return the integral of s : C^-1 : s over each agent, or of s : C^-1 : t."""
     stretch, lateral, shear = (modulus[:, None] for modulus in law)
     xx, yy, xy = np.moveaxis(stress, -1, 0)
-    # By mean and difference of the normal stresses, which rubber keeps apart.
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    own = (xx, yy, xy) if other is None else np.moveaxis(other, -1, 0)
+    # By sum and difference of the normal stresses, which rubber keeps apart.
+    total, apart = (xx + yy) * (own[0] + own[1]), (xx - yy) * (own[0] - own[1])
     square = (
-        2.0 * mean**2 / (stretch + lateral) + 2.0 * half**2 / (stretch - lateral) + xy**2 / shear
+        0.5 * total / (stretch + lateral) + 0.5 * apart / (stretch - lateral) + xy * own[2] / shear
     )
     return np.asarray(size**2 * (square @ rule()[1]))
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,7 +29,14 @@ from kaju.model.elastic.pair.elements import (
     stresses,
     without_plane,
 )
-from kaju.model.elastic.pair.gap import Bounds, bounds_of, energies, fields_at_rule, stress_of
+from kaju.model.elastic.pair.gap import (
+    Bounds,
+    beside_phi,
+    bounds_of,
+    energies,
+    fields_at_rule,
+    stress_of,
+)
 from kaju.model.elastic.pair.leaf_mesh import LeafMesh, mesh_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.levels import Blocks, FieldLevel, rise_of
@@ -53,17 +62,19 @@ class Opinions:
     size: Floats  # Edges in cells
     fit: Floats  # Unknowns of the displacement of each agent; shape (cases, n, 16)
     phi: Floats  # Those of Airy's function, without its linear part
-    loads: tuple[bool, ...]  # Whether loads act in a case (else supports move)
     levels: tuple[FieldLevel, FieldLevel]  # Equations of the displacement, and of phi
+    duals: tuple[Opinions, ...] = ()
+    """The same agents under the loads whose work is what goals ask for."""
 
     @property
     def leaves(self) -> LeafCells:
         """The agents."""
         return self.mesh.leaves
 
-    def forces(self, case: int) -> Floats:
-        """Return the forces within agents in a case."""
-        return self.sides.body if self.loads[case] else np.zeros_like(self.sides.body)
+    @cached_property
+    def cases(self) -> tuple[Sides, ...]:
+        """What acts in each case."""
+        return self.sides.cases
 
     @cached_property
     def tractions(self) -> Floats:
@@ -72,7 +83,7 @@ class Opinions:
         out = np.einsum("ijkl,nl->nijk", edge_tractions(), phi) / self.size[:, None, None, None]
         for edge in range(4):
             normal = 1 if edge < 2 else 0
-            out[:, edge, 0, normal] -= 0.5 * self.sides.body[:, normal] * any(self.loads)
+            out[:, edge, 0, normal] -= 0.5 * self.sides.body[:, normal]
         return np.asarray(out)
 
     @cached_property
@@ -80,18 +91,17 @@ class Opinions:
         """The bounds, and the gap of each agent."""
         cases, shares, total = [], np.zeros(len(self.size)), 0.0
         sums: list[Floats] = []
-        for case, loaded in enumerate(self.loads):
-            stress, fitting = fields_at_rule(
-                self.fit[case], self.phi[case], self.forces(case), self.size, self.law
-            )
+        for case, acts in enumerate(self.cases):
+            loaded = not acts.moved.any()
+            stress, fitting = self.fields(case)
             potential = 0.5 * float(energies(fitting, self.law, self.size).sum())
             complementary = 0.5 * float(energies(stress, self.law, self.size).sum())
             bed, borne, apart = self._on_beds(case)
             potential, complementary = potential + bed, complementary + borne
             if loaded:
-                potential -= float(np.vdot(displacement.forces_of(self.sides), self.fit[case]))
+                potential -= float(np.vdot(displacement.forces_of(acts), self.fit[case]))
             else:
-                complementary -= self._work_of_supports(case)
+                complementary -= self.work_of_supports(case, acts.moved)
             cases.append((potential, complementary, loaded))
             shares += energies(stress - fitting, self.law, self.size)
             np.add.at(shares, self.mesh.owner, apart)
@@ -103,6 +113,11 @@ class Opinions:
             shares = np.maximum(shares, both)
             total = float(shares.sum())
         return bounds_of(cases, total, self.sides.rest), shares
+
+    def fields(self, case: int) -> tuple[Floats, Floats]:
+        """Return both stresses of a case at the points of the rule."""
+        own = self.fit[case], self.phi[case], self.cases[case]
+        return fields_at_rule(*own, self.size, self.law)
 
     @property
     def bounds(self) -> Bounds:
@@ -124,8 +139,7 @@ class Opinions:
         size = self.size[agent, None]
         phi, fit = self.phi.sum(axis=0)[agent], self.fit.sum(axis=0)[agent]
         stress = np.einsum("nki,ni->nk", airy_stress(inside), phi) / size**2
-        if any(self.loads):
-            stress[:, :2] -= self.sides.body[agent] / size * (inside - 0.5)
+        stress[:, :2] -= self.sides.body[agent] / size * (inside - 0.5)
         strain = np.einsum("nki,ni->nk", strain_rows(inside), fit) / size
         return np.asarray(stress), stress_of(strain, self.law[:, agent])
 
@@ -152,18 +166,19 @@ class Opinions:
         own = own / self.size[self.mesh.owner, None, None]
         normal = np.where(self.mesh.side < 2, 1, 0)
         rows = np.arange(len(own))
-        own[rows, 0, normal] -= 0.5 * self.forces(case)[self.mesh.owner, normal]
+        own[rows, 0, normal] -= 0.5 * self.cases[case].body[self.mesh.owner, normal]
         return np.asarray(own)
 
-    def _work_of_supports(self, case: int) -> float:
-        return float(np.vdot(self._edge_forces(case)[:, 0], self.sides.moved))
+    def work_of_supports(self, case: int, moved: Floats) -> float:
+        """Return the work of what supports bear in a case on how they move, shape (m, 2)."""
+        return float(np.vdot(self._edge_forces(case)[:, 0], moved))
 
     def bed_tractions(self, case: int) -> Floats:
         """Return force and moment (over the edge) that beds put on the body, shape (beds, 2)."""
         beds = np.flatnonzero(self.sides.bed > 0.0)
         normal = np.where(self.mesh.side[beds] < 2, 1, 0)
-        load = self.sides.load[self.mesh.owner[beds], self.mesh.side[beds]]
-        own = self._edge_forces(case)[beds] - (load if self.loads[case] else 0.0)
+        load = self.cases[case].load[self.mesh.owner[beds], self.mesh.side[beds]]
+        own = self._edge_forces(case)[beds] - load
         return np.asarray(own[np.arange(len(beds)), :, normal])
 
     def _on_beds(self, case: int) -> tuple[float, float, Floats]:
@@ -188,14 +203,18 @@ class Opinions:
         return bed, borne, apart
 
 
-def first(body: PosedBody, leaves: LeafCells) -> Opinions:
+Aim = Callable[[LeafMesh, Sides, Floats, Floats], Sides]
+"""Gives, by the mesh, sides, sizes and law of a generation, the load whose work a goal is."""
+
+
+def first(body: PosedBody, leaves: LeafCells, aims: Sequence[Aim] = ()) -> Opinions:
     """Return the first generation."""
-    return _solved(body, leaves, None)
+    return _solved(body, leaves, None, aims)
 
 
-def following(before: Opinions, leaves: LeafCells) -> Opinions:
+def following(before: Opinions, leaves: LeafCells, aims: Sequence[Aim] = ()) -> Opinions:
     """Return a generation that corrects the one before, of which its agents are parts."""
-    return _solved(before.body, leaves, before)
+    return _solved(before.body, leaves, before, aims)
 
 
 def descent(old: LeafCells, new: LeafCells) -> tuple[Ints, Ints]:
@@ -207,7 +226,9 @@ def descent(old: LeafCells, new: LeafCells) -> tuple[Ints, Ints]:
     return parent, np.asarray(FIRST_PART[step] + offset[:, 1] * ratio + offset[:, 0])
 
 
-def _solved(body: PosedBody, leaves: LeafCells, before: Opinions | None) -> Opinions:
+def _solved(
+    body: PosedBody, leaves: LeafCells, before: Opinions | None, aims: Sequence[Aim]
+) -> Opinions:
     """Return a generation whose opinions are of least energy, but for what the gap allows."""
     mesh = mesh_of(leaves)
     sides = sides_of(body, mesh)
@@ -216,54 +237,70 @@ def _solved(body: PosedBody, leaves: LeafCells, before: Opinions | None) -> Opin
     laws = by_law(law)
     if before is None:
         check_held(body, mesh, sides)
-        loads: tuple[bool, ...] = (not sides.moved.any(),)
-        if sides.both:
-            loads = (True, False)
-        cases = len(loads)
-        fit, phi = np.zeros((cases, len(size), 16)), np.zeros((cases, len(size), 16))
-        if not loads[-1]:
-            fit[-1] = displacement.moved_by(mesh, sides)
-        if loads[0] and sides.loaded:
-            phi[0] = without_plane(first_stress(mesh, sides, size))
-        parent = part = np.zeros(0, dtype=np.int64)
+        family = None
     else:
-        loads = before.loads
-        parent, part = descent(before.leaves, leaves)
-        fit = np.stack([_handed_down(one, parent, part, False) for one in before.fit])
-        phi = np.stack([_handed_down(one, parent, part, True) for one in before.phi])
-        phi += _of_body_forces(before, parent, leaves, loads)
-        phi = without_plane(phi)
-        if body.ends_within:
-            phi[0] += _of_finer_loads(before, mesh, sides, parent, phi[0], size)
-    gap = np.inf if before is None else 0.5 * float(before.shares.sum())
+        family = descent(before.leaves, leaves)
+    # The body's own loads, then those of the goals: all have the same equations.
+    olds = (before, *before.duals) if before else (None,) * (1 + len(aims))
+    fields = [
+        _begun(Opinions(body, mesh, own, law, size, *_NOTHING), old, family)
+        for own, old in zip(
+            [sides, *(aim(mesh, sides, size, law) for aim in aims)], olds, strict=True
+        )
+    ]
+    gaps = [np.inf if old is None else 0.5 * float(old.shares.sum()) for old in olds]
     rubber = bool(np.any(law[1] > INCOMPRESSIBLE * law[2]))
     direct = DIRECT_RUBBER if rubber else DIRECT
 
     blocks = displacement.blocks_of(mesh, sides, laws, law, body.cell)
-    free, family = displacement.way_of(mesh, sides), None
-    if before is not None:
-        family = parent, child_maps(False)[part]
-    fits = _level(blocks, free, before.levels[0] if before else None, family, direct)
-    wanted = displacement.forces_of(sides)
-    for case, loaded in enumerate(loads):
-        rest = blocks.gather((wanted if loaded else 0.0) - blocks.times(fit[case]))
-        if blocks.extra is not None:
-            rest -= blocks.extra @ blocks.shared(fit[case])
-        fit[case] += blocks.own(fits.solve(rest, gap))
+    free = displacement.way_of(mesh, sides)
+    fits = _level(blocks, free, before.levels[0] if before else None, family, False, direct)
+    for own, gap in zip(fields, gaps, strict=True):
+        for case, acts in enumerate(own.cases):
+            wanted = 0.0 if acts.moved.any() else displacement.forces_of(acts)
+            rest = blocks.gather(wanted - blocks.times(own.fit[case]))
+            if blocks.extra is not None:
+                rest -= blocks.extra @ blocks.shared(own.fit[case])
+            own.fit[case] += blocks.own(fits.solve(rest, gap))
 
     airy = Airy(mesh, sides, body.cell)
     blocks = airy.blocks(laws, size)
-    if before is not None:
-        family = parent, child_maps(True)[part]
-    balances = _level(blocks, airy.way(), before.levels[1] if before else None, family, direct)
-    generation = Opinions(body, mesh, sides, law, size, fit, phi, loads, (fits, balances))
-    for case, loaded in enumerate(loads):
-        rest = -blocks.gather(blocks.times(phi[case]) + _of_growing(generation, case))
-        rest += _of_supports(airy, generation, case)
-        if not loaded:
-            rest += _of_moved(airy, sides)
-        phi[case] += without_plane(blocks.own(balances.solve(rest, gap)))
-    return generation
+    balances = _level(
+        blocks, airy.way(), before.levels[1] if before else None, family, True, direct
+    )
+    for own, gap in zip(fields, gaps, strict=True):
+        for case, acts in enumerate(own.cases):
+            rest = -blocks.gather(blocks.times(own.phi[case]) + _of_stress_beside(own, acts))
+            rest += _of_supports(airy, own, case)
+            if acts.moved.any():
+                rest += _of_moved(airy, acts)
+            own.phi[case] += without_plane(blocks.own(balances.solve(rest, gap)))
+    own, *duals = (replace(own, levels=(fits, balances)) for own in fields)
+    return replace(own, duals=tuple(duals))
+
+
+_NOTHING: Any = np.zeros((0, 0, 16)), np.zeros((0, 0, 16)), ()
+"""Fields and levels of a generation that has not begun."""
+
+
+def _begun(new: Opinions, before: Opinions | None, family: tuple[Ints, Ints] | None) -> Opinions:
+    """Return a generation with a displacement that fits and a stress that balances, any."""
+    mesh, sides, size = new.mesh, new.sides, new.size
+    if before is None or family is None:
+        fit, phi = np.zeros((2, len(sides.cases), len(size), 16))
+        if sides.moved.any():
+            fit[-1] = displacement.moved_by(mesh, sides)
+        if sides.load.any() or sides.body.any():
+            phi[0] = without_plane(first_stress(mesh, sides, size))
+        return replace(new, fit=fit, phi=phi)
+    parent, part = family
+    fit = np.stack([_handed_down(one, parent, part, False) for one in before.fit])
+    phi = np.stack([_handed_down(one, parent, part, True) for one in before.phi])
+    phi[0] += _of_body_forces(before, parent, new.leaves)
+    phi = without_plane(phi)
+    if new.body.ends_within:
+        phi[0] += _of_finer_loads(before, mesh, sides, parent, phi[0], size)
+    return replace(new, fit=fit, phi=phi)
 
 
 def _handed_down(own: Floats, parent: Ints, part: Ints, balances: bool) -> Floats:
@@ -278,30 +315,29 @@ def _level(
     blocks: Blocks,
     free: tuple[sp.csr_array, Ints],
     before: FieldLevel | None,
-    family: tuple[Ints, Floats] | None,
+    family: tuple[Ints, Ints] | None,
+    balances: bool,
     direct: int,
 ) -> FieldLevel:
     """Return the equations of a generation for its free unknowns."""
     way, unknown = free
     if before is None or family is None or way.shape[1] <= direct:
         return FieldLevel(blocks, way, before, None, direct)
-    return FieldLevel(blocks, way, before, rise_of(blocks, unknown, before.blocks, *family), direct)
+    parent, part = family
+    rise = rise_of(blocks, unknown, before.blocks, parent, child_maps(balances)[part])
+    return FieldLevel(blocks, way, before, rise, direct)
 
 
-def _of_body_forces(
-    before: Opinions, parent: Ints, leaves: LeafCells, loads: tuple[bool, ...]
-) -> Floats:
+def _of_body_forces(before: Opinions, parent: Ints, leaves: LeafCells) -> Floats:
     """Return phi of the even stress that children have of a stress that grows within parents."""
-    out = np.zeros((len(loads), len(parent), 16))
-    if not (loads[0] and before.sides.body.any()):
-        return out
+    if not before.sides.body.any():
+        return np.zeros((len(parent), 16))
     size = leaves.size / before.body.cell
     middle = (leaves.lower + 0.5 * leaves.size[:, None]) / before.body.cell
     old = before.leaves
     away = middle - ((old.lower + 0.5 * old.size[:, None]) / before.body.cell)[parent]
     even = -before.sides.body[parent] / before.size[parent, None] ** 2 * away
-    out[0] = np.einsum("nk,ki->ni", even * size[:, None] ** 2, _EVEN)
-    return out
+    return np.asarray(np.einsum("nk,ki->ni", even * size[:, None] ** 2, _EVEN))
 
 
 def _even() -> Floats:
@@ -380,22 +416,15 @@ def _of_finer_loads(
     return out
 
 
-def _of_growing(generation: Opinions, case: int) -> Floats:
-    """Return what a stress that grows within agents puts on phi, shape (n, 16)."""
-    body = generation.forces(case)
-    if not body.any():
-        return np.zeros_like(generation.phi[case])
-    points, weights, _ = rule()
-    own = (body / generation.size[:, None])[:, None] * (points - 0.5)
-    stretch, lateral = (m[:, None] for m in compliance(generation.law)[:2])
-    strain = -np.stack(
-        [
-            stretch * own[..., 0] + lateral * own[..., 1],
-            lateral * own[..., 0] + stretch * own[..., 1],
-        ],
-        axis=-1,
-    )
-    return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses()[:, :2], weights))
+def _of_stress_beside(generation: Opinions, acts: Sides) -> Floats:
+    """Return what stress besides that of phi puts on phi, shape (n, 16)."""
+    own = beside_phi(acts, generation.size)
+    if own is None:
+        return np.zeros((len(generation.size), 16))
+    like, unlike, shear = (one[:, None] for one in compliance(generation.law))
+    xx, yy, xy = np.moveaxis(own, -1, 0)
+    strain = np.stack([like * xx + unlike * yy, unlike * xx + like * yy, shear * xy], axis=-1)
+    return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses(), rule()[1]))
 
 
 def _of_supports(airy: Airy, generation: Opinions, case: int) -> Floats:

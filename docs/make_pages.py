@@ -34,7 +34,7 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
                 "name": {k: text.presets[n][0] for k, text in of.texts.items()},
                 "note": dict.fromkeys(of.texts, ""),  # it would answer the questions
             }
-            for n in range(1, len(of.scenes))
+            for n in range(len(of.scenes))
         ],
         "teacher": {
             k: "\n".join(f"- **{name}**: {' '.join(note.split())}" for name, note in text.presets)
@@ -59,7 +59,7 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
         "answer": {k: text.answers[number] for k, text in of.texts.items()},
         "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
     }
-    told |= {name: kind[name] for name in ("until", "lines") if name in kind}
+    told |= {name: kind[name] for name in ("until", "lines", "draws") if name in kind}
     if "answers" in kind:
         told["fields"] = [
             _page_field(asked, n, value, tolerance(kind, n, value))

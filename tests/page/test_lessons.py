@@ -1,5 +1,6 @@
 """The lessons: what they say is what is seen, in three languages, and their pages are made."""
 
+import json
 import re
 import sys
 from dataclasses import replace
@@ -174,3 +175,20 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
         assert end == count
         assert int(count) >= 3
         assert page.js("(page.draw(), page.canvas.toDataURL())") != first
+
+
+WORDS = json.loads((DOCS.parent / "view" / "page" / "words.json").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("name", ORDER)
+def test_what_a_lesson_tells_to_press_is_there(name):
+    """Names in italics are presets, other lessons, or words of the page."""
+    of = lesson(name)
+    for language, text in of.texts.items():
+        known = {preset for preset, _ in text.presets} | set(WORDS[language].values())
+        known |= {lesson(other).texts[language].title for other in ORDER}
+        known |= {word for heading in HEADINGS.values() for word in heading}
+        for question in text.questions:
+            told = f"{question.note}\n{question.hint}"
+            named = set(re.findall(r"(?<!\*)\*([^*\n]+)\*(?!\*)", told))
+            assert named <= known, (language, named - known)

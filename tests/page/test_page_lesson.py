@@ -13,7 +13,10 @@ LESSON = {
     "key": "tested",
     "minutes": 45,
     "teacher": "Let them *guess* first.",
-    "presets": [{"name": {"en": "Finer", "de": "Feiner", "ja": "細かく"}, "note": "A **tenth**."}],
+    "presets": [
+        {"name": {"en": "As given", "de": "Wie gegeben", "ja": "そのまま"}, "note": ""},
+        {"name": {"en": "Finer", "de": "Feiner", "ja": "細かく"}, "note": "A **tenth**."},
+    ],
     "questions": [
         {
             "key": "wake",
@@ -30,6 +33,8 @@ LESSON = {
             "kind": "number",
             "minutes": 10,
             "question": "What does the loaded cell keep?",
+            "note": "Click it. Say **why**.",
+            "lines": 2,
             "fields": [
                 {"label": "keeps", "unit": "N", "answer": 1.0, "tolerance": 0.01, "look": "its top"}
             ],

@@ -13,7 +13,7 @@ const MOST_LETTERS = 400, SMALL = 4;               // of an answer; so many gene
 export class Lesson {
   constructor(page, { key, minutes, age, index, questions, teacher, presets }) {
     Object.assign(this, { page, key, minutes, age, index, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
-    (presets ?? []).forEach((names, n) => { if (page.presets[n + 1]) Object.assign(page.presets[n + 1], names); });
+    (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
   }
   begin() { this.open(0, true); }
@@ -22,16 +22,17 @@ export class Lesson {
     try {
       const kept = JSON.parse(localStorage.getItem(this.place) ?? "{}");
       localStorage.setItem(this.place, JSON.stringify(kept));
-      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [] });
+      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], kept: Boolean(kept.when) });
       this.keeps = true;
     } catch { this.keeps = false; }
   }
   keep() {
     const { answers, guesses, firsts, done } = this;
-    try { localStorage.setItem(this.place, JSON.stringify({ answers, guesses, firsts, done, when: new Date().toISOString() })); this.keeps = true; } catch { this.keeps = false; }
+    try { localStorage.setItem(this.place, JSON.stringify({ answers, guesses, firsts, done, when: new Date().toISOString() })); this.keeps = this.kept = true; } catch { this.keeps = false; }
     const { saved } = this;
-    if (saved) { saved.textContent = this.page.t(this.keeps ? "savedHere" : "notSaved"); saved.classList.toggle("bad", !this.keeps); }
+    if (saved) { saved.textContent = this.told; saved.classList.toggle("bad", !this.keeps); }
   }
+  get told() { return this.keeps && !this.kept ? "" : this.page.t(this.keeps ? "savedHere" : "notSaved"); }
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.page.seek(0); this.page.rebuild(); }
 
   get question() { return this.questions[this.at]; }
@@ -39,6 +40,8 @@ export class Lesson {
   answered(q) { return q.kind === "number" ? q.fields.every((_, i) => this.answers[q.key]?.[i]?.trim()) : Boolean(this.answers[q.key]?.trim()); }
   /** The last generation that is open: the question's, until it is answered and left. */
   get limit() { return this.teacher || this.question?.until === undefined || (this.question.kind !== "cells" && this.answered(this.question)) ? Infinity : this.question.until; }
+  /** Whether a guess is still to be made: what would give it away is not shown. */
+  get secret() { return this.hidden && this.page.g === 0; }
   /** Which way of looking a question asks for. */
   get home() { return this.question?.kind === "cells" ? "guess" : "body"; }
 
@@ -62,6 +65,8 @@ export class Lesson {
     page.seek(Math.min(g, this.limit));
     if (page.host) { page.root.querySelector("aside .body")?.scrollTo?.(0, 0); }
   }
+  /** Load a preset, and go to where the question looks. */
+  load(preset) { this.page.load(preset); this.page.seek(Math.min(this.question?.show?.generation ?? 0, this.limit)); }
   get next() {
     const own = this.of(this.step), n = own.indexOf(this.question);
     if (n >= 0 && n + 1 < own.length) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(own[n + 1])) };
@@ -223,6 +228,7 @@ export function stateOfCell(lesson, k) {
 
 export function lessonSide(page) {
   const { lesson, t, parts } = page, { question: q } = lesson;
+  lesson.hidden = lesson.step === "predict" && lesson.limit !== Infinity && !Object.keys(lesson.guesses[q.key] ?? {}).length;
   const face = (name) => make("span", {}, make("i", {}, ...(lesson.done.includes(name) ? [icon("tick")] : [String(STEPS.indexOf(name) + 1)])), t(`step_${name}`));
   const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.open(STEPS.indexOf(name)));
   tabs.classList.add("steps");
@@ -244,19 +250,20 @@ function questionCards(lesson, q) {
   const list = [head, make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
-  lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: t(lesson.keeps ? "savedHere" : "notSaved") });
-  if (q.kind === "number") list.push(make("div", { className: "fields" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), lesson.saved);
+  lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
+  if (q.kind === "number") list.push(make("div", { className: "fields" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
   else list.push(...textCard(lesson, q), lesson.saved);
   if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
   if (lesson.teacher && q.answer) list.push(make("div", { className: "card answer" }, make("h3", { textContent: t("answers") }), rendered(say(q.answer))));
   return list;
 }
 
-function textCard(lesson, q) {
-  const { page: { t } } = lesson, label = q.kind === "cells" ? t("surprise") : t("yourAnswer"), count = make("small", { className: "soft" });
-  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, value: lesson.answers[q.key] ?? "", ariaLabel: label });
+/** A field for words; `i`: behind so many numbers. */
+function textCard(lesson, q, i) {
+  const { page: { t } } = lesson, given = lesson.answers[q.key], label = q.kind === "cells" ? t("surprise") : t("yourAnswer"), count = make("small", { className: "soft" });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   const tell = () => { count.textContent = t("letters_of", { n: area.value.length, m: MOST_LETTERS }); };
-  area.oninput = () => { lesson.answer(q, area.value); tell(); };
+  area.oninput = () => { lesson.answer(q, area.value, i); tell(); };
   tell();
   return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area, count];
 }
@@ -290,9 +297,9 @@ function stepCards(page) {
   const { lesson, t, parts, touchable } = page, panels = panelsOf(page), fold = (word, list, open = false) => make("details", { className: "card", open }, make("summary", { textContent: word }), ...list);
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
   const free = page.limit === Infinity, story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
-  if (lesson.step === "predict") return [...about, ...cards];
+  if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
-    make("div", {}, button(page.nameOf(preset), () => page.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
+    make("div", {}, button(page.nameOf(preset), () => lesson.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   if (lesson.step === "step") return [...tries, ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
   if (lesson.step === "explain") return [...tries, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));

@@ -95,8 +95,9 @@ export class MotionPage extends Page {
   drawBody() {
     const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.loads.list.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
-    this.times = look.deformed && this.moved ? this.magnification() : 0;
-    const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent)), unknown = packed(rgb(inks.cell));
+    const { secret } = this.lesson ?? {};         // neither colours nor a deformed shape tell what is to be guessed
+    this.times = look.deformed && this.moved && !secret ? this.magnification() : 0;
+    const scale = look.colour && !secret ? this.scale() : null, unknown = packed(rgb(inks.cell)), plain = secret ? unknown : packed(rgb(inks.accent));
     const inkOf = (v) => (Number.isNaN(v) ? unknown : colourOf(v, scale, inks)), ink = (part) => (scale ? inkOf(this.value(part)) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
     if (this.outlines?.length) this.cutOut(view);

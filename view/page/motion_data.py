@@ -400,12 +400,12 @@ def growth_steps(result: GrowthResult) -> Pictures:
 
 
 def breaks(result: FractureResult) -> Pictures:
-    """Show springs or cells, each until it breaks, under the load of the last break."""
+    """Show springs or cells, each until it breaks, under the load of the last break; first bare."""
     counts = _chosen(result.breaks + 1)
     drawn = [bearing(result, count) for count in counts.tolist()]
     moved, borne = [], []
     for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):
-        factor = result.factor_after(at)
+        factor = result.factor_after(at) if count else 0.0
         moved.append(_steps_of(factor * body.displacement(), 128))
         bears = factor * body.borne() if count <= result.standing else np.zeros(len(body.borne()))
         borne.append(_steps_of(bears, 128))

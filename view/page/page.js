@@ -283,6 +283,14 @@ export class Page {
     this.words();
     this.drawn = (this.drawn ?? 0) + 1;
   }
+  /** The body at the start without colours, for who draws into it on paper. */
+  get unmarked() {
+    const { g, lesson, canvas } = this, { hidden } = lesson;
+    Object.assign(this, { g: 0 }); lesson.hidden = true; this.drawBody();
+    const url = canvas.toDataURL();
+    this.g = g; lesson.hidden = hidden; this.drawBody();
+    return url;
+  }
   /** The body as it stands at this generation, in the whole canvas or a box of it. */
   drawBody(box = {}, values = this.values(), scale = this.scale()) {
     const { run, look, inks, t } = this, { lattice: L } = run;

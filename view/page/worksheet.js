@@ -22,7 +22,7 @@ function paperOf(page) {
   const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(page.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page)].filter(Boolean).join(" · ") })),
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
   const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
-    make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...answerOf(page, q))));
+    make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
   const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: t("asSaved", { d: new Date().toLocaleString(page.language) }) }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
@@ -38,9 +38,10 @@ const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f)
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
-  const text = typeof given === "string" && given.trim() ? [make("p", { className: "given", textContent: given })] : null;
+  const written = q.kind === "number" ? given?.[q.fields.length] : given, text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`))))];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.lines ? text ?? lines(q.lines) : [])];
+  if (q.draws && !text) return [make("img", { className: "drawn", alt: "", src: page.unmarked }), ...lines(1)];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
   page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });

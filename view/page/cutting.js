@@ -9,7 +9,7 @@ import { hand } from "./save.js";
 import { bothOf } from "./twin.js";
 import { general, quantity } from "./words.js";
 
-const SAME = 1e-9;                             // of the load: what rounding leaves
+const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
 const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
 
 /** The cuts of both answers at this generation, from one end of the axis to the other. */
@@ -29,7 +29,7 @@ function csvOfCuts(page) {
 /** Bars beside the rows of the body (or below its columns), elasticity as a mark a row. */
 function paintBars(page, view, cuts, box, upright) {
   const { ctx, u } = view, { inks, t } = page, { rows, chosen } = placed(page), known = cuts.flatMap((cut) => [cut.carried, cut.elastic, cut.needed]).filter((v) => !Number.isNaN(v));
-  const high = Math.max(...known, 1e-300), low = Math.min(0, ...known), from = upright ? box.x : box.y, long = upright ? box.w : box.h, F = (v) => from + long * (v - low) / (high - low);
+  const high = Math.max(...known, 1e-300), low = Math.min(0, ...known), from = upright ? box.x : box.y, long = upright ? box.w - NUMBERS : box.h, F = (v) => from + long * (v - low) / (high - low);
   const P = (at) => (upright ? view.y0 - u * at : view.x0 + u * at), point = (v, at) => (upright ? [F(v), P(at)] : [P(at), F(v)]);
   const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high))));
   ctx.lineWidth = 1; ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.strokeStyle = inks.hair;
@@ -55,7 +55,8 @@ function paintBars(page, view, cuts, box, upright) {
     ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
     paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   });
-  if (upright && u >= 13) for (const { at, carried } of cuts) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : carried.toFixed(digits), F(carried) + (carried > 0.75 * high ? -46 : 6), P(at + 0.5), inks.ink, inks);
+  // Beside small rows only those of the lines have room for their number.
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : carried.toFixed(digits), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 

@@ -40,6 +40,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "kaju"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_favicon = "_static/icon.svg"
 html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_show_search_summary = False  # it never ends where pages are opened as files

@@ -2,6 +2,7 @@
 
 python tools/release.py 0.2.0           # pushing is up to you
 python tools/release.py --notes 0.2.0   # print the changelog's section of a version
+python tools/release.py --lessons 0.2.0 # pack the lessons' pages into kaju-lessons-0.2.0.zip
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ from __future__ import annotations
 import argparse
 import datetime
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
 VERSIONED = {
@@ -34,6 +37,13 @@ def notes_of(version: str) -> str:
     if not found:
         sys.exit(f"CHANGELOG.md: there is no section {version}")
     return found[1].strip()
+
+
+def pack_lessons(version: str) -> None:
+    """Make the lessons' pages, and pack them into one file that a teacher unpacks and opens."""
+    with TemporaryDirectory() as folder:
+        subprocess.run([sys.executable, ROOT / "docs" / "make_pages.py", folder], check=True)
+        print(shutil.make_archive(f"kaju-lessons-{version}", "zip", folder))
 
 
 def cut(version: str) -> None:
@@ -69,8 +79,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("version")
     parser.add_argument("--notes", action="store_true", help="print its changelog, change nothing")
+    parser.add_argument("--lessons", action="store_true", help="pack the lessons, change nothing")
     asked = parser.parse_args()
     if asked.notes:
         print(notes_of(asked.version))
+    elif asked.lessons:
+        pack_lessons(asked.version)
     else:
         cut(asked.version)

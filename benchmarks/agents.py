@@ -1,7 +1,7 @@
 """Agents of kaju against the same rule written by hand: a plain Mesa model, and plain NumPy rows.
 
-    python benchmarks/agents.py                            # some two minutes
-    python benchmarks/agents.py squares --sides "20 100"   # squares of so many cells a side only
+    python benchmarks/agents.py           # some two minutes
+    python benchmarks/agents.py 20 100    # squares of so many cells a side only
 
 Processor time, constructing and result included, the smallest of several runs that take turns in
 one process. Both answers of a case must have as many agents and take the same load. The plain
@@ -10,6 +10,7 @@ programs write no ledger, no history and no certificate.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -17,7 +18,7 @@ from typing import Any
 import mesa
 import numpy as np
 from mesa.discrete_space import CellAgent, OrthogonalVonNeumannGrid
-from shared import by_name, in_turn
+from shared import in_turn
 
 from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
 
@@ -218,9 +219,9 @@ def beside(case: str, ours: Callable[[], Answer], theirs: Callable[[], Answer], 
     return f"{case:44} {own:9.4f} s {other:9.4f} s {own / other:6.2f} x"
 
 
-def squares(sides: str = "20 100 300 1000") -> Iterator[str]:
+def squares(sides: list[int]) -> Iterator[str]:
     """Compare plates of so many cells a side."""
-    for cells in map(int, sides.split()):
+    for cells in sides:
         scene, loads = square(cells)
         runs = 15 if cells <= 100 else 5 if cells <= 300 else 3
         by_hand, rows = partial(plain_model, cells, loads), partial(plain_rows, cells, loads)
@@ -234,4 +235,5 @@ def squares(sides: str = "20 100 300 1000") -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    by_name(__doc__, squares)
+    for line in squares([int(word) for word in sys.argv[1:]] or [20, 100, 300, 1000]):
+        print(line, flush=True)

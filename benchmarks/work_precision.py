@@ -6,7 +6,7 @@ python benchmarks/work_precision.py [--quick] [--resume] [--problem=plate] [--pu
 --publish makes it the record in docs (table, picture) that README and docs/work-precision.md
 quote; a test compares them.
 
-The peers need scikit-fem (the mesh of quadratic elements), pyamg (extra amg) and pypardiso; what is
+The peers need scikit-fem (the mesh of quadratic elements), pyamg and pypardiso; what is
 not installed is named in its rows.
 """
 

@@ -2,7 +2,7 @@
 
 The worked plate (examples/plate.toml, load on one cell), with agents of the prescribed rule,
 of the same rule with fitted coefficients, and of the elastic rule. The finite elements were
-computed by benchmarks/finite_element_truth.py. Run it with
+of order 4, graded to every corner (tests/exact/graded_elements.py). Run it with
 
     python docs/draw_comparison.py
 """

@@ -2,14 +2,13 @@
 
 The method of E. Andreassen et al., "Efficient topology optimization in MATLAB using 88 lines of
 code", Structural and Multidisciplinary Optimization 43 (2011) 1-16, written anew: the pattern of
-the matrix is kept, SuperLU eliminates in minimum degree order, or PARDISO if there is pypardiso.
+the matrix is kept, SuperLU eliminates in minimum degree order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -67,7 +66,7 @@ class Beam:
 class Bilinear:
     """Compliance of a beam by bilinear elements, whose stiffness differs element by element."""
 
-    def __init__(self, beam: Beam, solver: Literal["superlu", "pardiso"] = "superlu") -> None:
+    def __init__(self, beam: Beam) -> None:
         columns, rows = beam.cells
         node = np.arange((columns + 1) * (rows + 1)).reshape(columns + 1, rows + 1)
         corners = [node[:-1, :-1], node[:-1, 1:], node[1:, :-1], node[1:, 1:]]
@@ -94,7 +93,6 @@ class Bilinear:
         start = np.searchsorted(places // size, np.arange(size + 1))
         self._pattern = (places % size).astype(np.int32), start.astype(np.int32)
         self._load, self._cells = load.ravel()[free], beam.cells
-        self._solve = _pardiso() if solver == "pardiso" else _superlu
 
     def feel(self, stiffness: Floats) -> tuple[float, Floats]:
         """Return the compliance, and minus its derivative by every element's stiffness."""
@@ -102,30 +100,10 @@ class Bilinear:
         matrix = sp.csr_array(
             (np.bincount(self._place, values), *self._pattern), shape=(len(self._load),) * 2
         )
-        moved = self._solve(matrix, self._load)
+        moved = np.asarray(factors_of(matrix).solve(self._load))
         own = np.append(moved, 0.0)[self._number]
         saved = np.einsum("ei,ij,ej->e", own, self._element, own).reshape(self._cells)
         return float(self._load @ moved), saved
-
-
-def _superlu(matrix: sp.csr_array, load: Floats) -> Floats:
-    return np.asarray(factors_of(matrix).solve(load))
-
-
-def _pardiso() -> Callable[[Any, Floats], Floats]:
-    from pypardiso import PyPardisoSolver
-
-    solver = PyPardisoSolver(mtype=2)
-    analysed = False
-
-    def solve(matrix: sp.csr_array, load: Floats) -> Floats:
-        nonlocal analysed
-        upper = sp.csr_matrix(sp.triu(matrix, format="csr"))
-        solver.set_phase(23 if analysed else 13)
-        analysed = True
-        return np.asarray(solver._call_pardiso(upper, load[:, None].copy(order="F"))).ravel()
-
-    return solve
 
 
 def optimised(
@@ -134,7 +112,6 @@ def optimised(
     radius: float,
     filter: Literal["density", "sensitivity"] = "density",
     steps: int = 60,
-    solver: Literal["superlu", "pardiso"] = "superlu",
 ) -> Floats:
     """Return the densities of least compliance that the peer finds."""
     reach = int(np.ceil(radius)) - 1
@@ -144,7 +121,7 @@ def optimised(
     def summed(values: Floats) -> Floats:
         return np.asarray(correlate(values, cone, mode="constant"))
 
-    body, whole = Bilinear(beam, solver), summed(np.ones(beam.cells))
+    body, whole = Bilinear(beam), summed(np.ones(beam.cells))
     design = np.full(beam.cells, volume)
     density = design
     for _ in range(steps):

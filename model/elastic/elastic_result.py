@@ -441,7 +441,7 @@ class ElasticResult(BodyResult):
     def displacement_error_estimate(self) -> float:
         """Estimated largest displacement error anywhere, relative to the largest displacement.
 
-        Rather too large than too small (see `benchmarks/displacement_error.py`). Worked out when
+        Rather too large than too small. Worked out when
         it is asked for, by one more solution with the children of all agents.
         """
         from kaju.model.elastic.goals.displacement_error import told_error

@@ -1,22 +1,21 @@
-"""Finite elements on the cells of a scene (scikit-fem): the independent answer.
+"""Finite elements on the cells of a scene (scikit-fem): an independent answer.
 
-Nothing of kaju's own solvers takes part. Triangles are graded towards every point where the
-solution is singular, which makes them the truth of plane bodies. Lengths are in cells of the
-scene, displacements in metres, forces in newtons.
+Nothing of kaju's own solvers takes part. Lengths are in cells of the scene, displacements in
+metres, forces in newtons.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, needing
-from kaju.factors import factors_of, rigid_motions
+from kaju.factors import factors_of
 from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.scene import Scene
@@ -26,37 +25,20 @@ from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
 
-NEAREST = 16  # elements that are asked first for a point
-ROUNDING = 1e-9
-DIRECT = 400_000  # more unknowns are found by pyamg, which needs less memory than factors
-RESIDUAL = 1e-10
-ORDERS = {"triangles": (1, 2, 3, 4), "boxes": (1, 2)}
-MOST_CELLS = 1_000_000  # more do not fit in memory as elements
+MOST_UNKNOWNS = 2_000_000  # factors of more do not fit into the memory of usual machines
 
 
-def finite_elements(
-    scene: Scene,
-    *,
-    elements: Literal["triangles", "boxes"] | None = None,
-    order: int = 2,
-    levels: int = 8,
-    split: int = 1,
-) -> ElementReference:
+def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementReference:
     """Solve a scene by finite elements of scikit-fem, which share nothing with kaju's solvers.
 
     Parameters
     ----------
     scene : Scene
         Of square cells or cubes; its sides are free, rigid or rollers.
-    elements : {"triangles", "boxes"}, optional
-        Four triangles a cell, graded towards singular points, or squares (cubes). By default
-        triangles in the plane, boxes in space.
-    order : int
-        Of the polynomials: triangles 1 to 4, boxes 1 or 2.
-    levels : int
-        How often the triangles around every singular point are halved; boxes are not graded.
+    order : {1, 2}
+        Of the polynomials along every axis of an element, which is a square or a cube.
     split : int
-        Parts along the edge of a cell, of boxes.
+        Elements along the edge of a cell.
 
     Returns
     -------
@@ -66,7 +48,7 @@ def finite_elements(
     Raises
     ------
     MissingExtraError
-        If scikit-fem is missing (or, above 400,000 unknowns, pyamg).
+        If scikit-fem is missing.
     ParameterError
         If an argument is outside its rule, or elements cannot tell what the scene asks for.
 
@@ -84,38 +66,56 @@ def finite_elements(
     """
     with needing("finite_elements needs scikit-fem: pip install 'kaju[fem]'"):
         import skfem
-    solid = scene.lattice.dimension == 3
-    shape = elements or ("boxes" if solid else "triangles")
-    if shape not in ORDERS or (solid and shape == "triangles"):
-        allowed = "'boxes' in space, 'triangles' or 'boxes' in the plane"
-        raise ParameterError(f"elements: must be {allowed}, got {elements!r}")
-    if order not in ORDERS[shape]:
-        raise ParameterError(f"order: {shape} have orders {ORDERS[shape]}, got {order!r}")
-    for name, value, least in (("levels", levels, 0), ("split", split, 1)):
-        if value != int(value) or value < least:
-            raise ParameterError(f"{name}: must be a whole number from {least}, got {value!r}")
-    cells = int(np.prod(scene.lattice.shape)) * split**scene.lattice.dimension
-    if cells > MOST_CELLS:
+    if order not in (1, 2):
+        raise ParameterError(f"order: must be 1 or 2, got {order!r}")
+    if split != int(split) or split < 1:
+        raise ParameterError(f"split: must be a whole number from 1, got {split!r}")
+    dimension = scene.lattice.dimension
+    many = dimension * (order * split) ** dimension * scene.lattice.size
+    if many > MOST_UNKNOWNS:
         raise ParameterError(
-            f"scene: {cells:,} cells are too many for finite elements in memory, which is "
-            f"{MOST_CELLS:,}; give a coarser scene"
+            f"scene: some {many:,} unknowns are too many for finite elements, which take "
+            f"{MOST_UNKNOWNS:,}; give a coarser scene or a smaller split"
         )
     kinds = surroundings(scene)
-    if shape == "triangles":
-        family = [getattr(skfem, f"ElementTriP{k}") for k in ORDERS[shape]]
-        mesh = graded_mesh(kinds, singular_points(scene, kinds), levels)
-        words = f"triangles of order {order}" + (f", {levels} times halved" if levels else "")
-        # Exact for products of slopes and for loads that are uniform in an element.
-        degree = max(2 * order - 2, order)
-    else:
-        family = [getattr(skfem, f"Element{'Hex' if solid else 'Quad'}{k}") for k in ORDERS[shape]]
-        mesh = box_mesh(kinds, split)
-        words, degree = f"boxes of order {order}, {split} along a cell", 2 * order
-    basis = skfem.Basis(mesh, skfem.ElementVector(family[order - 1]()), intorder=degree)
-    field = solve_on(scene, basis, kinds)
+    ticks = [np.arange(split * (n - 2) + 1.0) / split for n in kinds.shape]
+    box, mesh_of = ("Hex", skfem.MeshHex) if dimension == 3 else ("Quad", skfem.MeshQuad)
+    mesh = separated(within_body(mesh_of.init_tensor(*ticks), kinds))
+    element = getattr(skfem, f"Element{box}{order}")()
+    basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=2 * order)
+    numbers = np.full([split * n for n in scene.lattice.shape], -1)
+    numbers[tuple(_lowest(mesh, split))] = np.arange(mesh.nelements)
+    field = solve_on(scene, basis, kinds, lambda place: _box_at(numbers, split, place))
+    return reference_of(scene, field, f"squares or cubes of order {order}, {split} along a cell")
+
+
+def _lowest(mesh: Any, split: int) -> Index:
+    """Return the whole numbers of every box's lowest corner, in boxes along the axes."""
+    return np.asarray(np.rint(split * mesh.p[:, mesh.t].min(axis=1)), dtype=np.int64)
+
+
+def _box_at(numbers: Index, split: int, place: Floats) -> Index:
+    """Return the box that holds each place; at a surface one of those inside of the body."""
+    found = np.full(place.shape[1], -1)
+    most = np.array(numbers.shape)[:, None] - 1
+    for corner in np.ndindex(*(2,) * len(place)):
+        shift = 1e-9 * (2.0 * np.array(corner) - 1.0)[:, None]
+        box = np.clip(np.floor(split * place + shift).astype(np.int64), 0, most)
+        found = np.where(found < 0, numbers[tuple(box)], found)
+    if (found < 0).any():
+        where = ", ".join(f"{value:.4g}" for value in place[:, np.argmin(found)])
+        raise ParameterError(f"points: ({where}), in cells, lies outside of the body")
+    return found
+
+
+def reference_of(scene: Scene, field: ElementField, words: str) -> ElementReference:
+    """Return the answer of a field of elements as a reference, known in the middles of cells."""
+    import skfem
+
     points = scene.lattice.centres(np.argwhere(scene.rasterise() >= 0))
     moved, _, stress = field.at(points)
-    source = f"finite elements: {words}, {basis.N} unknowns (scikit-fem {skfem.__version__})"
+    unknowns = f"{field.basis.N} unknowns (scikit-fem {skfem.__version__})"
+    source = f"finite elements: {words}, {unknowns}"
     return ElementReference(points, moved, stress, field.energy, source, field)
 
 
@@ -147,17 +147,13 @@ class ElementField:
     energy: float  # (J)
     cell_size: float  # (m)
     moduli: Moduli  # of every element (Pa)
-
-    @property
-    def unknowns(self) -> int:
-        """Number of displacement components."""
-        return int(self.basis.N)
+    element_at: Callable[[Floats], Index]  # which element holds each place (in cells), (d, n)
 
     def at(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """Return displacement (m), its gradient ∂u_a/∂x_b and stress (Pa) at points (m)."""
         basis, (n, d) = self.basis, np.shape(points)
         place = np.asarray(points, dtype=np.float64).T / self.cell_size
-        element = _elements_around(basis, place)
+        element = self.element_at(place)
         local = basis.mapping.invF(place[:, :, None], tind=element)
         moved, slope = np.zeros((d, n)), np.zeros((d, d, n))
         for k in range(basis.Nbfun):
@@ -170,36 +166,6 @@ class ElementField:
         lateral, shear = (m[element][:, None, None] for m in self.moduli[1:])
         volume = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(d)
         return moved.T, gradient, 2.0 * shear * strain + lateral * volume
-
-
-def _elements_around(basis: Any, place: Floats) -> Index:
-    """Return the element that holds each place, or comes closest to it.
-
-    The mesh's own finder makes no allowance for rounding, which counts in triangles of 1e-5.
-    """
-    from scipy.spatial import cKDTree
-
-    corners = basis.mesh.p[:, basis.mesh.t]
-    if corners.shape[1] == 2 ** len(place):  # boxes, which lie along the axes
-        low, high = corners.min(axis=1).T - ROUNDING, corners.max(axis=1).T + ROUNDING
-        return np.array([np.argmax(np.all((p >= low) & (p <= high), axis=1)) for p in place.T])
-
-    def depth_within(places: Floats, elements: Index) -> Floats:
-        # The smallest barycentric coordinate of each place, shape (1, places), in its elements.
-        many = elements.shape[1]
-        repeated = np.repeat(places, many, axis=1)[:, :, None]
-        local = basis.mapping.invF(repeated, elements.ravel())[..., 0]
-        smallest = np.minimum(local.min(axis=0), 1.0 - local.sum(axis=0))
-        return np.asarray(smallest.reshape(-1, many))
-
-    middles = corners.mean(axis=1).T
-    ranks = np.arange(1, min(NEAREST, len(middles)) + 1)
-    near = np.asarray(cKDTree(middles).query(place.T, ranks)[1], dtype=np.int64)
-    inside = depth_within(place, near)
-    found: Index = near[np.arange(len(near)), inside.argmax(axis=1)]
-    for lost in np.flatnonzero(inside.max(axis=1) < -ROUNDING):
-        found[lost] = depth_within(place[:, [lost]], np.arange(len(middles))[None]).argmax()
-    return found
 
 
 def surroundings(scene: Scene) -> Index:
@@ -218,7 +184,7 @@ def surroundings(scene: Scene) -> Index:
     return np.asarray(found.reshape(cells.shape[:-1]))
 
 
-def depth(scene: Scene) -> float:
+def _depth(scene: Scene) -> float:
     """Return what turns stresses times cells into forces: thickness, or the cells' edge (m)."""
     d = scene.lattice.dimension
     return scene.thickness if d == 2 else scene.lattice.cell_size
@@ -230,7 +196,7 @@ def cells_of(mesh: Any) -> Index:
     return cells
 
 
-def element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
+def _element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
     """Return the moduli (Pa) of every element; see `surroundings` for `kinds`."""
     kind = kinds[tuple(cells_of(mesh) + 1)]
     constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
@@ -248,7 +214,7 @@ def _faces_of(mesh: Any, facets: Index) -> tuple[Index, Index]:
     return cell, 2 * axis + upper
 
 
-def stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
+def _stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
     """Return the stiffness matrix of vector-valued elements with these moduli."""
     import skfem
     from skfem.helpers import ddot, div, sym_grad
@@ -259,7 +225,7 @@ def stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
 
     ones = np.ones_like(basis.dx)
     lateral, shear = (modulus[:, None] * ones for modulus in (moduli.lateral, moduli.shear))
-    return depth(scene) * form.assemble(basis, lateral=lateral, shear=shear)
+    return _depth(scene) * form.assemble(basis, lateral=lateral, shear=shear)
 
 
 def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
@@ -331,7 +297,7 @@ def _assembled(density: Floats, basis: Any) -> Floats:
     return np.asarray(form.assemble(basis, **values))
 
 
-def held(basis: Any, kinds: Index) -> Index:
+def _held(basis: Any, kinds: Index) -> Index:
     """Return the unknowns that rigid cells and rollers hold; see `surroundings` for `kinds`."""
     facets = basis.mesh.boundary_facets()
     cell, direction = _faces_of(basis.mesh, facets)
@@ -346,76 +312,24 @@ def held(basis: Any, kinds: Index) -> Index:
 
 
 def solve_on(
-    scene: Scene,
-    basis: Any,
-    kinds: Index,
-    solve: Callable[[Any, Floats, Floats], Floats] | None = None,
-    matrix: Any = None,
+    scene: Scene, basis: Any, kinds: Index, element_at: Callable[[Floats], Index]
 ) -> ElementField:
-    """Solve a scene on the elements of a vector-valued basis on a mesh in cells.
-
-    `solve`: from a matrix, the forces and the rigid motions of its unknowns to the unknowns.
-    """
-    moduli = element_moduli(scene, basis.mesh, kinds)
-    matrix = stiffness(scene, basis, moduli) if matrix is None else matrix
+    """Solve a scene on the elements of a vector-valued basis on a mesh in cells."""
+    moduli = _element_moduli(scene, basis.mesh, kinds)
+    matrix = _stiffness(scene, basis, moduli)
     right, u = _load_vector(scene, basis), np.zeros(basis.N)
-    free = np.setdiff1d(np.arange(basis.N), held(basis, kinds))
-    d = basis.mesh.dim()
-    motions = rigid_motions(basis.doflocs.T, np.arange(basis.N) % d)[free]
-    u[free] = (solve or _solved)(matrix[free][:, free], right[free], motions)
-    return ElementField(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size, moduli)
+    free = np.setdiff1d(np.arange(basis.N), _held(basis, kinds))
+    u[free] = factors_of(matrix[free][:, free]).solve(right[free])
+    energy = 0.5 * float(u @ right)
+    return ElementField(basis, u, energy, scene.lattice.cell_size, moduli, element_at)
 
 
-def _solved(matrix: Any, right: Floats, motions: Floats) -> Floats:
-    """Solve by elimination or, if there are many unknowns, by `multigrid`."""
-    if len(right) <= DIRECT:
-        return factors_of(matrix).solve(right)
-    return multigrid(matrix.tocsr(), right, motions, RESIDUAL)
-
-
-def multigrid(matrix: Any, right: Floats, motions: Floats, residual: float) -> Floats:
-    """Solve by conjugate gradients with pyamg's smoothed aggregation, to a relative residual."""
-    with needing("finite_elements needs pyamg for so many unknowns: pip install 'kaju[amg]'"):
-        import pyamg
-    hierarchy = pyamg.smoothed_aggregation_solver(matrix, B=motions)
-    return np.asarray(hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000))
-
-
-def box_mesh(kinds: Index, split: int) -> Any:
-    """Return squares (cubes) on the body's cells, `split` along the edge of each."""
-    import skfem
-
-    ticks = [np.arange(split * (n - 2) + 1.0) / split for n in kinds.shape]
-    kind = skfem.MeshQuad if len(ticks) == 2 else skfem.MeshHex
-    return _separated(_within_body(kind.init_tensor(*ticks), kinds))
-
-
-def _within_body(whole: Any, kinds: Index) -> Any:
+def within_body(whole: Any, kinds: Index) -> Any:
+    """Return the part of a mesh whose elements lie in the body."""
     return whole.restrict(np.flatnonzero(kinds[tuple(cells_of(whole) + 1)] >= 0))
 
 
-def graded_mesh(kinds: Index, singular: Floats, levels: int) -> Any:
-    """Return four triangles a cell, halved `levels` times around singular points (in cells)."""
-    import skfem
-    from scipy.spatial import cKDTree
-
-    ticks = [np.arange(n - 1.0) for n in kinds.shape]
-    mesh = _within_body(skfem.MeshQuad.init_tensor(*ticks).to_meshtri(style="x"), kinds)
-    corner = (singular == np.floor(singular)).all(axis=1)
-    tree, within = cKDTree(singular[corner]), singular[~corner]
-    for _ in range(levels if len(singular) else 0):
-        near = np.equal(tree.query(mesh.p.T)[0], 0.0)[mesh.t].any(axis=0)
-        facets = mesh.boundary_facets()  # some points lie within the side of a cell
-        ends = mesh.p[:, mesh.facets[:, facets]]
-        low, high = ends.min(axis=1).T - ROUNDING, ends.max(axis=1).T + ROUNDING
-        for point in within:
-            there = ((point >= low) & (point <= high)).all(axis=1)
-            near[mesh.f2t[0, facets[there]]] = True
-        mesh = mesh.refined(np.flatnonzero(near))
-    return _separated(mesh)
-
-
-def _separated(mesh: Any) -> Any:
+def separated(mesh: Any) -> Any:
     """Give elements that touch at a corner only a point each: one point holds nothing together.
 
     Corners of elements are joined through the facets that elements share.
@@ -437,44 +351,3 @@ def _separated(mesh: Any) -> Any:
         return mesh
     _, first = np.unique(label, return_index=True)
     return type(mesh)(mesh.p[:, mesh.t.ravel()[first]], label.reshape(mesh.t.shape))
-
-
-def singular_points(scene: Scene, kinds: Index) -> Floats:
-    """Return where stresses or their slopes are unbounded in a plane scene, in cells.
-
-    Around a grid point that is not on a straight surface, support or interface the four
-    cells do not pair up; and the loads on two surface faces in line may differ, or end within.
-    """
-    a, b, c, d = kinds[:-1, :-1], kinds[1:, :-1], kinds[:-1, 1:], kinds[1:, 1:]
-    four = np.stack([a, b, c, d])
-    straight = ((a == b) & (c == d)) | ((a == c) & (b == d))
-    solid = (four >= 0).sum(axis=0)
-    on_ground = np.isin(four, (RIGID, ROLLER)).any(axis=0)
-    # Two free sides at a right angle bend nothing; neither does a place without a body.
-    plain = straight | (solid == 0) | ((solid == 1) & ~on_ground)
-    return np.unique(np.concatenate([np.argwhere(~plain), _ends_of_loads(scene)]), axis=0) + 0.0
-
-
-def _ends_of_loads(scene: Scene) -> Floats:
-    """Return the ends of faces whose traction is not that of the next face in line, in cells."""
-    applied = scene.applied()
-    on_face = applied.direction >= 0
-    face = (applied.direction[on_face], *applied.cells[on_face].T)
-    traction = np.zeros((4, *scene.lattice.shape, 2))
-    np.add.at(traction, face, applied.force[on_face])
-    ends = []
-    for axis, upper in np.ndindex(2, 2):
-        # Faces of one direction, those in line along the first axis; nothing before and after.
-        lines = np.moveaxis(traction[2 * axis + upper], 1 - axis, 0)
-        lines = np.pad(lines, [(1, 1), (0, 0), (0, 0)])
-        size, step = np.abs(lines).max(axis=2), np.abs(np.diff(lines, axis=0)).max(axis=2)
-        found = np.argwhere(step > ROUNDING * np.maximum(size[1:], size[:-1]))
-        found[:, 1] += upper
-        ends.append(found if axis else found[:, ::-1])
-    if applied.uneven is not None:  # loads that begin or end within faces
-        row, part, _ = applied.uneven
-        axes, uppers = np.divmod(applied.direction[row], 2)
-        within = applied.cells[row][:, None] + part
-        within[np.arange(len(row)), :, axes] = (applied.cells[row, axes] + uppers)[:, None]
-        ends.append(within[(within != np.floor(within)).any(axis=2)])
-    return np.concatenate(ends)

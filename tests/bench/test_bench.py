@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peers import bilinear, quadratic
-from peers.measure import Measurement, in_a_fresh_process, jobs, measure
+from peers.measure import Measurement, jobs, measure
 from peers.methods import METHODS
 from peers.problems import BLOCK, PIXELS, PLATE, PROBLEMS
 from peers.report import (
     QUOTED,
     cost_at,
-    draw,
     environment,
     measured_on,
     publish,
@@ -24,9 +23,6 @@ from peers.report import (
     write_csv,
 )
 from work_precision import run
-
-from kaju.errors import ParameterError
-from kaju.factors import rigid_motions
 
 
 def test_pictures_have_no_cells_that_touch_at_corners_only():
@@ -39,30 +35,12 @@ def test_pictures_have_no_cells_that_touch_at_corners_only():
 each_problem = pytest.mark.parametrize("problem", PROBLEMS.values(), ids=list(PROBLEMS))
 
 
-@each_problem
-def test_scenes_are_the_picture_at_any_resolution(problem):
-    for division in (1, 2):
-        scene = problem.scene(division)
-        kinds = scene.rasterise() >= 0
-        for axis in range(problem.dimension):
-            kinds = kinds.take(np.arange(0, kinds.shape[axis], division), axis=axis)
-        np.testing.assert_array_equal(kinds, problem.picture)
-        total = scene.applied().force.sum(axis=0)
-        np.testing.assert_allclose(total, [0.0] * (problem.dimension - 1) + [-problem.force])
-
-
 def test_the_truth_of_the_plate_is_that_of_the_tables():
     """Converged quadratic elements: u_y = -2.8861e-9 m at the centre of the plate."""
     truth = PLATE.truth()
     near = np.abs(PLATE.points - 0.1).max(axis=1) < 0.0051
     assert near.sum() == 4
     assert truth.displacement[near, 1].mean() == pytest.approx(-2.8861e-9, rel=2e-3)
-
-
-def test_the_truth_of_the_block_is_symmetric():
-    u = BLOCK.truth().displacement.reshape(8, 8, 8, 3)
-    np.testing.assert_allclose(u[::-1, :, :, 2], u[..., 2], rtol=1e-6)
-    np.testing.assert_allclose(u[::-1, :, :, 0], -u[..., 0], atol=1e-6)
 
 
 @each_problem
@@ -83,18 +61,6 @@ SMALL_BLOCK = replace(BLOCK, picture=np.ones((4, 4, 4), dtype=np.bool_), edge=0.
 def test_solvers_of_peers_agree(problem):
     direct, iterated = (bilinear.solve(problem, 2, by)() for by in ("superlu", "pyamg"))
     np.testing.assert_allclose(iterated, direct, atol=1e-5 * np.abs(direct).max())
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_local_stiffness_strains_nothing_in_rigid_motions(d):
-    matrix = bilinear.local_stiffness(d, 1.2, 0.7)
-    corners = np.array(list(np.ndindex(*(2,) * d)), dtype=float)
-    motions = rigid_motions(np.repeat(corners, d, axis=0), np.tile(np.arange(d), len(corners)))
-    assert np.abs(matrix @ motions).max() < 1e-14
-    assert np.linalg.matrix_rank(matrix) == d * len(corners) - motions.shape[1]
-    # stretched by 1 along x: (λ + 2μ) V
-    stretched = (corners * np.eye(d)[0]).ravel()
-    assert stretched @ matrix @ stretched == pytest.approx(1.2 + 2 * 0.7)
 
 
 @pytest.mark.parametrize("problem", [PLATE, PIXELS], ids=["plate", "pixels"])
@@ -118,28 +84,6 @@ def test_a_measurement_is_complete():
     assert 0.0 < found.l2_error < found.max_error < 0.1
 
 
-def test_a_process_of_its_own_measures_the_same():
-    alone = in_a_fresh_process("plate", "prescribed", 1)
-    assert alone.failure == ""
-    assert alone.max_error == measure("plate", "prescribed", 1).max_error
-
-
-def test_what_is_not_installed_is_said(monkeypatch):
-    monkeypatch.setattr("peers.methods.find_spec", lambda name: None)
-    found = in_a_fresh_process("plate", "pyamg", 2)
-    assert found.seconds is None
-    assert found.failure == "pyamg not installed"
-
-
-def test_jobs_cover_problems_and_methods():
-    whole, quick = list(jobs(False)), list(jobs(True))
-    assert {(p, m) for p, m, _ in whole} == {
-        (p, m) for p in PROBLEMS for m in METHODS if (p, m) != ("block", "quadratic")
-    }
-    assert set(quick) <= set(whole)
-    assert {p for p, _, _ in jobs(True, ("block",))} == {"block"}
-
-
 def rows():
     return [
         Measurement("plate", "multigrid", d, 400 * d**2, 1e-3 * d**2, 10.0, 0.1 / d**2, 0.01, 3)
@@ -161,27 +105,8 @@ def test_tables_keep_what_was_measured(tmp_path):
     assert "cores " in measured_on(environment())
 
 
-def test_the_picture_is_drawn(tmp_path):
-    peers = [Measurement(**{**vars(row), "method": "superlu"}) for row in rows()]
-    assert draw([*rows(), *peers], tmp_path / "w.png").stat().st_size > 10_000
-
-
-def test_an_unknown_problem_is_named(tmp_path):
-    with pytest.raises(ParameterError, match=r"no .plat.*plate"):
-        run(tmp_path, problems=("plat",))
-
-
 def pretended(problem, method, division):
     return Measurement(problem, method, division, 400, 0.5 / division, 9.0, 0.1, 0.01, 3)
-
-
-def test_the_whole_benchmark_writes_table_and_picture(tmp_path, monkeypatch):
-    monkeypatch.setattr("work_precision.in_a_fresh_process", pretended)
-    run(tmp_path / "bench", quick=True, problems=("plate",))
-    written = {path.name for path in (tmp_path / "bench").iterdir()}
-    table = {f"work_precision.{ending}" for ending in ("csv", "md", "png")}
-    assert written == table | {"environment.json"}
-    assert "Measured on: " in (tmp_path / "bench" / "work_precision.md").read_text()
 
 
 ROOT = Path(__file__).parents[2]

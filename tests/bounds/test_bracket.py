@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from exact.graded_elements import graded_elements
 from spawning_bodies import STEEL, drawn
 
-from kaju import Scene, finite_elements, solve
+from kaju import Scene, solve
 from kaju.errors import KajuError
 
 PRECISE = 2e-6
@@ -63,7 +64,7 @@ def test_the_energy_lies_between_its_bounds(how):
     soft = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
     load = {"cell": [1, 5], "side": "top", "force": [0.0, -9.0]}
     result = solve(drawn(codes, [STEEL, soft], [load]), **how)
-    truth = finite_elements(result.scene, order=3, levels=9).strain_energy
+    truth = graded_elements(result.scene, order=3, levels=9).strain_energy
     lower, upper = result.energy_bounds
     assert lower * (1 - PRECISE) <= truth <= upper * (1 + PRECISE)
     least = result.found.bracket
@@ -73,7 +74,7 @@ def test_the_energy_lies_between_its_bounds(how):
 
 @pytest.fixture(scope="module")
 def plate_energy():
-    return finite_elements(plate(10), order=4, levels=14).strain_energy
+    return graded_elements(plate(10), order=4, levels=14).strain_energy
 
 
 def test_bounds_close_in_on_the_truth(plate_energy):
@@ -99,7 +100,7 @@ def test_a_re_entrant_corner_lies_within():
         load = {"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}
         return drawn(codes, [STEEL], [load], cell_size=0.2 / n, plane="strain")
 
-    truth = finite_elements(corner(4), order=4, levels=16).strain_energy
+    truth = graded_elements(corner(4), order=4, levels=16).strain_energy
     bounds = [holds(corner(n), truth).error_bound for n in (4, 8, 16, 64)]
     assert bounds == sorted(bounds, reverse=True)
     assert bounds[-1] < 0.025
@@ -116,7 +117,7 @@ def test_random_bodies_lie_within(seed, order, levels):
     """Coarser elements err to the side of the lower bound, which is far enough from them."""
     try:
         scene = random_body(seed)
-        truth = finite_elements(scene, order=order, levels=levels).strain_energy
+        truth = graded_elements(scene, order=order, levels=levels).strain_energy
     except KajuError:
         pytest.skip("not held, or a load inside")
     for resolution in (2, 4):

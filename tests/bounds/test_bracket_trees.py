@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from exact.graded_elements import graded_elements
 from goal_bodies import plate
 from spawning_bodies import STEEL
 from spawning_bodies import drawn as coded
 
-from kaju import Scene, finite_elements, solve
+from kaju import Scene, solve
 
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.45}
 
@@ -45,7 +46,7 @@ def assert_within(result, truth):
 @pytest.mark.parametrize("name", BODIES)
 def test_truths_lie_within(name):
     scene = BODIES[name]
-    truth = finite_elements(scene, order=3, levels=9).strain_energy
+    truth = graded_elements(scene, order=3, levels=9).strain_energy
     bounds = []
     for tolerance in (0.2, 0.04):
         result = solve(scene, strategy="spawning", tolerance=tolerance)
@@ -66,7 +67,7 @@ def test_equal_agents_have_the_bounds_of_equal_cells():
 
 def test_weight_bends_agents_of_many_sizes():
     scene = drawn(L_SHAPE, [{"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "force": [3.0, -9.0]}])
-    truth = finite_elements(scene, order=3, levels=9).strain_energy
+    truth = graded_elements(scene, order=3, levels=9).strain_energy
     result = solve(scene, strategy="spawning", tolerance=0.05)
     assert_within(result, truth)
     assert result.error_bound < 0.06
@@ -119,7 +120,7 @@ def cube(material):
 
 def test_a_corner_alone_holds_nothing_together():
     scene = drawn(["a.aa", "aaa.", ".aa.", "aaaa"], PRESSED)
-    truth = finite_elements(scene, order=3, levels=9).strain_energy
+    truth = graded_elements(scene, order=3, levels=9).strain_energy
     cells = solve(scene, strategy="uniform", resolution=8)
     agents = solve(scene, strategy="spawning", tolerance=0.05)
     assert_within(cells, truth)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from exact.graded_elements import graded_elements
 from spawning_bodies import drawn as coded
 
-from kaju import Deflection, Reaction, Scene, Stress, finite_elements, load_result, solve
+from kaju import Deflection, Reaction, Scene, Stress, load_result, solve
 
 CELL = 0.05
 LAWS = {
@@ -56,7 +57,7 @@ def means(answer, cell):
 def test_truths_of_random_bodies_lie_within(seed):
     """Those of elements of order 3, graded into every corner."""
     scene, cell = random_body(seed)
-    moved, strain = means(finite_elements(scene, order=3, levels=8), cell)
+    moved, strain = means(graded_elements(scene, order=3, levels=8), cell)
     youngs, ratio = LAWS["b"].values()
     shear = youngs / (2 * (1 + ratio))
     stress = 2 * shear * (strain + ratio / (1 - 2 * ratio) * np.trace(strain) * np.eye(2))

@@ -70,7 +70,7 @@ def cells_of(scene, resolution):
 
 
 def boxes(scene, split, order=2):
-    return finite_elements(scene, elements="boxes", split=split, order=order)
+    return finite_elements(scene, split=split, order=order)
 
 
 def limit(values):

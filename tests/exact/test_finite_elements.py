@@ -7,18 +7,18 @@ from plates import plate
 
 from kaju import Scene, compare, finite_elements, solve
 from kaju.errors import ParameterError
-from kaju.model.study.finite_elements import singular_points, surroundings
+from kaju.model.study.finite_elements import surroundings
 
 pytest.importorskip("skfem")
 
-from peers.graded_bricks import graded_ticks, solve_bricks
+from exact.graded_elements import graded_elements, singular_points
 
 STUFF = {"stuff": {"youngs_modulus": 2e6, "poissons_ratio": 0.0, "density": 1000.0}}
 
 
 def test_worked_plate_is_that_of_the_benchmark():
     """Computed by another program of the same elements, to nine digits."""
-    answer, truth = finite_elements(PLATE.scene(1), order=4, levels=10), PLATE.truth()
+    answer, truth = graded_elements(PLATE.scene(1), order=4, levels=10), PLATE.truth()
     assert answer.strain_energy == pytest.approx(truth.strain_energy, rel=1e-8)
     away = answer.displacement_at(PLATE.points) - truth.displacement
     assert np.abs(away).max() < 1e-8 * np.abs(truth.displacement).max()
@@ -28,7 +28,7 @@ def test_column_under_its_own_weight():
     """u = −ρg(Hy − y²/2)/E, U = ρ²g²H³Wt/6E; ν = 0, so that the ground holds nothing back."""
     body = {"size": [0.2, 0.4], "cells": [2, 4], "material": "stuff", "gravity": [0.0, -10.0]}
     scene = Scene(body=body, materials=STUFF, sides={"bottom": "rigid", "left": "roller"})
-    answer = finite_elements(scene, levels=1, order=2)
+    answer = finite_elements(scene)
     assert answer.strain_energy == pytest.approx(1e4**2 * 0.4**3 * 0.2 / (6 * 2e6), rel=1e-9)
     points = np.array([[0.1, 0.4], [0.03, 0.17]])
     x, y = points.T
@@ -46,7 +46,7 @@ def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
         loads = [{"region": {"box": box}, "pressure": 1e3} for box in ends]
         held = {"material": "stuff", "materials": STUFF, "sides": {"left": "rigid"}}
         scene = plate(shape, None, cell_size=edge, loads=loads, **held)
-        return finite_elements(scene, elements="boxes", order=2).strain_energy
+        return finite_elements(scene).strain_energy
 
     low, high = [size[0]] + [0.0] * (d - 1), size
     cut = [[size[0], 0.037, *high[2:]], [size[0], 0.037, *low[2:]]]
@@ -54,17 +54,17 @@ def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.4999])
-def test_bar_of_bricks_under_tension(ratio):
+def test_bar_of_cubes_under_tension(ratio):
     """u = σ/E (x, −νy, −νz) on three rollers, also where ν is nearly ½."""
     materials = {"a": {"youngs_modulus": 1e6, "poissons_ratio": ratio}}
     sides = dict.fromkeys(("left", "front", "bottom"), "roller")
     pulled = {"sides": sides, "loads": [{"side": "right", "pressure": -1e3}]}
     scene = plate([4, 2, 2], None, cell_size=0.1, material="a", materials=materials, **pulled)
-    answer = solve_bricks(scene, ((0, 4), (), (1,)), 2)
-    assert answer.energy == pytest.approx(1e3**2 / 2e6 * 0.016, rel=1e-9)
+    answer = finite_elements(scene)
+    assert answer.strain_energy == pytest.approx(1e3**2 / 2e6 * 0.016, rel=1e-9)
     points = np.array([[0.4, 0.2, 0.2], [0.13, 0.07, 0.0]])
     expected = 1e-3 * points * [1, -ratio, -ratio]
-    np.testing.assert_allclose(answer.at(points)[0], expected, atol=1e-9)
+    np.testing.assert_allclose(answer.displacement_at(points), expected, atol=1e-9)
 
 
 def test_singular_points_are_corners_and_ends():
@@ -82,27 +82,22 @@ def test_singular_points_are_corners_and_ends():
     assert found == ground | corners | load
 
 
-def test_ticks_crowd_towards_singular_planes():
-    np.testing.assert_allclose(graded_ticks(3, [0], 2, 1), [0, 0.25, 1, 2, 3])
-    np.testing.assert_allclose(graded_ticks(1, [0, 1], 4, 1), [0, 0.125, 0.5, 0.875, 1])
-    np.testing.assert_allclose(graded_ticks(1, [1], 2, 1), [0, 0.75, 1])
-
-
 def test_what_elements_do_not_know_is_named():
     bed = {"bottom": {"stiffness": 1e9}}
     with pytest.raises(ParameterError, match="rollers"):
-        finite_elements(plate([2, 2], [1, 1], sides=bed), levels=1)
+        finite_elements(plate([2, 2], [1, 1], sides=bed))
     with pytest.raises(ParameterError, match="hexagons"):
-        finite_elements(plate([2, 2], [1, 1], lattice="hexagon"), levels=1)
-    with pytest.raises(ParameterError, match="rollers"):
-        solve_bricks(plate([2] * 3, None, sides=bed, loads=[]), ((), (), ()), 2)
+        finite_elements(plate([2, 2], [1, 1], lattice="hexagon"))
 
 
-@pytest.mark.parametrize("elements", ["triangles", "boxes"])
+ELEMENTS = [lambda scene: finite_elements(scene, split=4), lambda s: graded_elements(s, levels=4)]
+
+
+@pytest.mark.parametrize("elements", ELEMENTS, ids=["squares", "triangles"])
 def test_it_is_believed_by_compare_all_over_the_body(elements, tmp_path):
     """Points that are no middles of cells are answered too; a file keeps the middles."""
     scene = PLATE.scene(1)
-    truth = finite_elements(scene, elements=elements, levels=4, split=4)
+    truth = elements(scene)
     found = solve(scene, tolerance=0.05)
     assert compare(found, truth).displacement.max_error < 0.02
     points = np.array([[0.0513, 0.0321], [0.15, 0.123]])
@@ -118,15 +113,15 @@ def test_boxes_that_touch_at_a_corner_are_apart():
         sides={"bottom": "rigid", "top": "rigid"},
         loads=[{"cell": [0, 0], "side": "left", "force": [1.0, 0.0]}],
     )
-    for elements in ("boxes", "triangles"):
-        answer = finite_elements(scene, elements=elements, levels=2)
+    for elements in ELEMENTS:
+        answer = elements(scene)
         moved = answer.displacement_at([[0.5, 0.99], [1.5, 1.01]])
         assert abs(moved[0, 0]) > 1e-12
         assert not moved[1].any()
 
 
 @pytest.mark.parametrize(
-    ("key", "given"), [("elements", "bricks"), ("order", 5), ("levels", -1), ("split", 0)]
+    ("key", "given"), [("order", 5), ("split", 0), ("split", 0.5), ("split", 1000)]
 )
 def test_arguments_outside_their_rule_are_named(key, given):
     with pytest.raises(ParameterError, match=key):

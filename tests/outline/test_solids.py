@@ -123,7 +123,7 @@ def test_a_ball_shaped_void_is_better_by_fractions_than_by_whole_cells() -> None
     answers = [kaju.solve(block(cells, BALL)) for cells in (6, 9)]
     assert [answer.energy_bounds for answer in answers] == [None, None]
     energy = np.array([answer.strain_energy for answer in answers])
-    # 3.4022 pJ: 16, 24 and 32 cells continued to none (benchmarks/solids.py)
+    # 3.4022 pJ: 16, 24 and 32 cells continued to none
     assert abs(energy[-1] / 3.4022e-12 - 1.0) < 7e-3
     staircase = kaju.solve(block(9, BALL | {"outline": "cells"})).strain_energy
     assert abs(staircase - 3.4022e-12) > 4.0 * abs(energy[-1] - 3.4022e-12)

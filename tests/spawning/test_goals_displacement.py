@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact.graded_elements import graded_elements
 from goal_bodies import (
     FLAT,
     GROUND,
@@ -19,7 +20,7 @@ from goal_bodies import (
 )
 from spawning_bodies import by_themselves, spawned_by
 
-from kaju import Scene, finite_elements, load_result, solve
+from kaju import Scene, load_result, solve
 from kaju.errors import ParameterError
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
@@ -81,7 +82,7 @@ def test_it_knows_of_what_agents_do_not_see_between_stiff_parts(tolerance):
         sides=GROUND,
         loads=[{"side": "right", "force": [0.0, -100.0]}],
     )
-    truth = finite_elements(scene, order=3, levels=12)
+    truth = graded_elements(scene, order=3, levels=12)
     result = spawned_by(scene, tolerance=tolerance)
     there = truth.displacement_at(result.middle)
     off = np.linalg.norm(result.displacement - there, axis=1).max()

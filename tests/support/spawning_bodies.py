@@ -1,7 +1,7 @@
 """Bodies on rigid ground, for comparing spawned agents with finite elements.
 
-Their energies and displacements, by finite elements on graded meshes, are in
-`tests/data/spawning`; `benchmarks/finite_element_truth.py` wrote them.
+Their energies and displacements, by finite elements on graded meshes (`exact.graded_elements` and
+bricks alike), are in `tests/data/spawning`.
 """
 
 from copy import copy

@@ -9,8 +9,7 @@ the balance, and the displacement is off by about
 everywhere, also far from where it curves. An agent's own field adds what it cannot represent:
 the energy η² of its error over its own stiffness μ h^(d-2), as a displacement. Both have a
 factor, found on 22 bodies in two and three dimensions: there the largest sum of all agents is
-0.6 to 2.6 times the true largest error, but for the first few agents of one ragged body (4.1;
-`benchmarks/displacement_error.py`).
+0.6 to 2.6 times the true largest error, but for the first few agents of one ragged body (4.1).
 
 That is enough to mark agents. The estimate for a result comes from children: from how far they move
 when every agent has spawned once.

@@ -60,7 +60,7 @@ from kaju.model.elastic.refine.refine_loop import RefineLoop, Target
 from kaju.model.elastic.refine.targets import SPARE, Aimed, Answer
 from kaju.model.results.result import finite
 
-FACTOR = 1.25  # Of the estimate, found on the bodies of `benchmarks/goals.py`
+FACTOR = 1.25  # Of the estimate, found on random plane bodies
 MOST = 50  # Quantities at a time
 BLIND = {2: 0.75, 3: 1.5}
 """Where bounds are so many times the estimates, these miss a part of the errors: in the plane,

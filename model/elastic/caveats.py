@@ -16,6 +16,7 @@ from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
+from kaju.model.elastic.equal.cell_loads import portions_of_cells
 from kaju.model.elastic.goals.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
 from kaju.model.scene import Scene
 from kaju.model.scene.box_kinds import relation
@@ -23,7 +24,6 @@ from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells
 from kaju.model.scene.shapes import Box, Shape
 
-from .cell_loads import portions_of_cells
 from .corners import sharp_corners, singular_at
 
 if TYPE_CHECKING:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import MissingExtraError
+from kaju.model.elastic.equal.staggered import axis_pairs
 from kaju.model.elastic.goals.quantities import AXES
 from kaju.model.results.mesh import corner_order, write_vtk
-
-from .staggered import axis_pairs
 
 if TYPE_CHECKING:
     import xarray

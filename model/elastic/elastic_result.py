@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import (
@@ -26,21 +27,19 @@ from kaju.model.results.result import (
 )
 from kaju.model.scene import Scene
 
-from . import fields
-
 if TYPE_CHECKING:
     import pandas
     import xarray
 
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress
+    from kaju.model.elastic.equal.cell_agents import CellAgents
+    from kaju.model.elastic.equal.equal_arrays import EqualArrays
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
     from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Generation, Spawning
 
-    from .cell_agents import CellAgents
-    from .equal_arrays import EqualArrays
     from .intensity import Intensity
 
 
@@ -208,9 +207,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the agents."""
-        return fields.equivalent_stress(
-            self.stress, self.found.moduli, self.found.law, self.scene.plane
-        )
+        return equivalent_stress(self.stress, self.found.moduli, self.found.law, self.scene.plane)
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
@@ -731,8 +728,9 @@ class ElasticResult(BodyResult):
         ResultError
             If there would be too many cells.
         """
+        from kaju.model.elastic.equal.equal_arrays import EqualArrays
+
         from .arguments import check_numbers
-        from .equal_arrays import EqualArrays
 
         check_numbers(None, resolution)
         return EqualArrays(self.found, self.subdivision, int(resolution or self.subdivision))
@@ -821,7 +819,7 @@ class ElasticResult(BodyResult):
         return cells_of_points(self.grid, points)
 
     def _strain_of(self, stress: Floats, law: Ints) -> Floats:
-        return fields.strain_of(stress / self.found.scales.modulus, self.found.moduli, law)
+        return strain_of(stress / self.found.scales.modulus, self.found.moduli, law)
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:
@@ -843,10 +841,9 @@ class ElasticResult(BodyResult):
 
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        from kaju.model.elastic.equal.cell_agents import CellAgents
         from kaju.model.elastic.goals.goals import asked_again
         from kaju.model.elastic.refine.generations import Spawning
-
-        from .cell_agents import CellAgents
 
         about = archive.about
         storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)

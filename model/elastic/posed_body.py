@@ -17,7 +17,7 @@ from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import BITS, LeafCells
-from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.box_kinds import MIXED
 from kaju.model.scene.lattice import Lattice
@@ -261,7 +261,7 @@ class PosedBody:
         np.add.at(self._force, inverse.ravel(), applied.force)
 
     def _scale(self) -> None:
-        """Choose units and divide by them; see `kaju.model.elastic.problem`."""
+        """Choose units and divide by them; see `kaju.model.elastic.equal.problem`."""
         scene, h = self.scene, self.scene.lattice.cell_size
         modulus = max(material.youngs_modulus for material in scene.cell_materials)
         stretch = modulus * (scene.thickness if self.dimension == 2 else h)

@@ -8,15 +8,15 @@ from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.grid import Grid, grid_of
+from kaju.model.elastic.equal.problem import FaceFields
+from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, interrupt_requested
 
 from .arguments import SMALLEST, check_numbers, checked_stiffness
-from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
-from .grid import Grid, grid_of
-from .problem import FaceFields
-from .solver import solve_problem
 
 
 def solve(

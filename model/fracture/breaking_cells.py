@@ -13,9 +13,9 @@ from scipy.linalg import helmert
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.elastic import fields
-from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.staggered import (
+from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal.grid import grid_of
+from kaju.model.elastic.equal.staggered import (
     Numbering,
     around_edges,
     axis_pairs,
@@ -23,6 +23,7 @@ from kaju.model.elastic.staggered import (
     strain_matrix,
     strain_vector,
 )
+from kaju.model.elastic.moduli import strain_of
 from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 
@@ -130,7 +131,7 @@ class BreakingCells(WeakeningBody):
 
     def _strain_of(self, stress: Floats) -> Floats:
         scaled = stress / self._problem.scales.modulus
-        return fields.strain_of(scaled, self._problem.moduli, self._kinds)
+        return strain_of(scaled, self._problem.moduli, self._kinds)
 
     def _by_stress(self) -> Floats:
         return _largest(self._stress())

@@ -18,12 +18,12 @@ from scipy.ndimage import correlate
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import SceneError
-from kaju.model.elastic import fields
-from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.problem import ElasticProblem, FaceFields
-from kaju.model.elastic.solver import followed
-from kaju.model.elastic.staggered import energy_of_cells
+from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal.grid import grid_of
+from kaju.model.elastic.equal.problem import ElasticProblem, FaceFields
+from kaju.model.elastic.equal.solver import followed
+from kaju.model.elastic.equal.staggered import energy_of_cells
+from kaju.model.elastic.moduli import Moduli, von_mises
 from kaju.model.scene import Scene
 
 _ROUNDING = 1e-9
@@ -134,7 +134,7 @@ class GrowingBody:
         if problem.plane == "strain":
             lateral, shear = problem.moduli.lateral, problem.moduli.shear
             across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-        return self._symmetric(problem.scales.stress * fields.von_mises(stress, across))
+        return self._symmetric(problem.scales.stress * von_mises(stress, across))
 
     def _flipped(self, values: Floats, axis: int) -> Floats:
         """Return the values of the cells' mirror images along an axis."""

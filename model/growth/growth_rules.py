@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.elastic.multigrid.krylov import dot
+from kaju.model.elastic.equal.krylov import dot
 
 from .growing import Neighbours
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.elastic.fields import von_mises
 from kaju.model.elastic.goals.quantities import HOOP, Stress
+from kaju.model.elastic.moduli import von_mises
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import OUTLINE_AGENTS
 from kaju.model.results.mesh import write_polygons

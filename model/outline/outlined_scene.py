@@ -12,8 +12,8 @@ import numpy as np
 
 from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.elastic.goals.quantities import ToleranceAt
-from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.solve_spawning import check_previous
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.regions import Region

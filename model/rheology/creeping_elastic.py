@@ -30,15 +30,14 @@ from kaju.agents.materials import Material
 from kaju.arrays import Flags, Floats
 from kaju.errors import ConvergenceError, ResultError
 from kaju.factors import factors_of
-from kaju.model.elastic import fields
-from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
-from kaju.model.elastic.multigrid.hierarchy import Hierarchy
-from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients
-from kaju.model.elastic.problem import ElasticProblem
-from kaju.model.elastic.solver import DIRECT_LIMIT
-from kaju.model.elastic.staggered import (
+from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.hierarchy import Hierarchy
+from kaju.model.elastic.equal.krylov import Iteration, conjugate_gradients
+from kaju.model.elastic.equal.problem import ElasticProblem
+from kaju.model.elastic.equal.solver import DIRECT_LIMIT
+from kaju.model.elastic.equal.staggered import (
     Numbering,
     Strains,
     axis_pairs,
@@ -47,6 +46,7 @@ from kaju.model.elastic.staggered import (
     strain_matrix,
     strain_vector,
 )
+from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import ELASTIC_IN_TIME, sizes_of
 from kaju.model.results.result import BodyResult

@@ -23,17 +23,17 @@ from scipy.sparse import csr_array
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError
-from kaju.model.elastic.grid import problem_of
-from kaju.model.elastic.problem import (
+from kaju.model.elastic.equal.grid import problem_of
+from kaju.model.elastic.equal.problem import (
     ACTIVE,
     CellLoads,
     ElasticProblem,
     FaceFields,
-    Scales,
     Side,
 )
-from kaju.model.elastic.solver import lift
-from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elastic.equal.solver import lift
+from kaju.model.elastic.equal.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 

@@ -24,8 +24,8 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import file_to_read, hidden_folder, move_into_place
-from kaju.model.elastic import fields
-from kaju.model.elastic.staggered import axis_pairs
+from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal.staggered import axis_pairs
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
 from kaju.model.results.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene

@@ -33,14 +33,14 @@ from kaju.errors import (
     SupportError,
     WorkerError,
 )
-from kaju.model.elastic import fields
-from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.problem import ACTIVE, ElasticProblem, FaceFields
-from kaju.model.elastic.reactions import reactions
-from kaju.model.elastic.solver import Solution
-from kaju.model.elastic.staggered import internal_force
+from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.grid import grid_of
+from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
+from kaju.model.elastic.equal.reactions import reactions
+from kaju.model.elastic.equal.solver import Solution
+from kaju.model.elastic.equal.staggered import internal_force
 from kaju.model.scene import Scene
 
 from .partition import (

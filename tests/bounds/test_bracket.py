@@ -252,7 +252,7 @@ def test_loads_that_meet_on_a_face_are_bounded_as_their_sum():
 
 @pytest.mark.parametrize("sides", [{"bottom": "rigid"}, {"left": "rigid", "bottom": "roller"}])
 def test_an_answer_of_few_iterations_settles_until_its_bound_is_hardly_wider(sides, monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})  # by iterations
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})  # by iterations
     scene = plate(40, sides=sides)
     rough = solve(scene, strategy="uniform", resolution=1, tolerance=0.05)
     exact = solve(scene, strategy="uniform")

@@ -17,7 +17,7 @@ from kaju.model.elastic.bounds.bounds_of_arrays import boxes_of_cells
 from kaju.model.elastic.bounds.bounds_of_leaves import boxes_of_agents
 from kaju.model.elastic.bounds.energy_bounds import bracket_of, stress_of
 from kaju.model.elastic.bounds.equilibration import equilibrate
-from kaju.model.elastic.staggered import strain_energy
+from kaju.model.elastic.equal.staggered import strain_energy
 
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
 INNER = [

@@ -12,7 +12,7 @@ from kaju.errors import ResultError
 from kaju.model.elastic.bounds import admissible_displacement as admissible
 from kaju.model.elastic.bounds.energy_bounds import stress_of
 from kaju.model.elastic.bounds.macroelement import _simplices
-from kaju.model.elastic.fields import strain_of
+from kaju.model.elastic.moduli import strain_of
 
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
 RUBBER = {"youngs_modulus": 1e9, "poissons_ratio": 0.4999}

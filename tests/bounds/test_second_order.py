@@ -12,8 +12,7 @@ from kaju.model.elastic.bounds import admissible_displacement as admissible
 from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.bounds.energy_bounds import _at_supports, stress_of
 from kaju.model.elastic.bounds.macroelement import _simplices
-from kaju.model.elastic.fields import strain_of
-from kaju.model.elastic.moduli import moduli_at
+from kaju.model.elastic.moduli import moduli_at, strain_of
 
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.45}
 DRAG = {"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [20.0, -50.0]}

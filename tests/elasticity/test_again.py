@@ -12,7 +12,7 @@ from spawning_bodies import STEEL, drawn
 import kaju
 from kaju import ElasticResult, Scene
 from kaju.errors import SupportError
-from kaju.model.elastic import solver
+from kaju.model.elastic.equal import solver
 
 solve = partial(kaju.solve, strategy="uniform")
 
@@ -32,7 +32,7 @@ def plate(**changes):
 @pytest.fixture(autouse=True)
 def iterated(monkeypatch):
     """Few cells are iterated here as many are: factors need no start."""
-    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})
 
 
 BODIES = {
@@ -146,7 +146,7 @@ def test_nothing_keeps_the_results_before_alive():
 
 
 def test_few_cells_are_solved_by_the_factors_at_hand(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 1000, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 1000, 3: 0})
     made = []
     plain = solver.factors_of
     monkeypatch.setattr(solver, "factors_of", lambda matrix: made.append(1) or plain(matrix))
@@ -156,5 +156,5 @@ def test_few_cells_are_solved_by_the_factors_at_hand(monkeypatch):
     assert len(made) == once > 0
     assert solve(BODIES["hole"]).found.solution.method == "direct"
     assert len(made) == 2 * once
-    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})
     assert_like(again, solve(plate(loads=press(3)), tolerance=1e-11))

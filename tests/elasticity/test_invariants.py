@@ -5,8 +5,8 @@ import pytest
 from elastic_cases import Body, bodies, random_loads
 from hypothesis import given, settings
 
-from kaju.model.elastic.problem import FIXED, CellLoads
-from kaju.model.elastic.staggered import internal_force
+from kaju.model.elastic.equal.problem import FIXED, CellLoads
+from kaju.model.elastic.equal.staggered import internal_force
 
 EXAMPLES = settings(max_examples=25)
 

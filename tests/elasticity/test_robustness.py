@@ -5,15 +5,15 @@ import pytest
 from elastic_cases import cube, make_problem, pixel_body, plate, press
 from scipy.sparse.linalg import spsolve
 
-from kaju.model.elastic import staggered
-from kaju.model.elastic.solver import solve_problem
-from kaju.model.elastic.staggered import Numbering, stiffness_matrix
+from kaju.model.elastic.equal import staggered
+from kaju.model.elastic.equal.solver import solve_problem
+from kaju.model.elastic.equal.staggered import Numbering, stiffness_matrix
 
 
 @pytest.fixture(autouse=True)
 def iterated(monkeypatch):
     """Few cells are iterated here as many are."""
-    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})
 
 
 def assert_exact(solution, problem, share):
@@ -91,7 +91,7 @@ def test_what_defeats_multigrid_is_solved_all_the_same(name):
 
 
 def test_where_factors_would_be_too_large_a_slow_iteration_goes_on(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.solver.DIRECT_LIMIT", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.DIRECT_LIMIT", {2: 0, 3: 0})
     problem = pixel_body("comb", 96)
     solution = solve_problem(problem, 1e-8)
     assert solution.method == "Galerkin multigrid"
@@ -105,7 +105,7 @@ def test_where_factors_would_be_too_large_a_slow_iteration_goes_on(monkeypatch):
 def test_factors_of_few_cells_find_what_iterations_do(name, monkeypatch):
     problem = pixel_body(name, 64)
     iterated = solve_problem(problem, 1e-11)
-    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 64**2, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 64**2, 3: 0})
     solution = solve_problem(problem)
     assert (solution.method, solution.iterations <= 2) == ("direct", True)
     assert solution.energy == pytest.approx(iterated.energy, rel=1e-9)
@@ -139,7 +139,7 @@ def test_half_of_its_modulus_is_the_best_for_a_reentrant_corner(monkeypatch):
 
 
 def test_by_default_the_iteration_stops_below_the_error_of_the_grid(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.solver.SMALL", 0)
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.SMALL", 0)
     for problem in (plate(160), pixel_body("hole", 100), pixel_body("inclusion 1e3", 64)):
         rough, exact = solve_problem(problem), solve_problem(problem, 1e-11)
         assert rough.iterations < exact.iterations

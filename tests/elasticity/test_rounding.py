@@ -44,7 +44,7 @@ def test_a_hinge_that_hardly_resists_is_refused():
 
 def test_compiling_is_said_once(tmp_path):
     script = (
-        "import numpy as np; from kaju.model.elastic.multigrid import row_kernels as k;"
+        "import numpy as np; from kaju.model.elastic.equal import row_kernels as k;"
         "from kaju import Scene, solve; solve(Scene(body={'size': [1, 1, 1], 'cells': [4] * 3,"
         " 'material': 'steel'}, sides={'bottom': 'rigid'}, loads=[{'side': 'top', 'pressure': 1}]),"
         " resolution=16); print(2.0)"

@@ -11,8 +11,8 @@ from spawning_bodies import STEEL, drawn
 import kaju
 from kaju import ElasticResult, Scene
 from kaju.errors import ConvergenceError, SupportError
-from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.supports import check_supports, slender_cell
+from kaju.model.elastic.equal.grid import problem_of_scene
+from kaju.model.elastic.equal.supports import check_supports, slender_cell
 
 solve = partial(kaju.solve, strategy="uniform")
 
@@ -274,8 +274,8 @@ def test_slender_members_are_found():
 
 def test_no_convergence_gives_the_best_field(monkeypatch):
     for limit in ("FEW", "DIRECT_LIMIT"):
-        monkeypatch.setattr(f"kaju.model.elastic.solver.{limit}", {2: 0, 3: 0})
-    monkeypatch.setattr("kaju.model.elastic.solver.MOST", 20)
+        monkeypatch.setattr(f"kaju.model.elastic.equal.solver.{limit}", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.solver.MOST", 20)
     codes = np.ones((96, 96), int)
     codes[(np.arange(96) // 4) % 2 == 1, 24:] = 0
     loads = [{"cell": [8 * i, 95], "force": [1.0, -1.0]} for i in range(12)]

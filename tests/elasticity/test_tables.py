@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from elastic_cases import cube, plate
 
-from kaju.model.elastic.solver import solve_problem
+from kaju.model.elastic.equal.solver import solve_problem
 
 
 def plate_values(n):

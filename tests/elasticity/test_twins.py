@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from elastic_cases import make_problem
 
-from kaju.model.elastic.multigrid import row_kernels as sweeps
-from kaju.model.elastic.multigrid.hierarchy import Hierarchy
-from kaju.model.elastic.problem import ACTIVE
-from kaju.model.elastic.staggered import (
+from kaju.model.elastic.equal import row_kernels as sweeps
+from kaju.model.elastic.equal.hierarchy import Hierarchy
+from kaju.model.elastic.equal.problem import ACTIVE
+from kaju.model.elastic.equal.staggered import (
     Numbering,
     axis_pairs,
     edge_modulus,

@@ -14,10 +14,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from kaju import ElasticResult, Scene
-from kaju.model.elastic.cell_agents import CellAgents
-from kaju.model.elastic.grid import problem_of_scene
+from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.grid import problem_of_scene
+from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.solve import solve
-from kaju.model.elastic.solver import solve_problem
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 MATERIAL = "elastic"

@@ -5,7 +5,7 @@ import pytest
 from elastic_cases import make_problem
 
 from kaju.agents.materials import Material
-from kaju.model.elastic.problem import CellLoads
+from kaju.model.elastic.equal.problem import CellLoads
 from kaju.model.rheology import creeping_elastic as creep_elastic
 from kaju.model.rheology import schemes as steps
 from kaju.model.rheology.creep_result import CreepState

@@ -11,12 +11,12 @@ from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.leaf_supports import loose_part
-from kaju.model.elastic.grid import problem_of_scene
+from kaju.model.elastic.equal.grid import problem_of_scene
+from kaju.model.elastic.equal.problem import SIDES
+from kaju.model.elastic.equal.reactions import reactions
+from kaju.model.elastic.equal.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elastic.equal.supports import check_supports, slender_cell
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.problem import SIDES
-from kaju.model.elastic.reactions import reactions
-from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
-from kaju.model.elastic.supports import check_supports, slender_cell
 
 SOME_ARE_LOOSE = [HealthCheck.filter_too_much, HealthCheck.too_slow]
 LEGEND = {0: "air", 1: "a", 2: "b", 3: "rigid"}

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.ndimage import label
 
 from kaju.errors import SupportError
-from kaju.model.elastic.grid import problem_of
-from kaju.model.elastic.problem import SIDES, CellLoads, rim_layer
-from kaju.model.elastic.solver import solve_problem
-from kaju.model.elastic.supports import check_supports, slender_cell
+from kaju.model.elastic.equal.grid import problem_of
+from kaju.model.elastic.equal.problem import SIDES, CellLoads, rim_layer
+from kaju.model.elastic.equal.solver import solve_problem
+from kaju.model.elastic.equal.supports import check_supports, slender_cell
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 BEYOND = {

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import spsolve
 
 from kaju import ElasticModel, ElasticRule, Scene
 from kaju.errors import SceneError
-from kaju.model.elastic.staggered import Numbering, stiffness_matrix
+from kaju.model.elastic.equal.staggered import Numbering, stiffness_matrix
 
 LEGEND = {"a": "steel", "b": "soft", ".": "air", "=": "rigid"}
 SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}

@@ -10,11 +10,11 @@ import kaju
 from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
 from kaju.model.elastic.caveats import stepped_cells
 from kaju.model.elastic.cells.interpolation import slope_weights
+from kaju.model.elastic.equal.grid import problem_of_scene
+from kaju.model.elastic.equal.staggered import compact
 from kaju.model.elastic.goals.displacement_error import DisplacementError, _follows_badly
-from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.refine import refine_loop as spawner
-from kaju.model.elastic.staggered import compact
 from kaju.view.space import box_around
 
 

@@ -37,8 +37,8 @@ from kaju.model.elastic.bounds.shape_functions import (
     shape_values,
     side_mass,
 )
+from kaju.model.elastic.equal.krylov import dot
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.multigrid.krylov import dot
 from kaju.model.scene.cell_types import RIGID, ROLLER
 
 MOST_QUADRATIC = 500_000  # Boxes of more take linear fields only: memory

@@ -44,9 +44,9 @@ from kaju.model.elastic.bounds.stress_function import (
     strains_of_nodes,
     stresses_of_unknowns,
 )
-from kaju.model.elastic.fields import between_corners
+from kaju.model.elastic.equal.fields import between_corners
+from kaju.model.elastic.equal.staggered import Pair
 from kaju.model.elastic.moduli import Moduli, moduli_at
-from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.cell_types import AIR, FOUNDATION, ROLLER
 
 WRONG = 1e-7

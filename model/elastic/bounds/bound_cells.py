@@ -16,8 +16,8 @@ from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
+from kaju.model.elastic.equal.staggered import Pair
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.staggered import Pair
 
 
 class Hanging(NamedTuple):

@@ -20,10 +20,10 @@ from kaju.model.elastic.bounds.bound_cells import (
     entered,
     split_nodes,
 )
-from kaju.model.elastic.cell_loads import portions_of_cells
+from kaju.model.elastic.equal.cell_loads import portions_of_cells
+from kaju.model.elastic.equal.problem import ElasticProblem, FaceFields
+from kaju.model.elastic.equal.staggered import axis_pairs, force_of, strains, stresses
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.problem import ElasticProblem, FaceFields
-from kaju.model.elastic.staggered import axis_pairs, force_of, strains, stresses
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 

@@ -20,11 +20,10 @@ from math import inf, sqrt
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic import fields
 from kaju.model.elastic.bounds.admissible_displacement import AdmissibleDisplacement
 from kaju.model.elastic.bounds.admissible_stress import BALANCED, AdmissibleStress
 from kaju.model.elastic.bounds.bound_cells import BoundCells
-from kaju.model.elastic.moduli import Moduli, moduli_at
+from kaju.model.elastic.moduli import Moduli, moduli_at, strain_of
 from kaju.model.scene.cell_types import ROLLER
 
 SETTLED = 0.002
@@ -182,7 +181,7 @@ class MiddleStress:
         product += v.work_on_beds(self.balanced.borne)
         whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
         balanced, strain = self._means
-        strain = 0.5 * (strain + fields.strain_of(balanced, boxes.law, slice(None)))
+        strain = 0.5 * (strain + strain_of(balanced, boxes.law, slice(None)))
         square = np.einsum("nab,nab->n", self.means, strain)
         return sqrt(max(whole - float(self._volume @ square), 0.0))
 

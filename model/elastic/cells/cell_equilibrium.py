@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.cells.composite_grid import CompositeGrid, sum_rows
 from kaju.model.elastic.cells.leaf_loads import FaceLoads, face_loads
+from kaju.model.elastic.equal.krylov import dot
+from kaju.model.elastic.equal.problem import ACTIVE, FIXED
 from kaju.model.elastic.moduli import Moduli, normal_stress
-from kaju.model.elastic.multigrid.krylov import dot
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.scene.cell_types import INSIDE
 
 

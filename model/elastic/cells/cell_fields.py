@@ -18,9 +18,9 @@ from kaju.model.elastic.cells.interpolation import (
     oriented,
     slope_weights,
 )
-from kaju.model.elastic.fields import SURFACE_SHARE, between_corners
+from kaju.model.elastic.equal.fields import SURFACE_SHARE, between_corners
+from kaju.model.elastic.equal.staggered import Pair
 from kaju.model.elastic.moduli import normal_stress
-from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.cell_types import DISPLACED, RIGID
 
 NEAR = 1e-6  # Points nearer to a face than this share of a cell lie on it

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.equal.problem import ACTIVE, FIXED
+from kaju.model.elastic.equal.staggered import Pair, axis_pairs, modulus_between
 from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.elastic.pair.leaves import LeafCells, morton
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.problem import ACTIVE, FIXED
-from kaju.model.elastic.staggered import Pair, axis_pairs, modulus_between
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 

@@ -20,11 +20,11 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import oriented
+from kaju.model.elastic.equal.problem import ACTIVE
+from kaju.model.elastic.equal.staggered import Pair
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.problem import ACTIVE
-from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 ROUNDING = 1e-9

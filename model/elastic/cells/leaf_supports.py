@@ -14,11 +14,11 @@ from kaju.factors import rigid_motions
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import oriented
+from kaju.model.elastic.equal.problem import FIXED
+from kaju.model.elastic.equal.staggered import axis_pairs
+from kaju.model.elastic.free_motion import FREE, free_motion, unheld
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.problem import FIXED
-from kaju.model.elastic.staggered import axis_pairs
-from kaju.model.elastic.supports import FREE, free_motion, unheld
 from kaju.model.scene.cell_types import DISPLACED, RIGID
 
 HALVED = "were halved"  # End of notes on halved cells

@@ -27,7 +27,7 @@ from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields, displacement_at
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
-from kaju.model.elastic.multigrid.krylov import Iteration, dot
+from kaju.model.elastic.equal.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import NestedMultigrid, settle
 from kaju.model.elastic.refine.estimator import Curvature, Indicator
 from kaju.model.elastic.refine.refine_loop import RefineLoop, Target

@@ -11,11 +11,11 @@ import numpy as np
 from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
-from kaju.model.elastic import fields as solid
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields, displacement_at, stress_at, touching
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import interpolation
+from kaju.model.elastic.equal.problem import FIXED
 from kaju.model.elastic.goals.goal_regions import ExactCover, QuadraturePoints, region_of
 from kaju.model.elastic.goals.quantities import (
     Deflection,
@@ -26,9 +26,9 @@ from kaju.model.elastic.goals.quantities import (
     component_of,
     directions_of,
 )
-from kaju.model.elastic.moduli import moduli_at, normal_stress
+from kaju.model.elastic.moduli import moduli_at, normal_stress, von_mises
 from kaju.model.elastic.posed_body import LeafForces, PosedBody
-from kaju.model.elastic.problem import FIXED, Scales
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene.cell_types import INSIDE
 
 NEGLIGIBLE = 0.01  # Of the largest: errors of smaller values are relative to this share
@@ -172,7 +172,7 @@ class _Stressed(Functional):
             _, lateral, shear = moduli_at(grid.law, points.leaf)
             across = lateral / (2 * (lateral + shear))
         trace = np.trace(stress, axis1=1, axis2=2)
-        found = solid.von_mises(stress, across * trace)
+        found = von_mises(stress, across * trace)
         pressure = (1.0 + across) * trace / 3.0
         own = stress - pressure[:, None, None] * np.eye(d)
         own = own + (across * (across * trace - pressure))[:, None, None] * np.eye(d)

@@ -37,6 +37,7 @@ from kaju.model.elastic.bounds.energy_bounds import bracket_of
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.cell_fields import CellFields
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.equal.krylov import Iteration, dot
 from kaju.model.elastic.goals.displacement_error import DisplacementTarget
 from kaju.model.elastic.goals.functionals import Value, functional_of
 from kaju.model.elastic.goals.goal_regions import ExactCover
@@ -51,7 +52,6 @@ from kaju.model.elastic.goals.quantities import (
     quantities_of,
     quantity_from,
 )
-from kaju.model.elastic.multigrid.krylov import Iteration, dot
 from kaju.model.elastic.multigrid.nested import LAST, NestedMultigrid
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import LeafForces, PosedBody

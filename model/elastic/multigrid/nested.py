@@ -20,8 +20,9 @@ from kaju.factors import factors_of
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.interpolation import prolongation
-from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
-from kaju.model.elastic.problem import ACTIVE, is_rubber
+from kaju.model.elastic.equal.krylov import Iteration, conjugate_gradients, dot
+from kaju.model.elastic.equal.problem import ACTIVE
+from kaju.model.elastic.moduli import is_rubber
 
 WORTHWHILE = 0.7  # Coarser cells that are more than this share of the finer ones make no level
 DEGREE, LOW = 4, 0.15

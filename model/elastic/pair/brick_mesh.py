@@ -16,10 +16,10 @@ from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import rigid_motions
+from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.supports import free_motion, unheld
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 
 TINY = 1e-14  # Weights of a node's master that are below this are rounding

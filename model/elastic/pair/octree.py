@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.fields import von_mises
 from kaju.model.elastic.goals.functionals import functional_of
 from kaju.model.elastic.goals.goal_regions import region_of
 from kaju.model.elastic.goals.quantities import (
@@ -28,15 +27,15 @@ from kaju.model.elastic.goals.quantities import (
     component_of,
     directions_of,
 )
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, von_mises
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.generations import Generation, _generations_of, _leaves_of, halvings
 from kaju.model.elastic.refine.targets import Aimed, mark_largest
+from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import INSIDE

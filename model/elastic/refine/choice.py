@@ -14,9 +14,8 @@ from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
 from kaju.model.elastic.bounds.admissible_displacement import fits_quadratics
 from kaju.model.elastic.bounds.energy_bounds import worth_proving
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.moduli import scene_moduli
+from kaju.model.elastic.moduli import is_rubber, scene_moduli
 from kaju.model.elastic.posed_body import face_keys
-from kaju.model.elastic.problem import is_rubber
 from kaju.model.elastic.refine.solve_spawning import solve_spawning
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene

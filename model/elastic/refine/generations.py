@@ -23,15 +23,15 @@ from kaju.model.elastic.cells.cell_fields import (
     touching_alike,
 )
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
+from kaju.model.elastic.equal.solver import Solution
 from kaju.model.elastic.goals.goal_regions import located
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.nested import relative_error
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.refine.estimator import Indicator, indicate
 from kaju.model.elastic.refine.targets import Aimed, Answer
-from kaju.model.elastic.solver import Solution
+from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.results.formats import AnswerRecord
 from kaju.model.scene import Scene

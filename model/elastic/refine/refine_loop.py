@@ -24,7 +24,8 @@ from kaju.model.elastic.bounds.energy_bounds import (
 from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.leaf_supports import HALVED, first_agents
-from kaju.model.elastic.multigrid.krylov import Iteration
+from kaju.model.elastic.equal.krylov import Iteration
+from kaju.model.elastic.equal.solver import lost_digits, rounding_notes
 from kaju.model.elastic.multigrid.nested import (
     LAST,
     NestedMultigrid,
@@ -44,7 +45,6 @@ from kaju.model.elastic.refine.targets import (
     Aimed,
     mark_largest,
 )
-from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 MOST_GENERATIONS = 60
 PREDICTS, FAR, FAR_OF_BOUNDS = 500, 600.0, 10.0

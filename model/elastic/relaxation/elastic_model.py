@@ -9,8 +9,10 @@ from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
 from kaju.mesa_model import SteppedModel
-from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.solver import Solution
+from kaju.model.elastic.equal.staggered import strain_energy
 from kaju.model.elastic.relaxation.elastic_run import ElasticRun
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
 from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
@@ -25,8 +27,6 @@ from kaju.model.elastic.relaxation.records import (
     Recorder,
     StepRecord,
 )
-from kaju.model.elastic.solver import Solution
-from kaju.model.elastic.staggered import strain_energy
 from kaju.model.scene import Scene
 from kaju.stepping import Order, Until, takes_objects
 

@@ -26,16 +26,16 @@ from numpy.typing import NDArray
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.arrays import Floats, Ints, moved
 from kaju.errors import SceneError
-from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.moduli import moduli_at
-from kaju.model.elastic.problem import ABSENT, ACTIVE, FIXED, ElasticProblem
-from kaju.model.elastic.staggered import (
+from kaju.model.elastic.equal.grid import grid_of
+from kaju.model.elastic.equal.problem import ABSENT, ACTIVE, FIXED, ElasticProblem
+from kaju.model.elastic.equal.staggered import (
     Numbering,
     axis_pairs,
     compact,
     edge_modulus,
     stiffness_matrix,
 )
+from kaju.model.elastic.moduli import moduli_at
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 

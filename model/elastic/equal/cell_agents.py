@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 
 from . import fields
 from .grid import problem_of_scene, repeated
-from .moduli import Moduli
-from .problem import ABSENT, ElasticProblem, FaceFields, Scales
+from .problem import ABSENT, ElasticProblem, FaceFields
 from .reactions import reactions
 from .solver import Solution, settled
 from .staggered import Strains, energy_of_cells

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.scene.cell_types import RIGID
 
-from .moduli import Moduli, moduli_at
 from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields
 from .staggered import Strains, axis_pairs, cell_modulus, ends, strains, stresses
 
@@ -124,38 +123,6 @@ def cell_tensor(problem: ElasticProblem, parts: Strains) -> Floats:
 def _mean_along(values: Floats, axis: int) -> Floats:
     low, high = ends(values, axis)
     return np.asarray(0.5 * (low + high))
-
-
-def strain_of(stress: Floats, moduli: Moduli, kinds: Ints | slice) -> Floats:
-    """Return the strain tensors that belong to stress tensors (scaled) in materials."""
-    d = stress.shape[-1]
-    stretch, lateral, shear = moduli_at(moduli, kinds)
-    trace = np.trace(stress, axis1=-2, axis2=-1)
-    # In d dimensions the trace of σ is (C₁₁ + (d−1)C₁₂) times the trace of ε.
-    volume = trace / (stretch + (d - 1) * lateral)
-    identity = np.eye(d)
-    return np.asarray(
-        (stress - (lateral * volume)[..., None, None] * identity) / (2 * shear)[..., None, None]
-    )
-
-
-def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
-    """Return the equivalent stress of von Mises."""
-    # `out_of_plane` is σ_zz of two-dimensional tensors, zero in plane stress.
-    d = stress.shape[-1]
-    normal = [stress[..., a, a] for a in range(d)] + ([out_of_plane] if d == 2 else [])
-    shear = sum(stress[..., a, b] ** 2 for a, b in axis_pairs(d))
-    x, y, z = normal
-    return np.asarray(np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * shear))
-
-
-def equivalent_stress(stress: Floats, moduli: Moduli, kinds: Ints, plane: str | None) -> Floats:
-    """Return the equivalent stress of materials, in plane strain with what acts across."""
-    across: Floats | float = 0.0
-    if plane == "strain":
-        lateral, shear = moduli.lateral[kinds], moduli.shear[kinds]
-        across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-    return von_mises(stress, across)
 
 
 def at_nodes(nodes: Floats, cells: Ints, local: Floats) -> Floats:

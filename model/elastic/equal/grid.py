@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SupportError
+from kaju.model.elastic.moduli import moduli_of
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 
 from .cell_loads import face_forces
-from .moduli import moduli_of
 from .problem import (
     SIDES,
     CellLoads,
     ElasticProblem,
     FaceFields,
-    Scales,
     Side,
     face_zeros,
     rim_layer,

@@ -17,10 +17,11 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.multigrid.hierarchy import Hierarchy
-from kaju.model.elastic.multigrid.krylov import Iteration, minimal_residuals
-from kaju.model.elastic.problem import ElasticProblem
-from kaju.model.elastic.staggered import Numbering, strain_matrix
+
+from .hierarchy import Hierarchy
+from .krylov import Iteration, minimal_residuals
+from .problem import ElasticProblem
+from .staggered import Numbering, strain_matrix
 
 STIFF = 1.0  # Materials with λ/μ above this get a pressure; the others stay as they are
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
+from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.results.result import cells_of_points
 from kaju.model.scene import body_cells
 
@@ -91,13 +92,13 @@ class EqualArrays:
     def strain(self) -> Floats:
         """Strain tensors of the cells, shape (n, ..., dimension, dimension)."""
         scaled = self.stress[self.body] / self._found.scales.modulus
-        return self._spread(fields.strain_of(scaled, self._found.moduli, self._law))
+        return self._spread(strain_of(scaled, self._found.moduli, self._law))
 
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the cells."""
         stress, moduli = self.stress[self.body], self._found.moduli
-        return self._spread(fields.equivalent_stress(stress, moduli, self._law, self._grid.plane))
+        return self._spread(equivalent_stress(stress, moduli, self._law, self._grid.plane))
 
     @cached_property
     def principal_stress(self) -> Floats:

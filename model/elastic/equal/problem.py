@@ -14,18 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, log10
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import SceneError
+from kaju.model.elastic.moduli import Moduli, is_rubber, moduli_at
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene.cell_types import DISPLACED, RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
-
-from .moduli import Moduli, moduli_at
 
 FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
@@ -36,58 +34,6 @@ SIDES = {
     2: ("left", "right", "bottom", "top"),
     3: ("left", "right", "front", "back", "bottom", "top"),
 }
-
-HELD = 250
-"""Powers of ten that leave room for squares and sums of what is of that order."""
-STIFF_PRESSURE = 9.0  # λ/μ (0.45 in ν) from which on the mixed form is the quicker one
-
-
-def is_rubber(moduli: Moduli, plane: str | None) -> bool:
-    """Tell whether a material is so nearly incompressible that the mixed form is quicker."""
-    return plane != "stress" and bool(np.any(moduli.lateral / moduli.shear > STIFF_PRESSURE))
-
-
-class Scales(NamedTuple):
-    """Units of the scaled problem in SI: modulus (Pa), force (N), length and displacement (m)."""
-
-    modulus: float
-    force: float
-    length: float
-    displacement: float
-
-    @classmethod
-    def of(cls, modulus: float, force: float, length: float, stretch: float) -> Scales:
-        """Return the units of a body that a force moves by force / stretch."""
-        force = force if force > 0.0 else stretch * length
-        moved = _order(force) - _order(stretch)
-        found = {
-            "modulus times thickness (N/m)": _order(stretch),
-            "displacement (m)": moved,
-            "stress (Pa)": _order(modulus) + moved - _order(length),
-            "energy (J)": _order(force) + moved,
-        }
-        for name, size in found.items():
-            if not abs(size) <= HELD:
-                raise SceneError(
-                    f"body, loads: {name} is of the order of 1e{size:.0f}, beyond the numbers that "
-                    f"a computer holds; keep it between 1e-{HELD} and 1e{HELD} by other units of "
-                    "force or length"
-                )
-        return cls(modulus, force, length, force / stretch)
-
-    @property
-    def stress(self) -> float:
-        """Unit of stress (Pa)."""
-        return self.modulus * self.displacement / self.length
-
-    @property
-    def energy(self) -> float:
-        """Unit of energy (J)."""
-        return self.force * self.displacement
-
-
-def _order(size: float) -> float:
-    return log10(size) if size > 0.0 else -inf
 
 
 @dataclass(frozen=True)

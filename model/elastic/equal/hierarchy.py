@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
+from kaju.model.elastic.equal import row_kernels as sweeps
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.multigrid import row_kernels as sweeps
-from kaju.model.elastic.multigrid.krylov import dot
-from kaju.model.elastic.multigrid.stencils import Stencil, Terms, coarsening, finest_entries
-from kaju.model.elastic.problem import ElasticProblem, FaceFields, rim_layer
-from kaju.model.elastic.staggered import Numbering, modulus_between, stiffness_matrix
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
+
+from .krylov import dot
+from .problem import ElasticProblem, FaceFields, rim_layer
+from .staggered import Numbering, modulus_between, stiffness_matrix
+from .stencils import Stencil, Terms, coarsening, finest_entries
 
 FIRST = 4
 """Place of the body's first cell, behind ghosts; even, so that fine and coarse places match."""

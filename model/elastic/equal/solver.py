@@ -14,17 +14,17 @@ from scipy.sparse.linalg import SuperLU
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import SceneError
 from kaju.factors import factors_of
-from kaju.model.elastic.multigrid.hierarchy import (
+from kaju.stopping import interrupt_requested
+
+from .hierarchy import (
     GUARD,
     Hierarchy,
     coarse_box,
     ghost_weights_of,
     is_box,
 )
-from kaju.model.elastic.multigrid.krylov import Iteration, conjugate_gradients, dot
-from kaju.model.elastic.multigrid.mixed_form import MixedForm, without_pressure
-from kaju.stopping import interrupt_requested
-
+from .krylov import Iteration, conjugate_gradients, dot
+from .mixed_form import MixedForm, without_pressure
 from .problem import ACTIVE, FIXED, ElasticProblem, FaceFields
 from .staggered import Numbering, internal_force, stiffness_matrix
 

@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
-from kaju.errors import SupportError
 from kaju.factors import rigid_motions
-from kaju.model.elastic.multigrid.hierarchy import coarse_box, is_box
+from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
+from .hierarchy import coarse_box, is_box
 from .problem import ACTIVE, FIXED, ElasticProblem
 from .staggered import axis_pairs, cut, edge_modulus, ends
-
-FREE = 1e-6  # A motion that strains what holds a body by less (in cells, moved by a cell) is free
 
 
 def check_supports(
@@ -41,17 +39,6 @@ def check_supports(
             raise unheld((cell + first) // division, motion, touched=len(rows) > 0)
 
 
-def unheld(cell: Ints, motion: str, touched: bool = True) -> SupportError:
-    """Return what is to be said of a body of which the part with a cell could move freely."""
-    place = ", ".join(str(int(i)) for i in cell)
-    held_by = "the supports do not hold" if touched else "nothing holds"
-    return SupportError(
-        f"sides: {held_by} the part of the body with cell ({place}): it could {motion}; hold it by "
-        "a rigid cell or side, or join it to the rest by a face (cells that touch at a corner are "
-        "not joined)"
-    )
-
-
 def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
     """Return the number of every cell's part of the body, from 1, and how many there are."""
     if body[(slice(1, -1),) * body.ndim].all():  # for which nothing needs to be imported
@@ -60,19 +47,6 @@ def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
 
     labelled, count = label(body)
     return labelled.astype(np.int32), count
-
-
-def free_motion(rows: Floats, dimension: int) -> str:
-    """Return in words a rigid motion that the rows do not stop, "" if there is none."""
-    if not len(rows):
-        return "move anywhere"
-    # What is left of every motion when those before it are stopped; lengths are in cells.
-    square = np.concatenate([rows, np.zeros((rows.shape[1],) * 2)])
-    free = np.abs(np.diag(np.linalg.qr(square, mode="r"))) < FREE
-    for axis in range(dimension):
-        if free[axis]:
-            return f"move along {'xyz'[axis]}"
-    return "turn" if free.any() else ""
 
 
 def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Floats]:

@@ -1,0 +1,54 @@
+"""Units in which a body's numbers are near one."""
+
+from __future__ import annotations
+
+from math import inf, log10
+from typing import NamedTuple
+
+from kaju.errors import SceneError
+
+HELD = 250
+"""Powers of ten that leave room for squares and sums of what is of that order."""
+
+
+class Scales(NamedTuple):
+    """Units of the scaled problem in SI: modulus (Pa), force (N), length and displacement (m)."""
+
+    modulus: float
+    force: float
+    length: float
+    displacement: float
+
+    @classmethod
+    def of(cls, modulus: float, force: float, length: float, stretch: float) -> Scales:
+        """Return the units of a body that a force moves by force / stretch."""
+        force = force if force > 0.0 else stretch * length
+        moved = _order(force) - _order(stretch)
+        found = {
+            "modulus times thickness (N/m)": _order(stretch),
+            "displacement (m)": moved,
+            "stress (Pa)": _order(modulus) + moved - _order(length),
+            "energy (J)": _order(force) + moved,
+        }
+        for name, size in found.items():
+            if not abs(size) <= HELD:
+                raise SceneError(
+                    f"body, loads: {name} is of the order of 1e{size:.0f}, beyond the numbers that "
+                    f"a computer holds; keep it between 1e-{HELD} and 1e{HELD} by other units of "
+                    "force or length"
+                )
+        return cls(modulus, force, length, force / stretch)
+
+    @property
+    def stress(self) -> float:
+        """Unit of stress (Pa)."""
+        return self.modulus * self.displacement / self.length
+
+    @property
+    def energy(self) -> float:
+        """Unit of energy (J)."""
+        return self.force * self.displacement
+
+
+def _order(size: float) -> float:
+    return log10(size) if size > 0.0 else -inf

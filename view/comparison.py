@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 
 MARKERS = ("s", "D", "o", "^", "v")
+ROOM = 2.0
+"""Of the reference's range: what lies further outside of it would make a line of all others."""
 MOST_PANELS = len(COLOURS)
 
 Comparisons = Mapping[str, Comparison]
@@ -108,9 +110,9 @@ def plot_profile(
     unit = per or 1.0
     ax.plot(profile.distance, shown.reference / unit, color=INK, linewidth=1.6)
     _draw_judged(ax, line, [(distance, pair.values / unit) for distance, pair in judged])
+    keep_to(ax, "y", shown.reference / unit, [pair.values / unit for _, pair in judged])
     if per is None:
-        every = np.concatenate([shown.reference, *(pair.values for _, pair in judged)])
-        label_axis(ax.yaxis, symbol, every.tolist(), shown.unit)
+        label_axis(ax.yaxis, symbol, [*ax.get_ylim()], shown.unit)
     else:
         ax.set_ylabel(symbol, fontsize=9)
 
@@ -126,6 +128,23 @@ def _draw_judged(ax: Axes, line: Line, curves: Sequence[tuple[Floats, Floats]]) 
     ax.axhline(0.0, color="#b5b5b5", linewidth=0.6)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
+
+
+def keep_to(ax: Axes, axis: str, reference: Floats, judged: Sequence[Floats]) -> None:
+    """Keep an axis near the reference, and say so where what is judged leaves the picture."""
+    low, high = min(0.0, float(reference.min())), max(0.0, float(reference.max()))
+    least, most = low - ROOM * (high - low), high + ROOM * (high - low)
+    values = np.concatenate(judged)
+    values = values[np.isfinite(values)]
+    if len(values) == 0 or (least <= values.min() and values.max() <= most):
+        return
+    ends = max(least, float(values.min())), min(most, float(values.max()))
+    ends = min(ends[0], low), max(ends[1], high)
+    edge = 0.05 * (ends[1] - ends[0])
+    ax.set(**{f"{axis}lim": (ends[0] - edge, ends[1] + edge)})
+    times_as_much = float(f"{np.nanmax(np.abs(values)) / max(-low, high):.2g}")
+    told = f"not shown: up to {times_as_much:,.0f} times the largest of the reference"
+    ax.text(0.5, 0.02, told, transform=ax.transAxes, fontsize=7, color=INK, ha="center")
 
 
 def stress_symbol(axis: str) -> str:
@@ -150,6 +169,7 @@ def plot_stress_ratio(
     pressed = [at_cells(comparison, line, along) for comparison in comparisons.values()]
     middle.axhline(1.0, color=INK, linewidth=1.6)
     _draw_judged(middle, line, [(distance, pair.ratio) for distance, pair in pressed])
+    keep_to(middle, "y", np.ones(1), [pair.ratio for _, pair in pressed])
     middle.set_ylabel(f"{symbol} over that of {believed}", fontsize=9)
     middle.set_title(f"Over the stress of {believed}", **TITLE)
     for right in rest:
@@ -166,6 +186,10 @@ def plot_stress_ratio(
                 for (distance, above), (_, below) in zip(beside, pressed, strict=True)
             ],
         )
+        clear = true[
+            np.abs(pair_of(profile, *along).reference) > 0.1 * pair_of(profile, *along).scale
+        ]
+        keep_to(right, "y", clear, [true])
         right.set_ylabel(f"{stress_symbol(axes[1])} / {symbol}", fontsize=9)
         right.set_title("Stress across over stress along", **TITLE)
     legend_below(figure, comparisons, believed)
@@ -407,6 +431,7 @@ def _cuts_beside(study: RuleStudy) -> Figure:
     ax.plot(believed.carried, believed.at, color=INK, linewidth=1.6)
     for number, cuts in enumerate(judged.values()):
         ax.plot(cuts.carried, cuts.at, **look_of(number))
+    keep_to(ax, "x", believed.carried, [cuts.carried for cuts in judged.values()])
     frame_cuts(ax, believed)
     ax.set_title("Force through each cut", **TITLE)
     legend_below(figure, study.comparisons, BELIEVED)

@@ -184,3 +184,15 @@ def test_the_work_of_the_loads_is_twice_the_energy_and_reactions_balance():
     borne = sum(found.reactions().values()) * found.body.scales.force
     assert borne == pytest.approx([-100.0, 100.0])
     assert set(found.reactions()) == {"bottom", "rigid"}
+
+
+def test_a_side_that_moves_beside_small_first_agents_is_moved_without_gaps():
+    """Beside the soft cell the first agents are small: corners of theirs hang on larger ones."""
+    codes = np.ones((32, 32), int)
+    codes[31, 13] = 3
+    materials = {"soft": {"youngs_modulus": 2e9, "poissons_ratio": 0.3}}
+    sides = {"left": "rigid", "right": {"displacement": [1e-6, 2e-6]}}
+    scene = body(codes, legend={1: "steel", 3: "soft"}, materials=materials, sides=sides)
+    low, high, _ = proved(scene, 0.05)
+    lower, upper, _ = proved(scene, 0.01)
+    assert low <= lower < upper <= high

@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import hypot, isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.model.scene.cell_types import INSIDE
 
 Place = tuple[float, ...] | dict[str, Any] | str
 AXES = "xyz"
@@ -124,6 +126,22 @@ class Reaction(_Parsed):
 
 
 Quantity = Deflection | Stress | Reaction
+
+
+class Answer(NamedTuple):
+    """What has been found of a goal; scaled."""
+
+    value: Floats  # Shape (components,)
+    error: float  # At most if it is proved, else estimated; of a vector in length
+    scale: float  # What it is relative to
+    no_bound: str  # Why nothing is proved; empty if the error is
+
+    @property
+    def relative_error(self) -> float:
+        """The error as a share of the scale."""
+        return self.error / (self.scale or 1.0)
+
+
 _KINDS: dict[str, type[Quantity]] = {k.__name__: k for k in (Deflection, Stress, Reaction)}
 ToleranceAt = str | Quantity | Mapping[str, Any] | Sequence[Any]
 """What `goal` may be."""
@@ -178,6 +196,17 @@ def directions_of(along: str | tuple[float, ...] | None, dimension: int) -> Floa
             f"numbers, got {along!r}"
         )
     return np.array([along])
+
+
+def support_of(name: str, sides: Sequence[str]) -> int:
+    """Return the number of a support: of its side, or behind these of rigid cells inside."""
+    names = [*sides, INSIDE]
+    if name not in names:
+        raise ParameterError(
+            f"goal: there is no support {name!r}{suggestion(name, names)}; there may be "
+            f"{', '.join(names)}"
+        )
+    return names.index(name)
 
 
 def component_of(name: str, dimension: int) -> tuple[int, int] | None:

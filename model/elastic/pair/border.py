@@ -122,13 +122,9 @@ def check_held(body: PosedBody, mesh: LeafMesh, sides: Sides) -> None:
         if motion:
             cell = mesh.leaves.lower[np.flatnonzero(part == number)[0]] // body.cell
             raise unheld(cell, motion, touched=len(stops) > 0)
-    least, most = np.full((mesh.vertices, 2), np.inf), np.full((mesh.vertices, 2), -np.inf)
-    for end in ends.T:
-        np.minimum.at(least, end, np.where(sides.held, sides.moved, np.inf))
-        np.maximum.at(most, end, np.where(sides.held, sides.moved, -np.inf))
-    torn = (most > least) & (least < np.inf)
-    if torn.any():
-        vertex = np.flatnonzero(torn.any(axis=1))[0]
+    apart = np.flatnonzero(torn(mesh, sides))
+    if len(apart):
+        vertex = apart[0]
         at = mesh.place[vertex] / body.cell * body.scene.lattice.cell_size
         raise SupportError(
             f"sides: the supports give the corner at ({at[0]:.4g}, {at[1]:.4g}) m two "
@@ -136,6 +132,23 @@ def check_held(body: PosedBody, mesh: LeafMesh, sides: Sides) -> None:
             "sides be a roller, or take equal cells (strategy='uniform'), whose answer depends "
             "on their size"
         )
+
+
+def torn(mesh: LeafMesh, sides: Sides) -> Flags:
+    """Tell which vertices supports give two displacements at once."""
+    least, most = np.full((mesh.vertices, 2), np.inf), np.full((mesh.vertices, 2), -np.inf)
+    for end in mesh.ends[mesh.border].T:
+        np.minimum.at(least, end, np.where(sides.held, sides.moved, np.inf))
+        np.maximum.at(most, end, np.where(sides.held, sides.moved, -np.inf))
+    return np.asarray(((most > least) & (least < np.inf)).any(axis=1))
+
+
+def supports_of(mesh: LeafMesh, body: PosedBody) -> Ints:
+    """Return the side of the array that each border edge lies on, behind these if on none."""
+    middle = mesh.place[mesh.ends[mesh.border]].mean(axis=1)
+    outer = (middle == 0.0) | (middle == body.extent)
+    outer = outer[np.arange(len(middle)), np.where(mesh.side < 2, 1, 0)]
+    return np.where(outer, SIDE_OF_EDGE[mesh.side], len(body.scene.lattice.sides))
 
 
 def corner_numbers(corner: Ints) -> Ints:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import EDGES, forms, rule, strains
 from kaju.model.elastic.pair.leaf_mesh import LeafMesh
@@ -37,8 +37,8 @@ def blocks_of(
     return Blocks(dof, matrices, np.ones(len(node)), None, size, extra)
 
 
-def way_of(mesh: LeafMesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
-    """Return what all unknowns are by the free ones, and which these are."""
+def ties_of(mesh: LeafMesh) -> tuple[sp.csr_array, Flags]:
+    """Return what all nodes are by those that follow no other, and which do follow others."""
     nodes = mesh.vertices + mesh.edges
     start, end = mesh.ends[mesh.whole].T
     bulge = mesh.vertices + mesh.whole
@@ -50,7 +50,12 @@ def way_of(mesh: LeafMesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     rows = [own, mesh.middle, mesh.middle, mesh.middle, *(mesh.vertices + mesh.halves)]
     columns = [own, start, end, bulge, bulge, bulge]
     values = np.repeat([1.0, 0.5, 0.5, 1.0, 0.25, 0.25], [len(row) for row in rows])
-    way = followed(np.concatenate(rows), np.concatenate(columns), values, nodes)
+    return followed(np.concatenate(rows), np.concatenate(columns), values, nodes), follows
+
+
+def way_of(mesh: LeafMesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
+    """Return what all unknowns are by the free ones, and which these are."""
+    (way, follows), nodes = ties_of(mesh), mesh.vertices + mesh.edges
     held = np.zeros((nodes, 2), dtype=np.bool_)
     for node in (*mesh.ends[mesh.border].T, mesh.vertices + mesh.border):
         np.logical_or.at(held, node, sides.held)
@@ -70,11 +75,12 @@ def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_arr
 
 
 def moved_by(mesh: LeafMesh, sides: Sides) -> Floats:
-    """Return a displacement that is as given where it is held, and 0 at all other corners."""
+    """Return a displacement that is as given where it is held, and 0 at all other free corners."""
     value = np.zeros((mesh.vertices + mesh.edges, 2))
     for end in mesh.ends[mesh.border].T:
         edge, axis = np.nonzero(sides.held)
         value[end[edge], axis] = sides.moved[edge, axis]
+    value = ties_of(mesh)[0] @ value
     node = np.concatenate([mesh.corner, mesh.vertices + mesh.edge], axis=1)
     return np.asarray(value[node].reshape(len(node), 16))
 

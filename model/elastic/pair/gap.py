@@ -73,19 +73,18 @@ class Bounds:
     lost: bool  # Whether rounding is as large as the gap
 
 
-def bounds_of(cases: list[tuple[float, float, bool]], gap: float, rest: float) -> Bounds:
+def bounds_of(cases: list[tuple[float, float, bool, float]], gap: float, rest: float) -> Bounds:
     """Return what the energies of both opinions prove, case by case."""
-    # A case is a potential energy, a complementary one less the work of moved supports, and whether
-    # loads act (else supports move).
+    # A case is a potential energy, a complementary one less the work of moved supports, whether
+    # loads act (else supports move), and its gap.
     # Work of the loads in one case is none on what the other moves: their energies add up.
     lower = upper = whole = miss = 0.0
-    for potential, complementary, loaded in cases:
+    for potential, complementary, loaded, own in cases:
         # Of loads the energy is minus the least potential energy, of moved supports that itself.
         low, high = (-potential, complementary) if loaded else (-complementary, potential)
         lower, upper = lower + low, upper + high
         whole += abs(potential) + abs(complementary)
-    if len(cases) == 1:
-        miss = abs(upper - lower - 0.5 * gap)
+        miss += abs(high - low - 0.5 * own)
     rounding = max(miss, 1e-15 * whole)
     lower, upper = lower - rounding, upper + rounding
     lower = max(sqrt(max(lower, 0.0)) - sqrt(0.5) * rest, 0.0) ** 2

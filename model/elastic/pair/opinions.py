@@ -14,12 +14,11 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import by_law
 from kaju.model.elastic.pair import displacement
 from kaju.model.elastic.pair.airy import Airy, compliance, first_stress
-from kaju.model.elastic.pair.border import Sides, check_held, sides_of
+from kaju.model.elastic.pair.border import Sides, check_held, sides_of, supports_of
 from kaju.model.elastic.pair.elements import (
     CORNERS,
     EDGES,
     FIRST_PART,
-    SIDE_OF_EDGE,
     airy_stress,
     child_maps,
     edge_tractions,
@@ -96,15 +95,18 @@ class Opinions:
             stress, fitting = self.fields(case)
             potential = 0.5 * float(energies(fitting, self.law, self.size).sum())
             complementary = 0.5 * float(energies(stress, self.law, self.size).sum())
-            bed, borne, apart = self._on_beds(case)
-            potential, complementary = potential + bed, complementary + borne
+            borne, given = self.tractions_of_beds(case)
+            potential += 0.5 * float(self.on_beds(given, given).sum())
+            complementary += 0.5 * float(self.on_beds(borne, borne).sum())
+            apart = self.on_beds(borne - given, borne - given)
             if loaded:
                 potential -= float(np.vdot(displacement.forces_of(acts), self.fit[case]))
             else:
-                complementary -= self.work_of_supports(case, acts.moved)
-            cases.append((potential, complementary, loaded))
-            shares += energies(stress - fitting, self.law, self.size)
-            np.add.at(shares, self.mesh.owner, apart)
+                complementary -= self.work_of_supports(acts.moved, (case,))
+            own = energies(stress - fitting, self.law, self.size)
+            np.add.at(own, self.mesh.owner, apart)
+            cases.append((potential, complementary, loaded, float(own.sum())))
+            shares += own
             sums.append(stress - fitting)
         total = float(shares.sum())
         if len(sums) > 1:
@@ -147,15 +149,12 @@ class Opinions:
         """Return the force of every support on the body, of the stress that balances; scaled."""
         mesh, borne = self.mesh, ~self.sides.given
         own = self.tractions[mesh.owner, mesh.side, 0] - self.sides.load[mesh.owner, mesh.side, 0]
-        middle = mesh.place[mesh.ends[mesh.border]].mean(axis=1)
-        outer = (middle == 0.0) | (middle == self.body.extent)
-        outer = outer[np.arange(len(own)), np.where(mesh.side < 2, 1, 0)]
-        names = np.append(np.array(self.body.scene.lattice.sides, dtype=object), INSIDE)
-        which = np.where(outer, SIDE_OF_EDGE[mesh.side], len(names) - 1)
+        names = [*self.body.scene.lattice.sides, INSIDE]
+        which = supports_of(mesh, self.body)
         found = {}
         for number in np.unique(which[borne.any(axis=1)]).tolist():
             here = which == number
-            found[str(names[number])] = np.where(borne[here], own[here], 0.0).sum(axis=0)
+            found[names[number]] = np.where(borne[here], own[here], 0.0).sum(axis=0)
         return found
 
     def _edge_forces(self, case: int) -> Floats:
@@ -169,9 +168,14 @@ class Opinions:
         own[rows, 0, normal] -= 0.5 * self.cases[case].body[self.mesh.owner, normal]
         return np.asarray(own)
 
-    def work_of_supports(self, case: int, moved: Floats) -> float:
-        """Return the work of what supports bear in a case on how they move, shape (m, 2)."""
-        return float(np.vdot(self._edge_forces(case)[:, 0], moved))
+    def work_of_supports(self, moved: Floats, cases: Sequence[int] | None = None) -> float:
+        """Return the work of what supports bear on how they move, shape (m, 2)."""
+        which = range(len(self.cases)) if cases is None else cases
+        return sum(float(np.vdot(self._edge_forces(case)[:, 0], moved)) for case in which)
+
+    def work_on(self, fit: Floats) -> float:
+        """Return the work of the loads on a displacement of the agents, shape (n, 16)."""
+        return float(np.vdot(displacement.forces_of(self.sides), fit))
 
     def bed_tractions(self, case: int) -> Floats:
         """Return force and moment (over the edge) that beds put on the body, shape (beds, 2)."""
@@ -181,26 +185,26 @@ class Opinions:
         own = self._edge_forces(case)[beds] - load
         return np.asarray(own[np.arange(len(beds)), :, normal])
 
-    def _on_beds(self, case: int) -> tuple[float, float, Floats]:
-        """Return the beds' two energies, and the gap of each border edge."""
-        apart = np.zeros(len(self.mesh.border))
+    def tractions_of_beds(self, case: int) -> Floats:
+        """Return what beds put on the body by both opinions, at four points; (2, beds, 4)."""
         beds = np.flatnonzero(self.sides.bed > 0.0)
-        if not len(beds):
-            return 0.0, 0.0, apart
         owner, side = self.mesh.owner[beds], self.mesh.side[beds]
         normal = np.where(side < 2, 1, 0)
         nodes = np.column_stack([EDGES[side], 4 + side])
         u = self.fit[case].reshape(-1, 8, 2)[owner[:, None], nodes, normal[:, None]]
-        at, weight = np.polynomial.legendre.leggauss(4)
-        at, weight = 0.5 * at, 0.5 * weight
+        at = 0.5 * np.polynomial.legendre.leggauss(4)[0]
         moved = u[:, [0]] * (0.5 - at) + u[:, [1]] * (0.5 + at) + u[:, [2]] * (1.0 - 4.0 * at**2)
-        length, stiffness = self.size[owner], self.sides.bed[beds]
         force = self.bed_tractions(case)
-        traction = (force[:, [0]] + 12.0 * force[:, [1]] * at) / length[:, None]
-        apart[beds] = length / stiffness * ((traction + stiffness[:, None] * moved) ** 2 @ weight)
-        bed = 0.5 * float(length * stiffness @ (moved**2 @ weight))
-        borne = 0.5 * float(length / stiffness @ (traction**2 @ weight))
-        return bed, borne, apart
+        traction = (force[:, [0]] + 12.0 * force[:, [1]] * at) / self.size[owner, None]
+        return np.stack([traction, -self.sides.bed[beds, None] * moved])
+
+    def on_beds(self, one: Floats, other: Floats) -> Floats:
+        """Return the products of two tractions of beds (their energy), by border edge."""
+        beds = np.flatnonzero(self.sides.bed > 0.0)
+        out, weight = np.zeros(len(self.mesh.border)), 0.5 * np.polynomial.legendre.leggauss(4)[1]
+        length = self.size[self.mesh.owner[beds]]
+        out[beds] = length / self.sides.bed[beds] * ((one * other) @ weight)
+        return out
 
 
 Aim = Callable[[LeafMesh, Sides, Floats, Floats], Sides]

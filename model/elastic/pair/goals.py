@@ -1,0 +1,246 @@
+"""Goals: what a quantity is, with an interval that is proved, by a second load.
+
+A linear quantity J is the work of some load on the displacement: the dual load. Agents hold two
+opinions of it as of their own load. With s, e the stresses of the opinions on the body's loads, and
+t, z of those on the dual load (products are those of the energy), J is
+
+    ((t, s) + (t, e) + (z, s) - (z, e)) / 2 - work of the dual's reactions where supports move
+
+but for half the product of the two gaps, |t - z| |s - e| / 2, at most: s - e and t - z are each a
+sum of two parts, from spaces at right angles to each other (Prager and Synge 1947, Greenberg 1948).
+Agents halve that hold most of both gaps, each as a share of its sum (Becker, Estecahandy and
+Trujillo, *SIAM J. Numer. Anal.* 49, 2011).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from math import sqrt
+
+import numpy as np
+
+from kaju.arrays import Floats
+from kaju.model.elastic.goals.duals import (
+    Displaced,
+    DualLoad,
+    Forces,
+    Goal,
+    Read,
+    Strained,
+    Supported,
+    aligned,
+    goal_of,
+)
+from kaju.model.elastic.goals.places import Points
+from kaju.model.elastic.goals.quantities import Answer, Deflection, Quantity, Reaction, Stress
+from kaju.model.elastic.pair.border import Sides, supports_of, torn
+from kaju.model.elastic.pair.elements import EDGE_OF_SIDE
+from kaju.model.elastic.pair.gap import energies, stress_of
+from kaju.model.elastic.pair.leaf_mesh import LeafMesh
+from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.opinions import Aim, Opinions
+from kaju.model.elastic.posed_body import PosedBody
+
+ROUNDING = 1e-14  # Share of the products that rounding may take beside what they miss each other by
+LOST = 0.1  # Of an interval: where rounding is more, no agents make it shorter
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What a generation says of the goals."""
+
+    answers: tuple[Answer, ...]
+    error: float  # The largest, relative
+    shares: Floats  # What agents add to the errors of goals that are not reached
+    lost: bool  # Whether rounding is as large as the largest error
+
+
+class Goals:
+    """The goals of a plane body."""
+
+    def __init__(self, quantities: tuple[Quantity, ...], body: PosedBody) -> None:
+        self.body = body
+        self.goals = [goal_of(quantity, body) for quantity in quantities]
+
+    def aligned(self, leaves: LeafCells) -> LeafCells:
+        """Return the first agents: as small as the places of the goals ask for."""
+        return aligned(self.goals, leaves)
+
+    def aims(self, leaves: LeafCells, last: Opinions | None) -> list[Aim]:
+        """Return the dual loads of the next generation."""
+        loads = []
+        for goal in self.goals:
+            slope = goal.slope(read_of(last), *_boxes(last)) if last is not None else None
+            loads += goal.loads(leaves, slope)
+        return [partial(sides_under, load, self.body) for load in loads]
+
+    def judge(self, found: Opinions, tolerance: float) -> Judged:
+        """Return what a generation says of the goals."""
+        primal, duals = _Primal(found), list(found.duals)
+        told = [
+            self._told(goal, primal, [duals.pop(0) for _ in goal.directions]) for goal in self.goals
+        ]
+        worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
+        open_ = [part for answer, part, _ in told if answer.relative_error > tolerance]
+        shares = np.sum(open_ or [part for _, part, _ in told], axis=0)
+        lost = rounding > LOST * worst.error and worst.relative_error > 1e-6
+        return Judged(tuple(answer for answer, *_ in told), worst.relative_error, shares, lost)
+
+    def _told(
+        self, goal: Goal, primal: _Primal, duals: list[Opinions]
+    ) -> tuple[Answer, Floats, float]:
+        """Return the answer, what agents add to its relative error, and what rounding does."""
+        found, gap = primal.found, float(primal.apart.sum())
+        value = goal.read(read_of(found), *_boxes(found))
+        if isinstance(goal, Supported) and self._tears(goal, found):
+            goal.no_bound = "its support meets another: moved alone it would tear the body"
+            answer = goal.answer(value, 0.0, primal.largest)
+            error = found.bounds.error * answer.scale if found.bounds.error else 0.0
+            return answer._replace(error=error), primal.apart / (gap or 1.0), 0.0
+        works, off, rounded = (np.zeros(len(duals)) for _ in range(3))
+        part, ragged = np.zeros(len(found.size)), found.sides.ragged
+        for k, dual in enumerate(duals):
+            works[k], rounded[k] = _products(primal, dual)
+            own = float(dual.shares.sum())
+            # What agents do not take of loads works on the dual displacement of theirs alone.
+            mean = energies(0.5 * np.add(*_fields(dual)), found.law, found.size)
+            lost = found.sides.rest * (sqrt(float(mean[ragged].sum())) + 0.5 * sqrt(own))
+            off[k] = 0.5 * sqrt(gap * own) + rounded[k] + lost
+            if gap > 0.0 and own > 0.0:
+                part += off[k] * (primal.apart / gap + dual.shares / own)
+                part[ragged] += lost / max(len(ragged), 1)
+        if not goal.no_bound:
+            value = self._by_works(goal, found, value, works)
+        answer = goal.answer(value, float(np.linalg.norm(off)), primal.largest)
+        return answer, part / (answer.scale or 1.0), float(np.linalg.norm(rounded))
+
+    def _tears(self, goal: Supported, found: Opinions) -> bool:
+        """Tell whether the movement of a support alone would tear the body."""
+        here = supports_of(found.mesh, self.body) == goal.support
+        moved = np.where(here[:, None] & found.sides.held, 1.0, 0.0)
+        return bool(torn(found.mesh, replace(found.sides, moved=moved)).any())
+
+    def _by_works(self, goal: Goal, found: Opinions, value: Floats, works: Floats) -> Floats:
+        """Return a value by the works of its dual loads on the displacement."""
+        mesh, sides = found.mesh, found.sides
+        if isinstance(goal, Supported):
+            on_bed = sides.bed[supports_of(mesh, self.body) == goal.support].any()
+            return -works if on_bed else value - works
+        if isinstance(goal, Displaced):
+            # What the dual load leaves out is the movement of what is held, and of all together.
+            agent, side, share = goal.box.cover(found.leaves)  # type: ignore[union-attr]
+            laid = np.zeros((len(found.size), 5))
+            laid[agent, np.where(side < 0, 4, EDGE_OF_SIDE[side])] = share
+            held = laid[mesh.owner, mesh.side] @ np.where(sides.held, sides.moved, 0.0)
+            return np.asarray(works + goal.directions @ (held + sides.shift))
+        return works
+
+
+def _boxes(found: Opinions) -> tuple[Floats, Floats]:
+    return found.leaves.lower / found.body.cell, found.size
+
+
+class _Primal:
+    """The opinions of a generation on the body's loads, as products with duals need them."""
+
+    def __init__(self, found: Opinions) -> None:
+        self.found = found
+        self.balanced, self.fitted = _fields(found)
+        self.beds = _on_beds(found)
+        apart = energies(self.balanced - self.fitted, found.law, found.size)
+        beds = self.beds[0] - self.beds[1]
+        np.add.at(apart, found.mesh.owner, found.on_beds(beds, beds))
+        self.apart: Floats = apart
+
+    @cached_property
+    def largest(self) -> dict[type[Quantity], float]:
+        """The largest displacement, stress and reaction."""
+        found = self.found
+        moved = found.fit.sum(axis=0)[:, :8].reshape(-1, 4, 2) + found.sides.shift
+        mean = self.balanced.mean(axis=1)
+        size = np.sqrt((mean**2).sum(axis=1) + mean[:, 2] ** 2)
+        forces = [float(np.linalg.norm(force)) for force in found.reactions().values()]
+        return {
+            Deflection: float(np.linalg.norm(moved, axis=2).max()),
+            Stress: float(size.max()),
+            Reaction: max(forces, default=0.0),
+        }
+
+
+def _fields(found: Opinions) -> tuple[Floats, Floats]:
+    """Return both stresses of all cases together at the points of the rule."""
+    both = [found.fields(case) for case in range(len(found.cases))]
+    balanced, fitted = (np.asarray(sum(one[k] for one in both)) for k in range(2))
+    return balanced, fitted
+
+
+def _on_beds(found: Opinions) -> Floats:
+    """Return the tractions of beds in all cases together, of both opinions."""
+    return np.asarray(sum(found.tractions_of_beds(case) for case in range(len(found.cases))))
+
+
+def _products(primal: _Primal, dual: Opinions) -> tuple[float, float]:
+    """Return the work of a dual load on the displacement, and what rounding may make of it."""
+    found = primal.found
+    (s, e), (t, z) = (primal.balanced, primal.fitted), _fields(dual)
+    beds, own = primal.beds, _on_beds(dual)
+
+    def product(k: int, stress: Floats, at: int, other: Floats) -> float:
+        inside = energies(stress, found.law, found.size, other).sum()
+        return float(inside + found.on_beds(own[k], beds[at]).sum())
+
+    ts, te = product(0, t, 0, s), product(0, t, 1, e)
+    zs, ze = product(1, z, 0, s), product(1, z, 1, e)
+    borne = dual.work_of_supports(found.sides.moved)
+    # Two of the products are works of loads and supports, but for rounding.
+    missed = abs(te - dual.work_on(found.fit.sum(axis=0)) - borne)
+    handed = found.work_on(dual.fit.sum(axis=0)) + found.work_of_supports(dual.sides.moved)
+    missed += abs(zs - handed)
+    return 0.5 * (ts + te + zs - ze) - borne, missed + ROUNDING * (abs(ts) + abs(te) + abs(zs))
+
+
+def read_of(found: Opinions) -> Read:
+    """Return how opinions are read: the displacement that fits, the mean of both stresses."""
+
+    def stress(points: Points) -> Floats:
+        mean = 0.5 * np.add(*found.stresses_at(points.agent, points.inside))
+        return np.asarray(mean[:, [[0, 2], [2, 1]]])
+
+    return Read(
+        lambda points: found.displacement_at(points.agent, points.inside),
+        stress,
+        lambda points: found.leaves.kind[points.agent],
+        found.body.moduli,
+        found.reactions,
+    )
+
+
+def sides_under(
+    load: DualLoad, body: PosedBody, mesh: LeafMesh, sides: Sides, size: Floats, law: Floats
+) -> Sides:
+    """Return the supports at rest, under a dual load."""
+    names = ("moved", "shift", "load", "body", "even")
+    arrays = {name: np.zeros_like(getattr(sides, name)) for name in names}
+    none = replace(sides, rest=0.0, ragged=np.zeros(0, dtype=np.int64), **arrays)
+    if isinstance(load, Forces):
+        within, agent, edge = load.side < 0, load.agent, EDGE_OF_SIDE[load.side]
+        none.body[agent[within]] = load.force[within]
+        none.load[agent[~within], edge[~within], 0] = load.force[~within]
+        # On what is held no force does any work.
+        own = none.load[mesh.owner, mesh.side]
+        none.load[mesh.owner, mesh.side] = np.where(sides.held[:, None], 0.0, own)
+    elif isinstance(load, Strained):
+        each = stress_of(np.broadcast_to(load.strain, (len(load.agent), 3)), law[:, load.agent])
+        none.even[load.agent] = (load.share / size[load.agent])[:, None] * each
+    else:
+        here = supports_of(mesh, body) == load.support
+        none.moved[:] = np.where(here[:, None] & sides.held, load.along, 0.0)
+        if torn(mesh, none).any():
+            none.moved[:] = 0.0
+        # A bed's own movement is a force on the body.
+        beds = np.flatnonzero(here & (sides.bed > 0.0))
+        owner, edge = mesh.owner[beds], mesh.side[beds]
+        normal = np.where(edge < 2, 1, 0)
+        none.load[owner, edge, 0, normal] = sides.bed[beds] * size[owner] * load.along[normal]
+    return none

@@ -15,7 +15,6 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.fields import equivalent_stress
 from kaju.model.elastic.goals.places import GoalBox, Points, Where, where_of
 from kaju.model.elastic.goals.quantities import (
     Answer,
@@ -27,7 +26,7 @@ from kaju.model.elastic.goals.quantities import (
     directions_of,
     support_of,
 )
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Scene

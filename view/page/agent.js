@@ -1,44 +1,11 @@
 // Agents written in the page: an editor, a worker that runs their Python, and the run that comes of it.
 import { button, choice, make, slider, tick } from "./controls.js";
-import { Log, Recorded } from "./history.js";
-import { appliedLoads, dot, sharesOf } from "./rule.js";
+import { Recorded } from "./history.js";
 import { hand } from "./save.js";
 import { tomlOf } from "./scene.js";
 import { general } from "./words.js";
 
-const SILENCE = 2000, SEED = 1, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000;   // ms without a word; at most so many cells, and lines that are shown
-
-/** What Python is told of the scene: the tables that page and agents share. */
-export function bodyOf({ scene, cells, stage }, run, parameters) {
-  const { lattice: L, kinds } = run, { rule, materials } = scene, sense = Boolean(rule.sense);
-  const shares = materials.map((m) => { const s = sharesOf(rule, m, L.dimension); return [s.own, s.forward, 0, s.friction, s.poisson, s.beta * m.poissons_ratio]; });
-  const normal = (n) => L.normals[L.axes[n]], along = L.axes.map((_, a) => L.axes.map((_, n) => dot(normal(n), normal(a)) ** 2));
-  const axis = Array.from({ length: L.D }, (_, d) => L.axes.findIndex((arm) => arm === d || L.opposite[arm] === d));
-  return { lattice: { directions: L.D, states: sense ? 2 * L.D : L.D, stride: L.stride, padded: L.padded, steps: L.steps.map((s) => Array.from(s)), opposite: L.opposite,
-    mirrored: L.mirrored, axis_of: axis, beside: L.beside.map((list) => list.toSorted((a, b) => a[0] - b[0])), along, cell_size: L.h, dimension: L.dimension, shape: L.shape },
-  threshold: rule.threshold, accumulate: rule.accumulate, sense, cross_section: L.faceArea(scene.thickness), kinds: Array.from(kinds),
-  materials: materials.map((m) => [m.name, m.youngs_modulus, m.poissons_ratio]), shares, loads: appliedLoads(scene, L, kinds, stage), parameters, seed: SEED };
-}
-
-/** A run that Python sends generation by generation. */
-class Written extends Recorded {
-  constructor(page, states) {
-    super(page.scene, page.cells, page.stage);
-    this.atRest = false; this.states = states;
-    for (const name of ["passed", "dropped", "returned", "kept", "stretch", ...states.map(([n]) => `state ${n}`)]) this[name] = new Log(new Uint32Array(256), new Float64Array(256));
-  }
-  take(news) {
-    this.generation++;
-    let waits = 0;
-    const put = (log, rows = {}) => { for (const [place, value] of Object.entries(rows)) log.push(Number(place), value); log.close(); };
-    for (const value of Object.values(news.taken)) waits += value;
-    put(this.taken, news.taken);
-    for (const name of ["passed", "dropped", "returned", "kept", "stretch"]) put(this[name], news[name]);
-    for (const [name] of this.states) put(this[`state ${name}`], news[name]);
-    for (const [k, woken] of news.born) { this.spawn[k] = this.generation; this.woken[k] = woken; this.agents++; }
-    this.alive.push(this.agents); this.waits.push(waits);
-  }
-}
+const SILENCE = 2000, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000;   // ms without a word; at most so many cells, and lines that are shown
 
 // ------------------------------------------------------------------- what went wrong, in words
 
@@ -94,12 +61,14 @@ export class Workshop {
     this.url ??= URL.createObjectURL(new Blob([this.blob], { type: "text/javascript" }));
     this.worker = new Worker(this.url);
     this.awake = new Promise((done) => { this.worker.onmessage = ({ data }) => { if (data.ready) { this.worker.onmessage = (event) => this.hear(event.data); done(); } }; });
+    this.worker.postMessage({ ...this.given(this.ready.standard.code), warming: true });
   }
+  given(code) { const { page: { scene, cells, stage } } = this; return { code, scene, cells, stage, parameters: this.values }; }
   /** Run a code on the page's scene: {agents, generations, taken} or {error, line}. */
   run(code = this.code, lines = false) {
     this.stop();
     if (code !== this.code) { this.code = code; if (this.field) { this.field.value = code; this.number(); } }
-    Object.assign(this, { active: true, foreign: false, printed: "", problem: null, line: 0, shown: 0, fresh: null, retried: lines });
+    Object.assign(this, { active: true, foreign: false, printed: "", problem: null, line: 0, shown: 0, retried: lines });
     const { page } = this, no = refused(code), result = this.pending ?? Promise.withResolvers?.() ?? {};
     if (!result.promise) result.promise = new Promise((resolve) => { result.resolve = resolve; });
     this.pending = result;
@@ -109,7 +78,7 @@ export class Workshop {
     const worker = this.worker;
     this.awake.then(() => {
       if (worker !== this.worker || !this.active) return;
-      worker.postMessage({ code, body: JSON.stringify(bodyOf(page, new Written(page, []), this.values)), lines });
+      worker.postMessage({ ...this.given(code), lines });
       this.busy = true; this.wait();
     });
     return result.promise;
@@ -125,27 +94,25 @@ export class Workshop {
   }
   drop() { this.worker?.terminate(); this.worker = null; this.busy = false; clearTimeout(this.watch); }
   stop() { if (this.busy) this.drop(); }
-  hear(data) {
+  hear({ line, steps, print, at, error, args, declares, run, end }) {
     if (!this.busy) return;
-    const told_ = typeof data === "string" ? JSON.parse(data) : data;
-    if (told_.steps !== undefined) { this.line = told_.line; if (told_.steps !== this.steps) { this.steps = told_.steps; this.wait(); } return; }
-    if (told_.print !== undefined) { this.wait(); this.print(told_); return; }
-    if (told_.error) { this.busy = false; this.end(told(this.page.t, told_, this.code)); return; }
-    if (told_.names) { Object.assign(this, { names: told_.names, states: told_.states, parameters: told_.parameters }); this.fresh = new Written(this.page, told_.states); return; }
-    for (const news of told_.news) this.fresh.take(news);
-    this.wait();
-    if (told_.end) { this.busy = false; this.fresh.atRest = true; this.fresh.grown = told_.end.pending > 0; this.show(); this.end(told_.end); }
+    if (steps !== undefined) { this.line = line; if (steps !== this.steps) { this.steps = steps; this.wait(); } return; }
+    if (print !== undefined) { this.wait(); this.print(print, at); return; }
+    if (error) { this.busy = false; this.end(told(this.page.t, { error, args, line }, this.code)); return; }
+    if (declares) { Object.assign(this, declares); return; }
+    this.busy = false;
+    this.show(run); this.end(end);
   }
   /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */
-  print({ print, at }) {
-    if (this.shown++ < PRINTED) this.printed += print;
+  print(text, at) {
+    if (this.shown++ < PRINTED) this.printed += text;
     if (this.shown > MOST_PRINTED) { this.drop(); this.end({ error: this.page.t("atLine", { n: at, e: this.page.t("printed", { n: MOST_PRINTED }) }), line: at }); }
   }
   /** The page shows what came of it. */
-  show() {
+  show(run) {
     const { page } = this;
     page.kind = "runnable"; page.own = { names: this.names, source: this.code };
-    page.adopt(this.fresh);
+    page.adopt(Object.assign(new Recorded(page.scene, page.cells, page.stage), run));
     page.goTo(page.goal ?? Infinity); page.goal = null;
     if (!page.colours.includes(page.look.colour)) page.look.colour = "taken";
   }
@@ -223,7 +190,7 @@ export class Workshop {
     const given = Object.entries(values).map(([n, v]) => `, ${n}=${v === true ? "True" : v === false ? "False" : v}`).join("");
     const cls = [...code.matchAll(/^class (\w+)\((\w+)/gm)].map(([, n, base]) => [n, base]), kind = { FreeBoundaryAgent: "free", RigidBoundaryAgent: "rigid", RollerBoundaryAgent: "roller" };
     const material = cls.filter(([n, base]) => !kind[base] && (names.includes(n) || !names.length)).at(-1)?.[0], walls = cls.filter(([, base]) => kind[base]).map(([n, base]) => `"${kind[base]}": ${n}`);
-    const how = `${material ? `, material_agent=${material}` : ""}${walls.length ? `, boundary_agents={${walls.join(", ")}}` : ""}${given}, seed=${SEED}`;
+    const how = `${material ? `, material_agent=${material}` : ""}${walls.length ? `, boundary_agents={${walls.join(", ")}}` : ""}${given}, seed=1`;
     return hand("agent.py", new Blob([`${code.trimEnd()}\n\n\nSCENE = """\n${toml}"""\n\nif __name__ == "__main__":\n    from kaju import LoadModel, Scene\n\n    model = LoadModel(Scene.from_toml(SCENE)${how})\n    last = model.run().last\n    print(len(last.cells), last.generations, last.ledger.taken)\n`], { type: "text/x-python" }));
   }
 }

@@ -63,6 +63,8 @@ MODULES = (
     "panels.js", "page.js", "motion.js", "open.js",
 )  # fmt: skip
 """In the order in which they are joined: each uses only those before it at its top level."""
+WRITTEN = ("lattice.js", "history.js", "rule.js", "written.js")
+"""What the worker has of them in which agents in Python run."""
 START = """
 await openPage(document.getElementById("kaju"), document.getElementById("kaju-data").textContent);
 """
@@ -365,7 +367,7 @@ def page_html(
         "policy": policy,
         "hashes": " ".join(f"'sha256-{base64.b64encode(d).decode()}'" for d in digests)
         + (" 'unsafe-eval'" if python else ""),  # Brython turns Python into functions
-        "python": written.worker() if python else "",
+        "python": written.worker(joined(WRITTEN)) if python else "",
         "title": escape(title),
         "data": base64.b64encode(packed).decode(),
         "code": base64.b64encode(zlib.compress(code.encode(), 9)).decode(),

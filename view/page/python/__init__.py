@@ -55,8 +55,8 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
 
 
 @cache
-def worker() -> str:
-    """Return the worker's text, deflated: Brython, two of its modules, kaju's agents.
+def worker(modules: str) -> str:
+    """Return the worker's text, deflated: Brython, two of its modules, the page's, kaju's agents.
 
     Raises
     ------
@@ -67,14 +67,15 @@ def worker() -> str:
         import brython
     library = files(brython).joinpath("data")
     stored = library.joinpath("brython_stdlib.js").read_text("utf-8")
-    modules, _ = json.JSONDecoder().raw_decode(stored[stored.index("{") :])
-    needed = {name: modules[name] for name in ("math", "_random")}
+    known, _ = json.JSONDecoder().raw_decode(stored[stored.index("{") :])
+    needed = {name: known[name] for name in ("math", "_random")}
     parts = (
         'globalThis.__BRYTHON__ = { brython_path: "https://page.invalid/" };',
         library.joinpath("brython.js").read_text("utf-8"),
         f"__BRYTHON__.use_VFS = true; __BRYTHON__.update_VFS({json.dumps(needed)});",
-        f"const ENGINE = {json.dumps(_text('engine.py') + _text('play.py'))};",
+        f"const ENGINE = {json.dumps(_text('engine.py'))};",
         f"const OFFERED = {json.dumps(SMALL)};",
+        modules,
         _text("worker.js"),
     )
     packed = b64encode(zlib.compress("\n".join(parts).encode(), 9)).decode()

@@ -1,20 +1,19 @@
-// In the worker: Brython, kaju's agents in plain Python, and a pupil's code. Nothing of it reaches a network.
-const py = __BRYTHON__, post = postMessage.bind(globalThis), lineNoted = py.set_lineno;
+// In the worker: Brython, kaju's agents, and a pupil's code. Nothing of it reaches a network.
+const py = __BRYTHON__, post = postMessage.bind(globalThis), noted = py.set_lineno, MOST_ROWS = 2e6, MOST = 4000;
 for (const name of ["log", "warn", "error", "debug", "info"]) console[name] = () => {};
 let line = 0, beat = 0, every = false, steps = 0;
+const live = () => { if (Date.now() - beat > 200) { beat = Date.now(); post({ line, steps }); } };
 py.set_lineno = (frame, at, type) => {
-  if (frame.__file__?.endsWith("#agent")) {
+  if (frame[2] === "agent") {
     line = at;
-    if (every || Date.now() - beat > 200) { beat = Date.now(); post({ line, steps }); }
+    if (every) beat = 0;
+    live();
   }
-  return lineNoted(frame, at, type);
+  return noted(frame, at, type);
 };
-globalThis.tick = () => {                      // an agent acts
-  steps++;
-  if (Date.now() - beat > 200) { beat = Date.now(); post({ line, steps }); }
-};
-globalThis.lineNow = () => line;
 py.runPythonSource(ENGINE, { id: "kaju" });
+const python = Object.fromEntries(["begin", "wake", "put", "choose", "act", "answer", "doing", "kept"].map((name) => [name, globalThis[name]]));
+globalThis.tell = (print) => post({ print, at: line });
 py.builtins.print = globalThis.show;
 for (const [id, code] of Object.entries(OFFERED)) py.runPythonSource(code, { id });
 for (const name of ["fetch", "XMLHttpRequest", "WebSocket", "EventSource", "WebTransport", "importScripts", "indexedDB", "caches", "BroadcastChannel", "Worker", "SharedWorker", "postMessage"]) {
@@ -22,12 +21,26 @@ for (const name of ["fetch", "XMLHttpRequest", "WebSocket", "EventSource", "WebT
 }
 post({ ready: true });
 const namesOf = (error) => { try { return py.class_name(error); } catch { return error.name ?? "Error"; } };
-onmessage = ({ data: { code, body, lines } }) => {
-  line = 0; every = lines; beat = Date.now();
-  try {
-    const module = py.runPythonSource(code, { id: "agent" });
-    globalThis.play(py.builtins.vars ? py.builtins.vars(module) : module.dict, body);
-  } catch (error) {
+/** Run the classes of a code on a scene. */
+function play({ code, scene, cells, stage, parameters, warming }) {
+  const run = new Written(scene, cells, stage), module = py.runPythonSource(code, { id: "agent" }), told = toldOf(run, parameters);
+  globalThis.hand = (...load) => run.hand(...load);
+  globalThis.emissions = (...shares) => run.emissions(...shares);
+  globalThis.wakers = (key) => run.wakers(key);
+  const declares = python.begin(module.dict ?? py.builtins.vars(module), py.structuredclone2pyobj(told));
+  if (!warming) post({ declares });
+  run.begin(python, { ...told, ...declares });
+  const until = warming ? Date.now() + 100 : Infinity;
+  while (Date.now() < until && run.generation < MOST && !run.atRest && !run.grown && run.taken.n < MOST_ROWS) { run.step(); steps++; live(); }
+  return run.shown;
+}
+/** What has run some times runs ten times as fast, the first of a pupil's too. */
+let warmed = 0;
+const warm = (data) => { if (warmed++ < 15) { beat = Infinity; play(data); setTimeout(warm, 0, data); } };
+onmessage = ({ data }) => {
+  if (data.warming) { warm(data); return; }
+  line = 0; every = data.lines; beat = Date.now(); warmed = Infinity;
+  try { post(play(data)); } catch (error) {
     const args = error.args ? Array.from(error.args, String) : [String(error.message ?? error)];
     post({ error: namesOf(error), args, line: error.lineno ?? (line || 1) });
   }

@@ -48,7 +48,7 @@ class BoundaryAgent(PlacedAgent):
         engine = self.model.engine
         back = self.give_back(load, arm)
         if back is not None and engine.own_boundaries:
-            back = engine.checked_return(self, load, back)
+            back = engine.guard.checked_return(self, load, back)
         given = 0.0 if back is None else back.total
         self.taken[load.direction] += load.total
         self.passed[engine.opposite[arm]] += given

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import chain
 from math import inf
 from typing import Any
 
@@ -18,9 +16,38 @@ from .shares import Emission, Emissions, Load, Sense, Shares
 
 
 class Amounts(dict[int, float]):
-    """Newtons by number; what was never booked is 0."""
+    """Loads (N) by number; a number without an entry has 0."""
 
     def __missing__(self, number: int) -> float:
+        return 0.0
+
+
+class LoadBox(dict[tuple[int, float, Sense], float]):
+    """Loads on their way to one cell: (direction, magnitude, sense) → copies.
+
+    A cell of the body has one box; beside the body each agent that hands over has its own there,
+    so that it gets back what it handed over. Where loads that meet are added up, all have the
+    magnitude 1 N, and copies are newtons. When all agents have acted, the engine opens the boxes.
+    """
+
+    def __init__(
+        self,
+        called: list[LoadBox],
+        place: tuple[int, ...],
+        kind: int,
+        home: LoadBox | None = None,
+        arm: int = -1,
+    ) -> None:
+        self.called = called  # the boxes into which something was put in this generation
+        self.place, self.kind = place, kind  # the cell, and its material or type of boundary
+        self.home, self.arm = home, arm  # beside the body: the sender's box, and over which arm
+        self.agent: Any = None  # who lives in the cell, once awake
+        self.senders: list[tuple[Any, tuple[int, float, Sense]]] = []  # until then, with the loads
+
+    def __missing__(self, load: tuple[int, float, Sense]) -> float:
+        """Begin at no copies; the first load of a generation calls the engine."""
+        if not self:
+            self.called.append(self)
         return 0.0
 
 
@@ -82,8 +109,8 @@ class MaterialAgent(PlacedAgent):
         Loads handed over (N), by arm.
     dropped : float
         Emissions that end here, up to γ each (N).
-    inbox, pulls : dict
-        Pushes, and pulls, to take in the next step: (direction, magnitude) → copies.
+    inbox : dict
+        Loads to take in the next step: (direction, magnitude, sense) → copies.
     form : int
         Which of the lattice's forms the cell has; see `kaju.Lattice`.
 
@@ -111,7 +138,8 @@ class MaterialAgent(PlacedAgent):
         super().__init__(model, cell)
         self.material = material
         self.shares = shares
-        self.spawn_step = model.generation + 1
+        self.engine: Any = model.engine
+        self.spawn_step = self.engine.generation + 1
         self.woken_by: list[MaterialAgent] = []
         self.taken: dict[int, float] = Amounts()
         self.pulled: dict[int, float] = Amounts()
@@ -119,18 +147,12 @@ class MaterialAgent(PlacedAgent):
         self.squeezed: dict[int, float] = Amounts()
         self.passed: dict[int, float] = Amounts()
         self.dropped = 0.0
-        self.inbox: dict[tuple[int, float], float] = {}
-        self.pulls: dict[tuple[int, float], float] = {}
-        self.form: int = model.form(cell.coordinate)
-        self.post: Any = model.engine
-        # Neighbours by arm, once met, and what comes from them: the inboxes of the next step.
-        self.around: list[Any] = [None] * len(self.post.opposite)
-        self.kind = self.key = -1  # of the cell, as the scene and the lattice count
-        self.beyond: Any = None  # by arm: the place there, and its kind
-        self.coming: dict[tuple[int, float], float] = {}
-        self.coming_pulls: dict[tuple[int, float], float] = {}
-        self.fresh = True  # woken in this generation: whoever hands over now has woken it
-        self._sent_by: tuple[object, Any] = (False, None)
+        self.inbox: dict[tuple[int, float, Sense], float] = {}
+        # What the cell is, its number, and its form, as the scene and the lattice count.
+        self.kind, self.key, self.form = self.engine.seen[cell.coordinate]
+        # Over each arm the box there; the engine finds it when something is handed over.
+        self.around: list[LoadBox | None] = [None] * len(self.engine.opposite)
+        self._sent_by: tuple[object, Any] = self.engine.usual[self.kind][self.form]
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the neighbours: a copy meets its own, one would drag along all others."""
@@ -156,33 +178,33 @@ class MaterialAgent(PlacedAgent):
             "to it; to let it pass nothing on, return no emissions"
         )
 
+    # The life of a load: an agent takes it, keeps a share, and passes the others on.
+
     def step(self) -> None:
         """Take every load that has arrived, keep a share, and pass the others on."""
-        if not (self.inbox or self.pulls):
+        if not self.inbox:
             return
-        loads = self.waiting()
-        self.post.note(self)
-        self.inbox, self.pulls = {}, {}
-        axis_of, squeezed = self.post.axis_of, self.squeezed
+        engine, squeezed, loads = self.engine, self.squeezed, self.waiting()
+        engine.acts.append((engine.generation, self, self.inbox))
+        self.inbox = {}
         for load in loads:
             before = self.kept
             try:
                 self.take(load)
                 kept = self.kept - before
             except TypeError as error:
-                raise self.post.wrong(
-                    self, "take", f"of {load} failed ({error}); it has kept {self.kept!r:.60}"
-                ) from error
-            squeezed[axis_of[load[0]]] += kept if load[3] == "push" else -kept
+                what = f"of {load} failed ({error}); it has kept {self.kept!r:.60}"
+                raise engine.guard.wrong(self, "take", what) from error
+            squeezed[engine.axis_of[load[0]]] += kept if load[3] == "push" else -kept
             self.pass_on(load)
         if not -inf < self.kept < inf:
-            raise self.post.wrong(self, "take", f"has kept {self.kept} N")
+            raise engine.guard.wrong(self, "take", f"has kept {self.kept} N")
 
     def waiting(self) -> list[Load]:
-        """Return the loads to take in the next step."""
+        """Return the loads to take in the next step, pushes before pulls."""
         new = tuple.__new__  # takes a third of the time of Load(...), and there are thousands
-        loads = [new(Load, (*key, copies, "push")) for key, copies in self.inbox.items()]
-        return loads + [Load(*key, copies, "pull") for key, copies in self.pulls.items()]
+        loads = [new(Load, (d, size, copies, s)) for (d, size, s), copies in self.inbox.items()]
+        return sorted(loads, key=_is_pull) if self.engine.two_senses else loads
 
     def take(self, load: Load) -> None:
         """Keep the own share of a load."""
@@ -196,58 +218,28 @@ class MaterialAgent(PlacedAgent):
     def emissions(self, load: Load) -> tuple[Emission, ...]:
         """Return what leaves the agent for each newton of a load."""
         shares, sent = self._sent_by
-        if shares is not self.shares:
-            sent = self.post.emissions_of(self)
+        if shares is not self.shares:  # it has others than its material
+            sent = self.engine.emissions_of(self)
             self._sent_by = self.shares, sent
         emissions: tuple[Emission, ...] = sent[load[3]][load[0]]
         return emissions
 
     def pass_on(self, load: Load) -> None:
-        """Hand the other shares of a load to the neighbours."""
-        self.send(self.emissions(load), load)
-
-    def send(self, emissions: Iterable[Emission], load: Load) -> None:
-        """Put shares of a load into the boxes of the neighbours, unless they are too small."""
-        _, magnitude, copies, _ = load
-        post, around, passed = self.post, self.around, self.passed
+        """Put the other shares of a load into the neighbours' boxes, unless they are too small."""
+        emissions, (_, magnitude, copies, _) = self.emissions(load), load
         known = type(emissions) is Emissions and emissions.split.get(magnitude)
-        sent, ended = known or post.split(self, emissions, magnitude)
-        for arm, key, sense in sent:
-            passed[arm] += key[1] * copies
-            neighbour = around[arm]
-            if neighbour is None:
-                neighbour = post.look(self, arm)
-            neighbour.put(key, copies, sense, self)
+        sent, ended = known or self.engine.split(self, emissions, magnitude)
+        around, passed = self.around, self.passed
+        for arm, key, size, count in sent:
+            passed[arm] += size * copies
+            box = around[arm]
+            if box is None:  # nothing has gone over this arm yet
+                box = self.engine.box_over(self, arm)
+            box[key] += count * copies
+            if box.agent is None:
+                box.senders.append((self, key))
         for size in ended:
             self.dropped += size * copies
-
-    def put(
-        self, key: tuple[int, float], copies: float, sense: Sense, sender: MaterialAgent | None
-    ) -> None:
-        """Keep a load of a (direction, magnitude) for the next step; equal ones are counted."""
-        box = self.coming if sense == "push" else self.coming_pulls
-        if key in box:
-            box[key] += copies
-        else:
-            box[key] = copies
-            self.post.called[self] = None
-        if self.fresh and sender is not None and sender not in self.woken_by:
-            self.woken_by.append(sender)
-
-    def receive(self, load: Load, senders: Iterable[MaterialAgent] = ()) -> None:
-        """Put a load into the box of what is coming."""
-        for sender in senders or (None,):
-            self.put(load[:2], load.copies, load.sense, sender)
-
-    def open(self) -> float:
-        """Put what has come into the inbox; return its sum (N)."""
-        came = 0.0
-        for (_, magnitude), copies in chain(self.coming.items(), self.coming_pulls.items()):
-            came += magnitude * copies
-        self.inbox = _merged(self.inbox, self.coming)
-        self.pulls = _merged(self.pulls, self.coming_pulls)
-        self.coming, self.coming_pulls = {}, {}
-        return came
 
     def shortening(self, axis: int) -> float:
         """Return by which part of its length the cell is shortened along an axis (1)."""
@@ -255,12 +247,5 @@ class MaterialAgent(PlacedAgent):
         return self.squeezed.get(axis, 0.0) / (area * self.material.youngs_modulus)
 
 
-def _merged(
-    waiting: dict[tuple[int, float], float], coming: dict[tuple[int, float], float]
-) -> dict[tuple[int, float], float]:
-    """Return loads that came, together with those that an order of one's own has left waiting."""
-    if not waiting:
-        return coming
-    for key, copies in coming.items():
-        waiting[key] = waiting.get(key, 0.0) + copies
-    return waiting
+def _is_pull(load: Load) -> bool:
+    return load.sense == "pull"

@@ -58,8 +58,9 @@ class Emission(NamedTuple):
 class Split(NamedTuple):
     """What becomes of the emissions of a load."""
 
-    sent: list[tuple[int, tuple[int, float], Sense]]  # go on: arm, (direction, magnitude), sense
-    ended: list[float]  # end here (N)
+    # Those that go on: arm, (direction, magnitude, sense) as boxes have it, size (N), and copies.
+    sent: list[tuple[int, tuple[int, float, Sense], float, float]]
+    ended: list[float]  # those that end here (N)
 
 
 class Emissions(tuple[Emission, ...]):

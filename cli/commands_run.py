@@ -151,7 +151,7 @@ def demo(
         from kaju.view import animate
 
         console.say(animate(result, folder / "spawning.gif"))
-        low = LoadTransfer(scene.with_overrides(LOW)).run()
+        low = LoadTransfer(scene.with_overrides(LOW)).reset().run()
         console.say(animate(low, folder / "ground.gif"))
 
 
@@ -206,7 +206,7 @@ def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) ->
         from kaju.model.transfer.load_transfer import LoadTransfer
 
         console.say(THE_RULE)
-        result = LoadTransfer(scene, allow_unstable).run()
+        result = LoadTransfer(scene, allow_unstable).reset().run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
     return result
 

@@ -203,7 +203,8 @@ class ArrayEngine:
 
     most_at_one = 0  # magnitudes are products of few shares: rows of a table, not objects
 
-    def __init__(self, scene: Scene, transfer: Transfer) -> None:
+    def __init__(self, transfer: Transfer) -> None:
+        scene = transfer.scene
         self.scene, self.transfer, self.lattice = scene, transfer, transfer.lattice
         self.states, self.directions = transfer.states, transfer.lattice.directions
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold

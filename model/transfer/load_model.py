@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, replace
+from inspect import signature
+from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
@@ -10,18 +13,24 @@ import numpy as np
 from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
+from kaju.agents.materials import suggestion
+from kaju.agents.own_agents import own_classes
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
 from kaju.errors import ParameterError
-from kaju.mesa_model import SteppedModel
 from kaju.model.scene import Scene, scene_needed
-from kaju.stepping import Order, takes_objects
+from kaju.model.scene.description import TABLES
+from kaju.model.stepped_model import SteppedModel
+from kaju.progress import progress_line
+from kaju.stepping import Order, Until, step_to_end, takes_objects
 
 from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
-from .keywords import keywords_into, numbers_of, own_classes
 from .load_transfer import LoadTransfer
+from .stage import Totals
+from .transfer import Transfer
+from .transfer_result import TransferResult
 
 EngineName = Literal["auto", "agents", "arrays"]
 
@@ -29,7 +38,7 @@ MOST_CELLS_FOR_AGENTS = 10_000
 """Up to this many cells every agent is an object when the engine is chosen by itself."""
 
 
-class LoadModel(LoadTransfer, SteppedModel):
+class LoadModel(SteppedModel):
     """Load transfer, one generation a step.
 
     In each step every agent takes the loads that reached it in the step before and passes
@@ -149,32 +158,91 @@ class LoadModel(LoadTransfer, SteppedModel):
         own: dict[str, type] = dict(boundary_agents or {})
         if not usual:
             own["material"] = material_agent
-        names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
-        self._describe(scene, allow_unstable, max_generations, rule, names)
-        self.order = order
         own_or_usual: Any = next(iter(own.values()), order) or MaterialAgent
         small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
-        self.engine: AgentEngine | ArrayEngine
-        if takes_objects(engine, own_or_usual, MaterialAgent, small):
-            self.engine = AgentEngine(
-                self, scene, self.transfer, material_agent, boundary_agents or {}
-            )
-        else:
-            self.engine = ArrayEngine(scene, self.transfer)
+        objects = takes_objects(engine, own_or_usual, MaterialAgent, small)
+
+        def engine_of(transfer: Transfer) -> AgentEngine | ArrayEngine:
+            if not objects:
+                return ArrayEngine(transfer)
+            return AgentEngine(self, transfer, material_agent, boundary_agents or {})
+
+        names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
+        self.course = LoadTransfer(
+            scene, allow_unstable, max_generations, rule=rule, own=names, engine_of=engine_of
+        )
+        self.scene, self.lattice, self.order = scene, scene.lattice, order
+        self.allow_unstable, self.max_generations = allow_unstable, max_generations
+        self.course.parameters, self.certificate = self.parameters, self.course.certificate
+        self.engine: AgentEngine | ArrayEngine = self.course.engine
+        self.transfer = transfer = self.course.transfer
+        self.threshold, self.accumulate = transfer.rule.threshold, transfer.rule.accumulate
+        self.cross_section = transfer.cross_section  # A (m²), over which an own share is spread
         self.reset()
 
     def reset(self) -> None:
         """Go back to the first stage, before any load was taken, and to the first seed."""
         self._start_again()
-        self._begin()
+        self.course.reset()
+
+    def act_once(self, step: Callable[[], None]) -> None:
+        """Begin a generation, let agents act, and end it."""
+        began, course = perf_counter(), self.course
+        course.begin()
+        step()
+        course.end()
+        self.running = course.running
+        course.seconds += perf_counter() - began
 
     def step(self) -> None:
-        """Let all agents act for which loads wait, or those whom the order chooses.
+        """Let all agents act for whom loads wait, or those whom the order chooses.
 
         Each takes its loads, keeps a share and passes the others on. Boundaries give back, and
         loads arrive, when this has ended.
         """
         self.engine.act(self.order)
+
+    def run(self, until: Until | None = None, progress: bool | None = None) -> TransferResult:
+        """Step to the end, so many times, or until a question is answered yes; return the result.
+
+        `progress`: show a progress line; None: on a terminal, when the run takes over two seconds.
+        """
+        with progress_line(progress) as report:
+            return step_to_end(self, until, self.result, lambda: report(self.course.progress()))
+
+    def result(self) -> TransferResult:
+        """Return what has been computed so far."""
+        return self.course.result()
+
+    @property
+    def generation(self) -> int:
+        """Steps taken in the current stage."""
+        return self.engine.generation
+
+    @property
+    def stage(self) -> int:
+        """Current stage of loading, counted from 1."""
+        return self.course.stage
+
+    @property
+    def pending(self) -> float:
+        """Sum of the loads that wait to be taken (N)."""
+        return self.engine.pending
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no load waits to be taken in the current stage."""
+        return self.engine.pending == 0.0
+
+    @property
+    def outcome(self) -> str:
+        """How the current stage ended, in words; empty while loads travel."""
+        return self.course.outcome
+
+    @property
+    def totals(self) -> Totals:
+        """What each agent of the current stage has done by now, in the order of `Stage`."""
+        return self.engine.totals()
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of one's own."""
@@ -190,7 +258,7 @@ class LoadModel(LoadTransfer, SteppedModel):
         """Return what is noted after every step; loads (N) are those of the current stage."""
         engine = self.engine
         return {
-            "stage": self.stage,
+            "stage": self.course.stage,
             "generation": engine.generation,
             "material_agents": engine.awake,
             "load_taken": engine.taken,
@@ -237,21 +305,6 @@ class LoadModel(LoadTransfer, SteppedModel):
         """Return the material agent of a cell of the scene, None if it sleeps."""
         return self._objects().agents.get(tuple(index))
 
-    @property
-    def threshold(self) -> float:
-        """γ (N)."""
-        return self.transfer.rule.threshold
-
-    @property
-    def accumulate(self) -> bool:
-        """Whether loads that meet are added before they are judged."""
-        return self.transfer.rule.accumulate
-
-    @property
-    def cross_section(self) -> float:
-        """A (m²), over which an own share is spread."""
-        return self.transfer.cross_section
-
     def form(self, index: tuple[int, ...]) -> int:
         """Return the form of the cell with that index."""
         several = self.lattice.forms > 1
@@ -275,3 +328,55 @@ class LoadModel(LoadTransfer, SteppedModel):
             direction and sense.
         """
         self._objects().hand_over(sender, arm, load)
+
+
+OF_MESA = {"model", "rng", "seed", "scenario_id", "replication_id"}
+"""What a Scenario of Mesa's holds besides the numbers of a model."""
+
+
+def numbers_of(scenario: Any) -> dict[str, Any]:
+    """Return the numbers that a Scenario of Mesa's gives a model."""
+    if scenario is None:
+        return {}
+    held = scenario.to_dict() if hasattr(scenario, "to_dict") else vars(scenario)
+    return {n: value for n, value in held.items() if n not in OF_MESA and not n.startswith("_")}
+
+
+def keywords_into(
+    scene: Scene, classes: Iterable[type], given: Mapping[str, Any], model: type, own_rule: bool
+) -> tuple[Scene, dict[str, Any]]:
+    """Return the scene with numbers of its rule replaced, and the agents' parameters.
+
+    Parameters belong to own `classes` of agents, and none may be called as an argument of `model`
+    is; with `own_rule` another rule stands in for the scene's.
+    """
+    parameters = declared(classes, Parameter)
+    rule = {field.name for field in fields(scene.rule)}
+    own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
+    for name in parameters.keys() & (rule | own):
+        whose = "the rule" if name in rule else model.__name__
+        raise ParameterError(
+            f"{name}: {whose} has a number of this name already; call the parameter otherwise"
+        )
+    for name in given.keys() - parameters.keys() - rule:
+        known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
+        raise ParameterError(
+            f"{name}: {model.__name__} has no such argument{suggestion(name, known)}; there is "
+            f"{', '.join(known)}"
+        )
+    values = {
+        name: each.checked(given.get(name, each.default)) for name, each in parameters.items()
+    }
+    changed = {name: value for name, value in given.items() if name in rule}
+    if changed and own_rule:
+        raise ParameterError(
+            f"{next(iter(changed))}: is a number of the scene's rule, and rule= brings another; "
+            "give one of them"
+        )
+    if changed:
+        # Checked as the numbers of a scene's file are; materials have no place there.
+        numbers = {name: value for name, value in changed.items() if name != "materials"}
+        table = TABLES[scene.rule.kind](**numbers)
+        changed |= {name: getattr(table, name) for name in numbers}
+        scene = scene.replace(rule=replace(scene.rule, **changed))
+    return scene, values

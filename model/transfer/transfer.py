@@ -56,6 +56,7 @@ class Transfer:
                     f"sides.{side}: a {kind} side needs the elastic rule; the prescribed rule "
                     "knows free, rigid and roller"
                 )
+        self.scene = scene
         self.lattice: Lattice = scene.lattice
         self.rule: ShareRule = rule
         self.materials = scene.cell_materials

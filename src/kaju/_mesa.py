@@ -30,14 +30,12 @@ from mesa.discrete_space import (  # noqa: E402
 multiprocessing.set_start_method(_before, force=True)
 
 
-class _Numbers(WeakKeyDictionary[Model, "count[int]"]):
-    """The numbers that are left for each living model's agents."""
-
-    def __getitem__(self, model: Model) -> count[int]:
-        return self.setdefault(model, count(1))
+_numbers: WeakKeyDictionary[Model, count[int]] = WeakKeyDictionary()
 
 
-_numbers = _Numbers()
+def number_agents_of(model: Model, first: int = 1) -> None:
+    """Begin the numbers of a model's agents."""
+    _numbers[model] = count(first)
 
 
 class Agent(mesa.Agent):
@@ -55,5 +53,5 @@ class FixedAgent(mesa.discrete_space.FixedAgent):
 
 __all__ = [
     "Agent", "AgentSet", "Cell", "DataCollector", "DiscreteSpace", "FixedAgent", "HexGrid",
-    "Model", "Network", "OrthogonalVonNeumannGrid",
+    "Model", "Network", "OrthogonalVonNeumannGrid", "number_agents_of",
 ]  # fmt: skip

@@ -50,8 +50,8 @@ class Calm(MaterialAgent):
 
 
 class Curious(MaterialAgent):
-    def receive(self, load, senders=()):
-        super().receive(load, senders)
+    def take(self, load):
+        super().take(load)
 
 
 class Absorbing(FreeBoundaryAgent):

@@ -29,7 +29,7 @@ def agent_at(model, column, row=0):
 
 def test_a_row_step_by_step():
     model = row_of("##", {"left": "rigid"}, STRAIGHT)
-    assert agent_at(model, 1).inbox == {(LEFT, 2.0): 1.0}
+    assert agent_at(model, 1).inbox == {(LEFT, 2.0, "push"): 1.0}
     model.step()
     pressed = agent_at(model, 1)
     assert (pressed.taken, pressed.kept, pressed.passed) == ({LEFT: 2.0}, 1.0, {LEFT: 1.0})
@@ -41,7 +41,7 @@ def test_a_row_step_by_step():
     wall = agent_at(model, -1)
     assert isinstance(wall, RigidBoundaryAgent)
     assert wall.returned == 0.5
-    assert woken.inbox == {(RIGHT, 0.5): 1.0}, "the wall pushes back"
+    assert woken.inbox == {(RIGHT, 0.5, "push"): 1.0}, "the wall pushes back"
     model.step()
     assert woken.taken == {LEFT: 1.0, RIGHT: 0.5}
     assert woken.dropped == 0.25
@@ -60,7 +60,7 @@ def test_what_a_boundary_gives_back(side, kind, back):
     model = row_of("##", {"left": side}, STRAIGHT, cell=(0, 0))
     model.step()
     assert isinstance(agent_at(model, -1), kind)
-    assert agent_at(model, 0).inbox == {(back, 1.0): 1.0}
+    assert agent_at(model, 0).inbox == {(back, 1.0, "push"): 1.0}
 
 
 def test_a_roller_lets_slide_what_runs_along_it():
@@ -69,8 +69,8 @@ def test_a_roller_lets_slide_what_runs_along_it():
     rough = row_of("##", {"bottom": "rigid"}, rule, cell=(0, 0))
     for model in (smooth, rough):
         model.step()
-    assert agent_at(smooth, 0).inbox == {(LEFT, 0.6): 2.0}, "from above and from below"
-    assert agent_at(rough, 0).inbox == {(LEFT, 0.6): 1.0, (RIGHT, 0.6): 1.0}
+    assert agent_at(smooth, 0).inbox == {(LEFT, 0.6, "push"): 2.0}, "from above and from below"
+    assert agent_at(rough, 0).inbox == {(LEFT, 0.6, "push"): 1.0, (RIGHT, 0.6, "push"): 1.0}
 
 
 def test_air_and_ground_inside_the_array_are_boundaries_too():

@@ -127,7 +127,7 @@ def test_a_run_on_arrays_imports_no_mesa():
         "import sys; from kaju import Scene; from kaju.model.transfer.load_transfer import *;"
         "scene = Scene(body={'cell_size': 1e-2, 'cells': [5, 5], 'material': 'steel'},"
         " sides={'bottom': 'rigid'}, loads=[{'cell': [2, 4], 'force': [0, -2]}]);"
-        "LoadTransfer(scene).run().summary();"
+        "LoadTransfer(scene).reset().run().summary();"
         "late = {'mesa', 'pandas', 'scipy', 'networkx', 'numba'} & set(sys.modules);"
         "assert not late, late"
     )

@@ -165,12 +165,9 @@ def forgets(agent, load):
 
 
 def puts(agent, load):
-    near = [other for other in agent.around if isinstance(other, MaterialAgent)]
-    young = [other for other in near if other.spawn_step < 3]
-    for other in young:
-        other.put((2, 0.02), 1.0, "push", agent)
-    if not young:
-        MaterialAgent.pass_on(agent, load)
+    if agent.spawn_step > 1:
+        agent.engine.boxes[1, 2][2, 0.02, "push"] += 1.0
+    MaterialAgent.pass_on(agent, load)
 
 
 UNBALANCED = {

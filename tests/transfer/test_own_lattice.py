@@ -75,7 +75,7 @@ def test_what_is_blocked_pushes_three_quarters_out_of_each_slanted_face():
     }
     outwards = pytest.approx(0.1125)
     assert waiting.pop((1, 1)) == {}
-    assert {key: list(inbox) for key, inbox in waiting.items()} == {
+    assert {key: [load[:2] for load in inbox] for key, inbox in waiting.items()} == {
         (1, 0): [(DOWN, 0.5)],
         (0, 1): [(DOWN, 0.25), (2, outwards)],
         (2, 1): [(DOWN, 0.25), (0, outwards)],

@@ -144,12 +144,12 @@ def test_what_comes_back_from_an_end(engine, side, sense, direction):
 def test_an_agent_tells_pushes_from_pulls():
     model = LoadModel(column(1.0), engine="agents")
     first = model.agents[0]
-    assert (first.inbox, first.pulls) == ({}, {(UP, 1.0): 1.0})
+    assert first.inbox == {(UP, 1.0, "pull"): 1.0}
     model.step()
     assert (first.taken, first.pulled, first.squeezed) == ({UP: 1.0}, {UP: 1.0}, {1: -0.5})
     below = model.agents[1]
     assert below.index == (0, 2), "the pull went down, against its force"
-    assert below.pulls == {(UP, 0.8): 1.0}
+    assert below.inbox == {(UP, 0.8, "pull"): 1.0}
 
 
 @ENGINES

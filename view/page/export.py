@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError, check_type
 from kaju.files import atomic_file
-from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import from_file
 from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
+from kaju.model.stepped_model import SteppedModel
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import stability
 from kaju.model.transfer.stage import Stage

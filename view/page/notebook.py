@@ -13,8 +13,8 @@ from html import escape
 from typing import Any
 
 from kaju.errors import KajuError
-from kaju.mesa_model import SteppedModel
 from kaju.model.scene import Scene
+from kaju.model.stepped_model import SteppedModel
 
 from .export import packed_page, page_html
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
-from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import aim_of, asked
@@ -17,7 +16,8 @@ from kaju.model.elastic.refine.family import Family
 from kaju.model.elastic.refine.generations import Generation
 from kaju.model.elastic.refine.solve_spawning import answer_of, missed_note, spawner_of
 from kaju.model.scene import scene_needed
-from kaju.stepping import Until
+from kaju.model.stepped_model import SteppedModel
+from kaju.stepping import Until, step_to_end
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -223,7 +223,7 @@ class SpawningModel(SteppedModel):
 
     def run(self, until: Until | None = None) -> ElasticResult:
         """Step until the error is within the tolerance, or the run was stopped."""
-        return self._run(until, self.result)
+        return step_to_end(self, until, self.result)
 
     def result(self) -> ElasticResult:
         """Return the agents as they are.

@@ -8,7 +8,6 @@ from typing import Any, Literal
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
-from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.solver import Solution
@@ -28,7 +27,8 @@ from kaju.model.elastic.relaxation.records import (
     StepRecord,
 )
 from kaju.model.scene import Scene
-from kaju.stepping import Order, Until, takes_objects
+from kaju.model.stepped_model import SteppedModel
+from kaju.stepping import Order, Until, step_to_end, takes_objects
 
 EngineName = Literal["auto", "agents", "arrays"]
 
@@ -283,7 +283,7 @@ class ElasticModel(SteppedModel):
 
     def run(self, until: Until | None = None) -> ElasticRun:
         """Step until all agents rest, or `until` is true of the model; return what they did."""
-        return self._run(until, self.result)
+        return step_to_end(self, until, self.result)
 
     def result(self) -> ElasticRun:
         """Return what has been done so far."""

@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from functools import partial
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
-from kaju._mesa import DataCollector, Model
+from kaju._mesa import DataCollector, Model, number_agents_of
 from kaju.errors import ParameterError
 from kaju.result_kinds import NOTEBOOK, fetch
-from kaju.stepping import Until, step_to_end
-from kaju.stopping import Answer
+
+
+class Noted(NamedTuple):
+    """A model's figures after a step; a data collector takes it for the model."""
+
+    steps: int
+    time: float
+    figures: dict[str, float]
 
 
 class SteppedModel(Model):
@@ -40,24 +46,23 @@ class SteppedModel(Model):
     step: Callable[[], None]
     running: bool
     _collector: DataCollector | None
-    _noted: list[tuple[int, dict[str, float]]]
+    _noted: list[Noted]  # what the collector has not yet
     _own_collector: bool
 
     def __init__(self, rng: Any = None, seed: int | None = None, **of_mesa: Any) -> None:
         if rng is not None and seed is not None:
             raise ParameterError("seed: is another word for rng; give one of them")
-        # Mesa counts the steps of whatever `step` is now: the model's own, or a subclass's.
-        self._own_step = self.step
-        self.step = self._one_step
+        self._own_step = self.step  # of this class, or of a subclass
+        self.step = self._one_step  # Mesa wraps this one: it counts and tells the time
         self.steps_taken, self._stepping = 0, False
+        number_agents_of(self)
         super().__init__(rng=rng if seed is None else seed, **of_mesa)
         self.first_states = deepcopy(self.rng.bit_generator.state), self.random.getstate()
 
-    def begin_step(self) -> None:
-        """Do what has to be done before anybody acts, whatever `step` a subclass has."""
-
-    def end_step(self) -> None:
-        """Do what has to be done when everybody has acted."""
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Go on with the numbers of agents in a copy."""
+        self.__dict__.update(state)
+        number_agents_of(self, 1 + len(state.get("_agents", ())))
 
     def _one_step(self) -> None:
         """Take one step, unless the model is at its end: then there is nothing to count."""
@@ -71,13 +76,18 @@ class SteppedModel(Model):
             self.steps = self.steps_taken  # as Mesa 3 counts them, and Mesa 4 does not
             self._stepping = True
             try:
-                self.begin_step()
-                self._own_step()
-                self.end_step()
+                self.act_once(self._own_step)
             finally:
                 self._stepping = False
-            self._note()
+            if self._own_collector:
+                self.datacollector.collect(self)
+            else:  # Mesa copies every figure deeply, which would cost as much as a small step
+                self._noted.append(Noted(self.steps, float(self.steps), self.figures()))
         self.steps = self.steps_taken
+
+    def act_once(self, step: Callable[[], None]) -> None:
+        """Let `step`, this class's or a subclass's, be taken, and what belongs round it."""
+        step()
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""
@@ -87,26 +97,15 @@ class SteppedModel(Model):
     def datacollector(self) -> DataCollector:
         """The figures after every step, as Mesa keeps them."""
         if self._collector is None:
-            reporters = {name: partial(_figure, name) for name in self.figures()}
-            self._collector = DataCollector(reporters)
+            self._collector = DataCollector({n: partial(_figure, n) for n in self.figures()})
         noted, self._noted = self._noted, []
-        for step, figures in noted:
-            for name, value in figures.items():
-                self._collector.model_vars[name].append(value)
-            if hasattr(self._collector, "_collection_steps"):  # Mesa from 3.4 on
-                self._collector._collection_steps.append(step)
+        for each in noted:
+            self._collector.collect(each)
         return self._collector
 
     @datacollector.setter
     def datacollector(self, collector: DataCollector) -> None:
         self._collector, self._noted, self._own_collector = collector, [], True
-
-    def _note(self) -> None:
-        if self._own_collector:
-            self.datacollector.collect(self)
-        else:
-            # Mesa copies every figure deeply, which would cost as much as a small step.
-            self._noted.append((self.steps, self.figures()))
 
     def _start_again(self) -> None:
         """Go back to no steps, the first random numbers and no data."""
@@ -138,15 +137,7 @@ class SteppedModel(Model):
         """Return the model's plain arguments, and classes and functions of one's own."""
         raise NotImplementedError
 
-    def _run(
-        self,
-        until: Until | None,
-        result: Callable[[], Answer],
-        after: Callable[[], None] | None = None,
-    ) -> Answer:
-        return step_to_end(self, until, result, after)
 
-
-def _figure(name: str, model: SteppedModel) -> float:
+def _figure(name: str, noted: Noted) -> float:
     """Return one of a model's figures, as Mesa asks for it."""
-    return model.figures()[name]
+    return noted.figures[name]

@@ -1,0 +1,236 @@
+"""Guards of agents of one's own: classes before a run, and every answer of their hooks in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from inspect import Parameter as Argument
+from inspect import signature
+from itertools import islice
+from math import isfinite
+from numbers import Real
+from operator import index
+from sys import float_info
+from types import FunctionType
+from typing import Any
+
+from kaju.errors import AgentError, ParameterError
+
+from .boundary_agent import (
+    BoundaryAgent,
+    FreeBoundaryAgent,
+    RigidBoundaryAgent,
+    RollerBoundaryAgent,
+)
+from .material_agent import MaterialAgent, PlacedAgent
+from .materials import Material, suggestion
+from .shares import Load, Sense, Shares
+
+AGENTS_START, BOUNDARIES_START = ("model", "cell", "material", "shares"), ("model", "cell")
+"""What the constructors of agents are given."""
+BOUNDARIES: dict[str, type[BoundaryAgent]] = {
+    each.name: each for each in (FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent)
+}
+HOOKS = {
+    MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
+    BoundaryAgent: ("give_back", "turn"),
+}
+"""What a subclass may override, by its base."""
+MUST_STAY: dict[str, type] = {
+    "material": Material,
+    "shares": Shares,
+    **dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict),
+}
+"""Attributes of a material agent that results are made of."""
+MOST_EMISSIONS = 1_000
+"""An agent that sends out more for one load is taken to never end."""
+NO_EMISSION = ", which is no Emission: (arm, direction, share, sense)"
+
+
+# Classes, before a run.
+
+
+def own_classes(
+    material_agent: object, boundary_agents: Mapping[str, object] | None
+) -> tuple[type, ...]:
+    """Return the classes of agents that a model is given; refuse what it cannot use."""
+    _check_class("material_agent", material_agent, MaterialAgent, AGENTS_START)
+    if not isinstance(boundary_agents, Mapping | None):
+        raise ParameterError(
+            'boundary_agents: must be a mapping such as {"rigid": MyWall}, got '
+            f"{boundary_agents!r:.80}"
+        )
+    for name, agent in (boundary_agents or {}).items():
+        if name not in BOUNDARIES:
+            raise ParameterError(
+                f"boundary_agents: there is no boundary {name!r}"
+                f"{suggestion(str(name), BOUNDARIES)}; there is {', '.join(BOUNDARIES)}"
+            )
+        _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent, BOUNDARIES_START)
+    return tuple(dict.fromkeys([material_agent, *(boundary_agents or {}).values()]))  # type: ignore[list-item]
+
+
+def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
+    """Refuse what is no class of agents, or one whose constructor takes other arguments."""
+    if not (isinstance(agent, type) and issubclass(agent, base)):
+        raise ParameterError(
+            f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "
+            f"`class Mine({base.__name__})` and give the class itself"
+        )
+    _check_hooks(name, agent, base)
+    every = list(signature(agent).parameters.values())
+    rest = any(argument.kind is Argument.VAR_POSITIONAL for argument in every)
+    places = [a for a in every if a.kind in (a.POSITIONAL_ONLY, a.POSITIONAL_OR_KEYWORD)]
+    needed = sum(a.default is Argument.empty for a in places)
+    alone = [
+        a.name for a in every if a.kind is Argument.KEYWORD_ONLY and a.default is Argument.empty
+    ]
+    if alone or needed > len(start) or not (rest or len(places) >= len(start)):
+        raise ParameterError(
+            f"{name}: {agent.__name__}.__init__ takes ({', '.join(map(str, every))}), but a model "
+            f"makes its agents of ({', '.join(start)}); take *start and call "
+            "super().__init__(*start) first"
+        )
+
+
+def _check_hooks(name: str, agent: type, base: type) -> None:
+    """Refuse a method that is nearly called as a hook, and a `step` in which nothing is taken."""
+    own = {
+        key: value
+        for each in agent.__mro__[: agent.__mro__.index(base)]
+        for key, value in vars(each).items()
+        if not key.startswith("_") and isinstance(value, FunctionType)
+    }
+    for key in own.keys() - set(dir(base)):
+        near = get_close_matches(key, HOOKS[base], n=1, cutoff=0.8)
+        if near:
+            raise ParameterError(
+                f"{name}: {agent.__name__} has a method {key!r}, which nobody calls; did you mean "
+                f"{near[0]!r}? A method of your own that is meant begins with _"
+            )
+    step = own.get("step")
+    if step is not None and not {"step", "take", "pass_on"} & set(step.__code__.co_names):
+        raise ParameterError(
+            f"{name}: {agent.__name__}.step never calls super().step(), so its agents would take "
+            "no load; call it, or override take, emissions or pass_on instead"
+        )
+
+
+# Answers, in a run.
+
+
+class OwnAgents:
+    """Checks what agents of one's own answer, on a body with these arms and senses.
+
+    `arms` are those of each form of cell; a boundary may give back over any of `directions`.
+    """
+
+    def __init__(
+        self, model: Any, arms: Sequence[Sequence[int]], directions: int, senses: tuple[Sense, ...]
+    ) -> None:
+        self.model, self.arms = model, arms
+        self.directions, self.senses = directions, senses
+        every = range(directions)
+        arms_of: dict[int | None, Sequence[int]] = {None: every, **dict(enumerate(arms))}
+        self.possible = {
+            form: {(arm, d, sense) for arm in own for d in every for sense in senses}
+            for form, own in arms_of.items()
+        }
+
+    def wrong(self, agent: PlacedAgent, hook: str, what: str) -> AgentError:
+        """Return the error of a wrong answer."""
+        return AgentError(
+            f"{hook}: {type(agent).__name__} at cell {agent.index} in generation "
+            f"{self.model.generation} {what}"
+        )
+
+    def check_begun(self, agent: PlacedAgent, place: tuple[int, ...]) -> None:
+        """Refuse an agent whose `__init__` has not called that of its base."""
+        last = "around" if isinstance(agent, MaterialAgent) else "returned"
+        if not hasattr(agent, last):
+            raise AgentError(
+                f"__init__: {type(agent).__name__} at cell {place} in generation "
+                f"{self.model.generation} must call super().__init__ with all that it is given"
+            )
+
+    def check_books(self, agent: MaterialAgent) -> None:
+        """Refuse an agent whose books are not what results are made of."""
+        for name, kind in MUST_STAY.items():
+            if not isinstance(getattr(agent, name), kind):
+                raise self.wrong(agent, name, f"has become {getattr(agent, name)!r:.60}")
+
+    def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
+        """Return the emissions that an agent answers; refuse what is none."""
+        checked = []
+        try:
+            rows = iter(sent)
+        except TypeError:
+            raise self.wrong(agent, "emissions", f"returned {sent!r:.60}{NO_EMISSION}") from None
+        for row in islice(rows, MOST_EMISSIONS + 1):
+            try:
+                arm, direction, share, sense = row
+                fits = self._fits(agent, arm, direction, sense, share)
+            except (TypeError, ValueError):
+                raise self.wrong(agent, "emissions", f"returned {row!r:.60}{NO_EMISSION}") from None
+            if not fits:
+                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{self._limits(agent)}")
+            if type(arm) is not int or type(direction) is not int:  # True would mask an array
+                row = int(arm), int(direction), share, sense
+            checked.append(row)
+        if len(checked) > MOST_EMISSIONS:
+            raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
+        return checked
+
+    def load(self, agent: PlacedAgent, hook: str, load: Any, arm: int) -> Load:
+        """Return a load of an agent's own making; refuse what is none."""
+        try:
+            direction, magnitude, copies, sense = load
+            fits = self._fits(agent, arm, direction, sense, magnitude, copies)
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            over = f" over arm {arm!r}" if isinstance(agent, MaterialAgent) else ""
+            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{self._limits(agent)}")
+        return Load(int(direction), float(magnitude), float(copies), sense)
+
+    def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
+        """Return what a boundary gives back; refuse what is no load, or larger than the load."""
+        checked = self.load(boundary, "give_back", back, 0)
+        if checked.total > load.total * (1.0 + 1e-12):
+            raise self.wrong(
+                boundary,
+                "give_back",
+                f"gives back {checked.total:g} N of {load.total:g} N; what pushes on its own is a "
+                "load of the scene",
+            )
+        return checked
+
+    def shortening(self, agent: MaterialAgent, axis: int) -> float:
+        """Return how far an agent yields along an axis; refuse what is no number."""
+        short = agent.shortening(axis)
+        if not (isinstance(short, Real) and isfinite(short)):
+            raise self.wrong(agent, "shortening", f"must answer a finite number, got {short!r:.60}")
+        return float(short)
+
+    def _fits(
+        self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, *amounts: Any
+    ) -> bool:
+        """Tell whether this body has the arm, direction and sense, and amounts are amounts."""
+        possible = self.possible[getattr(agent, "form", None)]
+        return (index(arm), index(direction), sense) in possible and all(map(_is_amount, amounts))
+
+    def _limits(self, agent: PlacedAgent) -> str:
+        """Return what emissions and loads of this body can be."""
+        own = isinstance(agent, MaterialAgent)
+        arms = f"an arm of {self.arms[agent.form]}, " if own else ""
+        senses = " or ".join(map(repr, self.senses))
+        return (
+            f"; it has {arms}a direction from 0 to {self.directions - 1}, an amount that "
+            f"is finite and not negative, and the sense {senses}"
+        )
+
+
+def _is_amount(value: Any) -> bool:
+    """Tell whether a value is a number that is finite and not negative."""
+    real = type(value) is float or isinstance(value, Real)  # the latter takes ten times as long
+    return real and bool(0.0 <= value <= float_info.max)

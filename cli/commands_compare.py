@@ -46,10 +46,6 @@ def compare(
         int | None,
         typer.Option(min=1, metavar="N", help="Cells of the believed answer for one of a scene's."),
     ] = None,
-    depth: Annotated[
-        list[float] | None,
-        typer.Option(metavar="M", help="How far below a scene's load a row lies (m); repeatable."),
-    ] = None,
     fit: Annotated[
         int, typer.Option(metavar="RUNS", help="Runs for fitting a scene's rule; 0: no fit.")
     ] = 200,
@@ -66,7 +62,7 @@ def compare(
     """
     console = Console(as_json, quiet)
     if judged.suffix != ".toml":
-        for given, name in ((settings, "--set"), (resolution, "--resolution"), (depth, "--depth")):
+        for given, name in ((settings, "--set"), (resolution, "--resolution")):
             if given is not None:
                 raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
         if reference is None:
@@ -85,14 +81,14 @@ def compare(
     target = out or Path(f"{judged.stem}-compared")
     _check_free(target, force)
     try:
-        study = _study(scene_of(judged, settings), resolution, depth, fit, console)
+        study = _study(scene_of(judged, settings), resolution, fit, console)
     except KeyboardInterrupt:
         typer.echo("interrupted before there was anything to keep", err=True)
         raise typer.Exit(130) from None
     from kaju.view.comparison import pictures_beside
 
     ended_early = bool(study.notes)
-    drawn = pictures_beside(study, depth) if pictures and not ended_early else {}
+    drawn = pictures_beside(study) if pictures and not ended_early else {}
     _write(target, study.summary(), drawn, console)
     if ended_early:
         typer.echo(f"{NOTE}; it is in {target}", err=True)
@@ -102,7 +98,6 @@ def compare(
 def _study(
     scene: Scene,
     resolution: int | None,
-    depth: list[float] | None,
     fit: int,
     console: Console,
 ) -> RuleStudy:
@@ -116,7 +111,6 @@ def _study(
         if not isinstance(stop.best, RuleStudy):
             raise
         study = stop.best
-    study.rows(depth)  # refuses a depth outside of the body before anything is said
     for line in words_beside(study):
         console.say(line)
     if console.as_json:

@@ -390,8 +390,8 @@ def _place(ax: Axes, section: Section, title: str) -> None:
 BELIEVED = "elasticity"
 
 
-def pictures_beside(study: RuleStudy, depths: Sequence[float] | None = None) -> dict[str, Figure]:
-    """Return the figures, by what they show, with rows at `depths` below the load (m).
+def pictures_beside(study: RuleStudy) -> dict[str, Figure]:
+    """Return the figures, by what they show.
 
     "stress_ratio": stress down from the load as a share of the pressure, over that of elasticity,
     and stress across over stress along. "stress_rows": both normal stresses along rows. "deformed"
@@ -400,7 +400,7 @@ def pictures_beside(study: RuleStudy, depths: Sequence[float] | None = None) -> 
     """
     names = "xyz"[: study.scene.lattice.dimension]
     along, across = names[study.axis], names[0 if study.axis else 1]
-    down, rows = _line(study, study.down), [_line(study, way) for way in study.rows(depths)]
+    down, rows = _line(study, study.down), [_line(study, way) for way in study.rows()]
     found = study.comparisons
     stress = plot_stress_ratio(found, down, along + across, study.pressure, believed=BELIEVED)
     figures = {"stress_ratio": stress}

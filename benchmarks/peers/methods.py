@@ -107,7 +107,7 @@ def prescribed(problem: Problem, division: int) -> Callable[[], Answer]:
 def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let agents pass load on by coefficients fitted to the truth; the search is not timed."""
     scene, end = problem.scene(1, "prescribed"), FIT_EVALUATIONS
-    fit = kaju.fit_rule(scene, problem.truth(), points=problem.points, evaluations=end)
+    fit = kaju.fit_rule(scene, problem.truth(), evaluations=end)
     return lambda: _transferred(
         problem, problem.scene(division, "prescribed").replace(rule=fit.rule)
     )

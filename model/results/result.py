@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import is_there
 from kaju.model.scene import Scene, body_cells
@@ -232,6 +232,15 @@ class BodyResult(Result):
         """The cells that pictures are about; None for all of the body."""
         return None
 
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m), shape (n, dimension), lie in the body."""
+        return body_cells(self.grid, points)[1]
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return which of the scene's materials is at points (m), below 0 outside of the body."""
+        found: Ints = self.scene.kinds(self.scene.lattice.locate(points))
+        return found
+
     @abstractmethod
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
@@ -266,7 +275,7 @@ class BodyResult(Result):
 
         first, direction, length = line_of(start, end, self.scene.lattice.dimension, "profile")
         points = first + np.linspace(0.0, length, count)[:, None] * direction
-        points = points[body_cells(self.grid, points)[1]]
+        points = points[self.holds(points)]
         if not len(points):
             where = f"from {list(start)} to {list(end)}"
             raise ResultError(f"profile: no point {where} lies in the body")

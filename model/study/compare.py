@@ -9,41 +9,51 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.outline.outline_result import OutlineResult
 from kaju.model.results.archive import open_archive
-from kaju.model.results.result import BodyResult, line_of, load_result
-from kaju.model.scene import Body, Scene, body_cells
+from kaju.model.results.result import line_of, load_result
+from kaju.model.results.subjects import answer_of
+from kaju.model.scene import Body, Scene
 from kaju.model.study.reference import Reference
 
 MOST_POINTS = 2_000_000  # larger bodies are compared at points that the caller names
 FINE = 64  # cells along the longer side, at whose middles answers with true outlines are compared
 _SAME = 1e-9
 
-AnyAnswer = BodyResult | OutlineResult
 
+class Comparable(Protocol):
+    """What is asked of an answer to compare it: `BodyResult` and its like have all of it."""
 
-@runtime_checkable
-class Settling(Protocol):
-    """A run of agents with the answer that they have settled to."""
+    scene: Scene
 
     @property
-    def result(self) -> BodyResult:
-        """That answer."""
+    def name(self) -> str:
+        """What it is called beside another answer."""
 
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
 
-@runtime_checkable
-class Stressed(Protocol):
-    """An answer that knows stresses."""
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m) lie in the body."""
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return which of the scene's materials is at points (m) of the body."""
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+
+
+_ASKED = ("name", "holds", "material_at", "displacement_at", "stress_at")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +101,8 @@ class Pair:
         """Return one component, such as "y" of a displacement or "yy" of a stress."""
         order, axes = self.values.ndim - 1, "xyz"[: self.values.shape[-1]]
         if order == 0 or len(name) != order or not set(name) <= set(axes):
-            known = "none" if order == 0 else " and ".join(axes if order == 1 else (axes[0] * 2,))
-            raise ResultError(
-                f"component: {self.name} has no {name!r}; "
-                f"components are {known}{' and so on' if order == 2 else ''}"
-            )
+            known = ", ".join(axis * order for axis in axes) if order else "none"
+            raise ResultError(f"component: {self.name} has no {name!r}; components are {known}")
         place: Any = (slice(None), *map(axes.index, name))
         return Pair(f"{self.name} {name}", self.unit, self.values[place], self.reference[place])
 
@@ -128,8 +135,8 @@ class Profile:
 class Comparison:
     """How far one answer is from another."""
 
-    result: AnyAnswer  # the answer that is judged
-    reference: AnyAnswer | Reference  # the answer that is believed
+    result: Any  # the answer that is judged
+    reference: Any  # the answer that is believed
     points: Floats  # where they are compared (m), shape (n, dimension)
     displacement: Pair
     stress: Pair | None  # None if one of the answers knows no stress
@@ -140,15 +147,12 @@ class Comparison:
     @property
     def names(self) -> tuple[str, str]:
         """What the two answers are, in words."""
-        believed = self.reference
-        if isinstance(believed, Reference):
-            return self.result.name, believed.source.partition(":")[0] or "reference"
-        return self.result.name, believed.name
+        return self.result.name, self.reference.name
 
     @property
     def cells(self) -> Scene:
         """The larger cells of both answers, in whose middles they are compared by default."""
-        return _coarse_and_fine(self.result, self.reference)[0]
+        return _cells_of(self.result, self.reference)[0]
 
     def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
         """Return both answers along a line from `start` to `end` (m).
@@ -162,8 +166,8 @@ class Comparison:
             points = near_line(self.reference.points, first, direction, length)
         else:
             points = first + np.linspace(0.0, length, count)[:, None] * direction
-            points = points[_inside(self.reference, points)]
-        points = points[_inside(self.result, points)]
+        for answer in (self.reference, self.result):
+            points = points[answer.holds(points)]
         if not len(points):
             raise ResultError(
                 "along: no point of the line lies in both bodies, or is known to the reference"
@@ -184,19 +188,14 @@ class Comparison:
         }
 
 
-def compare(
-    result: AnyAnswer | Settling,
-    reference: AnyAnswer | Reference | Settling,
-    *,
-    points: ArrayLike | None = None,
-) -> Comparison:
+def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> Comparison:
     """Compare two answers for one body.
 
     Parameters
     ----------
-    result : BodyResult, OutlineResult or ElasticRun
-        The answer that is judged: of load transfer, or elastic.
-    reference : BodyResult, OutlineResult, ElasticRun or Reference
+    result : result of load transfer or of elasticity, or a run of agents
+        The answer that is judged.
+    reference : the same, or Reference
         The answer that is believed; on cells of any size, or within true outlines.
     points : array, shape (n, dimension), optional
         Where to compare (m). By default in the middles of the larger cells of the two scenes,
@@ -224,7 +223,7 @@ def compare(
     >>> print(f"{compare(rough, solve(scene)).displacement.misfit:.2f}")
     0.57
     """
-    judged, believed = _answer(result), _answer(reference)
+    judged, believed = _comparable(result), _comparable(reference)
     if isinstance(judged, Reference):
         raise ResultError(
             "compare: the first answer is judged by the second, so it cannot be a reference; "
@@ -244,53 +243,46 @@ def compare(
     return Comparison(judged, believed, where, displacement, stress, energy)
 
 
-def load_answer(path: str | Path) -> AnyAnswer | Reference:
+def load_answer(path: str | Path) -> Any:
     """Read a saved result or reference, whichever a file or a result's folder holds."""
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
     if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)
-    result = load_result(source)
-    _refuse_solid(result)
-    if not isinstance(result, AnyAnswer):
-        raise ResultFileError(
-            f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
-            "and references can be compared"
+    try:
+        return _comparable(load_result(source))
+    except ResultFileError:
+        raise
+    except ResultError as error:
+        raise ResultFileError(f"{source}: {error}") from error
+
+
+def _comparable(given: Any) -> Any:
+    """Return the answer that is compared: a model's or a run's own, as far as it has come."""
+    answer = answer_of(given)
+    if isinstance(answer, Reference):
+        return answer
+    answer = getattr(answer, "result", answer)  # of agents the answer that they settled to
+    if not all(hasattr(answer, name) for name in _ASKED):
+        raise ResultError(
+            "compare: results of load transfer, of elasticity and references can be compared, "
+            f"got {answer!r:.80}"
         )
-    return result
-
-
-def _answer(given: AnyAnswer | Reference | Settling) -> AnyAnswer | Reference:
-    _refuse_solid(given)
-    if isinstance(given, (BodyResult, OutlineResult, Reference)):
-        return given
-    if isinstance(given, Settling):
-        return given.result
-    raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
-
-
-def _refuse_solid(given: object) -> None:
-    """Refuse solids with true outlines: their cut cells know only means over all of each."""
-    scene = getattr(given, "scene", None)
-    if isinstance(scene, Scene) and scene.outlined and scene.lattice.dimension == 3:
+    if answer.scene.outlined and answer.scene.lattice.dimension == 3:
         raise ResultError(
             "compare: what cells that an outline cuts in space tell are means over all of each, "
-            "which no other answer knows; compare its energy_bounds, or ask both answers at "
-            "points that lie in whole cells (displacement_at, stress_at)"
+            "which no other answer knows; compare its energy, or ask both answers at points that "
+            "lie in whole cells (displacement_at, stress_at)"
         )
+    return answer
 
 
-def _pairs(
-    result: AnyAnswer, reference: AnyAnswer | Reference, points: Floats
-) -> tuple[Pair, Pair | None]:
+def _pairs(result: Comparable, reference: Any, points: Floats) -> tuple[Pair, Pair | None]:
     """Return displacements and, if both know them, stresses at points (m)."""
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
     if isinstance(reference, Reference) and reference.stress is None:
         return displacement, None
-    if not isinstance(result, Stressed) or not isinstance(reference, Stressed):
-        return displacement, None
-    stresses = result.stress_at(points), reference.stress_at(points)
-    return displacement, Pair("stress", "Pa", *stresses)
+    return displacement, Pair("stress", "Pa", *(answer.stress_at(points) for answer in both))
 
 
 def near_line(points: Floats, first: Floats, direction: Floats, length: float) -> Floats:
@@ -302,17 +294,13 @@ def near_line(points: Floats, first: Floats, direction: Floats, length: float) -
     return np.asarray(points[near][np.argsort(along[near], kind="stable")])
 
 
-def _energy_error(judged: AnyAnswer, points: Floats, stress: Pair) -> float:
+def _energy_error(judged: Comparable, points: Floats, stress: Pair) -> float:
     """Return the error in the energy norm, from σ:ε = (1+ν)/E (σ:σ - c (tr σ)²).
 
     c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
     """
     scene = judged.scene
-    if isinstance(judged, OutlineResult):
-        kinds = judged.material_at(points)
-    else:
-        kinds = np.maximum(scene.kinds(scene.lattice.locate(points)), 0)
-    modulus, ratio = _moduli(scene)[kinds].T
+    modulus, ratio = _moduli(scene)[np.maximum(judged.material_at(points), 0)].T
     share = ratio if scene.plane == "strain" else ratio / (1.0 + ratio)
 
     def energy(tensors: Floats) -> float:
@@ -331,39 +319,32 @@ def _moduli(scene: Scene) -> Floats:
 # Where answers are compared.
 
 
-def _common_points(result: AnyAnswer, other: AnyAnswer | Reference) -> Floats:
+def _common_points(result: Comparable, other: Any) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both reach."""
-    coarse, fine = _coarse_and_fine(result, other)
-    if not isinstance(other, Reference):
-        exact = isinstance(result, OutlineResult) and isinstance(other, OutlineResult)
-        _refuse_other_body(coarse, fine, exact)
-    cells = _cells_in(coarse)
-    points = coarse.lattice.centres(cells[coarse.kinds(cells) >= 0])
-    points = points[_inside(result, points)]
-    if isinstance(other, Reference):
-        return points if (other.rows(points) >= 0).all() else other.points
-    return points[_inside(other, points)]
+    coarse, fine = _cells_of(result, other)
+    lone = isinstance(other, Reference)
+    exact = not lone and result.scene.outlined and other.scene.outlined
+    _refuse_other_body(coarse, fine, exact)
+    points = _middles(coarse)
+    points = points[coarse.kinds(coarse.lattice.locate(points)) >= 0]
+    points = points[result.holds(points)]
+    known: Flags = other.holds(points)
+    if lone:
+        own: Floats = other.points
+        return points if known.all() else own
+    return points[known]
 
 
-def _inside(answer: AnyAnswer, points: Floats) -> Flags:
-    """Tell which points (m) lie in the body of an answer."""
-    if isinstance(answer, OutlineResult):
-        return answer.holds(points)
-    return body_cells(answer.grid, points)[1]
-
-
-def _coarse_and_fine(result: AnyAnswer, other: AnyAnswer | Reference) -> tuple[Scene, Scene]:
-    """Return the scenes of the larger and of the smaller cells of two answers."""
-    both = [result, *(() if isinstance(other, Reference) else (other,))]
-    outlined = any(isinstance(answer, OutlineResult) for answer in both)
+def _cells_of(*answers: Any) -> list[Scene]:
+    """Return the scenes of the cells of answers, those of the largest cells first."""
+    answers = tuple(answer for answer in answers if not isinstance(answer, Reference))
+    outlined = any(answer.scene.outlined for answer in answers)
     scenes = [
-        _rastered(one.scene)
-        if isinstance(one, OutlineResult)
-        else (one.grid if outlined else one.scene)
-        for one in both
+        _rastered(one.scene) if one.scene.outlined else one.grid if outlined else one.scene
+        for one in answers
     ]
     scenes.sort(key=lambda scene: -scene.lattice.cell_size)
-    return scenes[0], scenes[-1]
+    return [scenes[0], scenes[-1]]
 
 
 def _rastered(scene: Scene) -> Scene:
@@ -389,8 +370,8 @@ def _rastered(scene: Scene) -> Scene:
     return Scene(body=body, legend=names, materials=scene.materials)
 
 
-def _cells_in(scene: Scene) -> Ints:
-    """Return all cells of the box round a body, shape (n, dimension)."""
+def _middles(scene: Scene) -> Floats:
+    """Return the middles (m) of all cells of the box round a body, shape (n, dimension)."""
     lower, upper = scene.bounds()
     count = float(np.prod((upper - lower).astype(np.float64)))
     if count > MOST_POINTS:
@@ -398,47 +379,43 @@ def _cells_in(scene: Scene) -> Ints:
             f"points: the body has about {count:.2g} cells, more than {MOST_POINTS:.0e}; "
             "name the points to compare at with points=, such as the `middle` of spawned agents"
         )
-    return np.indices(tuple(upper - lower)).reshape(len(lower), -1).T + lower
+    cells = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T + lower
+    return scene.lattice.centres(cells)
 
 
 # What cannot be compared.
 
 
-def _refuse_different(result: AnyAnswer, other: AnyAnswer | Reference) -> None:
-    """Refuse what cannot be compared: other dimensions, materials, thickness or loads."""
+def _refuse_different(result: Any, other: Any) -> None:
+    """Refuse what cannot be compared: other dimensions, thickness or loads."""
     for answer in (result, other):
         if getattr(answer, "stiffness", None) is not None:
             raise ResultError(
                 "compare: an answer with a field of stiffness is of another body than its scene's; "
                 "compare its `energy` and `displacement` with those of another by yourself"
             )
-    ours = result.scene.lattice.dimension
-    theirs = other.dimension if isinstance(other, Reference) else other.scene.lattice.dimension
+    ours, lone = result.scene.lattice.dimension, isinstance(other, Reference)
+    theirs = other.dimension if lone else other.scene.lattice.dimension
     if ours != theirs:
         raise ResultError(f"compare: a body in {ours} dimensions and one in {theirs} differ")
-    if isinstance(other, Reference):
+    if lone:
         return
     first, second = result.scene, other.scene
-    if first.thickness != second.thickness:
-        raise ResultError(
-            f"compare: the bodies differ in thickness: {first.thickness:g} and "
-            f"{second.thickness:g} m"
-        )
-    if first.plane != second.plane:
-        raise ResultError(
-            f"compare: one body is in plane {first.plane}, the other in plane {second.plane}"
-        )
-    cells = [answer for answer in (result, other) if isinstance(answer, BodyResult)]
-    if len(cells) < 2:
-        whole = all(answer.stage in (None, answer.scene.stages) for answer in cells)
-        if not whole or len({repr(_described_loads(s, bool(cells))) for s in (first, second)}) > 1:
+    for what, unit in (("thickness", " m"), ("plane", "")):
+        one, two = getattr(first, what), getattr(second, what)
+        if one != two:
+            raise ResultError(f"compare: the bodies differ in {what}: {one} and {two}{unit}")
+    if first.outlined or second.outlined:
+        stages = [getattr(answer, "stage", None) or first.stages for answer in (result, other)]
+        whole = stages == [first.stages, second.stages]
+        if not whole or _described_loads(first) != _described_loads(second):
             raise ResultError(
                 "compare: beside true outlines both answers must be to the whole of the same "
                 "loads, described alike: the same sides, and in place of an outline a region "
                 "round it; or compare the answers' energies"
             )
         return
-    totals = [answer.scene.applied(answer.stage).force.sum(axis=0) for answer in cells]
+    totals = [answer.scene.applied(answer.stage).force.sum(axis=0) for answer in (result, other)]
     if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * np.abs(totals).max(initial=0.0):
         text = [", ".join(f"{value:g}" for value in total) for total in totals]
         raise ResultError(
@@ -447,19 +424,11 @@ def _refuse_different(result: AnyAnswer, other: AnyAnswer | Reference) -> None:
         )
 
 
-def _described_loads(scene: Scene, beside_cells: bool) -> list[str]:
-    """Return loads in words, in one order; outlines by their shape, or beside cells as a region.
-
-    A region by which cells along an outline are chosen is wider than the outline.
-    """
-    shapes = {region.name: repr(region) for region in scene.body.regions}
-    found = [f"gravity {scene.body.gravity if any(scene.body.gravity or ()) else None}"]
-    for load in scene.loads:
-        words = load.model_dump(exclude_none=True, exclude={"steps", "outline", "region"})
-        if load.outline is not None or load.region is not None:
-            words["region"] = beside_cells or shapes[load.outline]
-        found.append(repr(sorted(words.items())))
-    return sorted(found)
+def _described_loads(scene: Scene) -> list[str]:
+    """Return gravity and loads in words, in one order, but for the shapes that they act on."""
+    shapes = {"steps", "outline", "region"}
+    loads = [load.model_dump(exclude_none=True, exclude=shapes) for load in scene.loads]
+    return sorted(map(repr, [*loads, [*(scene.body.gravity or ())]]))
 
 
 def _refuse_other_body(coarse: Scene, fine: Scene, exact: bool) -> None:
@@ -470,14 +439,14 @@ def _refuse_other_body(coarse: Scene, fine: Scene, exact: bool) -> None:
     if coarse is fine:
         return
     cell = coarse.lattice.cell_size
-    for ours, theirs in zip(_corners(coarse), _corners(fine), strict=True):
-        if np.abs(ours - theirs).max() > (1.0 + _SAME) * cell:
-            text = [", ".join(f"{value:.4g}" for value in corner) for corner in (ours, theirs)]
-            raise ResultError(
-                f"compare: the bodies differ: one reaches to ({text[0]}) m, the other to "
-                f"({text[1]}) m"
-            )
-    points = coarse.lattice.centres(_cells_in(coarse))
+    reach = [np.array(scene.bounds()) * scene.lattice.cell_size for scene in (coarse, fine)]
+    if coarse.lattice.boxes and np.abs(reach[0] - reach[1]).max() > (1.0 + _SAME) * cell:
+        text = [", ".join(f"{value:.4g}" for value in ends.ravel()) for ends in reach]
+        raise ResultError(
+            f"compare: the bodies differ: one reaches from and to ({text[0]}) m, the other "
+            f"({text[1]}) m"
+        )
+    points = _middles(coarse)
     points = points[_differ(_moduli_at(coarse, points), _moduli_at(fine, points))]
     for scene in (coarse, fine):
         own, step = _moduli_at(scene, points), np.zeros(len(points), dtype=np.bool_)
@@ -486,14 +455,6 @@ def _refuse_other_body(coarse: Scene, fine: Scene, exact: bool) -> None:
         if not step.all():
             where = ", ".join(f"{value:.4g}" for value in points[np.argmin(step)])
             raise ResultError(f"compare: the bodies differ: by what is at ({where}) m")
-
-
-def _corners(scene: Scene) -> tuple[Floats, Floats]:
-    """Return the lowest and the highest corner (m) of a body."""
-    lower, upper = scene.bounds()
-    lowest, highest = scene.lattice.centres(np.stack([lower, upper - 1]))
-    half = 0.5 * scene.lattice.cell_size
-    return lowest - half, highest + half
 
 
 def _moduli_at(scene: Scene, points: Floats) -> Floats:

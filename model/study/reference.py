@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import open_archive, reading, write_archive
 from kaju.model.results.formats import REFERENCE
@@ -73,9 +73,7 @@ class Reference:
     def __post_init__(self) -> None:
         points = _numbers("points", self.points)
         if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
-            raise ParameterError(
-                f"points: an array of shape (n, 2) or (n, 3) is needed, got shape {points.shape}"
-            )
+            raise ParameterError(f"points: must have shape (n, 2) or (n, 3), got {points.shape}")
         object.__setattr__(self, "points", points)
         n, d = points.shape
         for name, shape in (("displacement", (n, d)), ("stress", (n, d, d))):
@@ -83,16 +81,22 @@ class Reference:
                 continue
             values = _numbers(name, getattr(self, name))
             if values.shape != shape:
-                raise ParameterError(
-                    f"{name}: {n} points in {d} dimensions need an array of shape {shape}, got "
-                    f"shape {values.shape}"
-                )
+                raise ParameterError(f"{name}: must have shape {shape}, got {values.shape}")
             object.__setattr__(self, name, values)
 
     @property
     def dimension(self) -> int:
         """2 or 3."""
         return int(self.points.shape[1])
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+        return self.source.partition(":")[0] or "reference"
+
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m) it knows."""
+        return self.rows(points) >= 0
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -131,10 +135,7 @@ class Reference:
     def _known(self, points: Floats) -> Ints:
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != self.dimension:
-            raise ResultError(
-                f"points: an array of shape (n, {self.dimension}) in metres is needed, "
-                f"got shape {points.shape}"
-            )
+            raise ResultError(f"points: must have shape (n, {self.dimension}), got {points.shape}")
         rows = self.rows(points)
         if (rows < 0).any():
             where = ", ".join(f"{value:g}" for value in points[np.argmax(rows < 0)])

@@ -1,13 +1,12 @@
 """A scene's rule beside elasticity: as it is, fitted, and derived, against one answer.
 
-The description of the prescribed rule compares it with finite elements along lines: in the column
-under the load, and along rows at some depths. Here the same is done for any scene; the answer that
-is believed is that of `kaju.solve` on smaller cells.
+They are compared along lines: in the column under the load, and along rows at some depths. The
+answer that is believed is that of `kaju.solve` on smaller cells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -18,7 +17,6 @@ import numpy as np
 from kaju import __version__
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.arrays import Floats, first_largest
-from kaju.errors import ParameterError
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.result import BodyResult
 from kaju.model.scene import Scene
@@ -66,27 +64,21 @@ class RuleStudy:
         surface, _, far = self._along_load
         return self._line({self.axis: (surface, far)}, None)
 
-    def rows(self, depths: Sequence[float] | None = None) -> list[StraightWay]:
-        """Return lines across the load at some depths (m) below it.
+    def rows(self) -> list[StraightWay]:
+        """Return lines across the load.
 
-        Unless given at the middle of the first row of cells, and those nearest to a quarter and to
-        half of the way down.
+        In the middle of the first row of cells, and of those nearest to a quarter and to half of
+        the way down.
         """
         surface, into, far = self._along_load
         length, edge = abs(far - surface), self.scene.lattice.cell_size
-        if depths is None:
-            layers = {int(share * length / edge + 1e-9) for share in (0.0, 0.25, 0.5)}
-            depths = [(layer + 0.5) * edge for layer in sorted(layers)]
+        layers = {int(share * length / edge + 1e-9) for share in (0.0, 0.25, 0.5)}
         across, lines = 0 if self.axis else 1, []
-        for depth in depths:
-            if not 0.0 < depth < length:
-                raise ParameterError(
-                    f"depth: must lie between 0 and {length:g} m, the way through the body; "
-                    f"got {depth}"
-                )
+        for layer in sorted(layers):
+            depth = (layer + 0.5) * edge
             height, extent = surface + into * depth, self.scene.lattice.extent[across]
             ends = {self.axis: (height, height), across: (0.0, extent)}
-            lines.append(self._line(ends, float(depth)))
+            lines.append(self._line(ends, depth))
         return lines
 
     def _line(self, ends: Mapping[int, tuple[float, float]], depth: float | None) -> StraightWay:
@@ -148,12 +140,7 @@ class RuleStudy:
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        fitted = None
-        if self.fit is not None:
-            names = ("alpha", "beta", "misfit_before", "misfit_after", "runs")
-            fitted = {name: self.fit.summary()[name] for name in names}
-        reference = self.believed.summary()
-        believed, judged = self.cuts()
+        reference, (believed, judged) = self.believed.summary(), self.cuts()
         return {
             "answers": {name: c.summary() for name, c in self.comparisons.items()},
             "carried_through_cuts": {
@@ -161,7 +148,7 @@ class RuleStudy:
                 **{name: cuts.carried.tolist() for name, cuts in judged.items()},
             },
             "squared_error_where_no_load_arrived": self.unreached(),
-            "fit": fitted,
+            "fit": self.fit and self.fit.summary(),
             "believed": {key: reference[key] for key in ("agents", "error_estimate")},
             "notes": list(self.notes),
             "seconds": self.seconds,

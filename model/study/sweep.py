@@ -6,12 +6,11 @@ process ends the sweep; with a folder, the rows that were finished are kept, and
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import sys
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -24,9 +23,10 @@ from kaju import __version__
 from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError, WorkerError
 from kaju.model.scene import Scene, load_scene
+from kaju.progress import progress_line
 
-from .sweep_job import Measure, Row, SweepJob, by_its_kind
 from .sweep_points import Method, SweepPoints, Vary, plain, points_of
+from .sweep_runs import Measure, Row, SweepRun, by_its_kind
 from .sweep_store import store_of, write_table
 
 if TYPE_CHECKING:
@@ -114,23 +114,24 @@ def sweep(
     if isinstance(subject, (str, Path)):
         subject = load_scene(subject)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
-    job = SweepJob(subject, run, _checked(measure), seed)
-    _try_scenes(job, points)
+    runs = SweepRun(subject, run, _checked(measure), seed)
+    _try_scenes(runs, points)
     workers = _whole("workers", workers or _processors(), 1)
-    with store_of(Path(out) if out is not None else None, _described(job, points, samples)) as rows:
+    folder = Path(out) if out is not None else None
+    with store_of(folder, _described(runs, points)) as rows, progress_line(progress) as report:
         missing = rows.missing(len(points))
-        came = _rows_of(job, points, missing, min(workers, len(missing)))
-        with closing(came), _bar(len(points), len(points) - len(missing), progress) as advance:
-            for row in came:
+        with closing(_rows_of(runs, points, missing, min(workers, len(missing)))) as came:
+            for done, row in enumerate(came, len(points) - len(missing) + 1):
                 rows.add(row)
-                advance()
+                report(f"{done:,} of {len(points):,} runs")
         table = rows.table()
-    if out is not None and len(missing):
-        write_table(table, Path(out))
+    if folder is not None and len(missing):
+        write_table(table, folder)
     return table
 
 
 def _checked(measure: Measure) -> Measure:
+    """Return a measure, or refuse what is none."""
     if measure is None or isinstance(measure, str) or callable(measure):
         return measure
     if isinstance(measure, Mapping) and all(map(callable, measure.values())):
@@ -154,44 +155,40 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def _try_scenes(job: SweepJob, points: SweepPoints) -> None:
+def _try_scenes(runs: SweepRun, points: SweepPoints) -> None:
     """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
-    if not isinstance(job.subject, Scene):
+    if not isinstance(runs.subject, Scene):
         return
-    errors = []
+    first = None
     for number in np.unique(np.linspace(0, len(points) - 1, _TRIED).astype(int)):
-        point = points[int(number)]
-        changes = {key: value for key, value in point.items() if not key.startswith("run.")}
         try:
-            job.varied(changes, 0)
-        except SceneError as error:
-            errors.append(error)
-        else:
+            runs.subject_at(points[int(number)], 0)
             return
-    first = errors[0]
+        except SceneError as error:
+            first = first or error
     raise SceneError(f"no point that was tried makes a scene; the first: {first}") from first
 
 
-def _described(job: SweepJob, points: SweepPoints, samples: int | None) -> dict[str, Any]:
+def _described(runs: SweepRun, points: SweepPoints) -> dict[str, Any]:
     """Return what is asked, and a digest by which the same sweep is recognised."""
     from joblib import hash as digest
 
-    measure: Any = job.measure
+    measure: Any = runs.measure
     if isinstance(measure, str) or callable(measure):
         measure = [_named(measure)]
+    scene = runs.subject if isinstance(runs.subject, Scene) else None
     about = {
-        "subject": str(job.subject) if isinstance(job.subject, Scene) else _named(job.subject),
-        "run": _named(job.run),
+        "subject": str(scene) if scene else _named(runs.subject),
+        "run": _named(runs.run),
         "measure": None if measure is None else list(measure),
         "varied": list(points.columns),
         "method": points.method,
-        "samples": samples,
         "points": len(points),
-        "seed": job.seed,
+        "seed": runs.seed,
     }
-    scene = job.subject.to_archive() if isinstance(job.subject, Scene) else None
     values = [json.dumps(points[number], default=str) for number in range(len(points))]
-    identity = digest((json.dumps(about, default=str), scene, values))
+    archive = scene.to_archive() if scene else None
+    identity = digest((json.dumps(about, default=str), archive, values))
     return about | {"kaju_version": __version__, "identity": identity}
 
 
@@ -207,23 +204,23 @@ def _named(what: Any) -> str:
 
 
 def _rows_of(
-    job: SweepJob, points: SweepPoints, runs: Ints, workers: int
+    runs: SweepRun, points: SweepPoints, numbers: Ints, workers: int
 ) -> Generator[Row, None, None]:
     """Yield the rows of runs as they are finished."""
     from joblib import Parallel, delayed
 
-    if not len(runs):
+    if not len(numbers):
         return
     parallel = Parallel(
         n_jobs=workers,
         return_as="generator_unordered",
         mmap_mode=None,
         # Not with a worker's first run: if this process is killed before it, the worker stays.
-        initializer=_settle_in,
+        initializer=_end_with,
         initargs=(os.getpid(),),
     )
     try:
-        yield from parallel(delayed(job.row)(int(run), points[int(run)]) for run in runs)
+        yield from parallel(delayed(runs.row)(int(run), points[int(run)]) for run in numbers)
     except Exception as error:  # not of a run: those are in their rows
         raise WorkerError(
             f"sweep: the workers failed with {type(error).__name__}: {error}; the rows that "
@@ -231,33 +228,12 @@ def _rows_of(
         ) from error
 
 
-def _settle_in(home: int) -> None:
-    """Let a worker end with the process that started it, and freeze what is loaded by now.
+def _end_with(home: int) -> None:
+    """Let a worker end with the process that started it."""
 
-    Short runs of many agents leave garbage, which Python looks for in all that a process has
-    loaded: a fifth of a run of 7 ms.
-    """
-
-    def end_with_home() -> None:
+    def watch() -> None:
         while os.getppid() == home:
             sleep(0.2)
         os._exit(1)
 
-    gc.freeze()
-    Thread(target=end_with_home, daemon=True).start()
-
-
-@contextmanager
-def _bar(total: int, done: int, shown: bool | None) -> Iterator[Callable[[], None]]:
-    """Show how many runs are finished, how many a second, and the time that is left."""
-    if not (sys.stderr.isatty() if shown is None else shown):
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as TimeLeft
-
-    columns = (TextColumn("sweep"), BarColumn(), MofNCompleteColumn(), TimeLeft())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task("sweep", total=total, completed=done)
-        yield lambda: progress.advance(task)
+    Thread(target=watch, daemon=True).start()

@@ -56,15 +56,14 @@ def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> Swe
         return _sampled(vary, method, samples, seed)
     if samples is not None:
         raise ParameterError(
-            f"samples: a {method} has as many points as its values make; "
-            f"leave samples away, or take one of {', '.join(SAMPLED)}"
+            f"samples: a {method} has as many points as its values make; leave samples away"
         )
     values = {key: _values(key, given) for key, given in vary.items()}
     if method == LISTED:
-        if len({len(column) for column in values.values()}) > 1:
-            lengths = ", ".join(f"{key}: {len(column)}" for key, column in values.items())
+        lengths = {key: len(column) for key, column in values.items()}
+        if len(set(lengths.values())) > 1:
             raise ParameterError(
-                f"vary: the values of a list go together one by one; got {lengths}"
+                f"vary: the values of a list go together one by one; got {lengths} of them"
             )
         return SweepPoints(values, LISTED)
     shape = tuple(map(len, values.values()))
@@ -89,10 +88,7 @@ def _given(vary: Vary, points: Sequence[Mapping[str, Any]]) -> SweepPoints:
     keys = list(points[0])
     for number, point in enumerate(points):
         if set(point) != set(keys):
-            raise ParameterError(
-                f"method: point {number} varies {sorted(point)}, point 0 varies {sorted(keys)}; "
-                "all must vary the same"
-            )
+            raise ParameterError(f"method: point {number} varies {sorted(point)}, not {keys}")
     return SweepPoints({key: [point[key] for point in points] for key in keys}, LISTED)
 
 

@@ -19,7 +19,7 @@ from kaju.arrays import Ints
 from kaju.errors import ResultFileError, needing
 from kaju.files import atomic_file, is_there
 
-from .sweep_job import ERROR, RUN, Row
+from .sweep_runs import ERROR, RUN, Row
 
 if TYPE_CHECKING:
     import pandas
@@ -32,6 +32,16 @@ class SweepStore:
 
     def __init__(self, database: sqlite3.Connection) -> None:
         self._database = database
+
+    def begin(self, about: dict[str, Any]) -> None:
+        """Make the tables of a new store; leave those that are there."""
+        with self._database:  # one transaction
+            self._database.execute("BEGIN IMMEDIATE")
+            if not self._database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+                self._database.execute("CREATE TABLE about (text)")
+                self._database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text)")
+                text = json.dumps(about, default=str)
+                self._database.execute("INSERT INTO about VALUES (?)", (text,))
 
     def missing(self, count: int) -> Ints:
         """Return the runs, of `count`, that have no row."""
@@ -47,20 +57,14 @@ class SweepStore:
         """Return what the sweep is."""
         ((text,),) = self._database.execute("SELECT * FROM about")
         about: dict[str, Any] = json.loads(text)
-        if "identity" not in about:
-            raise ValueError("it does not describe a sweep")
         return about
 
     def table(self) -> pandas.DataFrame:
         """Return all rows in the order of their runs, errors last, and what the sweep is."""
         import pandas
 
-        rows = []
-        for run, text in self._database.execute("SELECT * FROM rows ORDER BY run"):
-            row = json.loads(text)
-            if row[RUN] != run:
-                raise ValueError(f"the row of run {run} is damaged")
-            rows.append(row)
+        texts = self._database.execute("SELECT text FROM rows ORDER BY run")
+        rows = [json.loads(text) for (text,) in texts]
         table = pandas.DataFrame.from_records(rows, columns=None if rows else [RUN, ERROR])
         table = table[[*(name for name in table if name != ERROR), ERROR]]
         for name in table:
@@ -75,8 +79,9 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
     """Yield a store for a sweep alone: in memory, or in a folder that is new or its own."""
     if out is None:
         with closing(sqlite3.connect(":memory:", isolation_level=None)) as database:
-            _begin(database, about)
-            yield SweepStore(database)
+            store = SweepStore(database)
+            store.begin(about)
+            yield store
         return
     with needing(
         "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
@@ -90,16 +95,16 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
         raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
     if strangers and STORE not in strangers:
         raise ResultFileError(f"{out}: is not empty ({strangers[0]}); take another folder")
-    with _opened(out) as database:
+    with _opened(out) as store:
         with _reading(out):
-            _begin(database, about)
-            identity = SweepStore(database).about()["identity"]
+            store.begin(about)
+            identity = store.about()["identity"]
         if identity != about["identity"]:
             raise ResultFileError(
                 f"{out}: holds another sweep (other points, scene, seed or measures); "
                 "take another folder, or delete this one"
             )
-        yield SweepStore(database)
+        yield store
 
 
 def write_table(table: pandas.DataFrame, out: Path) -> None:
@@ -115,33 +120,23 @@ def load_sweep(folder: str | Path) -> pandas.DataFrame:
     place = Path(folder)
     if not is_there(place / STORE):
         raise ResultFileError(f"{place}: is no folder of a sweep: it has no {STORE}")
-    with _opened(place) as database, _reading(place):
-        return SweepStore(database).table()
-
-
-def _begin(database: sqlite3.Connection, about: dict[str, Any]) -> None:
-    """Make the tables of a new store; leave those that are there."""
-    with database:  # one transaction
-        database.execute("BEGIN IMMEDIATE")
-        if not database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-            database.execute("CREATE TABLE about (text)")
-            database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text)")
-            text = json.dumps(about, default=str)
-            database.execute("INSERT INTO about VALUES (?)", (text,))
+    with _opened(place) as store, _reading(place):
+        return store.table()
 
 
 @contextmanager
-def _opened(folder: Path) -> Iterator[sqlite3.Connection]:
+def _opened(folder: Path) -> Iterator[SweepStore]:
     with closing(sqlite3.connect(folder / STORE, isolation_level=None)) as database:
         with _reading(folder):
             # Appends to a journal: a row costs no wait for the disk, and readers block nothing.
             database.execute("PRAGMA journal_mode=WAL")
             database.execute("PRAGMA synchronous=NORMAL")
-        yield database
+        yield SweepStore(database)
 
 
 @contextmanager
 def _reading(folder: Path) -> Iterator[None]:
+    """Name the file where it cannot be read."""
     try:
         yield
     except (sqlite3.Error, ValueError, KeyError, TypeError) as error:

@@ -158,9 +158,9 @@ def test_a_line_beside_the_body_is_refused():
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (plate([8, 6], size=[0.08, 0.06]), "one reaches to"),
+        (plate([8, 6], size=[0.08, 0.06]), "one reaches from"),
         (plate(thickness=0.003), "in thickness: 0.002 and 0.003 m"),
-        (plate(plane="strain"), "plane stress, the other in plane strain"),
+        (plate(plane="strain"), "in plane: stress and strain"),
         (plate(material="aluminium"), "by what is at"),
         (plate(regions=[SMALL_HOLE]), "by what is at"),
         (plate(force=[0.0, -1.0]), "loads differ: .*-2.* and .*-1"),

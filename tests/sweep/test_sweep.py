@@ -191,7 +191,7 @@ UNEVEN = {"rule.beta": [1], "rule.threshold": [1, 2]}
         ((SCENE, {"rule.beta": [1]}), {"samples": 4}, ValueError, "as many points as its values"),
         ((SCENE, BETA), {"method": "lhs"}, ValueError, "needs the number of points"),
         ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
-        ((SCENE, UNEVEN), {"method": "list"}, ValueError, "rule.beta: 1, rule.threshold: 2"),
+        ((SCENE, UNEVEN), {"method": "list"}, ValueError, "'rule.beta': 1, 'rule.threshold': 2"),
         ((SCENE, {}), {"method": [{"a": 1}, {"b": 1}]}, ValueError, "point 1 varies"),
         ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: a name"),
         ((SCENE, {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),

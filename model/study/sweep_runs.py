@@ -12,9 +12,13 @@ from typing import Any
 import numpy as np
 
 from kaju.errors import ParameterError
+from kaju.model.network import SpringNetwork
+from kaju.model.network import solve as solve_network
 from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
 from kaju.progress import without_progress
 
+from .solving import solve
 from .sweep_points import key_path, plain
 
 Row = dict[str, Any]
@@ -27,7 +31,7 @@ _NOT_REPEATABLE = ("seconds", "kaju_version")
 
 
 @dataclass(frozen=True)
-class SweepJob:
+class SweepRun:
     """What is done at every point."""
 
     subject: Scene | Callable[..., Any]  # changed by the point's keys, or called with them by name
@@ -37,7 +41,7 @@ class SweepJob:
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
-        row = begun(number, point)
+        row = {RUN: number, **{key: _cell(value) for key, value in point.items()}}
         try:
             figures = self.figures(number, point)
             taken = figures.keys() & {ERROR, *row}
@@ -50,51 +54,33 @@ class SweepJob:
         return row | figures | {ERROR: ""}
 
     def figures(self, number: int, point: Mapping[str, Any]) -> Row:
-        """Return what is measured at one point."""
-        seed = seed_of(self.seed, number)
-        changes, options = dict(point), {}
-        for key in [key for key in changes if key.startswith(_OPTION)]:
-            options[key.removeprefix(_OPTION)] = changes.pop(key)
+        """Return what is measured at one point, with a seed independent of all others'."""
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(number,))
+        seed = int(sequence.generate_state(1)[0])
+        options = {k.removeprefix(_OPTION): v for k, v in point.items() if k.startswith(_OPTION)}
         with without_progress():
-            result = _called(self.run, (self.varied(changes, seed),), options, seed)
+            result = _called(self.run, (self.subject_at(point, seed),), options, seed)
             if hasattr(result, "step") and hasattr(result, "run"):
                 result = result.run()  # a model's class, or a part of its call, makes a model
         return _measured(result, self.measure)
 
-    def varied(self, changes: Mapping[str, Any], seed: int) -> Any:
+    def subject_at(self, point: Mapping[str, Any], seed: int) -> Any:
         """Return the subject at a point."""
-        if isinstance(self.subject, Scene):
-            if not changes:
-                return self.subject
-            return self.subject.with_overrides({key_path(k): v for k, v in changes.items()})
-        return _called(self.subject, (), changes, seed)
-
-
-def begun(number: int, point: Mapping[str, Any]) -> Row:
-    """Return what a row says before its run."""
-    return {RUN: number, **{key: _cell(value) for key, value in point.items()}}
-
-
-def seed_of(seed: int, number: int) -> int:
-    """Return the seed of a run, independent of all others' (NumPy's `SeedSequence`)."""
-    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0])
+        changes = {key: value for key, value in point.items() if not key.startswith(_OPTION)}
+        if not isinstance(self.subject, Scene):
+            return _called(self.subject, (), changes, seed)
+        return self.subject.with_overrides({key_path(k): v for k, v in changes.items()})
 
 
 def by_its_kind(subject: Any, rng: int | None = None) -> Any:
     """Run models and prescribed scenes, solve other scenes and networks; all else is an answer."""
-    if isinstance(subject, Scene) and subject.rule.kind == "prescribed":
-        from kaju.model.transfer.load_model import LoadModel
-
-        return LoadModel(subject, rng=rng).run()
-    if hasattr(subject, "step") and hasattr(subject, "run"):
-        return subject.run()  # a model
-    from kaju.model.network import SpringNetwork
-    from kaju.model.network import solve as solve_network
-    from kaju.model.study.solving import solve
-
+    if isinstance(subject, Scene):
+        if subject.rule.kind == "prescribed":
+            return LoadModel(subject, rng=rng).run()
+        return solve(subject)
     if isinstance(subject, SpringNetwork):
         return solve_network(subject)
-    return solve(subject) if isinstance(subject, Scene) else subject
+    return subject.run() if hasattr(subject, "step") and hasattr(subject, "run") else subject
 
 
 def _called(

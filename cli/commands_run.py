@@ -312,7 +312,6 @@ def creep(
     duration: Annotated[
         float | None, seconds("How long; as long as the history unless given.")
     ] = None,
-    step: Annotated[float | None, seconds("Longest time step; unless given it is chosen.")] = None,
 ) -> None:
     """Let a scene creep under its history: its materials give, flow, and recover.
 
@@ -342,7 +341,7 @@ def creep(
             body = scene.replace(rule=ElasticRule())
         else:
             body = scene
-        found = let_creep(body, history, duration, step=step)
+        found = let_creep(body, history, duration)
         task.console.say(f"the body of the {body.rule.kind} rule in time")
         if not any(material.rheology for material in scene.cell_materials):
             task.console.say("no material has a rheology: all of them are elastic, nothing creeps")

@@ -54,7 +54,7 @@ def bitten(damper: float, hold: float) -> Callable[[], NetworkCreepResult]:
     def run() -> NetworkCreepResult:
         history = History().ramp(1.0, duration=1.0).hold(hold).release(duration=1.0).hold(20.0)
         element = ThreeElement(K_f=1.0, D_f=1.0, D_d=damper)
-        return creep(triangular(5, force=0.05), history, rheology=element, step=0.25)
+        return creep(triangular(5, force=0.05), history, rheology=element)
 
     return run
 

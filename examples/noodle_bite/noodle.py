@@ -5,14 +5,14 @@ Run `run.py` for the pictures; MODEL.md tells what there is to see.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import History, SpringNetwork, ThreeElement, creep
 from kaju.model.network import triangular
+from kaju.model.rheology.creeping_network import NetworkCreepResult
 
 Floats = NDArray[np.float64]
 
@@ -22,9 +22,6 @@ al., Cereal Chemistry 60 (1983) 433."""
 LENGTH = 10e-3  # Length of the strip between the hands (m); chosen
 BREADTH = 5e-3  # Breadth of the strip along the teeth (m); chosen
 TOOTH = 1.6e-3  # Width of a tooth's edge along the strip (m); of the order of an incisor's
-STEP = 0.25
-"""Longest time step (s). The moments looked at are closer wherever things go fast; against a
-tolerance of 1e-4 forces differ by 0.1 %."""
 
 
 @dataclass(frozen=True)
@@ -58,42 +55,75 @@ SOFT = Noodle("soft (wheat and starch)", 3.9e4, 0.30, 12.0)
 
 @dataclass(frozen=True)
 class Meal:
-    """What the teeth do: one slow bite, and then chewing."""
+    """What the teeth do: one slow bite, and then chewing, always with the same force."""
 
-    closing: float = 0.25  # part of the height by which the teeth close
+    force: float = 0.05  # by which each tooth presses (N)
     press: float = 0.3  # how long the first bite takes (s)
     hold: float = 3.0  # how long it is held (s)
-    rest: float = 4.0  # how long the noodle is left alone after it (s)
+    rest: float = 4.0  # how long the noodle is left alone after it (s), and in the end
     chews: int = 3  # bites that follow
     period: float = 0.6  # how long each of them takes (s): half to close, half to open
+
+    @property
+    def chewing(self) -> float:
+        """When the first chew begins (s)."""
+        return self.press + self.hold + self.rest
+
+    def history(self) -> History:
+        """Return the whole meal: the force over time, as a share of the largest."""
+        meal = History().ramp(1.0, self.press).hold(self.hold).release().hold(self.rest)
+        if self.chews:
+            meal = meal.cycles(self.chews, self.period)
+        return meal.hold(self.rest)
+
+    def moments(self) -> Floats:
+        """Return when to look (s): closer where things go fast, and whenever a chew is deepest."""
+        later = np.linspace(0.1, 1.0, 24) ** 2
+        parts = [self.press * np.linspace(0.0, 1.0, 9), self.press + self.hold * later]
+        parts += [self.chewing - self.rest + self.rest * later]
+        parts += [
+            self.chewing + self.period * (chew + np.linspace(0.0, 1.0, 19)[1:])
+            for chew in range(self.chews)
+        ]
+        over = self.chewing + self.period * self.chews
+        return np.unique(np.concatenate([*parts, over + self.rest * later]).round(9))
 
 
 @dataclass(frozen=True, eq=False)
 class Bite:
     """What was seen at k moments while a noodle was eaten."""
 
-    network: SpringNetwork  # the strip at rest, of n nodes
-    times: Floats  # (s), shape (k,)
-    force: Floats  # between the teeth (N), positive when they press, shape (k,)
-    displacement: Floats  # of the nodes (m), shape (k, n, 2)
-    work: Floats  # of the teeth (J), shape (k,): stored + dissipated + numerical
-    stored: Floats  # what the springs can give back (J)
-    dissipated: Floats  # what became heat (J)
-    numerical: Floats  # what the time stepping itself made of it (J)
-    released: int  # the first moment at which the noodle is left alone after the first bite
-    rested: int  # the last such moment
+    meal: Meal
+    course: NetworkCreepResult  # the strip in time
+
+    @property
+    def force(self) -> Floats:
+        """By which each tooth presses (N), (k,)."""
+        return self.meal.force * self.course.factors
 
     @property
     def dent(self) -> Floats:
         """Loss of height between the teeth (m), (k,)."""
-        return dent_of(self.network, self.displacement)
+        top, bottom = bitten(self.course.network)
+        height = self.course.displacement[..., 1]
+        return np.asarray(height[:, bottom].mean(axis=1) - height[:, top].mean(axis=1))
 
     @property
-    def peaks(self) -> list[float]:
-        """Largest force of the first bite, and of every chew after it (N)."""
-        pressing = np.flatnonzero(self.force > 0.0)
-        bites = np.split(pressing, np.flatnonzero(np.diff(pressing) > 1) + 1)
-        return [float(self.force[bite].max()) for bite in bites if len(bite)]
+    def released(self) -> int:
+        """The last moment of the first bite."""
+        return self.course.record_at(self.meal.press + self.meal.hold)
+
+    @property
+    def rested(self) -> int:
+        """The last moment before the noodle is chewed."""
+        return self.course.record_at(self.meal.chewing)
+
+    @property
+    def deepest(self) -> list[float]:
+        """Dent at the end of the first bite, and in the middle of every chew after it (m)."""
+        middles = self.meal.chewing + self.meal.period * (0.5 + np.arange(self.meal.chews))
+        records = [self.released, *(self.course.record_at(time) for time in middles.tolist())]
+        return [float(self.dent[record]) for record in records]
 
 
 def strip(noodle: Noodle, rows: int, width: int | None = None) -> SpringNetwork:
@@ -123,21 +153,6 @@ def bitten(network: SpringNetwork) -> tuple[NDArray[np.int64], NDArray[np.int64]
     return top, bottom
 
 
-def dent_of(network: SpringNetwork, displacement: Floats) -> Floats:
-    """Return the loss of height between the teeth (m), of displacements (..., n, 2)."""
-    top, bottom = bitten(network)
-    return displacement[..., bottom, 1].mean(axis=-1) - displacement[..., top, 1].mean(axis=-1)
-
-
-def grip(network: SpringNetwork, closing: float) -> SpringNetwork:
-    """Let the teeth grip the strip, to move by half of `closing` (m) each."""
-    held, shift = network.held.copy(), np.zeros_like(network.positions)
-    for nodes, sense in zip(bitten(network), (-1.0, 1.0), strict=True):
-        held[nodes] = True
-        shift[nodes, 1] = sense * 0.5 * closing
-    return replace(network, held=held, displacements=shift[None])
-
-
 def eat(noodle: Noodle, rows: int = 9, meal: Meal | None = None, width: int | None = None) -> Bite:
     """Bite a noodle, hold it, let it go, and chew it.
 
@@ -152,47 +167,10 @@ def eat(noodle: Noodle, rows: int = 9, meal: Meal | None = None, width: int | No
     """
     meal = meal or Meal()
     network = strip(noodle, rows, width)
-    top, _ = bitten(network)
-    # Of every part of the meal: times, forces, displacements and energies, as `Bite` has them.
-    seen: list[tuple[Any, ...]] = []
-    state, clock = None, 0.0
-
-    def go(closing: float, history: History, times: Floats) -> None:
-        """Let a part of the meal happen, its time from 0; the teeth grip if they close (m)."""
-        nonlocal state, clock
-        result = creep(
-            grip(network, closing) if closing else network,
-            history,
-            times=np.unique(times),
-            rheology=noodle.spring(),
-            step=STEP,
-            resume=state and replace(state, time=0.0, next_step=0.0),
-        )
-        pressed = [
-            0.0 - result.outside_forces(record)[top, 1].sum() if closing else 0.0
-            for record in range(len(result.times))
-        ]
-        energies = result.work, result.stored, result.dissipated, result.numerical
-        seen.append((clock + result.times, pressed, result.displacement, *energies))
-        state, clock = result.state, clock + history.duration
-
-    def moments() -> int:
-        return sum(len(times) for times, *_ in seen)
-
-    gap, half, free = meal.closing * HEIGHT, 0.5 * meal.period, History().hold(meal.rest)
-    resting, chewing = meal.rest * np.linspace(0.1, 1.0, 24) ** 2, half * np.linspace(0.1, 1.0, 9)
-    pressing = meal.press * np.linspace(0.0, 1.0, 9)
-    holding = meal.press + meal.hold * np.linspace(0.1, 1.0, 24) ** 2
-    bite = History().ramp(1.0, meal.press).hold(meal.hold)
-    go(gap, bite, np.concatenate([pressing, holding]))
-    released = moments()
-    go(0.0, free, resting)
-    rested = moments() - 1
-    for _ in range(meal.chews):
-        # The tooth meets the dent later than it met the fresh strip, and closes as far.
-        further = gap - float(dent_of(network, seen[-1][2][-1]))
-        go(further, History().ramp(1.0, half), chewing)
-        go(0.0, History().hold(half), chewing)
-    go(0.0, free, resting)
-    fields = [np.concatenate(parts) for parts in zip(*seen, strict=True)]
-    return Bite(network, *fields, released, rested)
+    force = np.zeros_like(network.positions)
+    for nodes, sense in zip(bitten(network), (-1.0, 1.0), strict=True):
+        force[nodes, 1] = sense * meal.force / len(nodes)
+    pressed = network.with_loads(force)
+    return Bite(
+        meal, creep(pressed, meal.history(), times=meal.moments(), rheology=noodle.spring())
+    )

@@ -1,4 +1,4 @@
-"""Bite a firm and a soft noodle: force over time, the shape that stays, and an animation.
+"""Bite a firm and a soft noodle: dent over time, the shape that stays, and an animation.
 
 python examples/noodle_bite/run.py --out noodle_bite --rows 9
 """
@@ -29,15 +29,15 @@ STRAIN_SHOWN = 0.25
 
 
 def force_over_time(bites: dict[str, Bite], path: Path) -> None:
-    """Draw the force between the teeth, and the dent, over time."""
+    """Draw the force of the teeth, and the dent, over time."""
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.0, 5.0), sharex=True)
     for name, bite in bites.items():
-        upper.plot(bite.times, bite.force, color=COLOURS[name], label=name)
-        lower.plot(bite.times, 1e3 * bite.dent, color=COLOURS[name])
-    upper.set(ylabel="force between the teeth (N)")
+        upper.plot(bite.course.times, bite.force, color="0.4")
+        lower.plot(bite.course.times, 1e3 * bite.dent, color=COLOURS[name], label=name)
+    upper.set(ylabel="force of the teeth (N)")
     lower.set(ylabel="loss of height (mm)", xlabel="time (s)")
-    upper.set_ylim(top=1.35 * upper.get_ylim()[1])  # room for the legend over the curves
-    upper.legend(frameon=False, loc="upper right", ncols=2)
+    lower.set_ylim(top=1.35 * lower.get_ylim()[1])  # room for the legend over the curves
+    lower.legend(frameon=False, loc="upper right", ncols=2)
     _save(figure, path)
 
 
@@ -46,14 +46,16 @@ def shapes(bites: dict[str, Bite], path: Path) -> None:
     figure, axes = plt.subplots(4, len(bites), figsize=(9.0, 7.0), sharex=True, sharey=True)
     for column, (name, bite) in enumerate(bites.items()):
         moments = {
-            "bitten": bite.released - 1,
-            "let go": bite.released,
+            "bitten": bite.released,
+            "let go": bite.released + 1,
             "rested": bite.rested,
-            "chewed": len(bite.times) - 1,
+            "chewed": len(bite.course.times) - 1,
         }
         for row, (word, record) in enumerate(moments.items()):
             _lattice(axes[row, column], bite, record)
-            axes[row, column].set_title(f"{name}, {word}: {bite.times[record]:.1f} s", fontsize=9)
+            axes[row, column].set_title(
+                f"{name}, {word}: {bite.course.times[record]:.1f} s", fontsize=9
+            )
     _save(figure, path)
 
 
@@ -63,11 +65,14 @@ def nodes_and_material(by_rows: dict[int, dict[str, Bite]], path: Path) -> None:
     rows = list(by_rows)
     for name, colour in COLOURS.items():
         bites = [by_rows[count][name] for count in rows]
-        left.plot(rows, [bite.peaks[0] for bite in bites], "o-", color=colour, label=name)
+        deepest = [100.0 * bite.deepest[0] / HEIGHT for bite in bites]
+        left.plot(rows, deepest, "o-", color=colour, label=name)
         stays = [100.0 * bite.dent[-1] / HEIGHT for bite in bites]
         right.plot(rows, stays, "o-", color=colour)
-    for axes, label in ((left, "peak force (N)"), (right, "dent that stays (% of height)")):
-        axes.set(xlabel="rows of nodes", ylabel=label, ylim=(0.0, None), xticks=rows)
+    for axes, label in ((left, "dent of the first bite"), (right, "dent that stays")):
+        axes.set(
+            xlabel="rows of nodes", ylabel=f"{label} (% of height)", ylim=(0.0, None), xticks=rows
+        )
     left.legend(frameon=False, fontsize=8)
     _save(figure, path)
 
@@ -75,15 +80,16 @@ def nodes_and_material(by_rows: dict[int, dict[str, Bite]], path: Path) -> None:
 def animation(bites: dict[str, Bite], path: Path, frames: int = 60) -> None:
     """Write an animation of both noodles, in even steps of time."""
     figure, axes = plt.subplots(len(bites), 1, figsize=(8.0, 2.7 * len(bites)), squeeze=False)
-    end = min(bite.times[-1] for bite in bites.values())
+    end = min(bite.course.times[-1] for bite in bites.values())
 
     def draw(frame: int) -> list[Any]:
         now = end * frame / (frames - 1)
         for axis, (name, bite) in zip(axes[:, 0], bites.items(), strict=True):
             axis.clear()
-            record = min(int(np.searchsorted(bite.times, now)), len(bite.times) - 1)
+            times = bite.course.times
+            record = min(int(np.searchsorted(times, now)), len(times) - 1)
             _lattice(axis, bite, record)
-            axis.set_title(f"{name}: {now:4.1f} s, {abs(bite.force[record]):.2f} N", fontsize=9)
+            axis.set_title(f"{name}: {now:4.1f} s, {bite.force[record]:.2f} N", fontsize=9)
         return []
 
     FuncAnimation(figure, draw, frames=frames).save(path, writer=PillowWriter(fps=8), dpi=100)
@@ -92,7 +98,7 @@ def animation(bites: dict[str, Bite], path: Path, frames: int = 60) -> None:
 
 def _lattice(axes: Any, bite: Bite, record: int) -> None:
     """Draw springs, blue where pressed and red where pulled, and the teeth while they bite."""
-    network, moved = bite.network, bite.displacement[record]
+    network, moved = bite.course.network, bite.course.displacement[record]
     at = 1e3 * (network.positions + moved)
     strain = spring_geometry(network, moved).elongation / network.initial_length
     look = {"cmap": "coolwarm", "clim": (-STRAIN_SHOWN, STRAIN_SHOWN), "linewidths": 1.2}
@@ -117,17 +123,17 @@ def _save(figure: Any, path: Path) -> None:
 
 def figures_of(bite: Bite) -> dict[str, Any]:
     """Return the key figures of a bite."""
+    course = bite.course
     return {
-        "nodes": len(bite.network.positions),
-        "springs": len(bite.network.springs),
-        "peak_forces": bite.peaks,
-        "force_at_the_end_of_the_hold": float(bite.force[bite.released - 1]),
-        "dent_just_released": float(bite.dent[bite.released]),
+        "nodes": len(course.network.positions),
+        "springs": len(course.network.springs),
+        "deepest": bite.deepest,
+        "dent_just_released": float(bite.dent[bite.released + 1]),
         "dent_at_the_end": float(bite.dent[-1]),
-        "work": float(bite.work[-1]),
-        "stored": float(bite.stored[-1]),
-        "turned_to_heat": float(bite.dissipated[-1]),
-        "made_by_the_time_stepping": float(bite.numerical[-1]),
+        "work": float(course.work[-1]),
+        "stored": float(course.stored[-1]),
+        "turned_to_heat": float(course.dissipated[-1]),
+        "made_by_the_time_stepping": float(course.numerical[-1]),
     }
 
 

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultError
 from kaju.model.network import NetworkResult, SpringNetwork
 from kaju.model.network.assembler import along_springs
 from kaju.model.network.springs import spring_lengths_and_directions
-from kaju.model.results.archive import Archive
-from kaju.model.results.formats import BREAKS
 from kaju.model.results.result import Check, Result
-from kaju.model.results.subjects import subject_archive, subject_from
+from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 from .weakening import Measure, WeakeningBody
@@ -62,30 +59,37 @@ class FractureResult(Result):
     kind: ClassVar[str] = "fracture"
     subject: SpringNetwork | Scene
     """What was loaded."""
-    strengths: Floats
+    strengths: Annotated[Floats, Column("parts", 0.0)]
     """Of the springs, or of the cells of material row by row, in the unit of the measure. Shape
     (m,)."""
     measure: Measure
     """What is exceeded where one breaks: N, Pa, a share, or J."""
-    broken: Ints
+    broken: Annotated[Ints, Column("breaks", 0, "parts")]
     """Numbers of the springs or cells that broke, in their order. Shape (b,), as all below."""
-    load_factor: Floats
+    load_factor: Annotated[Floats, Column("breaks", 0.0)]
     """Share of the load at which each broke."""
-    displacement: Floats
+    displacement: Annotated[Floats, Column("breaks")]
     """How far the load had moved along itself then (m): Σ F·u / Σ |F| of forces; of given
     displacements the largest."""
-    force: Floats
+    force: Annotated[Floats, Column("breaks")]
     """The load then (N): Σ |F|; of given displacements the force that moves them so."""
-    stored: Floats
+    stored: Annotated[Floats, Column("breaks", 0.0)]
     """Energy in the body right after each break (J)."""
-    released: Floats
+    released: Annotated[Floats, Column("breaks", 0.0)]
     """Energy released by all breaks until then (J). A body that parts releases what it held."""
-    work: Floats
+    work: Annotated[Floats, Column("breaks")]
     """Work of the load until then (J)."""
     outcome: str
     """Why nothing more broke; "" if nobody asked."""
     seconds: float
     """Time that the computation took (s)."""
+
+    def __post_init__(self) -> None:
+        if len(self.strengths) != parts_of(self.subject):
+            raise ResultError(
+                f"'strengths' must hold one for each of {parts_of(self.subject)} {self.parts}s, "
+                f"and holds {len(self.strengths)}"
+            )
 
     @property
     def network(self) -> SpringNetwork:
@@ -304,23 +308,6 @@ class FractureResult(Result):
             return {"cells": parts_of(self.subject), "dimension": self.subject.lattice.dimension}
         nodes, dimension = self.subject.positions.shape
         return {"nodes": nodes, "springs": parts_of(self.subject), "dimension": dimension}
-
-    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = subject_archive(self.subject)
-        arrays |= {name: getattr(self, name) for name in BREAKS}
-        about |= {name: getattr(self, name) for name in ("measure", "outcome", "seconds")}
-        return arrays, about
-
-    @classmethod
-    def _restored(cls, archive: Archive) -> Self:
-        subject = subject_from(archive)
-        return cls(
-            subject=subject,
-            **archive.columns(BREAKS, {"parts": parts_of(subject)}),
-            measure=archive.value("measure", Measure),
-            outcome=archive.value("outcome", str),
-            seconds=archive.value("seconds", float),
-        )
 
 
 def body_of(subject: SpringNetwork | Scene, strengths: Floats, measure: str) -> WeakeningBody:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, ResultFileError
-from kaju.model.results.archive import Archive
+from kaju.errors import ParameterError, ResultError
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.formats import GROWTH
-from kaju.model.results.result import BOOKS, BodyResult, Check
+from kaju.model.results.result import BOOKS, BodyResult, Check, Result
+from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -24,16 +23,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
 
 COLUMNS = ("compliance", "volume", "change", "iterations")
-_PLAIN: dict[str, Any] = {
-    "stage": int | None,
-    "rule": str,
-    "volume": float,
-    "holds_volume": bool,
-    "filter_radius": float,
-    "outcome": str,
-    "seconds": float,
-}
-"""What files keep besides arrays."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,20 +52,20 @@ class GrowthResult(BodyResult):
     """Stage of loading; None is the last."""
     rule: str
     """Name of the rule; "own" of one of your own."""
-    cells: Floats
+    cells: Annotated[Floats, Column("agents", 0.0, 1.0)]
     """Density from 0 to 1 of each cell of material, row by row. Shape (n,)."""
-    stiffness_of_cells: Floats
+    stiffness_of_cells: Annotated[Floats, Column("agents", 0.0, 1.0)]
     """Stiffness of each as a share of its material's. Shape (n,)."""
-    designs: NDArray[np.float32]
+    designs: Annotated[NDArray[np.float32], Column("kept agents", 0.0, 1.0)]
     """Densities at first and after every step, in single precision; none if they were not kept.
     Shape (steps + 1, n)."""
-    compliances: Floats
+    compliances: Annotated[Floats, Column("steps", 0.0)]
     """Work of the forces F·u (J). Shape (steps + 1,)."""
-    volumes: Floats
+    volumes: Annotated[Floats, Column("steps", 0.0, 1.0)]
     """Mean density. Shape (steps + 1,)."""
-    changes: Floats
+    changes: Annotated[Floats, Column("steps", 0.0, 1.0)]
     """Largest change of a density. Shape (steps + 1,)."""
-    iterations: Ints
+    iterations: Annotated[Ints, Column("steps", 0)]
     """That the equations took. Shape (steps + 1,)."""
     volume: float
     """Share of the body's volume that was asked for."""
@@ -88,6 +77,14 @@ class GrowthResult(BodyResult):
     """Why growth ended; "" if nobody asked."""
     seconds: float
     """Time that the computation took (s)."""
+
+    def __post_init__(self) -> None:
+        self.scene.applied(self.stage)  # refuses a stage that there is not
+        if np.count_nonzero(self.body) != len(self.cells):
+            raise ResultError("'cells' must hold one density for each cell of material")
+        steps = len(self.compliances)
+        if not steps or len(self.designs) not in (0, steps):
+            raise ResultError("'designs' must be of no step or of all, and there must be one")
 
     @property
     def name(self) -> str:
@@ -203,19 +200,5 @@ class GrowthResult(BodyResult):
         off = float(np.abs(self.volumes[1:] / self.volume - 1.0).max(initial=0.0))
         return [Check("the volume is held", off, BOOKS)]
 
-    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        about = {name: getattr(self, name) for name in _PLAIN if name != "seconds"}
-        return {name: getattr(self, name) for name in GROWTH}, about
-
-    @classmethod
-    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        agents = int(np.count_nonzero(scene.rasterise() >= 0))
-        columns: dict[str, Any] = archive.columns(GROWTH, {"agents": agents})
-        plain = {name: archive.value(name, kind) for name, kind in _PLAIN.items()}
-        scene.applied(plain["stage"])  # refuses a stage that there is not
-        steps = len(columns["compliances"])
-        if not steps or len(columns["designs"]) not in (0, steps):
-            raise ResultFileError(
-                f"{archive.path}: 'designs' must be of no step or of all, and there must be one"
-            )
-        return cls(scene=scene, **columns, **plain)
+    # `BodyResult` stores answers that are not described by their fields yet.
+    _stored, _restored = Result._stored, Result.__dict__["_restored"]

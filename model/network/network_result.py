@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ResultError
-from kaju.model.results.archive import Archive
-from kaju.model.results.formats import NETWORK, RECORDS
 from kaju.model.results.result import BALANCE, Check, Result
+from kaju.model.results.stored import Column
 
 from .assembler import Geometry, spring_forces, spring_geometry
 from .springs import SpringNetwork, Springs
@@ -85,15 +83,15 @@ class NetworkResult(Result):
     kind: ClassVar[str] = "spring network"
     network: SpringNetwork
     """What was loaded."""
-    stage: Floats
+    stage: Annotated[Floats, Column("records", 0.0, "stages", order="rising")]
     """Point of the load path of every record: 1 is the end of the first stage. Shape (r,)."""
-    displacement: Floats
+    displacement: Annotated[Floats, Column("records nodes dimension")]
     """Displacement of the nodes (m). Shape (r, n, dimension)."""
-    tension: Floats
+    tension: Annotated[Floats, Column("records springs")]
     """Force in the springs (N), positive when they pull. Shape (r, m)."""
-    residual: Floats
+    residual: Annotated[Floats, Column("records")]
     """Largest unbalanced force as a share of the largest force. Shape (r,)."""
-    corrections: Ints
+    corrections: Annotated[Ints, Column("records", 0)]
     """Number of linear systems solved for every record. Shape (r,)."""
     scheme: Scheme
     """With or without corrections."""
@@ -293,67 +291,3 @@ class NetworkResult(Result):
             free = np.abs(np.where(self.network.held, 0.0, force)).max(initial=0.0)
             off.append(float(free / met) if met > 0.0 else 0.0)
         return [Check("forces balance at free nodes", max(off), BALANCE)]
-
-    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = network_archive(self.network)
-        arrays |= {name: getattr(self, name) for name in RECORDS}
-        return arrays, about | {
-            "scheme": self.scheme,
-            "seconds": self.seconds,
-        }
-
-    @classmethod
-    def _restored(cls, archive: Archive) -> Self:
-        network = network_from(archive)
-        return cls(
-            network=network,
-            **archive.columns(RECORDS, sizes_of_network(network)),
-            scheme=archive.value("scheme", Scheme),
-            seconds=archive.value("seconds", float),
-        )
-
-
-def encoded(name: Hashable) -> Any:
-    """Write the name of a node as JSON can hold it: tuples become lists."""
-    if isinstance(name, tuple):
-        return [encoded(part) for part in name]
-    if name is None or isinstance(name, str | bool | int | float):
-        return name
-    if isinstance(name, np.integer | np.floating):
-        return name.item()
-    raise ResultError(
-        f"the node {name!r} cannot be saved: names must be strings, numbers or tuples of them; "
-        "rename it with networkx.relabel_nodes"
-    )
-
-
-def decoded(name: Any) -> Hashable:
-    """Read back what `encoded` wrote."""
-    return tuple(decoded(part) for part in name) if isinstance(name, list) else name
-
-
-def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return what a stored result keeps of its network: arrays, and plain values."""
-    arrays = {"network_" + name: getattr(network, name) for name in NETWORK}
-    names = [encoded(name) for name in network.names]
-    return arrays, {"names": names, "notes": list(network.notes)}
-
-
-def network_from(archive: Archive) -> SpringNetwork:
-    """Return the network that `network_archive` took apart."""
-    return SpringNetwork(
-        **archive.columns(NETWORK, {}, "network_"),
-        names=tuple(decoded(name) for name in archive.value("names", list[Any])),
-        notes=tuple(archive.value("notes", list[str])),
-    )
-
-
-def sizes_of_network(network: SpringNetwork) -> dict[str, int]:
-    """Return the sizes that a network gives to the arrays of its results."""
-    nodes, dimension = network.positions.shape
-    return {
-        "nodes": nodes,
-        "dimension": dimension,
-        "springs": len(network.springs),
-        "stages": len(network.forces),
-    }

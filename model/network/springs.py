@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import networkx as nx
 import numpy as np
@@ -17,7 +17,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import ParameterError, SceneError, SupportError
+from kaju.errors import ParameterError, ResultError, SceneError, SupportError
+from kaju.model.results.stored import Coded, Column
 
 from .graphs import Vectors, graph_of, read_graph
 
@@ -173,6 +174,25 @@ def spring_lengths_and_directions(positions: Floats, springs: Springs) -> tuple[
     return lengths, ends / lengths[:, None]
 
 
+def _encoded_names(name: Any) -> Any:
+    """Write names of nodes as JSON can hold them: tuples become lists."""
+    if isinstance(name, tuple):
+        return [_encoded_names(part) for part in name]
+    if name is None or isinstance(name, str | bool | int | float):
+        return name
+    if isinstance(name, np.integer | np.floating):
+        return name.item()
+    raise ResultError(
+        f"the node {name!r} cannot be saved: names must be strings, numbers or tuples of them; "
+        "rename it with networkx.relabel_nodes"
+    )
+
+
+def _decoded_names(name: Any) -> Any:
+    """Read back what `_encoded_names` wrote."""
+    return tuple(_decoded_names(part) for part in name) if isinstance(name, list) else name
+
+
 @dataclass(frozen=True, eq=False)
 class SpringNetwork:
     """Nodes in the plane or in space, joined by springs, held and loaded.
@@ -228,14 +248,14 @@ class SpringNetwork:
     -0.2
     """
 
-    positions: Floats
-    springs: Springs
-    stiffness: Floats
-    rest_length: Floats
-    held: Flags
-    forces: Floats
-    displacements: Floats
-    names: tuple[Hashable, ...]
+    positions: Annotated[Floats, Column("nodes dimension")]
+    springs: Annotated[Springs, Column("springs 2", 0, "nodes")]
+    stiffness: Annotated[Floats, Column("springs", 0.0)]
+    rest_length: Annotated[Floats, Column("springs", 0.0)]
+    held: Annotated[Flags, Column("nodes dimension")]
+    forces: Annotated[Floats, Column("stages nodes dimension")]
+    displacements: Annotated[Floats, Column("stages nodes dimension")]
+    names: Annotated[tuple[Hashable, ...], Coded(_encoded_names, _decoded_names, list[Any])]
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -23,6 +23,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
+from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -32,6 +33,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from kaju.errors import ResultError
 from kaju.model.scene import Scene
+
+from .archive import Archive
 
 Arrays = dict[str, NDArray[Any]]
 Sizes = dict[str, Any]
@@ -129,7 +132,7 @@ def _described(form: Any, name: str) -> Iterator[tuple[str, str]]:
     mark = _mark(form)
     if isinstance(mark, Column):
         yield name, mark.text(_dtype(form))
-    elif _is_record(form) and form is not Scene:
+    elif _is_record(form) and form is not Scene and not _stores_itself(form):
         yield from described(form, name)
     elif get_origin(form) in (Union, UnionType):
         for each in get_args(form):
@@ -182,6 +185,11 @@ def _is_record(form: Any) -> bool:
     return isinstance(form, type) and is_dataclass(form)
 
 
+def _stores_itself(form: Any) -> bool:
+    """Tell whether a form is a result that is not described by its fields yet."""
+    return "_from_archive" in vars(form) if isinstance(form, type) else False
+
+
 @cache
 def _has_parts(form: Any) -> bool:
     """Tell whether a form is a dataclass, an array or a `Coded` value, or holds any."""
@@ -226,6 +234,10 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
         arrays |= {_inside(name, key): array for key, array in own_arrays.items()}
         sizes |= sizes_of(value)
         return text
+    if _stores_itself(form):
+        own, plain = value._stored()
+        arrays |= {_inside(name, key): array for key, array in own.items()}
+        return plain
     if not _has_parts(form):
         return _adapter(form).dump_python(value, mode="json")
     if _is_record(form):
@@ -268,6 +280,14 @@ def _read(
         scene = Scene.from_archive(_plain(str, plain, name), own)
         sizes |= sizes_of(scene)
         return scene
+    if _stores_itself(form):
+        start = _inside(name, "")
+        own = {key.removeprefix(start): a for key, a in arrays.items() if key.startswith(start)}
+        result = form._restored(
+            Archive(Path(name), own, {**_holding(dict, plain, name), "kind": form.kind})
+        )
+        sizes |= sizes_of(result.scene)
+        return result
     if not _has_parts(form):
         return _plain(form, plain, name)
     if _is_record(form):

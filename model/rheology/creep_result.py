@@ -1,63 +1,28 @@
-"""Where a creeping body stands, to be taken up again, and what it went through."""
+"""What became in time of an element, and what all runs in time return."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats
 from kaju.errors import ResultError
-from kaju.model.results.archive import Archive, open_archive, plain_of, reading, write_archive
-from kaju.model.results.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME
 from kaju.model.results.result import ROUNDING, BodyResult, Check, Curves, Result
+from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
     import pandas
 
+OfTimes = Annotated[Floats, Column("times")]
+"""One number for each of the times asked for."""
 
-STATE = "state in time"
-
-
-@dataclass(frozen=True, eq=False)
-class CreepState:
-    """Everything that a run needs to go on from a moment as if it had never paused."""
-
-    fields: tuple[Floats, ...]  # stretches of the parts of every element, positions, velocities
-    time: float = 0.0  # the moment (s)
-    next_step: float = 0.0  # to be tried next when a tolerance is kept (s); 0 before the first
-    # Largest stretch so far (m, or strain), to which the tolerance refers; at first, that of one
-    # step over the first piece of the history.
-    scale: float = 0.0
-    error_estimate: float = 0.0  # sum of the estimated errors of all steps, in units of the stretch
-    work: float = 0.0  # done from outside since time 0 (J)
-    dissipated: float = 0.0  # into the dampers (J)
-    numerical: float = 0.0  # of the work, in neither springs nor dampers (J)
-    steps: int = 0
-    rejected: int = 0  # steps that were made again because they missed the tolerance
-    at_jumps: float = 0.0  # part of `numerical` of steps that take up a jump (J)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the state to one ``.npz`` file, whole or not at all."""
-        arrays = {f"field{i}": part for i, part in enumerate(self.fields)}
-        numbers = {name: np.asarray(getattr(self, name)) for name in CREEP_STATE}
-        return write_archive(path, STATE, arrays | numbers, {})
-
-    @classmethod
-    def load(cls, path: str | Path) -> CreepState:
-        """Read a state that `save` wrote."""
-        archive = open_archive(path, STATE)
-        with reading(path):
-            count = len(archive.part("field"))
-            fields = tuple(archive.array(f"field{i}", "f", None) for i in range(count))
-            numbers = archive.columns(CREEP_STATE, {})
-            return cls(fields, **{name: value.item() for name, value in numbers.items()})
+_SAME_TIME = 1e-9
+"""Share by which a time may differ from one that was asked for."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -65,25 +30,28 @@ class TimeResult(Result):
     """What every run in time returns, at the times asked for."""
 
     kind: ClassVar[str]
-    times: Floats
-    factors: Floats
+    times: Annotated[Floats, Column("times", 0.0, order="rising")]
+    factors: OfTimes
     """Times asked for (s) and the factor of the history there (at a jump, before it). Shape
     (k,)."""
-    work: Floats
-    stored: Floats
-    dissipated: Floats
-    numerical: Floats
+    work: OfTimes
+    stored: OfTimes
+    dissipated: OfTimes
+    numerical: OfTimes
     """Since time 0 (J): work from outside; energy that springs can give back;
     energy that went into the dampers, never falling; and what is neither. ``work = stored +
     dissipated + numerical`` but for rounding. Shape (k,)."""
-    at_jumps: Floats
+    at_jumps: OfTimes
     """What of `numerical` (J) was set free where the load jumps. A load that is put on at once does
     twice the work that a spring can store; what no damper beside the spring takes up of it is set
     in motion in nature, and here has no place to go. A ramp leaves it out. The rest of `numerical`
     is the time stepping's own, and vanishes with the step. Shape (k,)."""
-    state: CreepState
-    """Where the run stands at the last of the times; give it to `creep` as ``resume``. Also has the
-    number of steps and the sum of the estimated errors."""
+    steps: int
+    """Number of time steps."""
+    steps_rejected: int
+    """Steps that were made again, shorter, because they missed the tolerance."""
+    error_estimate: float
+    """Sum of the estimated errors of all steps, as a share of the largest stretch."""
     seconds: float = 0.0
     """Time that the computation took (s)."""
     notes: tuple[str, ...] = ()
@@ -96,15 +64,6 @@ class TimeResult(Result):
     @abstractmethod
     def largest_force(self) -> Curves:
         """Return the curve of what carries the load: a force (N) or a stress (Pa)."""
-
-    @abstractmethod
-    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored besides the course itself: arrays, and plain values."""
-
-    @classmethod
-    @abstractmethod
-    def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        """Return the fields that `_own` took apart."""
 
     def curves(self) -> list[Curves]:
         """Return displacement, force or stress, the history, and the energies over time."""
@@ -135,8 +94,8 @@ class TimeResult(Result):
             "model": self.kind,
             "duration": float(self.times[-1]),
             "times": len(self.times),
-            "steps": self.state.steps,
-            "steps_rejected": self.state.rejected,
+            "steps": self.steps,
+            "steps_rejected": self.steps_rejected,
             "max_displacement": float(np.abs(moved).max(initial=0.0)),
             "displacement_that_stays": self.what_stays(),
             f"largest_{carried.title.lower()}_{carried.unit}": float(np.abs(force).max(initial=0)),
@@ -146,7 +105,7 @@ class TimeResult(Result):
             "dissipated_J": float(self.dissipated[-1]),
             "set_free_at_jumps_J": float(self.at_jumps[-1]),
             "numerical_J": float(self.numerical[-1] - self.at_jumps[-1]),
-            "error_estimate": self.state.error_estimate,
+            "error_estimate": self.error_estimate,
             "seconds": self.seconds,
             "kaju_version": __version__,
         } | ({"notes": list(self.notes)} if self.notes else {})
@@ -168,35 +127,10 @@ class TimeResult(Result):
                 columns[f"{name.replace(' ', '_')}_{curves.unit}"] = values
         return pd.DataFrame(columns)
 
-    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = self._own()
-        arrays |= {f"course.{name}": getattr(self, name) for name in COURSE}
-        arrays |= {f"state.{i}": part for i, part in enumerate(self.state.fields)}
-        course = {"course_seconds": self.seconds, "course_notes": self.notes}
-        return arrays, {**about, **course, "state": plain_of(self.state)}
-
-    @classmethod
-    def _restored(cls, archive: Archive) -> Self:
-        course = archive.columns(COURSE, {}, "course.")
-        if "at_jumps" not in course:  # written before it was kept apart
-            course["at_jumps"] = np.zeros_like(course["times"])
-            archive.value("state", dict[str, Any]).setdefault("at_jumps", 0.0)
-        count = len(archive.part("state."))
-        fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
-        state = CreepState(fields, **archive.record("state", CreepState))
-        archive.about.setdefault("course_notes", [])  # written before there were notes
-        return cls(
-            **course,
-            state=state,
-            seconds=archive.value("course_seconds", float),
-            notes=tuple(archive.value("course_notes", list[str])),
-            **cls._from_own(archive),
-        )
-
     def record_at(self, time: float) -> int:
         """Return the index of a time asked for."""
         index = int(np.argmin(np.abs(self.times - time)))
-        if not np.isclose(self.times[index], time, rtol=1e-9, atol=1e-12 * self.times[-1]):
+        if abs(self.times[index] - time) > _SAME_TIME * max(time, self.times[0]):
             raise ResultError(
                 f"time: {time} s was not asked for; the nearest is {self.times[index]} s "
                 "(give creep(times=...) the times that matter)"
@@ -209,7 +143,6 @@ class BodyTimeResult(TimeResult):
     """What became of the body of a scene in time."""
 
     static: BodyResult  # the same scene without time, at a factor of 1
-    _static: ClassVar[type[BodyResult]]
 
     @property
     def scene(self) -> Scene:
@@ -244,30 +177,15 @@ class BodyTimeResult(TimeResult):
         largest = np.array([np.nanmax(size, initial=0.0) for size in sizes])
         return Curves("Stress", "time", "s", self.times, {"largest stress": largest}, "Pa")
 
-    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        text, scene_arrays = self.scene.to_archive()
-        arrays, about = self.static._archive()
-        parts = {f"static.{name}": values for name, values in arrays.items()}
-        parts |= {f"scene.{name}": values for name, values in scene_arrays.items()}
-        about = {**about, "seconds": self.static.seconds}
-        return parts, {"scene": text, "static": about}
-
-    @classmethod
-    def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        scene = Scene.from_archive(archive.value("scene", str), archive.part("scene."))
-        about = {**archive.value("static", dict[str, Any]), "kind": cls._static.kind}
-        static = Archive(archive.path, archive.part("static."), about)
-        return {"static": cls._static._from_archive(scene, static)}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CreepResult(TimeResult):
     """What became of an element in time."""
 
     kind: ClassVar[str] = "element in time"
-    displacement: Floats
+    displacement: OfTimes
     """Elongation (m). Shape (k,)."""
-    force: Floats
+    force: OfTimes
     """Force (N). Shape (k,)."""
 
     def largest_displacement(self) -> Floats:
@@ -277,15 +195,3 @@ class CreepResult(TimeResult):
     def largest_force(self) -> Curves:
         """Return the force (N) over time."""
         return Curves("Force", "time", "s", self.times, {"force": self.force}, "N")
-
-    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        return {"displacement": self.displacement, "force": self.force}, {}
-
-    @classmethod
-    def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        return archive.columns(ELEMENT_IN_TIME, times_of(archive))
-
-
-def times_of(archive: Archive) -> dict[str, int]:
-    """Return how many times were asked for, which all arrays of a course share."""
-    return {"times": len(archive.arrays["course.times"])}

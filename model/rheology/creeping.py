@@ -1,6 +1,6 @@
-"""Creep of elements, networks and bodies over time.
+"""Creep of elements, networks and bodies over time: one call, or step by step.
 
-One call for all of them::
+For all of them::
 
     bite = History().ramp(1.0, duration=0.2).hold(5.0).release(duration=0.1).hold(20.0)
     result = creep(network, bite, rheology=ThreeElement(K_f, D_f, D_d), tolerance=1e-3)
@@ -8,39 +8,39 @@ One call for all of them::
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
-from time import perf_counter
-from typing import Any, Literal, NamedTuple, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.solve import solve
 from kaju.model.network.springs import SpringNetwork
-from kaju.model.rheology import schemes
-from kaju.model.rheology.element import ThreeElement, laws_of
-from kaju.model.rheology.integrate import Creeping, Drives, Integrator, Loading, StepControl
-from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
+from kaju.model.stepper import Stepper
 from kaju.model.transfer.load_model import LoadModel
-from kaju.stopping import NOTE, interrupt_requested, interruptible
+from kaju.stopping import NOTE, interrupt_requested
 
-from .creep_result import CreepResult, CreepState
+from .creep_result import CreepResult
 from .creeping_elastic import ElasticCreepResult, elastic_body
 from .creeping_elements import CreepingAgents, Elements, TransferCreepResult
 from .creeping_network import CreepingNetwork, NetworkCreepResult
+from .element import ThreeElement, laws_of
+from .integrate import Creeping, Integrator, State
+from .load_history import History
 
 Subject = ThreeElement | SpringNetwork | Scene
-SchemeName = Literal["sdirk2", "backward_euler"]
 Rheology = ThreeElement | Sequence[ThreeElement] | None
 AnyTimeResult = CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult
 
 _STATIC_TOLERANCE = 1e-10
 """Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
+_TIMES = 101
+"""Times that a result has unless they are asked for: a curve of so many points looks smooth."""
 _NO_EQUILIBRIUM = (
     "the prescribed rule keeps no equilibrium: its displacements may be hardly closer to those of "
     'the body than no answer at all; rule = { kind = "elastic" } gives these'
@@ -67,48 +67,35 @@ def creep(  # type: ignore[misc]
     history: History | None = None,
     duration: float | None = None,
     *,
-    step: float | None = None,
-    tolerance: float = 1e-3,
     times: ArrayLike | None = None,
-    scheme: SchemeName = "sdirk2",
+    tolerance: float = 1e-3,
     rheology: Rheology = None,
-    drive: Drives = "both",
-    resume: CreepState | None = None,
     most_steps: int = 100_000,
 ) -> AnyTimeResult:
-    """Let a body creep under a history of loads or displacements.
+    """Let a body creep under a history of loads and displacements.
 
     Parameters
     ----------
     subject : ThreeElement, SpringNetwork or Scene
-        An element takes the history as its force (N), or as its elongation (m) with
-        ``drive="displacements"``. A network has the forces and given displacements of its
-        last stage multiplied by the history, a scene its loads.
+        An element takes the history as its force (N). A network has the forces and given
+        displacements of its last stage multiplied by the history, a scene its loads and those of
+        its sides.
     history : History, optional
         Factor over time; of a scene, its own `history` unless given.
     duration : float, optional
         How long (s); by default as long as the history.
-    step : float, optional
-        Longest step (s): steps are equal between corners of the history and times asked for.
-        By default steps are chosen by `tolerance`.
-    tolerance : float
-        Error that may come up in an e-fold of time, as a share of the largest stretch, in
-        quarters; see `kaju.model.rheology.integrate`. Ignored if `step` is given.
     times : array_like, optional
         Times at which the result is wanted (s), rising, up to `duration`; by default 101,
-        evenly spread, and the corners of the history.
-    scheme : {"sdirk2", "backward_euler"}
-        Time stepping, of second or first order.
+        evenly spread, and the corners of the history. They are read between the time steps, which
+        do not depend on them.
+    tolerance : float
+        Error that may come up in an e-fold of time, as a share of the largest stretch, in
+        quarters; see `kaju.model.rheology.integrate`.
     rheology : ThreeElement or sequence of them
         Networks: the material of the springs; one element is scaled to the stiffness of each
         spring, a sequence is taken as it is.
-    drive : {"both", "forces", "displacements"}
-        What the history multiplies; what it does not multiply stays 0.
-    resume : CreepState, optional
-        Where an earlier run ended. If that end was among the times of an unbroken run, the
-        numbers that follow are the same (to rounding, if supports move).
     most_steps : int
-        Steps after which a run that keeps a tolerance gives up.
+        Time steps after which a run gives up.
 
     Returns
     -------
@@ -139,29 +126,19 @@ def creep(  # type: ignore[misc]
     >>> print(f"{result.displacement[-1]:.2f}")
     0.90
     """
-    task = TimeTask(
+    model = CreepModel(
         subject,
         history,
         duration,
         times=times,
-        control=StepControl(step, tolerance, most_steps),
-        scheme=scheme,
+        tolerance=tolerance,
         rheology=rheology,
-        drive=drive,
-        resume=resume,
+        most_steps=most_steps,
     )
-
-    def run() -> AnyTimeResult:
-        moments, state = [], task.first
-        for state in task.states(task.first):
-            moments.append(task.moment(state))
-        return task.result(moments, state, perf_counter() - began)
-
-    began = perf_counter()
-    return interruptible(run)
+    return model.run(progress=False)
 
 
-class Moment(NamedTuple):
+class _Moment(NamedTuple):
     """What the result keeps of a time asked for."""
 
     time: float
@@ -169,22 +146,52 @@ class Moment(NamedTuple):
     record: dict[str, Floats]
 
 
-class TimeTask:
-    """What creeps, under which history, from where, and when (s) it is looked at: see `creep`."""
+class CreepModel(Stepper[AnyTimeResult]):
+    """What creeps, step by step in time.
+
+    Every step goes on to the next of the times asked for; on the way there, as many time steps
+    are made as the tolerance needs. The numbers are those of `creep`, which takes the same.
+
+    Attributes
+    ----------
+    moment : float
+        The time reached (s).
+    running : bool
+        Whether a time is left.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its rule.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> dough = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
+    >>> model = kaju.CreepModel(dough, kaju.History.step().hold(10.0), times=[0, 1, 5, 10])
+    >>> model.run(2).displacement.round(3)
+    array([0.   , 0.482, 0.75 ])
+    >>> model.step()
+    >>> model.moment
+    10.0
+    """
 
     def __init__(
         self,
         subject: Subject,
-        history: History | None,
-        duration: float | None,
+        history: History | None = None,
+        duration: float | None = None,
         *,
-        times: ArrayLike | None,
-        control: StepControl,
-        scheme: SchemeName,
-        rheology: Rheology,
-        drive: Drives,
-        resume: CreepState | None = None,
+        times: ArrayLike | None = None,
+        tolerance: float = 1e-3,
+        rheology: Rheology = None,
+        most_steps: int = 100_000,
     ) -> None:
+        if not isinstance(subject, (Scene, SpringNetwork, ThreeElement)):
+            raise ParameterError(
+                "subject: a Scene, a SpringNetwork or a ThreeElement is needed, "
+                f"got {subject!r:.80}"
+            )
         if history is None and isinstance(subject, Scene):
             history = subject.history
         if not isinstance(history, History):
@@ -193,44 +200,66 @@ class TimeTask:
                 "History.step().hold(10.0). A scene may bring its own, as [history] with times "
                 "and factors"
             )
-        self.history = history
-        by_rule = isinstance(subject, Scene) and subject.rule.kind == "prescribed"
-        self._rule = (_NO_EQUILIBRIUM,) if by_rule else ()
-        self.asked = _asked_times(history, duration, times, resume)
-        method, loading = schemes.scheme(scheme), Loading.of(history, drive)
+        self.subject, self.history = subject, history
         last = history.duration if duration is None else duration
-        self.system = _system(subject, rheology, drive)
-        self._integrator = Integrator(self.system, method, loading, replace(control, end=last))
-        start = self.system.start()
-        self._stored_first = self.system.stored(start)
-        self.first = resume or CreepState(start)
-        expected = [part.shape for part in start]
-        found = [part.shape for part in self.first.fields]
-        if found != expected:
-            raise ParameterError(
-                f"resume: the state is of something else: its arrays have shapes {found}, "
-                f"but {expected} are needed"
-            )
+        self._asked = _asked_times(history, last, times)
+        self._system = _system(subject, rheology)
+        start = self._system.start()
+        self._stored_first = self._system.stored(start)
+        self._state, self._moments = State(start), list[_Moment]()
+        integrator = Integrator(self._system, history, last, tolerance, most_steps)
+        self._ahead = integrator.states(self._state, self._asked)
+        if self._asked[0] == 0.0:
+            self._see(next(self._ahead))
+        self.running = self.moment < self._asked[-1]
 
-    def states(self, state: CreepState) -> Iterator[CreepState]:
-        """Yield the states at the times asked for, from a state on."""
-        if isinstance(self.system, CreepingNetwork):
-            factor = float(self._integrator.loading.displacements.at(state.time))
-            self.system.begin(state.fields, factor)
-        yield from self._integrator.states(state, self.asked)
+    @property
+    def scene(self) -> Scene | None:
+        """The scene that creeps, if it is one."""
+        return self.subject if isinstance(self.subject, Scene) else None
 
-    def moment(self, state: CreepState) -> Moment:
-        """Return what the result keeps of a state."""
-        stored = self.system.stored(state.fields) - self._stored_first
+    @property
+    def network(self) -> SpringNetwork | None:
+        """The spring network that creeps, if it is one."""
+        return self.subject if isinstance(self.subject, SpringNetwork) else None
+
+    @property
+    def moment(self) -> float:
+        """The time reached (s)."""
+        return self._state.time
+
+    def advance(self) -> None:
+        """Go on to the next of the times asked for."""
+        self._see(next(self._ahead))
+        self.running = self.moment < self._asked[-1]
+
+    def _see(self, state: State) -> None:
+        """Keep what the result has of a moment."""
+        self._state = state
+        stored = self._system.stored(state.fields) - self._stored_first
         energies = (state.work, stored, state.dissipated, state.numerical, state.at_jumps)
-        record = {name: part.copy() for name, part in self.system.record(state.fields).items()}
-        return Moment(state.time, energies, record)
+        record = {name: part.copy() for name, part in self._system.record(state.fields).items()}
+        self._moments.append(_Moment(state.time, energies, record))
 
-    def result(self, moments: Sequence[Moment], state: CreepState, seconds: float) -> AnyTimeResult:
-        """Put the result together, whose run stands at a state."""
+    def progress(self) -> str:
+        """Return the line of progress."""
+        return f"{self.moment:.4g} s of {self._asked[-1]:.4g} s"
+
+    def result(self) -> AnyTimeResult:
+        """Return what has been seen so far.
+
+        Raises
+        ------
+        ResultError
+            Before the first step, unless the start is among the times asked for.
+        """
+        if not self._moments:
+            raise ResultError("result: no time has passed yet; take a step first")
+        state, moments = self._state, self._moments
         times = np.array([moment.time for moment in moments])
         work, stored, dissipated, numerical, at_jumps = np.array([m.energies for m in moments]).T
-        found: Any = self.system.result(
+        made: Any = self._system.result  # of a class by what creeps
+        found: AnyTimeResult = made(
             times=times,
             factors=self.history.at(times),
             work=work,
@@ -238,16 +267,35 @@ class TimeTask:
             dissipated=dissipated,
             numerical=numerical,
             at_jumps=at_jumps,
-            state=state,
-            seconds=seconds,
-            notes=(*self._rule, *_notes(float(np.abs(work).max()), float(at_jumps[-1]))),
-            **self.system.parts,
+            steps=state.steps,
+            steps_rejected=state.rejected,
+            error_estimate=state.error / (state.scale or 1.0),
+            seconds=self.seconds,
+            notes=self._notes(float(np.abs(work).max()), float(at_jumps[-1])),
+            **self._system.parts,
             **{name: np.stack([m.record[name] for m in moments]) for name in moments[0].record},
         )
-        return found  # type: ignore[no-any-return]
+        if self.scene is None:
+            return found
+        of_scene = self.scene.notes_on(float(found.largest_displacement().max()))
+        return replace(found, notes=(*found.notes, *of_scene))
+
+    def _notes(self, work: float, at_jumps: float) -> tuple[str, ...]:
+        notes = []
+        if self.scene is not None and self.scene.rule.kind == "prescribed":
+            notes.append(_NO_EQUILIBRIUM)
+        if interrupt_requested():
+            notes.append(NOTE)
+        if at_jumps > _JUMPS_NOTED_FROM * work:
+            notes.append(
+                f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does "
+                "twice the work that springs store, and no damper beside them takes up the rest; a "
+                "ramp, History().ramp(1.0, duration), leaves it out"
+            )
+        return tuple(notes)
 
 
-def _system(subject: Subject, rheology: Rheology, drive: Drives) -> Creeping:
+def _system(subject: Subject, rheology: Rheology) -> Creeping:
     """Return what is integrated over time."""
     if isinstance(subject, SpringNetwork):
         if rheology is None:
@@ -259,43 +307,26 @@ def _system(subject: Subject, rheology: Rheology, drive: Drives) -> Creeping:
         raise ParameterError(
             "rheology: is for spring networks; the cells of a scene have that of their material"
         )
-    if isinstance(subject, Scene):
-        if subject.rule.kind == "prescribed":
-            return CreepingAgents(LoadModel(subject).run())
-        return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
-    stretched = drive == "displacements"
-    return Elements(laws_of([subject]), np.ones(1), stretched=stretched)
+    if isinstance(subject, ThreeElement):
+        return Elements(laws_of([subject]), np.ones(1))
+    if subject.rule.kind == "prescribed":
+        return CreepingAgents(LoadModel(subject).run())
+    return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
 
 
-def _notes(work: float, at_jumps: float) -> tuple[str, ...]:
-    notes = [NOTE] if interrupt_requested() else []
-    if at_jumps > _JUMPS_NOTED_FROM * work:
-        notes.append(
-            f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does "
-            "twice the work that springs store, and no damper beside them takes up the rest; a "
-            "ramp, History().ramp(1.0, duration), leaves it out"
-        )
-    return tuple(notes)
-
-
-def _asked_times(
-    history: History, duration: float | None, times: ArrayLike | None, resume: CreepState | None
-) -> Floats:
+def _asked_times(history: History, last: float, times: ArrayLike | None) -> Floats:
     """Return the times at which the result is wanted."""
-    last = history.duration if duration is None else duration
-    start = 0.0 if resume is None else resume.time
-    if not (isfinite(last) and last > start):
+    if not (isfinite(last) and last > 0.0):
         raise ParameterError(
-            f"duration: must be later than the start at {start} s, got {last}; "
-            "a history that only jumps needs a duration"
+            f"duration: must be above 0 s, got {last}; a history that only jumps needs a duration"
         )
     if times is None:
-        corners = [time for time in history.times if start <= time <= last]
-        return np.union1d(np.linspace(start, last, 101), corners)
+        corners = [time for time in history.times if time <= last]
+        return np.union1d(np.linspace(0.0, last, _TIMES), corners)
     asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
     fits = asked.ndim == 1 and asked.size and np.all(np.isfinite(asked))
-    if not (fits and asked[0] >= start and asked[-1] <= last and np.all(np.diff(asked) > 0.0)):
+    if not (fits and asked[0] >= 0.0 and asked[-1] <= last and np.all(np.diff(asked) > 0.0)):
         raise ParameterError(
-            f"times: must rise from {start} s or later to {last} s (the duration) at most"
+            f"times: must rise from 0 s upwards to {last} s (the duration) at most"
         )
     return asked

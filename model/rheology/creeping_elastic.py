@@ -19,14 +19,13 @@ multiplied by E · (creep under the history of a unit stress): the *corresponden
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.agents.materials import Material
 from kaju.arrays import Flags, Floats
 from kaju.errors import ConvergenceError, ResultError
 from kaju.factors import factors_of
@@ -47,12 +46,13 @@ from kaju.model.elastic.equal.staggered import (
     strain_vector,
 )
 from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
-from kaju.model.results.archive import Archive
-from kaju.model.results.formats import ELASTIC_IN_TIME, sizes_of
-from kaju.model.results.result import BodyResult
-from kaju.model.rheology.element import laws_of
-from kaju.model.rheology.integrate import Fields
-from kaju.model.rheology.schemes import (
+from kaju.model.results.stored import Column
+
+from .creep_result import BodyTimeResult, OfTimes
+from .creeping_elements import Elements, law_of, sized
+from .element import laws_of
+from .integrate import Fields
+from .schemes import (
     Energy,
     Laws,
     Stretch,
@@ -63,14 +63,111 @@ from kaju.model.rheology.schemes import (
     stored_energy,
 )
 
-from .creep_result import BodyTimeResult, times_of
-from .creeping_elements import Elements, law_of, sized
-
 _FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
 """Faces up to which factors, which serve many steps, are worth their making, by dimension."""
 
 _UNBALANCED = 1e-9
 """Unbalanced force, as a share of the load, at which an elastic problem counts as solved."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ElasticCreepResult(BodyTimeResult):
+    """What became of an elastic body in time.
+
+    In every query `record` is the index of a time asked for; the default -1 is the last.
+    """
+
+    kind: ClassVar[str] = "elasticity in time"
+    static: ElasticResult  # the same scene without time, at a factor of 1
+    # Where the correspondence principle holds, displacement as a multiple of the static one,
+    # shape (k,). Elsewhere, in the scaled units of ``static.found.problem``, one row for each time:
+    growth: OfTimes | None = None
+    faces: Annotated[Floats, Column("times faces")] | None = None  # displacement of those that move
+    cells: Annotated[Floats, Column("times dimension solid")] | None = (
+        None  # stress along each axis
+    )
+    edges: Annotated[Floats, Column("times edges")] | None = None  # their shear
+
+    def __post_init__(self) -> None:
+        problem = cells_of(self.static).problem
+        solid = int(np.count_nonzero(problem.kinds >= 0))
+        sizes = {
+            "faces": (self._numbering.size,),
+            "cells": (problem.dimension, solid),
+            "edges": (sum(map(np.count_nonzero, _stiff_edges(problem).values())),),
+        }
+        for name, shape in sizes.items() if self.growth is None else ():
+            if self._stepped(name).shape[1:] != shape:
+                raise ResultError(f"{name!r} must hold {shape} numbers for each time")
+
+    @cached_property
+    def _numbering(self) -> Numbering:
+        return Numbering(cells_of(self.static).problem.face_states)
+
+    def _sizes(self, record: int) -> Floats:
+        return np.asarray(np.linalg.norm(self.cell_displacement(record), axis=-1))
+
+    def displacement_at(self, points: Floats, record: int = -1) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        if self.growth is not None:
+            return np.asarray(self.growth[record] * self.static.displacement_at(points))
+        return self._moved(record).displacement_at(points)
+
+    def cell_displacement(self, record: int = -1) -> Floats:
+        """Return the displacement of the cells' middles (m), as `ElasticResult` does."""
+        if self.growth is not None:
+            return np.asarray(self.growth[record] * self.static.cells().displacement)
+        return self._moved(record).cells().displacement
+
+    def stress(self, record: int = -1) -> Floats:
+        """Return the stress tensors of the cells (Pa), shape (n, ..., dimension, dimension)."""
+        if self.growth is not None:
+            return np.asarray(self.factors[record] * self.static.cells().stress)
+        problem = cells_of(self.static).problem
+        solid, stiff = problem.kinds >= 0, _stiff_edges(problem)
+        cells = [_spread(values, solid)[problem.inner] for values in self._stepped("cells")[record]]
+        # Edges are stored pair by pair of axes, of each pair those that carry shear.
+        ends = np.cumsum([np.count_nonzero(there) for there in stiff.values()])
+        shears = np.split(self._stepped("edges")[record], ends[:-1])
+        edges = {}
+        for (pair, there), values in zip(stiff.items(), shears, strict=True):
+            on_surface = float(self.factors[record]) * problem.surface_shear.get(pair, 0.0)
+            inner = (slice(1, -1),) * problem.dimension
+            edges[pair] = (_spread(values, there) + on_surface)[inner]
+        return problem.scales.stress * fields.cell_tensor(problem, Strains(tuple(cells), edges))
+
+    def _moved(self, record: int) -> ElasticResult:
+        """Return a result with the displacements of a moment; its stresses mean nothing."""
+        found = cells_of(self.static)
+        moved = tuple(float(self.factors[record]) * values for values in found.problem.fixed)
+        self._numbering.scatter(self._stepped("faces")[record], moved)
+        solution = replace(found.solution, displacement=moved)
+        return replace(self.static, found=replace(found, solution=solution))
+
+    def _stepped(self, name: str) -> Floats:
+        values: Floats | None = getattr(self, name)
+        if values is None:
+            raise ResultError("this run followed the correspondence principle: scale `static`")
+        return values
+
+
+def _spread(values: Floats, places: Flags) -> Floats:
+    """Return a field with values at some places, and 0 elsewhere."""
+    field = np.zeros(places.shape)
+    field[places] = values
+    return field
+
+
+def cells_of(static: ElasticResult) -> CellAgents:
+    """Return the equal cells of an elastic answer."""
+    if not isinstance(static.found, CellAgents):
+        raise ResultError("creep: is worked out on equal cells; solve without a tolerance")
+    return static.found
+
+
+def _stiff_edges(problem: ElasticProblem) -> dict[tuple[int, int], Flags]:
+    """Return which edges carry shear, for every pair of axes."""
+    return {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(problem.dimension)}
 
 
 class CreepingBody:
@@ -81,9 +178,12 @@ class CreepingBody:
     faces; the stress of the cells along each axis, and the shear of the edges.
     """
 
-    def __init__(self, problem: ElasticProblem, materials: Sequence[Material]) -> None:
+    result = ElasticCreepResult
+
+    def __init__(self, static: ElasticResult) -> None:
+        problem, materials = cells_of(static).problem, static.grid.cell_materials
         self.problem = problem
-        self.parts: dict[str, Any] = {}
+        self.parts: dict[str, Any] = {"static": static}
         self.numbering = Numbering(problem.face_states)
         self.rows = strain_matrix(problem, self.numbering)
         self.columns = self.rows.T.tocsr()
@@ -102,19 +202,12 @@ class CreepingBody:
         self._needs_factors = problem.needs_mixed_form
         self._prepared: tuple[Floats, Callable[[Floats], Floats]] | None = None
 
-    @property
-    def sizes(self) -> dict[str, int]:
-        """How many faces, cells and edges are taken through time."""
-        cells, edges = len(self.unit_of_cells.stretch), self.share.shape[1]
-        return {"faces": self.numbering.size, "solid": cells, "edges": edges}
-
     def start(self) -> Fields:
         """Return the state at time 0: nothing stretched."""
-        sizes = self.sizes
-        cells = np.zeros((self.problem.dimension, sizes["solid"]))
+        cells = np.zeros((self.problem.dimension, len(self.unit_of_cells.stretch)))
         edges = np.zeros_like(self.share)
-        faces = np.zeros(sizes["faces"])
-        return (cells, cells, edges, edges, faces, cells, np.zeros(sizes["edges"]))
+        faces = np.zeros(self.numbering.size)
+        return (cells, cells, edges, edges, faces, cells, np.zeros(edges.shape[1]))
 
     def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
@@ -125,7 +218,7 @@ class CreepingBody:
         modulus, edge_rest = as_spring(self.edge_laws, length, at_edges)
         edge_shear = 1.0 / np.sum(self.share / (self.shear * modulus), axis=0)
         rest = self._join(cell_rest, np.sum(self.share * edge_rest, axis=0))
-        free = substep.displacement_factor * self.given - rest
+        free = substep.factor * self.given - rest
 
         def stress(strain: Floats) -> Floats:
             cells, edges = self._part(strain)
@@ -237,116 +330,15 @@ def _shares_of_edges(problem: ElasticProblem, materials: int) -> Floats:
     An edge's compliance is a weighted sum of its cells' compliances 1/μ; a material's weight is
     the compliance when all others are made rigid.
     """
-    stiff = [edge_modulus(problem, pair) > 0 for pair in axis_pairs(problem.dimension)]
+    stiff = _stiff_edges(problem)
     shares = []
     for material in range(materials):
         shear = np.where(np.arange(materials) == material, 1.0, 1e300)
         alone = replace(problem, moduli=problem.moduli._replace(shear=shear))
-        pairs = axis_pairs(problem.dimension)
-        edges = [edge_modulus(alone, p)[s] for p, s in zip(pairs, stiff, strict=True)]
+        edges = [edge_modulus(alone, pair)[there] for pair, there in stiff.items()]
         compliance = 1.0 / np.concatenate(edges)
         shares.append(np.where(compliance > 1e-200, compliance, 0.0))
     return np.array(shares)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class ElasticCreepResult(BodyTimeResult):
-    """What became of an elastic body in time.
-
-    In every query `record` is the index of a time asked for; the default -1 is the last.
-    """
-
-    kind: ClassVar[str] = "elasticity in time"
-    _static: ClassVar[type[BodyResult]] = ElasticResult
-    static: ElasticResult  # the same scene without time, at a factor of 1
-    # Where the correspondence principle holds, displacement as a multiple of the static one,
-    # shape (k,). Elsewhere the body that was solved in every step, and in the scaled units of
-    # ``static.found.problem``, one row for each time:
-    growth: Floats | None = None
-    body: SteppedBody | None = None
-    faces: Floats | None = None  # displacement of the active faces
-    cells: Floats | None = None  # stress of the cells along each axis
-    edges: Floats | None = None  # shear of the edges
-
-    def _sizes(self, record: int) -> Floats:
-        return np.asarray(np.linalg.norm(self.cell_displacement(record), axis=-1))
-
-    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = super()._own()
-        stored = {name: getattr(self, name) for name in ELASTIC_IN_TIME}
-        return arrays | {name: v for name, v in stored.items() if v is not None}, about
-
-    @classmethod
-    def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        own = super()._from_own(archive)
-        sizes = sizes_of(own["static"].scene) | times_of(archive)
-        if "growth" not in archive.arrays:
-            own["body"] = SteppedBody(own["static"])
-            sizes |= own["body"].sizes
-        return own | archive.columns(ELASTIC_IN_TIME, sizes)
-
-    def displacement_at(self, points: Floats, record: int = -1) -> Floats:
-        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        if self.growth is not None:
-            return np.asarray(self.growth[record] * self.static.displacement_at(points))
-        return self._moved(record).displacement_at(points)
-
-    def cell_displacement(self, record: int = -1) -> Floats:
-        """Return the displacement of the cells' middles (m), as `ElasticResult` does."""
-        if self.growth is not None:
-            return np.asarray(self.growth[record] * self.static.cells().displacement)
-        return self._moved(record).cells().displacement
-
-    def stress(self, record: int = -1) -> Floats:
-        """Return the stress tensors of the cells (Pa), shape (n, ..., dimension, dimension)."""
-        if self.growth is not None:
-            return np.asarray(self.factors[record] * self.static.cells().stress)
-        problem, solid = self._cells.problem, self._cells.problem.kinds >= 0
-        cells = [
-            _spread(values, solid)[problem.inner] for values in self._stepped(self.cells)[record]
-        ]
-        # Edges are stored pair by pair of axes, of each pair those that carry shear.
-        stiff = {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(problem.dimension)}
-        ends = np.cumsum([np.count_nonzero(there) for there in stiff.values()])
-        shears = np.split(self._stepped(self.edges)[record], ends[:-1])
-        edges = {}
-        for (pair, there), values in zip(stiff.items(), shears, strict=True):
-            on_surface = float(self.factors[record]) * problem.surface_shear.get(pair, 0.0)
-            inner = (slice(1, -1),) * problem.dimension
-            edges[pair] = (_spread(values, there) + on_surface)[inner]
-        return problem.scales.stress * fields.cell_tensor(problem, Strains(tuple(cells), edges))
-
-    def _moved(self, record: int) -> ElasticResult:
-        """Return a result with the displacements of a moment; its stresses mean nothing."""
-        problem = self._cells.problem
-        assert self.body is not None
-        moved = tuple(float(self.factors[record]) * values for values in problem.fixed)
-        self.body.numbering.scatter(self._stepped(self.faces)[record], moved)
-        solution = replace(self._cells.solution, displacement=moved)
-        return replace(self.static, found=replace(self._cells, solution=solution))
-
-    @property
-    def _cells(self) -> CellAgents:
-        return cells_of(self.static)
-
-    def _stepped(self, values: Floats | None) -> Floats:
-        if values is None:
-            raise ResultError("this run followed the correspondence principle: scale `static`")
-        return values
-
-
-def _spread(values: Floats, places: Flags) -> Floats:
-    """Return a field with values at some places, and 0 elsewhere."""
-    field = np.zeros(places.shape)
-    field[places] = values
-    return field
-
-
-def cells_of(static: ElasticResult) -> CellAgents:
-    """Return the equal cells of an elastic answer."""
-    if not isinstance(static.found, CellAgents):
-        raise ResultError("creep: is worked out on equal cells; take strategy='uniform'")
-    return static.found
 
 
 class CorrespondingBody(Elements):
@@ -369,17 +361,7 @@ class CorrespondingBody(Elements):
         return {"growth": (q + d)[0]}
 
 
-class SteppedBody(CreepingBody):
-    """A body of several materials, which is solved anew in every step."""
-
-    result = ElasticCreepResult
-
-    def __init__(self, static: ElasticResult) -> None:
-        super().__init__(cells_of(static).problem, static.grid.cell_materials)
-        self.parts = {"static": static, "body": self}
-
-
-def elastic_body(static: ElasticResult) -> CorrespondingBody | SteppedBody:
+def elastic_body(static: ElasticResult) -> CorrespondingBody | CreepingBody:
     """Return what costs least to take through time for an elastic scene."""
     materials, problem = static.grid.cell_materials, cells_of(static).problem
     modulus = np.array([material.youngs_modulus for material in materials])
@@ -387,4 +369,4 @@ def elastic_body(static: ElasticResult) -> CorrespondingBody | SteppedBody:
     table = np.array([law.K_f / modulus, law.D_f / modulus, modulus / law.D_d])
     alike = np.allclose(table, table[:, :1], rtol=1e-12, atol=0.0)
     given = any(values.any() for values in (*problem.fixed, *problem.spring))
-    return CorrespondingBody(static) if alike and not given else SteppedBody(static)
+    return CorrespondingBody(static) if alike and not given else CreepingBody(static)

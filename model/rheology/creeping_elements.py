@@ -10,46 +10,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.materials import Material
 from kaju.arrays import Floats
 from kaju.errors import ResultError
-from kaju.model.results.archive import Archive
-from kaju.model.results.formats import TRANSFER_IN_TIME, sizes_of
-from kaju.model.results.result import BodyResult, cells_of_points
-from kaju.model.rheology.element import ThreeElement, laws_of
-from kaju.model.rheology.integrate import Fields
-from kaju.model.rheology.schemes import (
-    Energy,
-    Laws,
-    Stretch,
-    SubStep,
-    force_at_rate,
-    rates,
-    stage_energy,
-    stored_energy,
-)
+from kaju.model.results.result import cells_of_points
+from kaju.model.results.stored import Column
 from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axial_strain
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .creep_result import BodyTimeResult, CreepResult, TimeResult, times_of
+from .creep_result import BodyTimeResult, CreepResult, TimeResult
+from .element import ThreeElement, laws_of
+from .integrate import Fields
+from .schemes import Energy, Laws, Stretch, SubStep, rates, stage_energy, stored_energy
 
 
 class Elements:
     """Any number of three-element materials that do not feel each other; by itself, one.
 
     Its state is the stretches of both parts, and the force in each element. `share` is the force
-    (N) of each at a factor of 1, or, if `stretched`, its elongation (m).
+    (N) of each at a factor of 1.
     """
 
     result: type[TimeResult] = CreepResult
 
-    def __init__(self, laws: Laws, share: Floats, *, stretched: bool = False) -> None:
-        self.laws, self.share, self.stretched = laws, share, stretched
+    def __init__(self, laws: Laws, share: Floats) -> None:
+        self.laws, self.share = laws, share
         self.parts: dict[str, Any] = {}
 
     def start(self) -> Fields:
@@ -59,15 +48,10 @@ class Elements:
     def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
         q, d, force = fields
-        state, length = Stretch(q, d), substep.length
-        if self.stretched:
-            speed = (substep.displacement_factor * self.share - q - d) / length
-            after = force_at_rate(self.laws, length, state, speed)
-        else:
-            after = substep.factor * self.share
-        rate = rates(self.laws, length, state, after)
+        after = substep.factor * self.share
+        rate = rates(self.laws, substep.length, Stretch(q, d), after)
         energy = stage_energy(self.laws, substep, after, rate)
-        return (rate.q, rate.d, (after - force) / length), energy
+        return (rate.q, rate.d, (after - force) / substep.length), energy
 
     def stored(self, fields: Fields) -> float:
         """Return the energy of the springs (J)."""
@@ -89,10 +73,9 @@ class TransferCreepResult(BodyTimeResult):
     """
 
     kind: ClassVar[str] = "load transfer in time"
-    _static: ClassVar[type[BodyResult]] = TransferResult
     static: TransferResult
     """The same scene without time, at a factor of 1."""
-    growth: Floats
+    growth: Annotated[Floats, Column("times materials")]
     """Strain of each of the scene's materials, as a multiple of its elastic strain at a factor of
     1. Shape (k, materials)."""
 
@@ -100,16 +83,6 @@ class TransferCreepResult(BodyTimeResult):
         if not len(self.static.last.cells):
             return np.zeros(1)
         return np.asarray(np.linalg.norm(self.displacement(record), axis=1))
-
-    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = super()._own()
-        return {**arrays, "growth": self.growth}, about
-
-    @classmethod
-    def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        own = super()._from_own(archive)
-        sizes = sizes_of(own["static"].scene) | times_of(archive)
-        return own | archive.columns(TRANSFER_IN_TIME, sizes)
 
     def squeezed(self, record: int = -1) -> AxialStrain:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""
@@ -144,8 +117,9 @@ class TransferCreepResult(BodyTimeResult):
 class CreepingAgents(Elements):
     """The agents of a load-transfer run, all those of a material as one element.
 
-    Its stretch is the growth of the material. It is as large as all those agents together,
-    Σ V e² for a stretch of 1, e the squeeze along each axis, so that its energies are theirs.
+    The stretch of an element is the growth of its material: 1 for the strains without time. Its
+    stiffness is scaled by the agents' Σ V e² (volume V, strain e along each axis), so that its
+    energies are the sum of theirs.
     """
 
     result = TransferCreepResult

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network.assembler import Assembler, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import find_balance, tangent_error
 from kaju.model.network.linear import DirectSolver, SingularTangentError
-from kaju.model.network.network_result import (
-    NetworkResult,
-    network_archive,
-    network_from,
-    sizes_of_network,
-)
+from kaju.model.network.network_result import NetworkResult
 from kaju.model.network.springs import SpringNetwork
-from kaju.model.results.archive import Archive
-from kaju.model.results.formats import NETWORK_IN_TIME
 from kaju.model.results.result import Curves
-from kaju.model.rheology.element import ThreeElement, laws_of
-from kaju.model.rheology.integrate import Fields
-from kaju.model.rheology.schemes import (
+from kaju.model.results.stored import Column
+
+from .creep_result import TimeResult
+from .element import ThreeElement, laws_of
+from .integrate import Fields
+from .schemes import (
     Energy,
     Laws,
     Stretch,
@@ -37,8 +32,6 @@ from kaju.model.rheology.schemes import (
     stored_energy,
 )
 
-from .creep_result import TimeResult, times_of
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class NetworkCreepResult(TimeResult):
@@ -46,8 +39,8 @@ class NetworkCreepResult(TimeResult):
 
     kind: ClassVar[str] = "network in time"
     network: SpringNetwork
-    displacement: Floats  # of the nodes (m), shape (k, n, dimension)
-    force: Floats  # tension of the springs (N), shape (k, m)
+    displacement: Annotated[Floats, Column("times nodes dimension")]  # of the nodes (m)
+    force: Annotated[Floats, Column("times springs")]  # tension of the springs (N)
 
     def largest_displacement(self) -> Floats:
         """Return how far the node that ever moves most has moved (m) at every time."""
@@ -71,16 +64,6 @@ class NetworkCreepResult(TimeResult):
             return Curves("Force", *time, {"force of the grip": self.grip_force()}, "N")
         lines = {"largest pull": self.force.max(axis=1), "largest push": self.force.min(axis=1)}
         return Curves("Tension", *time, lines, "N")
-
-    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = network_archive(self.network)
-        return {**arrays, "displacement": self.displacement, "force": self.force}, about
-
-    @classmethod
-    def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        network = network_from(archive)
-        sizes = sizes_of_network(network) | times_of(archive)
-        return {"network": network, **archive.columns(NETWORK_IN_TIME, sizes)}
 
     def outside_forces(self, record: int = -1) -> Floats:
         """Return what acts on every node from outside (N), shape (n, dimension).
@@ -117,9 +100,7 @@ class CreepingNetwork:
 
     Its state is the stretches of both parts of every spring, the tension of the springs, and the
     displacement of the nodes. At the start a spring that is longer than its rest length has
-    stretched its Voigt part, as one that has long been so. A held coordinate moves from where it is
-    when the run begins, by its given displacement times the growth of the factor; so teeth may grip
-    a network that is bent already.
+    stretched its Voigt part, as one that has long been so.
     """
 
     result = NetworkCreepResult
@@ -134,7 +115,6 @@ class CreepingNetwork:
         self.laws = _spring_laws(network, rheology)
         self.assembler = Assembler(network)
         self._solver = DirectSolver()
-        self._grip = np.zeros_like(network.positions)
 
     def start(self) -> Fields:
         """Return the state at time 0."""
@@ -142,11 +122,6 @@ class CreepingNetwork:
         still = np.zeros_like(self.network.positions)
         stretched = self.network.prestretch.copy()
         return (stretched, none, self.laws.K_f * stretched, still)
-
-    def begin(self, fields: Fields, displacement_factor: float) -> None:
-        """Note from where held coordinates move, and the factor of displacements there."""
-        displacement = fields[-1]
-        self._grip = displacement - displacement_factor * self.network.displacements[-1]
 
     def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
@@ -159,12 +134,9 @@ class CreepingNetwork:
         # Springs turn within a step: work on the nodes and in the springs differ by what the time
         # stepping makes of geometry, and the difference is the scheme's own.
         on_springs = -spring_forces(self.network, spring_geometry(self.network, after), found)
-        turned = substep.duration * float(np.vdot(on_springs, speed)) - energy.work
-        energy = Energy(
-            substep.duration * float(np.vdot(on_springs, speed)),
-            energy.dissipated,
-            energy.numerical + turned,
-        )
+        work = substep.duration * float(np.vdot(on_springs, speed))
+        own = energy.numerical + (work - energy.work)
+        energy = Energy(work, energy.dissipated, own)
         return (rate.q, rate.d, (found - tension) / length, speed), energy
 
     def _balance(
@@ -178,7 +150,7 @@ class CreepingNetwork:
             return stiffness * (elongation + network.prestretch - rest), stiffness
 
         load = substep.factor * network.forces[-1]
-        given = self._grip + substep.displacement_factor * network.displacements[-1]
+        given = substep.factor * network.displacements[-1]
         geometry = assembler.geometry(displacement)
         carried = -assembler.internal_force(geometry, law(geometry.elongation)[0])
         scale = self._force_scale(stiffness, rest)

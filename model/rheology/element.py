@@ -19,17 +19,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.rheology.load_history import History
-from kaju.model.rheology.schemes import Laws, Scheme, Stretch, force_at_rate, rates
-from kaju.model.rheology.schemes import scheme as scheme_named
+
+from .load_history import History
+from .schemes import Laws
 
 Answer = Callable[[ArrayLike], Floats]
+SchemeName = Literal["backward_euler", "exact"]
 
 
 @dataclass(frozen=True)
@@ -158,19 +160,21 @@ class ThreeElement:
         return 1.0 / (1.0 + self.D_f / self.D_d)
 
     def creep(
-        self, *, force: float | History, times: ArrayLike, scheme: str = "backward_euler"
+        self, *, force: float | History, times: ArrayLike, scheme: SchemeName = "backward_euler"
     ) -> Floats:
         """Return the displacement under a force.
+
+        `kaju.creep` chooses its time steps by a tolerance; here the times are the steps.
 
         Parameters
         ----------
         force : float or History
             A force held from time 0 (N or Pa), or a history whose factor is the force.
         times : array_like, shape (n,)
-            Rising times (s), none negative. The scheme steps from 0 to the first of them and
-            on from each to the next, so equal distances are the scheme's own equal steps. A
-            corner of the history between two of them is stepped on as well.
-        scheme : {"backward_euler", "sdirk2", "exact"}
+            Rising times (s), none negative. Time is stepped from 0 to the first of them and on
+            from each to the next, so equal distances are equal steps. A corner of the history
+            between two of them is stepped on as well.
+        scheme : {"backward_euler", "exact"}
             How time is stepped; "exact" evaluates the solution itself.
 
         Returns
@@ -183,27 +187,17 @@ class ThreeElement:
         ParameterError
             If the times fall or are negative, or the scheme is unknown.
         """
-        t = _rising(times)
-        if scheme == "exact":
-            return _superpose(_history(force), t, self.creep_compliance, self.ramp_compliance)
-        method = scheme_named(scheme)
-        if isinstance(force, History):
-            return self._step_along(force, t, method, stretched=False)
-        return self._held_force(_finite(force), t, method)
-
-    def _held_force(self, force: float, times: Floats, method: Scheme) -> Floats:
-        """Step under a constant force: every step multiplies the part that has not given yet."""
-        flow = times * (force / self.D_d)
-        if self.D_f == 0.0:
-            return np.asarray(np.where(times > 0.0, force / self.K_f, 0.0) + flow)
-        rate = _rate(self.K_f, self.D_f)
-        lengths = np.diff(times, prepend=0.0)
-        given = -np.expm1(_running_sum(method.log_factor(lengths * rate)))
-        pace = times * rate
-        return np.asarray(force * self._part_given(times, given, _mean(given, pace)) + flow)
+        t, history = _rising(times), _history(force)
+        if _is_exact(scheme):
+            return _superpose(history, t, self.creep_compliance, self.ramp_compliance)
+        return self._step_along(history, t, stretched=False)
 
     def relaxation(
-        self, *, displacement: float | History, times: ArrayLike, scheme: str = "backward_euler"
+        self,
+        *,
+        displacement: float | History,
+        times: ArrayLike,
+        scheme: SchemeName = "backward_euler",
     ) -> Floats:
         """Return the force at a given displacement; arguments as in `creep`.
 
@@ -212,45 +206,37 @@ class ThreeElement:
         ParameterError
             If the displacement jumps while both dampers act: a jump would need an impulse.
         """
-        t = _rising(times)
-        history = _history(displacement)
+        t, history = _rising(times), _history(displacement)
         if self.D_f > 0.0 and any(corner.jump for corner in history.corners()):
             raise ParameterError(
                 f"displacement: a jump would need an infinite force, because D_f = {self.D_f} "
                 "resists every rate; give a ramp, History().ramp(to, duration)"
             )
-        if scheme == "exact":
+        if _is_exact(scheme):
             return _superpose(history, t, self.relaxation_modulus, self.ramp_force)
-        return self._step_along(history, t, scheme_named(scheme), stretched=True)
+        return self._step_along(history, t, stretched=True)
 
-    def _step_along(
-        self, history: History, times: Floats, method: Scheme, *, stretched: bool
-    ) -> Floats:
-        """Step along a history; return displacements under it as force, or forces if `stretched`.
+    def _step_along(self, history: History, times: Floats, *, stretched: bool) -> Floats:
+        """Step by backward Euler along a history of forces, or of elongations if `stretched`.
 
-        An elongation is counted from the step's beginning, so that short steps lose no digits.
+        The rate of an elongation comes from its change within a step, so that short steps lose no
+        digits.
         """
-        law = Laws(*np.array([self.K_f, self.D_f, self.D_d]))
         nodes = np.union1d(times, [0.0, *(c for c in history.times if c < times[-1])])
-        starts, ends = history.after(nodes[:-1]), history.at(nodes[1:])
-        jumps = starts - history.at(nodes[:-1])
-        state = Stretch(np.zeros(()), np.zeros(()))
-        answers = np.zeros(len(nodes))
-        for n, step in enumerate(np.diff(nodes).tolist()):
-            length = method.gamma * step
-            elongation = 0.0
-            for end, weight in zip(method.ends, method.weights, strict=True):
-                growth = end * (ends[n] - starts[n])
-                if stretched:
-                    speed = (jumps[n] + growth - elongation) / length
-                    force = force_at_rate(law, length, state, speed)
-                    elongation += weight * step * speed
-                else:
-                    force = np.asarray(starts[n] + growth)
-                rate = rates(law, length, state, force)
-                state = Stretch(state.q + weight * step * rate.q, state.d + weight * step * rate.d)
-            answers[n + 1] = force if stretched else state.q + state.d
-        return np.asarray(answers[np.searchsorted(nodes, times)])
+        before, ends = history.at(nodes[:-1]), history.at(nodes[1:])
+        q = d = 0.0
+        answers = [0.0]
+        for step, given, grown in zip(
+            np.diff(nodes).tolist(), ends.tolist(), (ends - before).tolist(), strict=True
+        ):
+            force, voigt = given, self.K_f + self.D_f / step
+            if stretched:  # the force of a spring of this stiffness, and of what is stretched
+                stiffness = voigt / (1.0 + voigt * (step / self.D_d))
+                force = stiffness * (grown + q * (self.K_f / voigt))
+            q += step * ((force - self.K_f * q) / (self.K_f * step + self.D_f))
+            d += step * (force / self.D_d)
+            answers.append(force if stretched else q + d)
+        return np.array(answers)[np.searchsorted(nodes, times)]
 
 
 def laws_of(elements: Iterable[ThreeElement]) -> Laws:
@@ -265,14 +251,20 @@ def _rate(stiffness: float, damping: float) -> float:
     return min(rate, 1e250) if rate >= 1e-250 else 0.0
 
 
-def _finite(value: float) -> float:
-    if not isfinite(value):
-        raise ParameterError(f"force or displacement: must be a finite number, got {value}")
-    return float(value)
+def _is_exact(scheme: str) -> bool:
+    """Tell which of the two schemes is asked for."""
+    if scheme not in get_args(SchemeName):
+        known = ", ".join(get_args(SchemeName))
+        raise ParameterError(f"scheme: {scheme!r} is unknown; there are {known}")
+    return scheme == "exact"
 
 
 def _history(driver: float | History) -> History:
-    return driver if isinstance(driver, History) else History.step(_finite(driver))
+    if isinstance(driver, History):
+        return driver
+    if not isfinite(driver):
+        raise ParameterError(f"force or displacement: must be a finite number, got {driver}")
+    return History.step(float(driver))
 
 
 def _since(times: ArrayLike) -> Floats:
@@ -286,16 +278,6 @@ def _rising(times: ArrayLike) -> Floats:
             "times: must be one row of finite times from 0 upwards that do not fall"
         )
     return t
-
-
-def _running_sum(values: Floats) -> Floats:
-    """Return the cumulative sum, block by block: rounding grows with the root of the length."""
-    width = 1024
-    blocks = np.zeros((-(-len(values) // width), width))
-    blocks.ravel()[: len(values)] = values
-    inner = np.cumsum(blocks, axis=1)
-    before = np.concatenate([[0.0], np.cumsum(inner[:-1, -1])]) if len(values) else np.zeros(0)
-    return np.asarray((inner + before[:, None]).ravel()[: len(values)])
 
 
 def _mean(share: Floats, x: Floats) -> Floats:

@@ -1,16 +1,15 @@
-"""Integration over time of whatever creeps: by equal steps, or by steps that keep a tolerance.
+"""Integration over time of whatever creeps, by steps that keep a tolerance.
 
 A body (a single element, a spring network, cells) answers one question only: which rates it has
-in an implicit step from its present state to a given load. Both time schemes are made of such
-steps, so every kind of body has both.
+in an implicit step from its present state to a given load. The scheme is made of such steps.
 
-Steps end on every corner of the history. Equal steps also end at every time asked for; where a
-tolerance is kept, these times are read between the steps, which do not feel them. With it each
-step is made once whole and once as two halves; the halves are kept. Their difference, over
-2 - 1 or 2² - 1, estimates the step's error, which may be tolerance · (largest stretch so
-far) · h / 4(t + h), t counted since the last corner: the same share for every e-fold of time,
-so that a fast and a slow process are both followed. Creep forgets errors rather than amplify
-them, so the sum of the estimates, which is reported, stands above the error at the end.
+Steps end on every corner of the history, and nowhere else on purpose: the times asked for are read
+between the steps, which do not feel them. Each step is made once whole and once as two halves; the
+halves are kept. Their difference, over 2² - 1, estimates the step's error, which may be
+tolerance · (largest stretch so far) · h / 4(t + h), t counted since the last corner: the same share
+for every e-fold of time, so that a fast and a slow process are both followed. Creep forgets errors
+rather than amplify them, so the sum of the estimates, which is reported, stands above the error at
+the end.
 """
 
 from __future__ import annotations
@@ -18,28 +17,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, inf, isfinite
-from typing import Any, Literal, Protocol
+from math import inf, isfinite
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, KajuError, ParameterError, TangentError
-from kaju.model.rheology.creep_result import CreepState, TimeResult
-from kaju.model.rheology.load_history import History
-from kaju.model.rheology.schemes import Energy, Scheme, SubStep
 from kaju.stopping import interrupt_requested
 
+from .creep_result import TimeResult
+from .load_history import History
+from .schemes import ORDER, STAGES, Energy, SubStep
+
 Fields = tuple[Floats, ...]
-Drives = Literal["both", "forces", "displacements"]
 
 _SAME_MOMENT = 1e-12
 """Share of a time by which two may differ and still be one (0.1 + 0.2 and 0.3)."""
+_DIGITS = 4.0 * float(np.finfo(np.float64).eps)
+"""Rounding of a factor, or of a time: so far a point of a history may lie off a straight line."""
+_FIRST_STEP = 1e-5
+"""First step that is tried, as a share of the time to the next corner."""
 _SHORTEST = 1e-30
 """Least step as a share of the time to the next corner: no process is quicker."""
 _CRAWL = 1e-10
-"""Least step as a share of the time since the last corner: a process as quick as that has ended
-by then, unless the body moves ever faster."""
+"""Least step as a share of the time since the last corner: what happens within it has ended by
+then, unless the body moves ever faster, as what snaps through does."""
 _MOST_FAILURES = 40
 """Steps that met a singular tangent, without one as long that did not: over so many the smallest
 imperfection grows by more than there are digits."""
@@ -69,108 +72,75 @@ class Creeping(Protocol):
         """Return what the result keeps of a time asked for, by the names of its fields."""
 
 
-@dataclass(frozen=True)
-class Loading:
-    """Factors over time of the forces and of the given displacements."""
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a run stands."""
 
-    forces: History
-    displacements: History
-
-    @classmethod
-    def of(cls, history: History, drive: Drives) -> Loading:
-        """Return the loading in which a history multiplies both, or one of them."""
-        if drive not in ("both", "forces", "displacements"):
-            raise ParameterError(
-                f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}"
-            )
-        still = History()
-        return cls(
-            still if drive == "displacements" else history, still if drive == "forces" else history
-        )
-
-    @cached_property
-    def corners(self) -> Floats:
-        """Times (s) at which one of them turns or jumps; points on a straight piece are none."""
-        found = []
-        for history in (self.forces, self.displacements):
-            corners = history.corners()
-            least = 1e-9 * max(abs(corner.bend) for corner in corners)
-            found += [c.time for c in corners if c.jump or abs(c.bend) > least]
-        return np.unique(found)
-
-    @cached_property
-    def jumps(self) -> set[float]:
-        """Times (s) at which one of them jumps."""
-        both = (*self.forces.corners(), *self.displacements.corners())
-        return {corner.time for corner in both if corner.jump}
-
-    def between(self, start: float, end: float) -> Floats:
-        """Return both factors just after `start`, and by how much they have grown at `end`."""
-        both = (self.forces, self.displacements)
-        factors = np.array([[float(h.after(start)), float(h.at(end))] for h in both])
-        factors[:, 1] -= factors[:, 0]
-        return factors.T
+    fields: Fields  # stretches of the parts of every element, and what follows from them
+    time: float = 0.0  # (s)
+    next_step: float = 0.0  # to be tried next (s); 0 before the first
+    # Largest stretch so far (m, or strain), to which the tolerance refers; at first, that of one
+    # step over the first piece of the history.
+    scale: float = 0.0
+    error: float = 0.0  # sum of the estimated errors of all steps, in the unit of the stretch
+    work: float = 0.0  # done from outside since time 0 (J)
+    dissipated: float = 0.0  # into the dampers (J)
+    numerical: float = 0.0  # of the work, in neither springs nor dampers (J)
+    at_jumps: float = 0.0  # part of `numerical` of steps that take up a jump (J)
+    steps: int = 0
+    rejected: int = 0  # steps that were made again because they missed the tolerance
 
 
-@dataclass(frozen=True)
-class StepControl:
-    """How long steps are: at most `step` (s), or such that each keeps the tolerance."""
+class _Doubled(NamedTuple):
+    """A step that was made as two halves, and how far it is off."""
 
-    step: float | None
-    tolerance: float
-    most_steps: int
-    end: float = 0.0  # of the run (s), where the last step ends
-
-    def __post_init__(self) -> None:
-        if self.step is not None and not (isfinite(self.step) and self.step > 0.0):
-            raise ParameterError(f"step: must be above 0 s, got {self.step}")
-        if not 0.0 < self.tolerance < 1.0:
-            raise ParameterError(f"tolerance: must lie between 0 and 1, got {self.tolerance}")
+    middle: State
+    end: State
+    error: float
+    trouble: KajuError | None = None
 
 
 @dataclass(frozen=True)
 class Integrator:
-    """Takes a body through time under its loading."""
+    """Takes a body through time under its history, to an end (s)."""
 
     system: Creeping
-    method: Scheme
-    loading: Loading
-    control: StepControl
+    history: History
+    end: float
+    tolerance: float
+    most_steps: int
 
-    def states(self, state: CreepState, asked: Floats) -> Iterator[CreepState]:
-        """Yield the state at each time `asked`, and where an interrupt ends the run."""
-        if self.control.step is None:
-            yield from self._read_between(state, asked)
-            return
-        corners = self.loading.corners
-        nodes = np.union1d(asked, corners)
-        nodes = nodes[(nodes > state.time) & (nodes <= asked[-1])]
-        wanted = set(asked.tolist())
-        if state.time in wanted:
-            yield state
-        for node in nodes.tolist():
-            if node - state.time <= _SAME_MOMENT * node:
-                state = replace(state, time=node)
-            else:
-                state = self._in_equal_steps(state, node, self.control.step)
-            ended = interrupt_requested()
-            if node in wanted or ended:
-                yield state
-            if ended:
-                break
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise ParameterError(f"tolerance: must lie between 0 and 1, got {self.tolerance}")
 
-    def _read_between(self, state: CreepState, asked: Floats) -> Iterator[CreepState]:
-        """Yield the states at the times `asked`, which the steps on the way do not feel.
+    @cached_property
+    def _corners(self) -> Floats:
+        """Times (s) at which the history turns or jumps; points on a straight piece are none."""
+        at, jump, bend = np.array(self.history.corners()).T
+        gaps = np.diff(at, prepend=-inf, append=inf)
+        slope = np.cumsum(bend)  # after each corner
+        steepest = np.maximum(np.abs(slope), np.abs(slope - bend))
+        rounding = _DIGITS * (np.abs(self.history.factors).max() + steepest * at)
+        turns = np.abs(bend) > rounding / np.minimum(gaps[:-1], gaps[1:])
+        return np.asarray(at[(jump != 0.0) | turns])
+
+    @cached_property
+    def _jumps(self) -> set[float]:
+        return {corner.time for corner in self.history.corners() if corner.jump}
+
+    def states(self, state: State, asked: Floats) -> Iterator[State]:
+        """Yield the state at each time `asked`, and where an interrupt ends the run.
 
         Each is reached by a step of its own from the last half step before it.
         """
-        corners, left = self.loading.corners, asked[asked >= state.time].tolist()
-        if left and left[0] == state.time:
+        corners, left = self._corners, asked.tolist()
+        if left[0] == state.time:
             yield state
             left.pop(0)
         while left and not interrupt_requested():
             later = corners[corners > state.time]
-            node = float(later[0]) if later.size else self.control.end
+            node = float(later[0]) if later.size else self.end
             if node - state.time <= _SAME_MOMENT * node:
                 state = replace(state, time=node)
                 continue
@@ -186,30 +156,23 @@ class Integrator:
         if left:
             yield state  # interrupted
 
-    def _read(
-        self, before: CreepState, middle: CreepState, after: CreepState, time: float
-    ) -> CreepState:
+    def _read(self, before: State, middle: State, after: State, time: float) -> State:
         """Return the state at a time within a step, of which start, middle and end are known."""
         if time == after.time:
             return after
         base = before if time <= middle.time else middle
         read = self._advance(base, time, time - base.time)
-        return replace(
-            read,
-            next_step=after.next_step,
-            error_estimate=after.error_estimate,
-            steps=after.steps,
-            rejected=after.rejected,
-        )
+        return replace(read, error=after.error, steps=after.steps, rejected=after.rejected)
 
     def take_step(
         self, fields: Fields, start: float, end: float, step: float
     ) -> tuple[Fields, Floats]:
         """Return the fields after a step (s), and its work, dissipation and numerical energy."""
         energies = np.zeros(3)
-        factors, growth = self.loading.between(start, end)
-        for stage_end, weight in zip(self.method.ends, self.method.weights, strict=True):
-            substep = SubStep(self.method, step, weight, *(factors + stage_end * growth).tolist())
+        factor = float(self.history.after(start))
+        growth = float(self.history.at(end)) - factor
+        for stage_end, weight in STAGES:
+            substep = SubStep(step, weight, factor + stage_end * growth)
             rates, energy = self.system.rates(fields, substep)
             fields = tuple(
                 part + substep.duration * rate for part, rate in zip(fields, rates, strict=True)
@@ -217,7 +180,7 @@ class Integrator:
             energies += energy
         return fields, energies
 
-    def _advance(self, state: CreepState, end: float, step: float) -> CreepState:
+    def _advance(self, state: State, end: float, step: float) -> State:
         """Return the state one step (s) later."""
         fields, energies = self.take_step(state.fields, state.time, end, step)
         work, dissipated, numerical = energies.tolist()
@@ -229,30 +192,18 @@ class Integrator:
             work=state.work + work,
             dissipated=state.dissipated + dissipated,
             numerical=state.numerical + numerical,
-            at_jumps=state.at_jumps + (numerical if state.time in self.loading.jumps else 0.0),
+            at_jumps=state.at_jumps + (numerical if state.time in self._jumps else 0.0),
             steps=state.steps + 1,
         )
 
-    def _in_equal_steps(self, state: CreepState, node: float, longest: float) -> CreepState:
-        """Go on to `node` in equal steps of at most `longest`."""
-        count = max(1, ceil((node - state.time) / longest * (1.0 - 1e-12)))
-        ends = np.linspace(state.time, node, count + 1).tolist()
-        step = (node - state.time) / count
-        for end in ends[1:]:
-            state = self._advance(state, end, step)
-            if interrupt_requested():
-                break
-        return state
-
     def _keep_tolerance(
-        self, state: CreepState, node: float, corner: float
-    ) -> Iterator[tuple[CreepState, CreepState, CreepState]]:
+        self, state: State, node: float, corner: float
+    ) -> Iterator[tuple[State, State, State]]:
         """Go on to `node` in steps whose estimated error keeps the tolerance.
 
         Yield the states before, in the middle and at the end of each.
         """
-        control = self.control
-        wish, failures, failed_step = state.next_step or 1e-5 * (node - state.time), 0, inf
+        wish, failures, failed_step = state.next_step or _FIRST_STEP * (node - state.time), 0, inf
         while state.time < node and not interrupt_requested():
             left = node - state.time
             # Two equal steps to the node rather than a long one and a sliver.
@@ -260,13 +211,12 @@ class Integrator:
             end = node if step == left else state.time + step
             middle, tried, error, trouble = self._doubled(state, end)
             since = state.time - corner
-            allowed = 0.25 * control.tolerance * tried.scale * step / (since + step)
-            growth = _growth(error, allowed, self.method.order)
+            allowed = 0.25 * self.tolerance * tried.scale * step / (since + step)
+            growth = _growth(error, allowed)
             if error <= allowed:
                 # A step cut short by the node says nothing against a longer one after it.
                 wish = max(wish, step * growth) if step < wish else step * growth
-                before = state
-                state = replace(tried, next_step=wish, error_estimate=state.error_estimate + error)
+                before, state = state, replace(tried, next_step=wish, error=state.error + error)
                 failures = 0 if step >= failed_step else failures
                 yield before, middle, state
             else:
@@ -278,29 +228,27 @@ class Integrator:
             too_short = wish < shortest or state.time + wish == state.time
             if failures > _MOST_FAILURES or too_short:
                 self._refuse(state, trouble)
-            if state.steps + state.rejected > control.most_steps:
+            if state.steps + state.rejected > self.most_steps:
                 raise ConvergenceError(
-                    f"creep: {control.most_steps} steps were made and only {state.time:.6g} s "
-                    "reached; allow a larger tolerance, more steps (most_steps=), or take "
-                    "scheme='sdirk2'"
+                    f"creep: {self.most_steps} steps were made and only {state.time:.6g} s "
+                    "reached; allow a larger tolerance, or more steps (most_steps=)"
                 )
 
-    def _doubled(
-        self, state: CreepState, end: float
-    ) -> tuple[CreepState, CreepState, float, KajuError | None]:
-        """Make a step whole and in halves; return middle and end of these, error, and trouble."""
+    def _doubled(self, state: State, end: float) -> _Doubled:
+        """Make a step whole and in halves."""
         middle, half = 0.5 * (state.time + end), 0.5 * (end - state.time)
         try:
             whole, _ = self.take_step(state.fields, state.time, end, 2.0 * half)
             first = self._advance(state, middle, half)
             halves = self._advance(first, end, half)
         except (ConvergenceError, TangentError) as trouble:
-            return state, state, inf, trouble  # a shorter step may find what a long one does not
+            # A shorter step may find what a long one does not.
+            return _Doubled(state, state, inf, trouble)
         apart = [a - b for a, b in zip(whole[:2], halves.fields[:2], strict=True)]
-        error = _largest_stretch(apart) / (2**self.method.order - 1)
-        return first, halves, error if isfinite(error) else inf, None
+        error = _largest_stretch(apart) / (2**ORDER - 1)
+        return _Doubled(first, halves, error if isfinite(error) else inf)
 
-    def _expected_scale(self, state: CreepState, end: float) -> float:
+    def _expected_scale(self, state: State, end: float) -> float:
         """Estimate the stretches to come by one step to the end of the first piece.
 
         In the first steps of a ramp stretch and error grow alike, and a tolerance that refers to
@@ -312,14 +260,14 @@ class Integrator:
             return float(np.finfo(np.float64).tiny)
         return _largest_stretch(fields)
 
-    def _refuse(self, state: CreepState, trouble: KajuError | None) -> None:
+    def _refuse(self, state: State, trouble: KajuError | None) -> None:
         """Say why no step is short enough."""
         if isinstance(trouble, TangentError):
             text = f"creep: at {state.time:.6g} s, in every step but the shortest: {trouble}"
             raise type(trouble)(text, trouble.nodes) from trouble
         raise ConvergenceError(
             f"creep: at {state.time:.6g} s no step however short keeps the tolerance "
-            f"{self.control.tolerance}: there it moves ever faster, as what folds or snaps through "
+            f"{self.tolerance}: there it moves ever faster, as what folds or snaps through "
             "does; end before (duration=), or load it less"
         ) from trouble
 
@@ -328,10 +276,10 @@ def _largest_stretch(fields: Fields | list[Floats]) -> float:
     return max(float(np.abs(part).max(initial=0.0)) for part in fields[:2])
 
 
-def _growth(error: float, allowed: float, order: int) -> float:
+def _growth(error: float, allowed: float) -> float:
     """Return by which factor the next step is longer: errors grow as its power order + 1."""
     if error <= allowed * 1e-6:
         return 5.0
     if not isfinite(error):
         return 0.1
-    return float(min(5.0, max(0.1, 0.9 * (allowed / error) ** (1.0 / order))))
+    return float(min(5.0, max(0.1, 0.9 * (allowed / error) ** (1.0 / ORDER))))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import (
@@ -26,7 +25,6 @@ from kaju.model.results.result import (
     cells_of_points,
     idle_rheology,
 )
-from kaju.model.results.stored import put_together, taken_apart
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 
@@ -388,16 +386,7 @@ class TransferResult(BodyResult):
                 columns[f"stress_{a}{b}"] = self.stress[:, i, j]
         return pandas.DataFrame(columns)
 
-    # Creep keeps an answer without time inside its own.
-
-    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        return taken_apart(self)
-
-    @classmethod
-    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        found: Self = put_together(cls, archive.arrays, archive.about)
-        return found
-
+    # `BodyResult` stores answers that are not described by their fields yet.
     _stored, _restored = Result._stored, Result.__dict__["_restored"]
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from kaju.model.outline.outline_result import OutlineResult as OutlineResult
     from kaju.model.results.result import Result as Result
     from kaju.model.results.result import load_result as load_result
-    from kaju.model.rheology.creep_model import CreepModel as CreepModel
+    from kaju.model.rheology.creeping import CreepModel as CreepModel
     from kaju.model.rheology.creeping import creep as creep
     from kaju.model.rheology.element import ThreeElement as ThreeElement
     from kaju.model.rheology.load_history import History as History
@@ -92,8 +92,7 @@ _NAMES = {
     "model.network.network_model": "NetworkModel",
     "model.outline.outline_result": "OutlineResult",
     "model.results.result": "Result load_result",
-    "model.rheology.creep_model": "CreepModel",
-    "model.rheology.creeping": "creep",
+    "model.rheology.creeping": "CreepModel creep",
     "model.rheology.element": "ThreeElement",
     "model.rheology.load_history": "History",
     "model.scale.solve_petsc": "solve_petsc",

@@ -18,7 +18,6 @@ _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.creep:plot_curves_at"}
 _IN_TIME = {"times": "view.creep:BODY", "curves": "view.creep:CURVES"}
 _COLUMNS = "model.results.formats"
-_COURSE = {"anything in time, course": f"{_COLUMNS}:COURSE"}
 _PAGE = "view.page.motion_data"
 NOTEBOOK = "view.page.notebook:html_of"
 """The function that returns what a notebook shows of a model or a result."""
@@ -108,10 +107,6 @@ KINDS = {
         films={"increments": "view.network_plots:INCREMENTS"},
         meshes={"increments": "view.motion:increments"},
         page=f"{_PAGE}:network",
-        columns={
-            "spring network, network": f"{_COLUMNS}:NETWORK",
-            "spring network": f"{_COLUMNS}:RECORDS",
-        },
     ),
     "fracture": Kind(
         "model.fracture.fracture_result:FractureResult",
@@ -122,7 +117,6 @@ KINDS = {
         },
         films={"breaks": "view.fracture_plots:BREAKS"},
         page=f"{_PAGE}:breaks",
-        columns={"fracture": f"{_COLUMNS}:BREAKS"},
     ),
     "growth": Kind(
         "model.growth.growth_result:GrowthResult",
@@ -132,14 +126,12 @@ KINDS = {
         },
         films={"steps": "view.growth_plots:STEPS"},
         page=f"{_PAGE}:growth_steps",
-        columns={"growth": f"{_COLUMNS}:GROWTH"},
     ),
     "element in time": Kind(
         "model.rheology.creep_result:CreepResult",
         pictures=_CREPT,
         films={"times": "view.creep:CURVES"},
         page=f"{_PAGE}:element",
-        columns=_COURSE | {"element in time": f"{_COLUMNS}:ELEMENT_IN_TIME"},
     ),
     "network in time": Kind(
         "model.rheology.creeping_network:NetworkCreepResult",
@@ -147,7 +139,6 @@ KINDS = {
         films=_IN_TIME | {"times": "view.creep:NETWORK"},
         meshes={"times": "view.motion:network_times"},
         page=f"{_PAGE}:network_in_time",
-        columns=_COURSE | {"network in time": f"{_COLUMNS}:NETWORK_IN_TIME"},
     ),
 } | {
     name: Kind(
@@ -156,19 +147,10 @@ KINDS = {
         films=_IN_TIME,
         meshes={"times": "view.motion:times"},
         page=f"{_PAGE}:body_in_time",
-        columns=_COURSE | {name: f"{_COLUMNS}:{columns}"},
     )
-    for name, result, columns in (
-        (
-            "load transfer in time",
-            "model.rheology.creeping_elements:TransferCreepResult",
-            "TRANSFER_IN_TIME",
-        ),
-        (
-            "elasticity in time",
-            "model.rheology.creeping_elastic:ElasticCreepResult",
-            "ELASTIC_IN_TIME",
-        ),
+    for name, result in (
+        ("load transfer in time", "model.rheology.creeping_elements:TransferCreepResult"),
+        ("elasticity in time", "model.rheology.creeping_elastic:ElasticCreepResult"),
     )
 }
 """Kinds of results, by the label that stored ones have."""

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from kaju.errors import BucklingError, MechanismError, ParameterError
+from kaju import History, SpringNetwork, ThreeElement, creep
+from kaju.errors import ConvergenceError, MechanismError, ParameterError
 from kaju.model.network import solve, triangular
-from kaju.model.network.springs import SpringNetwork
-from kaju.model.rheology.creeping import creep
-from kaju.model.rheology.element import ThreeElement
-from kaju.model.rheology.load_history import History
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
 BITE = History().ramp(1.0, 0.2).hold(2.0).release(0.1).hold(6.0)
@@ -40,7 +37,7 @@ def rod():
 def test_each_spring_may_have_its_own_element():
     elements = [ELEMENT, ThreeElement.spring(6.0), ThreeElement.dashpot(1.0)]
     times = np.linspace(0.5, 10.0, 20)
-    result = creep(rod(), BITE, 10.0, times=times, step=0.1, rheology=elements)
+    result = creep(rod(), BITE, 10.0, times=times, rheology=elements)
     stretch = np.diff(result.displacement[:, :, 0], axis=1)
     for column, element in zip(stretch.T, elements, strict=True):
         alone = element.creep(force=BITE.scaled(0.5), times=times, scheme="exact")
@@ -52,23 +49,11 @@ def test_a_rod_under_given_displacement_relaxes():
         [[0.0, 0.0], [1.0, 0.0]], [[0, 1]], 2.0, held=[True, True],
         displacements=[[0.0, 0.0], [0.1, 0.0]],
     )  # fmt: skip
-    result = creep(network, BITE, times=TIMES, step=0.02, rheology=ELEMENT)
+    result = creep(network, BITE, times=TIMES, tolerance=1e-4, rheology=ELEMENT)
     alone = ELEMENT.relaxation(displacement=BITE, times=TIMES, scheme="exact")
     np.testing.assert_allclose(result.force[:, 0], 0.1 * alone, atol=1e-4)
-
-
-@pytest.mark.parametrize(("scheme", "order"), [("backward_euler", 1.0), ("sdirk2", 2.0)])
-def test_measured_order_in_true_geometry(scheme, order):
-    history = History().ramp(1.0, 2.0).hold(2.0)
-
-    def run(step):
-        return creep(
-            truss(), history, times=[1.0, 2.0, 4.0], step=step, rheology=ELEMENT, scheme=scheme
-        ).displacement
-
-    fine, finer, finest = run(0.1), run(0.05), run(0.025)
-    slope = np.log2(np.abs(finer - fine).max() / np.abs(finest - finer).max())
-    assert slope == pytest.approx(order, abs=0.15)
+    np.testing.assert_allclose(result.grip_force(), result.force[:, 0])
+    assert result.largest_force().title == "Force"
 
 
 def test_small_loads_follow_the_correspondence_principle():
@@ -84,14 +69,6 @@ def test_small_loads_follow_the_correspondence_principle():
     np.testing.assert_allclose(crept, grown[:, None, None] * elastic, atol=1e-5 * 3e-8)
 
 
-def test_a_resumed_network_goes_on_as_if_unbroken():
-    unbroken = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
-    first = creep(truss(), BITE, 2.2, times=TIMES[:4], rheology=ELEMENT)
-    second = creep(truss(), BITE, times=TIMES[4:], rheology=ELEMENT, resume=first.state)
-    np.testing.assert_array_equal(second.displacement, unbroken.displacement[4:])
-    np.testing.assert_array_equal(second.force, unbroken.force[4:])
-
-
 def test_a_bent_truss_stays_bent_by_what_flowed():
     result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
     sunk = result.displacement[:, 2, 1]
@@ -103,32 +80,29 @@ def test_a_bent_truss_stays_bent_by_what_flowed():
 
 
 def test_a_truss_that_snaps_through_is_reported():
-    with pytest.raises(BucklingError, match="buckles"):
-        creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, step=0.05, rheology=ELEMENT)
+    with pytest.raises(ConvergenceError, match="snaps through"):
+        creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, rheology=ELEMENT)
 
 
-@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
-def test_springs_that_are_let_go_come_to_rest(scheme):
+def test_springs_that_are_let_go_come_to_rest():
     history = History().ramp(1.0, 1.0).hold(5.0).release(1.0).hold(20.0)
     times = [0.5, 1.0, 6.0, 7.0, 27.0]
     result = creep(
-        triangular(5, force=0.05), history, times=times, step=0.25, scheme=scheme,
-        rheology=ThreeElement.spring(1.0),
-    )  # fmt: skip
+        triangular(5, force=0.05), history, times=times, rheology=ThreeElement.spring(1.0)
+    )
     static = solve(triangular(5, force=0.05))
     np.testing.assert_allclose(result.displacement[2], static.displacement[-1], atol=1e-12)
     np.testing.assert_allclose(result.displacement[3:], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("apart", [3e-17, 1e-10])
-@pytest.mark.parametrize("pace", [{"tolerance": 1e-3}, {"step": 0.1}])
-def test_times_that_differ_by_rounding_are_one(apart, pace):
+def test_times_that_differ_by_rounding_are_one(apart):
     history = History().ramp(1.0, duration=0.2).hold(1.0)
     times = [0.2 - apart, 0.2, 1.2]
-    result = creep(truss(), history, times=times, rheology=ELEMENT, **pace)
+    result = creep(truss(), history, times=times, rheology=ELEMENT)
     np.testing.assert_allclose(result.displacement[0], result.displacement[1], atol=1e-9)
-    plain = creep(truss(), history, times=[0.2, 1.2], rheology=ELEMENT, **pace)
-    np.testing.assert_allclose(result.displacement[1:], plain.displacement, atol=1e-5)
+    plain = creep(truss(), history, times=[0.2, 1.2], rheology=ELEMENT)
+    np.testing.assert_allclose(result.displacement[1:], plain.displacement, atol=1e-12)
     np.testing.assert_array_equal(result.times, times)
 
 
@@ -156,14 +130,6 @@ def test_moments_are_records_of_a_loaded_network():
     np.testing.assert_array_equal(records.positions(2), truss().positions + result.displacement[2])
     np.testing.assert_array_equal(records.stage, BITE.at(TIMES))
     np.testing.assert_allclose(records.reactions(1)[:2], result.outside_forces(1)[:2])
-
-
-@pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
-def test_work_is_stored_dissipated_or_the_schemes_own(scheme):
-    result = creep(truss(), BITE, times=TIMES, step=0.1, rheology=ELEMENT, scheme=scheme)
-    left = result.work - result.stored - result.dissipated - result.numerical
-    np.testing.assert_allclose(left, 0.0, atol=1e-12 * np.abs(result.work).max())
-    assert np.all(np.diff(result.dissipated) >= 0.0)
 
 
 def test_networks_need_a_rheology_that_fits():

@@ -48,8 +48,6 @@ def layered(kind):
 
 COURSES = {
     "element": lambda: creep(LAW, BITE, times=TIMES),
-    "stretched element": lambda: creep(LAW, BITE.scaled(0.1), times=TIMES[:3], duration=2.5,
-                                       drive="displacements"),
     "network": lambda: creep(triangular(3), BITE, times=TIMES, rheology=LAW),
     "prescribed body": lambda: creep(block("prescribed"), times=TIMES),
     "elastic body": lambda: creep(block("elastic"), times=TIMES),
@@ -67,8 +65,6 @@ def test_a_stored_course_is_the_same(course, tmp_path):
     assert type(stored) is type(course)
     assert stored.summary() == course.summary()
     assert stored.to_dataframe().equals(course.to_dataframe())
-    for one, other in zip(stored.state.fields, course.state.fields, strict=True):
-        np.testing.assert_array_equal(one, other)
     for ours, theirs in zip(stored.curves(), course.curves(), strict=True):
         assert (ours.title, ours.unit, list(ours.lines)) == (
             theirs.title,
@@ -92,25 +88,10 @@ def test_the_energies_of_the_summary_balance(course):
 
 def test_what_stays_is_what_has_flowed():
     history = History.step(3.0).hold(4.0).release().hold(200.0)
-    course = creep(LAW, history, times=[4.0, 204.0], step=0.5)
-    assert course.what_stays() == pytest.approx(3.0 * 4.0 / LAW.D_d, rel=1e-6)
+    course = creep(LAW, history, times=[4.0, 204.0])
+    assert course.what_stays() == pytest.approx(3.0 * 4.0 / LAW.D_d, rel=1e-3)
     assert creep(LAW, History.step(3.0), 4.0).what_stays() is None
     assert course.summary()["displacement_that_stays"] == course.what_stays()
-
-
-def test_the_force_of_a_grip_is_that_of_what_it_pulls():
-    network = triangular(3, force=0.0)
-    top = network.node((2, 1))
-    held, given = network.held.copy(), np.zeros_like(network.positions)
-    held[top], given[top, 1] = True, -0.1
-    gripped = type(network).build(
-        network.positions, network.springs, network.stiffness, held=held, displacements=given
-    )
-    course = creep(gripped, BITE, times=TIMES, rheology=LAW)
-    expected = [-course.outside_forces(k)[top, 1] for k in range(len(TIMES))]
-    np.testing.assert_allclose(course.grip_force(), expected)
-    assert course.grip_force()[2] < course.grip_force()[1], "it relaxes"
-    assert course.largest_force().title == "Force"
 
 
 def test_bodies_and_networks_are_drawn_at_a_time(tmp_path):
@@ -161,11 +142,6 @@ def test_a_history_is_written_in_the_scene(text, expected):
 def test_what_is_wrong_with_a_history_is_told(text, told):
     with pytest.raises(SceneError, match=told.split(", did")[0]):
         Scene.from_toml(STEPS + text)
-
-
-def test_a_history_is_needed():
-    with pytest.raises(ParameterError, match="history: a History is needed, got None"):
-        creep(block("elastic", history=None))
 
 
 def test_the_command_lets_a_scene_creep(tmp_path, typed):

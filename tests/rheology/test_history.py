@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kaju import History
 from kaju.errors import ParameterError
-from kaju.model.rheology.load_history import History
 
 
 def test_words_make_a_chain_of_straight_pieces():

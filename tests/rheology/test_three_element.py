@@ -5,9 +5,8 @@ from math import exp, inf, nan
 import numpy as np
 import pytest
 
+from kaju import History, ThreeElement
 from kaju.errors import ParameterError
-from kaju.model.rheology.element import ThreeElement
-from kaju.model.rheology.load_history import History
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 
@@ -81,7 +80,7 @@ def test_ramp_compliance_has_no_seam_between_series_and_formula(x):
     assert ELEMENT.ramp_compliance(t) == pytest.approx(voigt + t**2 / 10.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
+@pytest.mark.parametrize("scheme", ["backward_euler", "exact"])
 @pytest.mark.parametrize(
     "numbers",
     [
@@ -98,12 +97,12 @@ def test_numbers_of_any_size_are_steady(scheme, numbers, last):
     element = ThreeElement(*numbers)
     given_way = element.creep(force=1.0, times=times, scheme=scheme)
     assert np.all(np.isfinite(given_way))
-    assert np.all(np.diff(given_way) >= 0.0)
+    assert np.all(np.diff(given_way) >= -1e-15 * given_way[-1])
     ramp = History().ramp(1.0, last / 3).release(last / 7)
     assert np.all(np.isfinite(element.relaxation(displacement=ramp, times=times, scheme=scheme)))
 
 
-@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
+@pytest.mark.parametrize("scheme", ["backward_euler", "exact"])
 def test_each_limit_is_exact(scheme):
     t = np.linspace(0.0, 6.0, 7)
 
@@ -146,8 +145,8 @@ def test_times_and_schemes_are_checked():
         ELEMENT.creep(force=1.0, times=[2.0, 1.0])
     with pytest.raises(ParameterError, match="do not fall"):
         ELEMENT.creep(force=1.0, times=[-1.0, 1.0])
-    with pytest.raises(ParameterError, match="backward_euler, sdirk2"):
-        ELEMENT.creep(force=1.0, times=[1.0], scheme="euler")
+    with pytest.raises(ParameterError, match="backward_euler, exact"):
+        ELEMENT.creep(force=1.0, times=[1.0], scheme="sdirk2")
     with pytest.raises(ParameterError, match="finite number"):
         ELEMENT.creep(force=nan, times=[1.0])
 
@@ -160,3 +159,50 @@ def test_ramp_compliance_is_the_integral_of_the_compliance(numbers):
         times = 0.5 * end * (nodes + 1.0)
         integral = 0.5 * end * np.sum(weights * element.creep_compliance(times))
         assert element.ramp_compliance(end) == pytest.approx(integral, rel=1e-10)
+
+
+PACES = 10.0 ** np.arange(-6, 13)
+
+
+@pytest.mark.parametrize("pace", PACES)
+def test_backward_euler_is_the_discrete_creep_formula(pace):
+    step, n = pace * ELEMENT.retardation_time, np.arange(1, 1001)
+    formula = 7.0 * (n * step / 5.0 - np.expm1(-n * np.log1p(step * 2.0 / 3.0)) / 2.0)
+    crept = ELEMENT.creep(force=7.0, times=step * n)
+    np.testing.assert_allclose(crept, formula, rtol=1e-12)
+
+
+def test_the_distances_of_the_times_are_the_steps():
+    times, left = np.array([0.3, 0.5, 2.0]), 1.0
+    for step in (0.3, 0.2, 1.5):
+        left /= 1.0 + step * 2.0 / 3.0
+    expected = 7.0 * (2.0 / 5.0 + (1.0 - left) / 2.0)
+    assert ELEMENT.creep(force=7.0, times=times)[-1] == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("pace", PACES)
+def test_creep_relaxation_and_recovery_never_turn_back(pace):
+    step, n = pace * ELEMENT.retardation_time, np.arange(1, 301)
+    given_way = ELEMENT.creep(force=7.0, times=step * n)
+    assert np.all(np.diff(given_way, prepend=0.0) > 0.0)
+    unloading = History.step(7.0).hold(100 * step).release()
+    recovering = ThreeElement.kelvin_voigt(2.0, 3.0).creep(force=unloading, times=step * n)
+    rounding = 1e-15 * recovering.max()
+    assert np.all(np.diff(recovering[100:]) <= rounding)
+    assert np.all(recovering >= -rounding)
+    force = ELEMENT.relaxation(displacement=History().ramp(1.0, 100 * step), times=step * n)
+    rounding = 1e-13 * force.max()
+    assert np.all(np.diff(force[:100]) >= -rounding)
+    assert np.all(np.diff(force[100:]) <= rounding)
+    assert np.all(force >= -rounding)
+
+
+@pytest.mark.parametrize("driven", ["force", "displacement"])
+def test_backward_euler_is_of_first_order(driven):
+    history = History().ramp(1.0, 1.0).hold(2.0).release(1.0).hold(4.0)
+    answer = ELEMENT.creep if driven == "force" else ELEMENT.relaxation
+    errors = []
+    for count in (64, 128, 256):
+        asked = {driven: history, "times": np.linspace(0.0, 8.0, count + 1)[1:]}
+        errors.append(np.abs(answer(**asked) - answer(**asked, scheme="exact")).max())
+    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 1.0, atol=0.06)

@@ -1,0 +1,195 @@
+"""Bodies in time: elastic ones by correspondence or step by step, and agents by their own loads."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+
+from kaju import History, Material, Scene, ThreeElement, creep, solve
+from kaju.model.rheology import creeping_elastic
+
+SOFT = ThreeElement(K_f=2e5, D_f=3e5, D_d=4e6)
+TIMES = np.array([0.2, 3.0, 5.2, 6.0, 10.0])
+BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)
+DRAWN = "\n".join(["aaaaaaaaaaaa"] * 3 + ["aaabbbbbaaaa"] * 3 + ["aaaaaaaaaaaa"] * 2)
+POINTS = np.array([[0.06, 0.08], [0.02, 0.03], [0.05, 0.035]])
+
+
+def scene(a, b, top=None, modulus=2e5, kind="elastic", drawn=DRAWN, ratios=(0.3, 0.3), **more):
+    """A soft block with an inclusion, pressed from above or squeezed by its top."""
+    sides = {"bottom": "rigid"}
+    if top is not None:
+        sides["top"] = {"displacement": [0.0, top]}
+    across, high = len(drawn.split("\n")[0]), len(drawn.split("\n"))
+    return Scene.from_drawing(
+        drawn,
+        legend={"a": "one", "b": "two", ".": "air"},
+        cell_size=0.01,
+        thickness=0.002,
+        materials={
+            "one": Material("one", 2e5, ratios[0], rheology=a),
+            "two": Material("two", modulus, ratios[1], rheology=b),
+        },
+        sides=sides | more.pop("sides", {}),
+        loads=[{"cell": [across // 2, high - 1], "force": [0.0, -0.2]}] if top is None else [],
+        rule={"kind": kind} | ({"threshold": 1e-3} if kind == "prescribed" else {}),
+        **more,
+    )
+
+
+def nearly(law):
+    """Return a law that differs by so little that only a body stepped in time feels it."""
+    return replace(law, K_f=law.K_f * (1.0 + 1e-9))
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_materials_that_take_the_same_time_follow_the_correspondence_principle(plane):
+    stiffer = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
+    body = scene(SOFT, stiffer, modulus=2e6, plane=plane)
+    result = creep(body, BITE, times=TIMES, tolerance=1e-5)
+    growth = 2e5 * SOFT.creep(force=BITE, times=TIMES, scheme="exact")
+    np.testing.assert_allclose(result.growth, growth, atol=1e-5 * growth.max())
+    moved = solve(body).displacement_at(POINTS)
+    np.testing.assert_allclose(
+        result.displacement_at(POINTS, 2), growth[2] * moved, atol=1e-4 * np.abs(moved).max()
+    )
+    np.testing.assert_allclose(result.stress(1), result.static.cells().stress)
+
+
+@pytest.mark.parametrize("drawn", [DRAWN, "aaaa\nabba\naaaa"])
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_stepping_and_correspondence_agree(drawn, plane):
+    points = POINTS if drawn == DRAWN else np.array([[0.02, 0.03], [0.011, 0.012]])
+    short = creep(scene(SOFT, SOFT, drawn=drawn, plane=plane), BITE, times=TIMES)
+    stepped = creep(scene(SOFT, nearly(SOFT), drawn=drawn, plane=plane), BITE, times=TIMES)
+    assert short.growth is not None
+    assert stepped.growth is None
+    for record in range(len(TIMES)):
+        for query in (
+            lambda course, at: course.displacement_at(points, at),
+            lambda course, at: course.cell_displacement(at),
+            lambda course, at: course.stress(at),
+        ):
+            scale = np.nanmax(np.abs(query(short, 1)))
+            np.testing.assert_allclose(
+                query(stepped, record), query(short, record), atol=2e-3 * scale
+            )
+    for name in ("work", "stored", "dissipated"):
+        scale = short.work.max()
+        np.testing.assert_allclose(getattr(stepped, name), getattr(short, name), atol=2e-3 * scale)
+
+
+def test_two_layers_in_a_row_add_up_their_own_creep():
+    other = ThreeElement.maxwell(4e4, 1e5)
+    layers = "\n".join(["bbbb"] * 4 + ["aaaa"] * 4)
+    body = scene(SOFT, other, modulus=4e4, drawn=layers, ratios=(0.0, 0.0))
+    pressed = body.replace(loads=[{"side": "top", "force": [0.0, -1e-2]}])
+    crept = creep(pressed, BITE, times=TIMES, tolerance=1e-6)
+    stress = BITE.scaled(1e-2 / (0.04 * 0.002))
+    strains = [law.creep(force=stress, times=TIMES, scheme="exact") for law in (SOFT, other)]
+    sunk = -0.04 * np.sum(strains, axis=0)
+    top = np.array([[0.013, 0.08], [0.04, 0.08]])
+    found = np.array([crept.displacement_at(top, record)[:, 1] for record in range(len(TIMES))])
+    np.testing.assert_allclose(found, sunk[:, None] * np.ones(2), atol=1e-5 * np.abs(sunk).max())
+
+
+def test_a_squeezed_block_relaxes():
+    squeezed = creep(scene(SOFT, SOFT, top=-0.001), BITE, times=TIMES, tolerance=1e-4)
+    # All materials are alike and the support leads: stresses fade as the element's force does.
+    force = SOFT.relaxation(displacement=BITE, times=TIMES, scheme="exact")
+    static = squeezed.static.cells().stress
+    for record, fade in enumerate(force / SOFT.K_f):
+        np.testing.assert_allclose(
+            squeezed.stress(record), fade * static, atol=5e-4 * np.nanmax(np.abs(static))
+        )
+    moved = squeezed.static.displacement_at(POINTS)
+    np.testing.assert_allclose(squeezed.displacement_at(POINTS, 2), moved, atol=1e-6 * 0.001)
+
+
+def test_elastic_materials_give_the_static_answer_at_once():
+    """On an elastic bed, so that the body is stepped."""
+    bed = {"bottom": {"kind": "foundation", "stiffness": 1e7}, "left": "roller"}
+    body = scene(None, ThreeElement.spring(2e6), modulus=2e6, sides=bed)
+    result = creep(body, BITE, times=[0.1, 0.2])
+    assert result.growth is None
+    static = solve(body)
+    moved = static.displacement_at(POINTS)
+    np.testing.assert_allclose(result.displacement_at(POINTS, 1), moved, rtol=1e-6)
+    np.testing.assert_allclose(result.displacement_at(POINTS, 0), 0.5 * moved, rtol=1e-6)
+    np.testing.assert_allclose(result.stored[1], static.strain_energy, rtol=1e-6)
+    assert np.all(result.dissipated == 0.0)
+
+
+@pytest.mark.parametrize("drawn", [DRAWN, "\n".join(["a" * 40] * 3 + ["aaa" + "." * 34 + "aaa"] * 34
+                                                    + ["ba" * 20] * 3)])  # fmt: skip
+def test_multigrid_and_factorisation_agree(monkeypatch, drawn):
+    """Of the frame geometric multigrid is no help, and it is handed on."""
+    history = History().ramp(1.0, 1.0)
+    body = scene(SOFT, None, modulus=1e6, drawn=drawn)
+    direct = creep(body, history, times=[1.0])
+    monkeypatch.setattr(creeping_elastic, "_FACTORISED_UP_TO", {2: 0, 3: 0})
+    multigrid = creep(body, history, times=[1.0])
+    scale = np.abs(direct.faces).max()
+    np.testing.assert_allclose(multigrid.faces, direct.faces, atol=1e-7 * scale)
+
+
+def test_a_body_in_space_is_stepped():
+    laws = {"one": SOFT, "two": nearly(SOFT)}
+    body = Scene(
+        body={"cell_size": 0.01, "cells": [3, 3, 4], "material": "one",
+              "regions": [{"material": "two", "box": [[0, 0, 0], [0.03, 0.03, 0.02]]}]},
+        materials={name: Material(name, 2e5, 0.3, rheology=law) for name, law in laws.items()},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 0.0, -0.1]}],
+        rule={"kind": "elastic"},
+    )  # fmt: skip
+    crept = creep(body, BITE, times=TIMES, tolerance=1e-4)
+    growth = 2e5 * SOFT.creep(force=BITE, times=TIMES, scheme="exact")
+    middle = np.array([[0.015, 0.015, 0.04]])
+    static = crept.static.displacement_at(middle)
+    for record, grown in enumerate(growth):
+        np.testing.assert_allclose(
+            crept.displacement_at(middle, record), grown * static,
+            atol=1e-4 * growth.max() * np.abs(static).max(),
+        )  # fmt: skip
+
+
+AGENTS = {"kind": "prescribed", "drawn": "aaaaaaaa\naaaaaaaa\nbbbbbbbb\nbbbbbbbb", "modulus": 1e6}
+
+
+def test_every_material_of_agents_takes_its_own_time():
+    result = creep(scene(SOFT, None, **AGENTS), BITE, times=[*TIMES, 25.3], tolerance=1e-5)
+    of_soft = 2e5 * SOFT.creep(force=BITE, times=result.times, scheme="exact")
+    np.testing.assert_allclose(result.growth[:, 0], of_soft, atol=1e-5)
+    np.testing.assert_allclose(result.growth[:, 1], BITE.at(result.times), atol=1e-12)
+    lower = result.static.last.material == 1
+    np.testing.assert_allclose(result.strain(-1)[lower], 0.0, atol=1e-15)
+    assert np.abs(result.strain(-1)[~lower]).max() > 0.0
+    np.testing.assert_allclose(result.stress(1), result.static.stress)
+    assert result.displacement(1).shape == result.static.displacement.shape
+
+
+def test_agents_of_one_law_follow_the_correspondence_principle():
+    like_soft = replace(SOFT, K_f=1e6, D_f=1.5e6, D_d=2e7)
+    result = creep(scene(SOFT, like_soft, **AGENTS), BITE, times=TIMES, tolerance=1e-5)
+    points = np.array([[0.045, 0.035], [0.02, 0.01]])
+    static = result.static.displacement_at(points)
+    for record, grown in enumerate(2e5 * SOFT.creep(force=BITE, times=TIMES, scheme="exact")):
+        np.testing.assert_allclose(
+            result.displacement_at(points, record), grown * static, atol=2e-5 * np.abs(static).max()
+        )
+
+
+def test_elastic_agents_store_the_energy_of_their_own_squeeze():
+    result = creep(scene(None, None, **AGENTS), History.step(), 1.0, times=[1.0])
+    modulus = np.array([2e5, 1e6])[result.static.last.material]
+    squared = np.einsum("nij,nij->n", result.static.stress, result.static.stress)
+    expected = np.sum(0.5 * squared / modulus * 0.01**2 * 0.002)
+    assert result.stored[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_scene_keeps_its_rheology_when_written():
+    again = Scene.from_toml(scene(replace(SOFT, D_d=inf), None).to_toml())
+    assert again.cell_materials[0].rheology == replace(SOFT, D_d=inf)
+    assert again.cell_materials[1].rheology is None

@@ -26,8 +26,6 @@ from kaju import ElasticModel, LoadModel, Material, Reference, Scene, ThreeEleme
 from kaju.errors import KajuError
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
-from kaju.model.results.formats import CREEP_STATE
-from kaju.model.rheology.creep_result import CreepState
 from kaju.model.scale.pieces import Piece, PiecedResult
 from kaju.model.study.sweep_store import load_sweep
 
@@ -133,11 +131,6 @@ def samples(folder):
         known = Reference.load(path)
         return contents_of(({"at": known.points, "moved": known.displacement}, known.source))
 
-    def read_state(path):
-        state = CreepState.load(path)
-        numbers = {name: getattr(state, name) for name in CREEP_STATE}
-        return contents_of(({str(i): part for i, part in enumerate(state.fields)}, numbers))
-
     soft, firm = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7), ThreeElement(K_f=1e6, D_f=1e6, D_d=9e7)
     net = triangular(3)
     net = kaju.SpringNetwork.build(
@@ -146,9 +139,8 @@ def samples(folder):
     )  # fmt: skip
 
     def crept(subject, **how):
-        return kaju.creep(subject, HISTORY, 1.0, times=[0.5, 1.0], step=0.25, **how)
+        return kaju.creep(subject, HISTORY, 1.0, times=[0.5, 1.0], **how)
 
-    element = crept(soft)
     elastic = {"rule": {"kind": "elastic", "threshold": 1e-3}}
     answers = {
         "transfer": LoadModel(plate()).run(),
@@ -156,7 +148,7 @@ def samples(folder):
         "tree": kaju.solve(plate(), tolerance=0.3, strategy="spawning"),
         "pushes": ElasticModel(plate(**elastic)).run(),
         "network": solve_network(net),
-        "element in time": element,
+        "element in time": crept(soft),
         "network in time": crept(net, rheology=soft),
         "transfer in time": crept(slow(soft, firm).with_overrides({"rule.kind": "prescribed"})),
         "one layer in time": crept(slow(soft)),
@@ -167,8 +159,6 @@ def samples(folder):
         kind: (answer.save(folder / f"{kind}.npz"), read if kind != "reference" else read_reference)
         for kind, answer in answers.items()
     }
-    element.state.save(folder / "state.npz")
-    made["state"] = folder / "state.npz", read_state
     forces = {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}
     kaju.sweep(plate(), forces, out=folder / "sweep", workers=1)
     made["sweep"] = (

@@ -193,7 +193,7 @@ def _stores_itself(form: Any) -> bool:
 @cache
 def _has_parts(form: Any) -> bool:
     """Tell whether a form is a dataclass, an array or a `Coded` value, or holds any."""
-    if _is_record(form) or _mark(form) is not None:
+    if form is Scene or _is_record(form) or _mark(form) is not None:
         return True
     return get_origin(form) not in (None, Annotated, Literal) and any(
         map(_has_parts, get_args(form))
@@ -229,7 +229,7 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
         return None
     if isinstance(mark, Coded):
         return mark.encode(value)
-    if isinstance(value, Scene):
+    if form is Scene:
         text, own_arrays = value.to_archive()
         arrays |= {_inside(name, key): array for key, array in own_arrays.items()}
         sizes |= sizes_of(value)

@@ -86,7 +86,7 @@ def test_time_ends_where_it_was(monkeypatch, tmp_path):
     law = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
     times = np.linspace(0.1, 1.0, 10)
     whole = creep(law, History.step(), 1.0, times=times)
-    interrupting(monkeypatch, Integrator, "take_step", 100)
+    interrupting(monkeypatch, Integrator, "take_step", 26)
     with pytest.raises(Interrupted) as stop:
         creep(law, History.step(), 1.0, times=times)
     best = kaju.load_result(stop.value.best.save(tmp_path / "part.npz"))

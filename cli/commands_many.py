@@ -1,19 +1,157 @@
-"""The verb that runs many scenes: `sweep` varies one."""
+"""The verbs that ask more than one answer: `compare` two, `sweep` one scene many times."""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kaju.errors import ParameterError
+from kaju.stopping import NOTE
 
-from .options import SceneFile, folder
+from .console import Console
+from .options import Force, Json, Pictures, Quiet, SceneFile, Settings, folder, scene_of
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
+
+    from kaju.model.scene import Scene
+    from kaju.model.study.compare import Comparison
+    from kaju.model.study.rule_study import RuleStudy
+
+Stored = "a result or reference (.npz), or the folder of a run"
+
+
+def compare(
+    judged: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENE|RESULT", help=f"A scene (.toml), whose rule is judged; or {Stored}."
+        ),
+    ],
+    reference: Annotated[
+        Path | None,
+        typer.Argument(metavar="[REFERENCE]", help=f"With a result: {Stored}. It is believed."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        folder("Folder for comparison.json and pictures; of a scene SCENE-compared unless given."),
+    ] = None,
+    settings: Settings = None,
+    resolution: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Cells of the believed answer for one of a scene's."),
+    ] = None,
+    fit: Annotated[
+        int, typer.Option(metavar="RUNS", help="Runs for fitting a scene's rule; 0: no fit.")
+    ] = 200,
+    pictures: Pictures = True,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say how far a scene's rule is from elasticity, or one result from another.
+
+    Of a scene: runs its rule, the same with fitted coefficients, and agents of the elastic
+    rule; draws the stress ratio, stresses along rows, shapes and displacements beside the
+    answer of elasticity; and says in words how far each is off, and where.
+    """
+    from kaju.view.comparison import pictures_beside, words_beside
+    from kaju.view.picture_files import save
+
+    from .output import Folder, write_json
+
+    console, is_scene = Console(as_json, quiet), judged.suffix == ".toml"
+    if is_scene and reference is not None:
+        raise ParameterError(
+            f"{reference}: a scene is compared with elasticity; to compare its run with "
+            f"another result, run it first (kaju run {judged}), then compare its folder"
+        )
+    if not is_scene and (settings or resolution):
+        name = "--set" if settings else "--resolution"
+        raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
+    if not is_scene and reference is None:
+        raise ParameterError(f"REFERENCE: is needed, which {judged} is judged by")
+    target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
+    place = None if target is None else Folder(target, force)
+    found: Any = None
+    words: Any = _table
+    drawn: Any = _error_maps
+    ended = False
+    if reference is None:
+        found, ended = _beside(scene_of(judged, settings), resolution, fit)
+        words, drawn = words_beside, pictures_beside
+    else:
+        found = _two(judged, reference)
+    summary = found.summary()
+    for line in words(found):
+        console.say(line)
+    if as_json:
+        console.figures(summary)
+    if place is not None:
+        figures = drawn(found) if pictures and not ended else {}
+
+        def parts(scratch: Path) -> None:
+            write_json(scratch / "comparison.json", summary)
+            for name, figure in figures.items():
+                save(figure, scratch / f"{name}.png")
+
+        console.files(place.fill(parts))
+    if ended:
+        typer.echo(f"{NOTE}; it is in {target}", err=True)
+        raise typer.Exit(130)
+
+
+def _beside(scene: Scene, resolution: int | None, fit: int) -> tuple[RuleStudy, bool]:
+    """Set a scene's rule beside elasticity; tell whether Ctrl-C ended it."""
+    from kaju.model.study.rule_study import RuleStudy, beside_elasticity
+
+    try:
+        return beside_elasticity(scene, resolution=resolution, evaluations=fit), False
+    except KeyboardInterrupt as stop:
+        best = getattr(stop, "best", None)
+        if isinstance(best, RuleStudy):
+            return best, True
+        typer.echo("interrupted before there was anything to keep", err=True)
+        raise typer.Exit(130) from None
+
+
+def _two(result: Path, reference: Path) -> Comparison:
+    """Compare two stored answers."""
+    from kaju.model.study.compare import compare as compare_answers
+    from kaju.model.study.compare import load_answer
+
+    if reference.suffix == ".toml":
+        raise ParameterError(
+            f"{reference}: is a scene; run it first (kaju run {reference}), then compare its folder"
+        )
+    return compare_answers(load_answer(result), load_answer(reference))
+
+
+def _table(found: Comparison) -> Iterator[str]:
+    """Yield the errors of a comparison as a table."""
+    summary = found.summary()
+    yield f"{summary['result']} against {summary['reference']}, {len(found.points)} points"
+    yield f"  {'':14}{'largest error':>14}{'r.m.s. error':>14}{'misfit':>10}"
+    for name in ("displacement", "stress"):
+        if errors := summary[name]:
+            figures = (errors["max_error"], errors["l2_error"], errors["misfit"])
+            yield "  {:14}{:14.4g}{:14.4g}{:10.4g}".format(name, *figures)
+    if found.energy_error is not None:
+        yield f"  energy norm of the error {found.energy_error:.4g}"
+    yield "  errors are shares of the reference's largest value; misfit: |difference| over |it|"
+
+
+def _error_maps(found: Comparison) -> dict[str, Figure]:
+    from kaju.view.comparison import plot_error
+    from kaju.view.style import figure_of
+
+    names = ("displacement", "stress") if found.stress else ("displacement",)
+    return {f"error_{name}": figure_of(plot_error(found, name)) for name in names}
 
 
 def sweep(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ConvergenceError, KajuError, ParameterError, ResultFileError
+from kaju.errors import ConvergenceError, ParameterError
 from kaju.stopping import NOTE
 
 from .console import Console
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
 
 # What options can be, for the shell to complete.
 Strategy = StrEnum("Strategy", "auto uniform spawning")
-Engine = StrEnum("Engine", "kaju petsc")
 Measure = StrEnum("Measure", "force stress strain energy")
 GrowthRule = StrEnum("GrowthRule", "compliance remodelling stress")
 
@@ -137,7 +135,8 @@ def demo(
 ) -> None:
     """Run the worked example: a steel plate pressed at one cell of its top edge.
 
-    A second film shows a plate so low that the load reaches the ground, which answers.
+    Writes a page to open in a browser, a picture and films. A second film shows a plate so low
+    that the load reaches the ground, which answers.
     """
     from kaju.model.scene import Scene
     from kaju.model.transfer.load_transfer import LoadTransfer
@@ -149,13 +148,13 @@ def demo(
     result = task.write(lambda: _run_agents(scene, console))
     if drawn is not Drawn.none:
         from kaju.view import animate
+        from kaju.view.page import export_page
 
+        page = export_page(result, folder / "plate.html", title="A load finds its way")
+        console.say(f"open {page} in a browser; films of it:")
         console.say(animate(result, folder / "spawning.gif"))
         low = LoadTransfer(scene.with_overrides(LOW)).reset().run()
         console.say(animate(low, folder / "ground.gif"))
-
-
-Misplaced = Annotated[str | None, typer.Option(hidden=True)]
 
 
 @of_a_scene("result")
@@ -165,20 +164,12 @@ def run(
         bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
     ] = False,
     resolution: Resolution = None,
-    strategy: Misplaced = None,
-    tolerance: Misplaced = None,
 ) -> None:
     """Let the agents of a scene act, by its rule, until no load moves any more.
 
     Writes summary.json, result.npz and pictures. An elastic rule's order, share, threshold
     and tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
     """
-    for name, value in (("strategy", strategy), ("tolerance", tolerance)):
-        if value is not None:
-            raise ParameterError(
-                f"--{name}: `kaju run` lets agents act by the scene's rule; for the answer of "
-                f"elasticity: kaju solve {task.file} --{name} {value}"
-            )
     scene = task.scene if resolution is None else task.scene.refine(resolution)
     task.write(lambda: _run_agents(scene, task.console, allow_unstable))
 
@@ -226,76 +217,22 @@ def solve(
         float | None, share("Relative error in the energy norm to keep; 0.01 or 1%.")
     ] = None,
     at: Places = None,
-    engine: Annotated[
-        Engine,
-        typer.Option(
-            help="kaju's own, or PETSc for equal cells, on many processes under mpirun "
-            "(docs/scale.md)."
-        ),
-    ] = Engine.kaju,
 ) -> None:
     """Solve a scene as linear elasticity, whatever its rule.
 
     Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
     without one the scene's own cells are solved.
     """
-    pieces = engine is Engine.petsc
-    if pieces and solve_on_processes(task, tolerance=tolerance, resolution=resolution):
-        return
 
     def answer() -> Result:
-        from kaju.model.scale.solve_petsc import solve_petsc
         from kaju.model.study.solving import solve as solve_scene
 
-        found: Result
-        if pieces:
-            found = solve_petsc(task.scene, tolerance, resolution)
-        else:
-            how: dict[str, Any] = {"resolution": resolution, "strategy": strategy.value}
-            found = solve_scene(task.scene, tolerance, goal=places_of(at), **how)
+        how: dict[str, Any] = {"resolution": resolution, "strategy": strategy.value}
+        found: Result = solve_scene(task.scene, tolerance, goal=places_of(at), **how)
         task.console.say("solved as linear elasticity")
         return found
 
     task.write(answer)
-
-
-def solve_on_processes(task: Task, **how: Any) -> bool:
-    """Solve a scene and write it in pieces; False, with nothing done, if this process is alone."""
-    from kaju.model.scale.pieces import PiecedResult
-    from kaju.model.scale.solve_petsc import communicator, solve_petsc, together
-
-    comm = communicator()
-    if comm.Get_size() == 1:
-        return False
-    first, folder = comm.Get_rank() == 0, task.folder
-    try:
-        together(comm, lambda: _check_new(folder))
-        try:
-            result, missed = solve_petsc(task.scene, **how), None
-        except ConvergenceError as error:
-            result, missed = error.best, error  # type: ignore[assignment]
-        assert isinstance(result, PiecedResult)
-        if first:
-            task.console.figures(result.summary())
-        result.save(folder)
-        if first:
-            task.console.files(sorted(folder.iterdir()))
-        if missed is not None:
-            raise missed
-    except KajuError:
-        if not first:
-            raise SystemExit(2) from None
-        raise
-    except Exception:
-        # The others may be waiting for a message that this process will never send.
-        traceback.print_exc()
-        comm.Abort(1)
-    return True
-
-
-def _check_new(folder: Path) -> None:
-    if folder.exists():
-        raise ResultFileError(f"{folder}: exists already; pieces go into a new folder")
 
 
 def seconds(help: str) -> Any:

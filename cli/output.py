@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from itertools import count
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kaju.errors import ResultFileError
 from kaju.files import check_writable, hidden_folder, is_there, move_into_place
@@ -21,7 +21,7 @@ class Folder:
     """A place for results, made or replaced (`force`) when these are there; other files stay."""
 
     def __init__(self, path: Path, force: bool = False) -> None:
-        self.path = path
+        self.path, self.force = path, force
         if is_there(path) and not path.is_dir():
             raise ResultFileError(f"{path}: is a file; --out needs a folder")
         if Path.cwd().is_relative_to(path.resolve()):
@@ -29,7 +29,6 @@ class Folder:
                 f"{path}: is a folder that you stand in, and results arrive as a whole folder; "
                 f"take a new one, such as {path / 'result'}"
             )
-        self.force = force
         if is_there(path) and any(path.iterdir()) and not force:
             raise ResultFileError(
                 f"{path}: is not empty; take another folder, "
@@ -37,16 +36,30 @@ class Folder:
             )
         check_writable(path, ResultFileError)
 
-    def write(self, result: Result, pictures: str) -> list[Path]:
-        """Write summary.json, result.npz and "one", "all" or "none" of the pictures.
+    def fill(self, write: Callable[[Path], object]) -> list[Path]:
+        """Let files be written aside, and give them their places; return these.
 
-        Everything is written aside first. A new folder then appears in one step; with `force`
-        whole files replace those of their names, one by one.
+        A new folder appears in one step; with `force` whole files replace those of their names,
+        one by one, and results that are not written again go.
         """
         with hidden_folder(self.path, ResultFileError) as scratch:
+            write(scratch)
+            names = sorted(file.name for file in scratch.iterdir())
+            if self.force and is_there(self.path):
+                for name in names:
+                    (scratch / name).replace(self.path / name)
+                for name in set(OURS).difference(names):
+                    (self.path / name).unlink(missing_ok=True)
+            else:
+                move_into_place(scratch, self.path)
+        return [self.path / name for name in names]
+
+    def write(self, result: Result, pictures: str) -> list[Path]:
+        """Write summary.json, result.npz and "one", "all" or "none" of the pictures."""
+
+        def parts(scratch: Path) -> None:
             result.save(scratch / "result.npz")
-            summary = json.dumps(result.summary(), indent=2, allow_nan=False)
-            (scratch / "summary.json").write_text(summary + "\n", encoding="utf-8")
+            write_json(scratch / "summary.json", result.summary())
             if pictures == "all":
                 from kaju.view import plot_all
 
@@ -56,30 +69,10 @@ class Folder:
                 from kaju.view.picture_files import save
 
                 save(plot(result), scratch / f"{result.pictures[0]}.png")
-            names = sorted(file.name for file in scratch.iterdir())
-            place = self._move_in(scratch, names)
-        if place != self.path:
-            raise ResultFileError(
-                f"{self.path}: another run has put its results there since this one began; "
-                f"this one's are in {place}"
-            )
-        return [place / name for name in names]
 
-    def _move_in(self, scratch: Path, names: list[str]) -> Path:
-        """Give the files their names; return the folder: another if a second run was quicker."""
-        if self.force and is_there(self.path):
-            for name in names:
-                (scratch / name).replace(self.path / name)
-            for name in set(OURS).difference(names):  # of the results that are replaced
-                (self.path / name).unlink(missing_ok=True)
-            return self.path
-        place = self.path
-        for number in count(2):
-            try:
-                move_into_place(scratch, place)
-                break
-            except OSError:
-                if not place.exists():
-                    raise
-            place = self.path.with_name(f"{self.path.name}-{number}")
-        return place
+        return self.fill(parts)
+
+
+def write_json(path: Path, figures: Mapping[str, Any]) -> None:
+    """Write key figures as JSON."""
+    path.write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n", encoding="utf-8")

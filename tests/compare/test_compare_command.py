@@ -7,7 +7,7 @@ import pytest
 from plates import plate
 
 from kaju import LoadModel, compare, solve
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ParameterError, ResultError, ResultFileError
 
 ELEMENTS = Path(__file__).parents[1] / "data" / "plate_finite_elements.npz"
 
@@ -42,5 +42,5 @@ def test_scenes_and_references_in_the_wrong_place_are_refused(stored, typed):
     folder, _ = stored
     with pytest.raises(ParameterError, match=r"run it first \(kaju run plate.toml\)"):
         typed("compare", folder / "run", "plate.toml")
-    with pytest.raises(ParameterError, match="name it second"):
+    with pytest.raises(ResultError, match="the other way round"):
         typed("compare", ELEMENTS, folder / "run")

@@ -167,17 +167,3 @@ def test_what_petsc_cannot_do_is_refused():
     scene = scale_work.plate()
     with pytest.raises(ValueError, match="tolerance: must lie"):
         kaju.solve_petsc(scene, tolerance=2.0)
-
-
-def test_the_command_on_two_processes(tmp_path):
-    scene = tmp_path / "plate.toml"
-    scene.write_text(scale_work.plate().to_toml())
-    command = ["-m", "kaju", "solve", scene, "--engine", "petsc", "--out", tmp_path / "answer"]
-    done = mpirun(2, *command)
-    own = scale_work.own_solve(scale_work.plate(), tolerance=1e-12)
-    assert done.stdout.count("strain energy") == 1  # one speaks for all
-    stored = kaju.load_result(tmp_path / "answer")
-    assert stored.strain_energy == pytest.approx(own.strain_energy, rel=1e-9)
-    again = mpirun(2, *command, check=False)
-    assert again.returncode == 2
-    assert again.stderr.count("exists already; pieces go into a new folder") == 1

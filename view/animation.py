@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
 from kaju.files import atomic_file
+from kaju.model.results.loading import answer_of
 from kaju.model.results.result import Result
-from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
-from kaju.files import is_there
 from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
@@ -404,48 +403,3 @@ def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, Ints]:
         where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
         raise ResultError(f"points: ({where}) m lies outside the body")
     return points, cells
-
-
-def load_result(path: str | Path) -> Result:
-    """Read a result that some result's `save` wrote.
-
-    Parameters
-    ----------
-    path : path
-        An ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces with
-        ``result.pvti``.
-
-    Raises
-    ------
-    ResultFileError
-        If the file is missing, or is no result of kaju's.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from kaju import LoadModel, Scene, load_result
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = LoadModel(scene).run().save(Path(folder) / "plate.kaju")
-    ...     load_result(path).last.generations
-    ...
-    8
-    """
-    file = Path(path)
-    if file.suffix == ".pvti" or is_there(file / "result.pvti"):
-        from kaju.model.scale.pieces import PiecedResult
-
-        return PiecedResult.load(file)
-    if is_there(file) and file.is_dir():
-        file = file / "result.npz"
-    kind = open_archive(file).about["kind"]
-    likely = [KINDS[kind]] if kind in KINDS else KINDS.values()  # earlier ones had other labels
-    for result in (fetch(entry.result) for entry in likely):
-        if kind in result.kinds():
-            return cast(Result, result.load(file))
-    raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 from xml.etree import ElementTree
 from zlib import crc32
 
@@ -22,7 +22,15 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError, ResultFileError
+from kaju.errors import (
+    KajuError,
+    ParameterError,
+    ResultError,
+    ResultFileError,
+    SceneError,
+    SupportError,
+    WorkerError,
+)
 from kaju.files import file_to_read, hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.staggered import axis_pairs
@@ -33,6 +41,7 @@ from kaju.model.scene import Scene
 if TYPE_CHECKING:
     import pandas
 
+Answer = TypeVar("Answer")
 Fields = dict[str, NDArray[Any]]
 
 INDEX = "result.pvti"
@@ -264,8 +273,6 @@ class PiecedResult(BodyResult):
 
     def save(self, path: str | Path) -> Path:
         """Write the result to a new folder, every process its own piece; all take part."""
-        from .solve_petsc import together
-
         target, comm = Path(path), self._comm
         if comm is None:
             raise ResultError("save: a stored result is a folder already; copy that")
@@ -487,3 +494,24 @@ def _shaped(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     if values.size != int(np.prod(shape)):
         raise ResultFileError(f"a piece holds {values.size} values for {shape} cells")
     return values.reshape(shape, order="F")
+
+
+def together(comm: Any, step: Callable[[], Answer]) -> Answer:
+    """Take a step without messages on all processes; if it fails on any, fail on all."""
+    failure: Exception | None = None
+    answer: Answer | None = None
+    try:
+        answer = step()
+    except Exception as error:  # sent to the others, and raised below
+        failure = error
+    # Errors that other processes cannot rebuild travel in words.
+    portable = (type(None), SupportError, SceneError, ParameterError, ResultFileError)
+    travels = type(failure) in portable
+    failures = comm.allgather(failure if travels else f"{type(failure).__name__}: {failure}")
+    first = next((rank for rank, error in enumerate(failures) if error is not None), None)
+    if first is None:
+        return answer  # type: ignore[return-value]
+    reason = failures[first]
+    if isinstance(reason, KajuError):
+        raise reason
+    raise WorkerError(f"process {first} of {len(failures)} failed: {reason}") from failure

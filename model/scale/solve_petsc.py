@@ -12,12 +12,11 @@ of the body on coarser levels: their operators are PᵀAP.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import sqrt
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -25,13 +24,8 @@ from scipy.sparse import csr_array, vstack
 from kaju.arrays import Flags, Floats
 from kaju.errors import (
     ConvergenceError,
-    KajuError,
     MissingExtraError,
     ParameterError,
-    ResultFileError,
-    SceneError,
-    SupportError,
-    WorkerError,
 )
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal import fields
@@ -57,12 +51,7 @@ from .partition import (
     scaled,
     slabs_of,
 )
-
-if TYPE_CHECKING:
-    from .pieces import Piece, PiecedResult
-
-
-Answer = TypeVar("Answer")
+from .pieces import Piece, PiecedResult, together
 
 TOLERANCE = 1e-11
 MOST_ITERATIONS = 500
@@ -179,8 +168,6 @@ class PetscWindow:
 
     def piece(self) -> Piece:
         """Return the answer on the process's own cells, in SI units."""
-        from .pieces import Piece
-
         problem, unit = self.problem, self.problem.scales
         first = self.cells[0] - self.origin - 1
         last = self.cells[1] - self.origin - 1
@@ -250,27 +237,6 @@ def communicator() -> Any:
             f"pip install 'kaju[petsc]', which builds PETSc ({error})"
         ) from error
     return MPI.COMM_WORLD
-
-
-def together(comm: Any, step: Callable[[], Answer]) -> Answer:
-    """Take a step without messages on all processes; if it fails on any, fail on all."""
-    failure: Exception | None = None
-    answer: Answer | None = None
-    try:
-        answer = step()
-    except Exception as error:  # sent to the others, and raised below
-        failure = error
-    # Errors that other processes cannot rebuild travel in words.
-    portable = (type(None), SupportError, SceneError, ParameterError, ResultFileError)
-    travels = type(failure) in portable
-    failures = comm.allgather(failure if travels else f"{type(failure).__name__}: {failure}")
-    first = next((rank for rank, error in enumerate(failures) if error is not None), None)
-    if first is None:
-        return answer  # type: ignore[return-value]
-    reason = failures[first]
-    if isinstance(reason, KajuError):
-        raise reason
-    raise WorkerError(f"process {first} of {len(failures)} failed: {reason}") from failure
 
 
 def _checked(tolerance: float | None, resolution: int | None) -> float:
@@ -352,8 +318,6 @@ def _result(
         origin = tuple(int(i) for i in body.lower + window.origin + 1)
         found = CellAgents(body.scene, stage, window.problem, origin, solution)
         return ElasticResult(scene, stage, found, seconds, resolution=division)
-    from .pieces import PiecedResult
-
     return PiecedResult.of_processes(
         scene, body.scene, stage, window.piece(), window.reactions(), figures, comm
     )

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import open_archive
-from kaju.model.results.result import line_of, load_result
-from kaju.model.results.subjects import answer_of
+from kaju.model.results.loading import answer_of, load_result
+from kaju.model.results.result import line_of
 from kaju.model.scene import Body, Scene
 from kaju.model.study.reference import Reference
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from kaju.errors import OutOfMemoryError, ParameterError
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
-from kaju.model.results.subjects import question_of
+from kaju.model.results.loading import question_of
 from kaju.model.scene import Scene
 from kaju.stopping import Answer, interruptible
 

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from kaju.model.network import SpringNetwork as SpringNetwork
     from kaju.model.network.network_model import NetworkModel as NetworkModel
     from kaju.model.outline.outline_result import OutlineResult as OutlineResult
+    from kaju.model.results.loading import load_result as load_result
     from kaju.model.results.result import Result as Result
-    from kaju.model.results.result import load_result as load_result
     from kaju.model.rheology.creeping import CreepModel as CreepModel
     from kaju.model.rheology.creeping import creep as creep
     from kaju.model.rheology.element import ThreeElement as ThreeElement
@@ -91,7 +91,8 @@ _NAMES = {
     "model.network": "NetworkResult SpringNetwork",
     "model.network.network_model": "NetworkModel",
     "model.outline.outline_result": "OutlineResult",
-    "model.results.result": "Result load_result",
+    "model.results.loading": "load_result",
+    "model.results.result": "Result",
     "model.rheology.creeping": "CreepModel creep",
     "model.rheology.element": "ThreeElement",
     "model.rheology.load_history": "History",

@@ -21,8 +21,8 @@ from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
+from kaju.model.results.loading import from_file
 from kaju.model.results.result import Result
-from kaju.model.results.subjects import from_file
 from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN

@@ -29,8 +29,8 @@ class SpawningAgent(Agent):
     its number in the order of spawning, from 0, which is its row of the model's `family`; `parent`:
     who spawned it, None for the first ones; `level`: how often the largest of the first agents
     would be halved to give it; `lower`, `size`: lower corner and edge (m); `spawn_step`: 0 for the
-    first agents; `cause`: the load (N) its parent left unbalanced, for which it spawned: 0 for the
-    first agents, NaN for those that keep neighbours alike in size.
+    first agents; `cause`: the gap (J) of its parent, for which it spawned: 0 for the first agents,
+    NaN for those that keep neighbours alike in size.
     """
 
     def __init__(self, model: Any, birth: Birth) -> None:
@@ -56,6 +56,6 @@ class SpawningAgent(Agent):
         return None if step < 0 else step
 
     @property
-    def unbalanced_load(self) -> float:
-        """Load (N) it leaves, or left at last, unbalanced; NaN before it has settled."""
-        return float(self.model.family.rows["unbalanced_load"][self.row])
+    def gap(self) -> float:
+        """What its two opinions differ in, or did at last (J); NaN before it has any."""
+        return float(self.model.family.rows["gap"][self.row])

@@ -58,8 +58,8 @@ def animate(
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
         loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
         spring network "increments", of one that breaks "breaks"; of a body that grows "steps";
-        of agents of many sizes also "generations", or "loads", which colours them by the load
-        that they leave unbalanced; of what creeps "times", or "curves" with a dot that runs along
+        of agents of many sizes also "generations", or "gaps", which colours them by the gap
+        between their two opinions; of what creeps "times", or "curves" with a dot that runs along
         them.
     fps : float, optional
         Frames per second, up to 50; unless given 25 of what moves in time, 2 of steps.

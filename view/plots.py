@@ -104,7 +104,8 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
         - ``moment`` of "left": which, the last unless given.
         - ``colour`` of "deformed" of an elastic result: "von_mises" (as unless given) or
           "displacement"; of agents of many sizes: "level" (as unless given), "spawn_step",
-          "unbalanced_load", "error_share" or "von_mises"; of networks "tension" or "strain".
+          "gap" (between their two opinions), "fitted" or "balanced" (the stress of each opinion) or
+          "von_mises"; of networks "tension" or "strain".
         - ``step`` of agents of many sizes in the plane: outline those that spawned then; of
           "design": after which step, the last unless given.
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...

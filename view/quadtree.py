@@ -45,11 +45,13 @@ class Colour(NamedTuple):
 COLOURS = {
     "level": Colour("level: how often the largest agent was halved", "", whole=True),
     "spawn_step": Colour("step in which the agent spawned", "", whole=True),
-    "unbalanced_load": Colour("load that the agent leaves unbalanced", "N"),
-    "error_share": Colour("share in the square of the error", ""),
+    "gap": Colour("gap between the agent's two opinions", "J"),
+    "fitted": Colour("equivalent stress of the opinion that fits", "Pa"),
+    "balanced": Colour("equivalent stress of the opinion that balances", "Pa"),
     "von_mises": Colour("equivalent stress", "Pa"),
 }
-OF_EVERY_GENERATION = ("level", "spawn_step", "unbalanced_load")
+OPINIONS = ("gap", "fitted", "balanced")
+OF_EVERY_GENERATION = ("level", "spawn_step", *OPINIONS)
 """What is stored of agents that have retired, too."""
 DECADES = 6
 
@@ -99,13 +101,9 @@ def generation_text(result: ElasticResult, generation: int | None) -> str:
 
 
 def errors_of(result: ElasticResult) -> list[float]:
-    """Return the relative error in the energy norm of every generation, as far as it is known.
-
-    A tolerance limits the bound where there is one. That of a goal is another error.
-    """
+    """Return the relative error in the energy norm of every generation."""
     *before, _ = result.generations
-    errors = [g.error if result.tolerance_at else g.aimed_error for g in before]
-    return [*errors, result.error_estimate]
+    return [*(g.error for g in before), result.error_estimate]
 
 
 def agents_of(
@@ -118,8 +116,16 @@ def agents_of(
             f"{', '.join(COLOURS)}"
         )
     last = len(result.generations) - 1
+    if colour in OPINIONS and not result.spawned:
+        raise ParameterError(
+            f"colour: equal cells have no {colour!r}, since they have one opinion; solve with a "
+            "tolerance"
+        )
+    if colour == "balanced" and _solid(result):
+        raise ParameterError("colour: in space agents have one opinion, that which fits: 'fitted'")
     if generation is None or generation == last:
-        value = np.asarray(getattr(result, colour), dtype=np.float64)
+        own = result.generations[-1] if colour in OPINIONS else result
+        value = np.asarray(getattr(own, colour), dtype=np.float64)
         return result.tiles(value), result.spawn_step
     if not 0 <= generation <= last:
         raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
@@ -133,9 +139,9 @@ def agents_of(
     values = {
         "level": family.level[rows],
         "spawn_step": family.rows["spawn_step"][rows],
-        "unbalanced_load": result.generations[generation].load,
     }
-    value = np.asarray(values[colour], dtype=np.float64)
+    known = values[colour] if colour in values else getattr(result.generations[generation], colour)
+    value = np.asarray(known, dtype=np.float64)
     return Tiles(family.lower[rows], family.size[rows], value), values["spawn_step"]
 
 
@@ -143,9 +149,16 @@ def _scale_of(result: ElasticResult, colour: str, generation: int | None, tiles:
     """Return the values that a scale covers: of one generation among others those of all."""
     if generation is None:
         return tiles.value
-    if colour == "unbalanced_load":
-        return np.concatenate([one.load for one in result.generations])
+    if colour in OPINIONS:
+        # The two opinions are seen on one scale.
+        names = ("fitted", "balanced") if colour != "gap" and not _solid(result) else (colour,)
+        every = [getattr(one, name) for one in result.generations for name in names]
+        return np.concatenate(every)
     return agents_of(result, colour)[0].value
+
+
+def _solid(result: ElasticResult) -> bool:
+    return result.scene.lattice.dimension == 3
 
 
 def look_of(colour: str, values: Floats) -> dict[str, Any]:
@@ -302,5 +315,5 @@ def seen_faces(
 
 GENERATIONS = Film("agents", "generation", lambda result: range(len(result.generations)))
 """The generations of spawning."""
-LOADS = GENERATIONS._replace(fixed=lambda _result, _options: {"colour": "unbalanced_load"})
-"""The same, coloured by the load that agents leave unbalanced."""
+GAPS = GENERATIONS._replace(fixed=lambda _result, _options: {"colour": "gap"})
+"""The same, coloured by what the agents' two opinions differ in."""

@@ -14,6 +14,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
+from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import (
@@ -31,14 +32,16 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds, MiddleStress
+    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
     from kaju.model.elastic.equal.cell_agents import CellAgents
     from kaju.model.elastic.equal.equal_arrays import EqualArrays
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
+    from kaju.model.elastic.pair.gap import Bounds
+    from kaju.model.elastic.pair.generations import Generation
     from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.family import Family
-    from kaju.model.elastic.refine.generations import Generation, Spawning
+    from kaju.model.elastic.refine.generations import Spawning
 
     from .intensity import Intensity
 
@@ -56,7 +59,7 @@ class LargestStress(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ElasticResult(BodyResult):
-    """Linear elasticity of a scene: agents on a staggered grid, equal cells or of many sizes.
+    """Linear elasticity of a scene: equal cells, or agents of many sizes.
 
     Arrays over agents have one row for each, in the order of `lower`: equal cells row by row,
     agents that spawned along a space-filling curve. `cells` gives arrays over equal cells.
@@ -67,8 +70,8 @@ class ElasticResult(BodyResult):
         What was asked.
     stage : int or None
         Stage of loading; None is the last.
-    found : CellAgents or Spawning
-        The agents, how their faces move and how that was solved, in the solver's units.
+    found : PairAgents, BrickAgents or CellAgents
+        The agents and what they have found, in the solver's units.
     seconds : float
     tolerance : float or None
         Relative error that was asked for: in the energy norm, unless `tolerance_at` says else.
@@ -95,7 +98,7 @@ class ElasticResult(BodyResult):
     kind: ClassVar[str] = "elastic"
     scene: Scene
     stage: int | None
-    found: CellAgents | Spawning | BrickAgents
+    found: PairAgents | BrickAgents | CellAgents | Spawning
     seconds: float
     tolerance: float | None = None
     resolution: int | None = None
@@ -109,7 +112,7 @@ class ElasticResult(BodyResult):
     @property
     def films(self) -> tuple[str, ...]:
         """Names of the animations of it, the usual one first."""
-        return ("loading", "generations", "loads") if self.spawned else ("loading",)
+        return ("loading", "generations", "gaps") if self.spawned else ("loading",)
 
     @property
     def name(self) -> str:
@@ -173,7 +176,7 @@ class ElasticResult(BodyResult):
 
     @property
     def cause(self) -> Floats:
-        """Load (N) its parent left unbalanced, for which each agent spawned.
+        """Gap (J) of its parent, for which each agent spawned.
 
         0 for the first agents, NaN for those that keep neighbours of similar size, and those whose
         parent spawned in the same step.
@@ -189,8 +192,8 @@ class ElasticResult(BodyResult):
     def stress(self) -> Floats:
         """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension).
 
-        The operator's own, in the middles of the agents; of agents that spawned in the plane the
-        means of `balanced_stress_at`.
+        Of equal cells, and in space, those in their middles; of agents that spawned in the plane
+        the mean of both opinions over each agent.
         """
         return self.found.scales.stress * self.found.stress
 
@@ -219,95 +222,70 @@ class ElasticResult(BodyResult):
     def strain_energy(self) -> float:
         """Energy (J) stored in the body, and in a foundation if there is one.
 
-        The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, where
-        the bounds contradict the estimated error, and where agents spawned in the plane for one.
-        Bounds of which the lower is below a tenth of the upper decide only what lies outside.
+        Of agents that spawned in the plane the middle of `energy_bounds`; else that of `stress`,
+        of which agents in space have no more than is true where no side is moved.
         """
-        bounds, own = self._deciding_bounds, self.found.solution.energy
-        if bounds is not None:
-            wide = bounds.lower < 0.1 * bounds.upper
-            if not (wide and bounds.lower <= own <= bounds.upper):
-                own = 0.5 * (bounds.lower + bounds.upper)
-        return own * self.found.scales.energy
+        return self.found.solution.energy * self.found.scales.energy
 
     @property
     def energy(self) -> Floats:
         """Energy (J) stored in each agent, with its share of the edges round it, shape (agents,).
 
-        It sums to the energy of the body, a foundation's left out. Divided by the agent's
-        stiffness it is the derivative of that energy by this stiffness at given displacements; of
-        the compliance F·u under given forces the derivative is minus twice that.
+        It sums to the energy of the body, a foundation's left out. Of equal cells, divided by the
+        agent's stiffness, it is the derivative of that energy by this stiffness at given
+        displacements; of the compliance F·u under given forces the derivative is minus twice that.
 
         Raises
         ------
         ResultError
-            If the agents spawned: those of many sizes share their edges.
+            Of agents that spawned in space.
         """
-        found = self.found
-        if found.storage == "tree":
+        energies = getattr(self.found, "energies", None)
+        if energies is None:
             raise ResultError(
-                "energy: agents of many sizes do not tell their energies one by one; equal ones do "
-                "(strategy='uniform')"
+                "energy: agents in space do not tell their energies one by one; equal cells do "
+                "(without a tolerance)"
             )
-        return found.scales.energy * found.energies
+        return np.asarray(self.found.scales.energy * energies)
+
+    @property
+    def gap(self) -> Floats:
+        """What the two opinions of each agent differ in (J): where it is large, agents spawn.
+
+        The integral of the squared difference of both stresses, weighed by the compliance. Summed
+        over all agents it is twice the distance of `energy_bounds`, where loads act alone. In
+        space, where agents have one opinion, it is their estimated squared error.
+
+        Raises
+        ------
+        ResultError
+            If agents did not spawn.
+        """
+        if not self.spawned:
+            raise ResultError("gap: equal cells have one opinion; ask for a tolerance")
+        return self.generations[-1].gap
 
     @property
     def error_estimate(self) -> float:
-        """Estimated error in the energy norm, relative to the solution.
+        """Error in the energy norm, relative to the solution.
 
-        Its square estimates the relative error of the strain energy. On equal cells it is the
-        difference to the answer of cells twice as large, with what the iteration left. Where
-        `strain_energy` is the middle of the bounds it is `error_bound` if that is smaller, or
-        contradicts the estimate: if it is above twice of it, or the energy of `stress` lies
-        further outside of the bounds.
+        Of agents that spawned in the plane it is `error_bound`; else an estimate: on equal cells
+        the difference to the answer of cells twice as large, with what the iteration left.
         """
-        bounds, own = self._deciding_bounds, self.found.solution.error
-        if bounds is None:
-            return own
-        return max(own, bounds.error) if self._contradicted else min(own, bounds.error)
+        return self.found.solution.error
 
     @property
-    def _bounds(self) -> EnergyBounds | None:
+    def _bounds(self) -> EnergyBounds | Bounds | None:
         """Scaled bounds of the energy, if there are any."""
         bounds = self.found.bracket
         return None if isinstance(bounds, str) else bounds
 
     @property
-    def _promised_bounds(self) -> EnergyBounds | None:
-        """The bounds that are to meet the tolerance, if there are any."""
-        return self._bounds if self._promised else None
-
-    @property
-    def _deciding_bounds(self) -> EnergyBounds | None:
-        """The same where energy and estimated error are theirs, and not those of `stress`."""
-        bounds = self._promised_bounds
-        if bounds is None or bounds.error <= (self.tolerance or 0.0) or self._contradicted:
-            return bounds
-        # Equal cells above a tolerance are off by more than the bounds are.
-        return None if self._proved is None else bounds
-
-    @property
-    def _proved(self) -> MiddleStress | None:
-        """The fields of second order that agents which spawned are read from."""
-        return self.found.tree.proved if self.spawned else None
-
-    @property
-    def _contradicted(self) -> bool:
-        """Whether the bounds that are to meet the tolerance show that the estimate is too small."""
-        bounds, solution = self._promised_bounds, self.found.solution
-        if bounds is None:
-            return False
-        outside = max(solution.energy - bounds.upper, bounds.lower - solution.energy)
-        allowed = BLIND * solution.error
-        return bounds.error > allowed or outside > allowed**2 * bounds.upper
-
-    @property
     def energy_bounds(self) -> tuple[float, float] | None:
         """Energies (J) below and above the true one; None where there are none (`no_bound`).
 
-        Worked out when first asked for, from a stress that balances and a displacement without
-        gaps (Prager and Synge 1947). `strain_energy` is their middle where a tolerance is
-        proved; else it is the energy of `stress`, which may lie outside of them.
+        From a stress that balances and a displacement without gaps (Prager and Synge 1947); of
+        equal cells worked out when they are first asked for.
         """
         bounds, unit = self._bounds, self.found.scales.energy
         if bounds is None:
@@ -316,10 +294,10 @@ class ElasticResult(BodyResult):
 
     @property
     def error_bound(self) -> float | None:
-        """Largest error of `balanced_stress_at`: in the energy norm, relative to the truth.
+        """Largest error of `stress_at` in the plane: in the energy norm, relative to the truth.
 
-        A theorem about that stress alone, where `error_estimate` is an opinion; None where there is
-        none (`no_bound`).
+        A theorem about that stress, where `error_estimate` of other answers is an opinion; None
+        where there is none (`no_bound`).
         """
         return None if self._bounds is None else self._bounds.error
 
@@ -335,20 +313,6 @@ class ElasticResult(BodyResult):
         return [Check("supports bear the loads", off, allowed)]
 
     @property
-    def provable(self) -> bool:
-        """Whether its bounds are known, or cheap enough to be worked out without being asked."""
-        from kaju.model.elastic.bounds.energy_bounds import MOST_PROVED
-
-        if self.agents <= MOST_PROVED[self.scene.lattice.dimension]:
-            return True
-        return self.found.storage == "tree" and self.found.known is not None
-
-    @property
-    def _promised(self) -> bool:
-        """Whether its tolerance is to be met by the bound."""
-        return self.tolerance is not None and self.tolerance_at is None and self.provable
-
-    @property
     def tolerance_kept(self) -> str | None:
         """Whether the tolerance is kept; None without one.
 
@@ -360,7 +324,7 @@ class ElasticResult(BodyResult):
             return None
         if self.goals and not self._unproved:
             return "proved"
-        bound = self.error_bound if self._promised else None
+        bound = self.error_bound if self.spawned and not self.goals else None
         if bound is not None:
             return "proved" if bound <= self.tolerance else "missed"
         return "estimated" if self.goal_error_estimate <= self.tolerance else "missed"
@@ -371,16 +335,15 @@ class ElasticResult(BodyResult):
         return self.found.bracket if isinstance(self.found.bracket, str) else ""
 
     def balanced_stress_at(self, points: Floats) -> Floats:
-        """Return the stress (Pa) of which `error_bound` is proved, at points.
+        """Return the stress (Pa) of the opinion that balances, at points (m).
 
-        In the middle between a stress that balances all loads exactly and that of a displacement
-        without gaps, which is the least certain error that can be had of the two. It varies
-        within agents (linearly, but for terms of second order), and jumps between them.
+        It hands on exactly what arrives: forces balance in every agent and across every side.
+        `stress_at` is the mean of it and of `fitted_stress_at`.
 
         Parameters
         ----------
         points : array, shape (n, dimension)
-            In metres, in or on the body; on a face between two agents either may be taken.
+            In metres, in or on the body; on a side between two agents either may be taken.
 
         Returns
         -------
@@ -389,50 +352,37 @@ class ElasticResult(BodyResult):
         Raises
         ------
         ResultError
-            If there are no bounds (`no_bound`), or points lie outside of the body.
+            If agents did not spawn in the plane, or points lie outside of the body.
 
         Examples
         --------
         >>> from kaju import Scene, solve
         >>> bar = Scene(
         ...     body={"size": [0.2, 0.1], "cells": [4, 2], "material": "steel"},
-        ...     sides={"left": "roller"},
-        ...     loads=[{"side": "right", "force": [100.0, 0.0]}],
+        ...     sides={"left": "roller", "bottom": "roller"},
+        ...     loads=[{"side": "right", "pressure": -1e6}],
         ... )
-        >>> solve(bar).balanced_stress_at([[0.12, 0.03]]).shape
-        (1, 2, 2)
+        >>> float(solve(bar, tolerance=0.1).balanced_stress_at([[0.12, 0.03]])[0, 0, 0].round())
+        1000000.0
         """
-        middle = self._certain("balanced_stress_at").middle
-        stress = middle.at(*self.found.placed(*self._located(points)))
-        return np.asarray(self.found.scales.stress * stress)
+        return self._opinions_at(points, "balanced_stress_at")[0]
 
-    @property
-    def mean_stress(self) -> Floats:
-        """Mean (Pa) of `balanced_stress_at` in every agent, shape (agents, dimension, dimension).
+    def fitted_stress_at(self, points: Floats) -> Floats:
+        """Return the stress (Pa) of the opinion that fits, that of `displacement_at`.
 
-        `error_bound` is not about this: what varies within the agents is left out, and is part of
-        the error. `mean_stress_error_bound` has it added.
-
-        Raises
-        ------
-        ResultError
-            If there are no bounds.
+        As `balanced_stress_at`.
         """
-        return np.asarray(self.found.scales.stress * self._certain("mean_stress").middle.means)
+        return self._opinions_at(points, "fitted_stress_at")[1]
 
-    @property
-    def mean_stress_error_bound(self) -> float | None:
-        """Largest error of `mean_stress`, taken as the stress all over every agent.
-
-        In the energy norm, relative to the truth: `error_bound`, and how far `balanced_stress_at`
-        varies within agents. None where there is none (`no_bound`).
-        """
-        return None if self._bounds is None else self._bounds.mean_error
-
-    def _certain(self, name: str) -> EnergyBounds:
-        if self._bounds is None:
-            raise ResultError(f"{name}: there are no bounds, since {self.no_bound}")
-        return self._bounds
+    def _opinions_at(self, points: Floats, name: str) -> tuple[Floats, Floats]:
+        if not isinstance(self.found, PairAgents):
+            raise ResultError(
+                f"{name}: agents have two opinions where they spawned in the plane; ask for a "
+                "tolerance"
+            )
+        balanced, fitted = self.found.opinions_at(*self._located(points))
+        unit = self.found.scales.stress
+        return unit * balanced, unit * fitted
 
     @cached_property
     def displacement_error_estimate(self) -> float:
@@ -448,13 +398,13 @@ class ElasticResult(BodyResult):
         if self.tolerance_at == DISPLACEMENT:
             return self.goal_error_estimate
         spawning = self._spawning
-        if isinstance(spawning, BrickAgents):
+        if isinstance(spawning, (BrickAgents, PairAgents)):
             raise ResultError(
-                "displacement_error_estimate: agents in space have none; `error_estimate` is that "
-                "of their energy norm"
+                "displacement_error_estimate: agents have none; `error_estimate` is that of their "
+                "energy norm"
             )
         state = (spawning.balance, spawning.displacement, spawning.indicator)
-        return told_error(*state, self.found.bracket if self.provable else "")
+        return told_error(*state, self.found.bracket)
 
     @property
     def goal_error_estimate(self) -> float:
@@ -486,25 +436,10 @@ class ElasticResult(BodyResult):
         return tuple(goal.value for goal in self.goals)
 
     @property
-    def unbalanced_load(self) -> Floats:
-        """Load (N) each agent leaves unbalanced, as its children would feel it."""
-        tree = self.found.tree
-        return self.found.from_tree(tree.indicator.load * tree.scales.force)
-
-    @property
-    def error_share(self) -> Floats:
-        """Share of each agent in the (squared) error that the tolerance is about; the sum is 1."""
-        part = self._spawning.aimed.part
-        return self.found.from_tree(part / (part.sum() or 1.0))
-
-    @property
     def generations(self) -> tuple[Generation, ...]:
-        """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
-        scales = self.found.tree.scales
-        return tuple(
-            g._replace(energy=g.energy * scales.energy, load=g.load * scales.force)
-            for g in self._spawning.generations
-        )
+        """Every step of spawning: figures and agents; one of no gap where none spawned."""
+        scales = self.found.scales
+        return tuple(g.in_units(scales.energy, scales.stress) for g in self.found.tree.generations)
 
     @cached_property
     def family(self) -> Family:
@@ -583,17 +518,9 @@ class ElasticResult(BodyResult):
             return []
         if self.goals:
             return [doubt for goal in self.goals if (doubt := goal.doubt(self.tolerance))]
-        if not self._promised:
+        if not self.spawned or self.error_bound is not None:
             return []
-        bound, estimate = self.error_bound, self.found.solution.error
-        if bound is None:
-            return [f"the error is an estimate, without a proof: {self.no_bound}"]
-        if bound <= self.tolerance or estimate > self.tolerance:
-            return []
-        return [
-            f"the error is estimated as {estimate:.2g}, and proved to be below "
-            f"{bound:.2g} only, above the tolerance of {self.tolerance:g}"
-        ]
+        return [f"the error is an estimate, without a proof: {self.no_bound}"]
 
     @cached_property
     def sharp_corners(self) -> Floats:
@@ -659,8 +586,9 @@ class ElasticResult(BodyResult):
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
 
-        `stress` of the agents, running from each to the next. Nothing is proved of it; see
-        `balanced_stress_at`.
+        Of agents that spawned in the plane the mean of their two opinions, `balanced_stress_at`
+        and `fitted_stress_at`, of which `error_bound` is proved; it jumps a little from agent to
+        agent. Of others `stress`, running from each to the next.
         """
         return self.found.scales.stress * self.found.stress_at(*self._located(points))
 
@@ -672,10 +600,10 @@ class ElasticResult(BodyResult):
         volume = self.size**self.scene.lattice.dimension
         if self.scene.lattice.dimension == 2:
             volume = volume * self.scene.thickness
-        if self._proved is None:
+        if not isinstance(self.found, PairAgents):
             return Carrying(self.middle, self.size, volume, self.stress)
-        # Of the two stresses whose mean they are one balances the loads, layer by layer.
-        balanced = self.found.scales.stress * self._proved.balanced.means()
+        # The opinion that balances bears the loads layer by layer.
+        balanced = self.found.scales.stress * self.found.balanced
         return Carrying(self.middle, self.size, volume, balanced)
 
     def value_of(self, quantity: Quantity | Place) -> float | Floats:
@@ -702,7 +630,7 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         refuse_singular(self.scene, asked, self.stage, "value_of")
-        if isinstance(tree, BrickAgents):
+        if isinstance(tree, (BrickAgents, PairAgents)):
             return plain(unit_of(asked, tree.scales) * tree.value_of(asked))
         value = functional_of(asked, tree.ground).of(tree.fields).value
         return plain(unit_of(asked, tree.scales) * value)
@@ -766,7 +694,7 @@ class ElasticResult(BodyResult):
         if self.tolerance is not None:
             figures |= {"tolerance": self.tolerance, "tolerance_at": told(self.tolerance_at)}
             figures["tolerance_kept"] = self.tolerance_kept
-            if self.tolerance_at is None and self.provable:
+            if self.tolerance_at is None and self.spawned:
                 bound = finite(self.error_bound)
                 figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
             figures["goal_error_estimate"] = finite(self.goal_error_estimate)
@@ -812,7 +740,7 @@ class ElasticResult(BodyResult):
         return write_mesh(self, path)
 
     @property
-    def _spawning(self) -> Spawning | BrickAgents:
+    def _spawning(self) -> Spawning | BrickAgents | PairAgents:
         return self.found.tree
 
     def _located(self, points: Floats) -> tuple[Floats, Ints]:
@@ -847,9 +775,9 @@ class ElasticResult(BodyResult):
 
         about = archive.about
         storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
-        holders: dict[str, type[CellAgents | Spawning | BrickAgents]] = {
+        holders: dict[str, type[CellAgents | Spawning | BrickAgents | PairAgents]] = {
             "cells": CellAgents,
-            "tree": Spawning,
+            "tree": Spawning if "spawning" in about else PairAgents,
         }
         if storage == "solid":
             from kaju.model.solid.solid_agents import SolidAgents
@@ -873,8 +801,6 @@ class ElasticResult(BodyResult):
         )
 
 
-BLIND = 2.0
-"""Bounds that say so many times more than the estimate contradict it: mostly they say less."""
 FIELDS = ("displacement", "strain", "stress", "von_mises")
 """Pictures of values that every agent has."""
 _EARLIER = {"elasticity": "cells", "spawned": "tree"}

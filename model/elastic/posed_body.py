@@ -28,7 +28,8 @@ ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
 """The first agents are at least this many along the body's longest and shortest side."""
 ENDED = {2: 3e-4, 3: 1e-2}
 """Loads that end within sides may leave about such a share of the energy norm."""
-DEEPEST = 16  # An agent's edge is at least the scene's cell divided by 2 to this power
+DEEPEST = {2: 22, 3: 16}
+"""An agent's edge is at least the scene's cell divided by 2 to this power."""
 
 
 def face_keys(lattice: Lattice, cells: Ints, direction: Ints) -> Ints:
@@ -53,9 +54,7 @@ class PosedBody:
     the loaded cells of the scene, shape (n, dimension).
     """
 
-    def __init__(
-        self, scene: Scene, stage: int | None, at_cells: bool, deepest: int = DEEPEST
-    ) -> None:
+    def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
         lattice = scene.lattice
         check_boxes(lattice)
         self.scene, self.dimension = scene, lattice.dimension
@@ -66,7 +65,7 @@ class PosedBody:
                 f"body.cells: {max(lattice.shape)} cells along an axis are more than the "
                 f"2^{BITS[self.dimension] - 1} that agents can be counted in; use larger cells"
             )
-        self.cell = 1 << min(spare, deepest)
+        self.cell = 1 << min(spare, DEEPEST[self.dimension])
         self.smallest = self.cell if at_cells else 1
         self.extent = np.asarray(lattice.shape) * self.cell
         self._purity = scene.purity()
@@ -292,3 +291,15 @@ def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> PosedB
     """Return the posed body of a scene; a resolution refines its cells, and allows none smaller."""
     grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
     return PosedBody(grid, stage, at_cells=resolution is not None)
+
+
+def placed(
+    ground: PosedBody, leaves: LeafCells, points: Floats, cells: Ints
+) -> tuple[Ints, Floats]:
+    """Return the agents in or on which points (m) in cells lie, and where in each, from 0 to 1."""
+    first, cell = cells * ground.cell, ground.cell
+    place = np.clip(points / ground.scene.lattice.cell_size * cell, first, first + cell)
+    unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
+    agent = leaves.find(unit)
+    inside = (place - leaves.lower[agent]) / leaves.size[agent, None]
+    return agent, np.clip(inside, 0.0, 1.0)

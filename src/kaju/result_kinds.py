@@ -68,7 +68,7 @@ KINDS = {
         films={
             "loading": "view.deformed:LOADING",
             "generations": "view.quadtree:GENERATIONS",
-            "loads": "view.quadtree:LOADS",
+            "gaps": "view.quadtree:GAPS",
         },
         meshes={"loading": "view.motion:loaded"},
         page=f"{_PAGE}:elastic_answer",

@@ -336,7 +336,6 @@ def _spawned(result: ElasticResult) -> Pictures:
     each, dimension = loaded.parts.shape[1], result.lower.shape[1]
     moved = np.zeros((len(generations), len(family.size), each, dimension))
     moved[-1, standing] = loaded.frames[-1].moved[loaded.parts[own]]
-    proved = result.energy_bounds
     corners = corner_order(result.lower.shape[1])
     at = np.arange(float(len(generations)))
 
@@ -352,7 +351,8 @@ def _spawned(result: ElasticResult) -> Pictures:
         values={
             "von_mises": ("Pa", stress),
             "level": ("", family.level.astype(float)),
-            "unbalanced_load": ("N", np.nan_to_num(rows["unbalanced_load"])),
+            "gap": ("J", np.nan_to_num(rows["gap"])),
+            **_opinions(result),
             "spawn_step": ("", rows["spawn_step"].astype(float)),
         },
         moved=moved.reshape(len(generations), -1, dimension),
@@ -361,12 +361,23 @@ def _spawned(result: ElasticResult) -> Pictures:
         curves=[
             curve("Agents", [float(g.agents) for g in generations], ""),
             curve("Error", [100.0 * error for error in errors_of(result)], "%", True),
-            # What is proved of the energy is said in words: that of the agents may lie outside.
-            *([] if proved else [curve("Strain energy", [g.energy for g in generations], "J")]),
+            curve("Strain energy", [g.energy for g in generations], "J"),
         ],
         forces=applied(result.scene),
         outcome="; ".join([_error_of(result), stress_text(result)]),
     )
+
+
+def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
+    """Return the equivalent stress of each opinion, of every agent in every generation."""
+    found, family = {}, result.family
+    for name in ("fitted", "balanced"):
+        values = np.full((len(result.generations), len(family.size)), np.nan)
+        for number, generation in enumerate(result.generations):
+            values[number, family.standing(number)] = getattr(generation, name)
+        if not np.isnan(values).all():
+            found[name] = ("Pa", values)
+    return found
 
 
 def _error_of(result: ElasticResult) -> str:

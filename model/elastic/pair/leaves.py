@@ -45,6 +45,15 @@ def morton(points: Ints) -> Ints:
     return found
 
 
+def corners(code: Ints, dimension: int) -> Ints:
+    """Return the points (units) that Morton codes stand for, shape (n, dimension)."""
+    point = np.zeros((len(code), dimension), dtype=np.int64)
+    for bit in range(BITS[dimension]):
+        for axis in range(dimension):
+            point[:, axis] |= ((code >> (dimension * bit + axis)) & 1) << bit
+    return point
+
+
 @dataclass(frozen=True, eq=False)
 class LeafCells:
     """Agents of one body, in the order of their Morton codes."""

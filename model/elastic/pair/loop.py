@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from copy import copy
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.pair.answer import PairAgents, generation_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
+from kaju.model.elastic.pair.generations import Generation, family_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.stopping import interrupt_requested
 
 GAIN = 0.92
 """Of its share an agent that halves is expected to lose; measured on smooth stress: 15/16."""
@@ -34,59 +36,81 @@ class PairLoop:
         self.most_agents = most_agents or MOST_AGENTS
         self.last: Opinions | None = None
         self.stopped = ""
-        """Why it ended short of the tolerance: "agents", "depth", "rounding", "interrupt"."""
+        """Why it ended short of the tolerance: "agents", "depth", "stalled", "rounding"."""
         self.leaves = body.start()
+        self.trees: list[LeafCells] = []
+        self.generations: list[Generation] = []
         self._without_gain, self._best = 0, inf
 
     @property
     def reached(self) -> bool:
         """Whether the tolerance is proved."""
-        return self.last is not None and self._kept(self.last)
+        return self.last is not None and self.last.bounds.error <= self.tolerance
 
     @property
     def finished(self) -> bool:
         """Whether there is no further generation."""
         return self.reached or bool(self.stopped)
 
-    def _kept(self, generation: Opinions) -> bool:
-        bounds = generation.bounds
-        return bounds.error <= self.tolerance and not bounds.lost
-
     def step(self) -> Opinions:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
         last = self.last
         self.last = first(self.body, self.leaves) if last is None else following(last, self.leaves)
-        bounds = self.last.bounds
-        if self._kept(self.last):
-            return self.last
-        if bounds.lost:
-            self.stopped = "rounding"
-            return self.last
-        self._without_gain = self._without_gain + 1 if bounds.error > 0.99 * self._best else 0
-        self._best = min(self._best, bounds.error)
-        if interrupt_requested():
-            self.stopped = "interrupt"
-            return self.last
-        wanted = (self.tolerance / bounds.error) ** 2 if bounds.error < inf else 0.0
-        leaves = self._halved(self.last, wanted)
-        if leaves is None or self._without_gain >= STALLED:
-            self.stopped = "depth"
-        elif len(leaves) > self.most_agents:
-            self.stopped = "agents"
-        else:
-            self.leaves = leaves
+        self.trees.append(self.leaves)
+        chosen = np.zeros(len(self.leaves), dtype=np.bool_)
+        if not self.reached:
+            chosen = self._spawn(self.last)
+        self.generations.append(generation_of(self.last, chosen))
         return self.last
 
-    def _halved(self, generation: Opinions, wanted: float) -> LeafCells | None:
-        """Return the agents of the next generation, None if none may halve."""
-        leaves, number = generation.leaves, len(generation.leaves)
-        sharp = self.body.sharp
-        often = halvings(generation.shares, wanted, leaves.holding(sharp))
+    def outcome(self) -> PairAgents:
+        """Return the agents as they are."""
+        assert self.last is not None
+        found = copy(self.last)
+        object.__setattr__(found, "levels", None)  # which take most of the memory
+        trees, generations = list(self.trees), list(self.generations)
+        return PairAgents(self.body, trees, generations, self.stopped, [], found)
+
+    def _spawn(self, generation: Opinions) -> Flags:
+        """Halve some agents, and return which; or say why there is no further generation."""
+        bounds, leaves = generation.bounds, generation.leaves
+        self._without_gain = self._without_gain + 1 if bounds.error > 0.99 * self._best else 0
+        self._best = min(self._best, bounds.error)
+        nobody = np.zeros(len(leaves), dtype=np.bool_)
+        if bounds.lost:
+            self.stopped = "rounding"
+            return nobody
+        often = self._halvings(generation)
+        if not often.any() or self._without_gain >= STALLED:
+            self.stopped = "stalled" if often.any() else "depth"
+            return nobody
+        new = self._halved(leaves, often)
+        if len(new) > self.most_agents:
+            self.stopped = "agents"
+            return nobody
+        gap, chosen = generation.shares, often > 0
+        _, step, cause = family_of(leaves, new.code, new.size, gap, chosen)
+        self.leaves = replace(new, step=step, cause=cause)
+        return chosen
+
+    def _halvings(self, generation: Opinions) -> Ints:
+        """Return how often each agent halves."""
+        leaves, share, error = generation.leaves, generation.shares, generation.bounds.error
         allowed = np.log2(leaves.size // self.body.smallest).astype(np.int64)
-        often = np.minimum(often, allowed)
-        if not often.any():
-            return None
-        new = leaves
+        # What the smallest agents hold stays: the others share the rest of what is wanted, or all
+        # of it if the smallest alone hold more.
+        free = np.where(allowed > 0, share, 0.0)
+        budget = (AIM * self.tolerance / error) ** 2 * float(share.sum()) if error < inf else 0.0
+        frozen = float(share.sum() - free.sum())
+        left = budget - frozen if frozen < budget else budget
+        if not free.sum() > left:
+            return np.zeros(len(leaves), dtype=np.int64)
+        often = halvings(free, left, leaves.holding(self.body.sharp))
+        return np.minimum(often, allowed)
+
+    def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
+        """Return the agents of the next generation."""
+        sharp, new = self.body.sharp, leaves
         for step in range(int(often.max())):
             # Of children only those at the point itself halve again.
             again = often > step if step == 0 else np.zeros(len(new), dtype=np.bool_)
@@ -94,34 +118,25 @@ class PairLoop:
                 at = new.holding(sharp)
                 parent = np.searchsorted(leaves.code, new.code[at], "right") - 1
                 again[at] = often[parent] > step
-            new = new.split(again, number, np.zeros(len(new)))
-        new = new.balanced(number)
+            new = new.split(again, 0, np.zeros(len(new)))
+        new = new.balanced(0)
         # The tree's balance may not ask for more than `child_maps` holds.
         parent = np.searchsorted(leaves.code, new.code, "right") - 1
         assert (leaves.size[parent] // new.size).max() <= 1 << DEEPEST_STEP
         return new
 
 
-def halvings(share: Floats, wanted: float, at: Ints) -> Ints:
+def halvings(share: Floats, left: float, at: Ints) -> Ints:
     """Return how often agents halve: the fewest with most of the gap; `at` corners up to thrice."""
-    total, left = share.sum(), AIM**2 * wanted
-    goal = min(MOST_HALVED, (1.0 - left) / GAIN) * total
+    total = float(share.sum())
+    goal = min(MOST_HALVED * total, (total - left) / GAIN)
     order = np.argsort(-share, kind="stable")
     count = min(int(np.searchsorted(np.cumsum(share[order]), goal)), len(order) - 1)
     # Agents alike halve together.
     often = (share >= 0.99 * share[order[count]]).astype(np.int64)
-    budget = AT_CORNERS * left * total
+    budget = AT_CORNERS * left
     if share[at].sum() > budget > 0.0:
         # A halving takes half of the share at the strongest of corners.
         more = np.ceil(np.log2(np.maximum(share[at] * len(at) / budget, 1.0))).astype(np.int64)
         often[at] = np.maximum(often[at], np.minimum(more, DEEPEST_STEP))
     return np.asarray(often)
-
-
-def generations(
-    body: PosedBody, tolerance: float, most_agents: int | None = None
-) -> Iterator[Opinions]:
-    """Yield the generations of a body until its tolerance is proved, or cannot be."""
-    spawning = PairLoop(body, tolerance, most_agents)
-    while not spawning.finished:
-        yield spawning.step()

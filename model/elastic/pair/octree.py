@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
+from math import nan, sqrt
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
@@ -31,11 +31,17 @@ from kaju.model.elastic.moduli import Moduli, von_mises
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
+from kaju.model.elastic.pair.generations import (
+    Generation,
+    generations_of,
+    halvings,
+    stored,
+    trees_of,
+)
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.refine.generations import Generation, _generations_of, _leaves_of, halvings
-from kaju.model.elastic.refine.targets import Aimed, mark_largest
 from kaju.model.elastic.scales import Scales
+from kaju.model.elastic.refine.targets import mark_largest
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import INSIDE
@@ -87,6 +93,11 @@ class BrickField:
         strain[..., :3] *= 2.0
         strain[..., :3] += volume[..., None]
         return np.asarray(strain)
+
+    def equivalent(self) -> Floats:
+        """Return the equivalent stress in the middle of every leaf."""
+        middles = np.arange(len(self.moved)), np.full((len(self.moved), 3), 0.5)
+        return von_mises(self.stress_at(*middles))
 
     @cached_property
     def corner_stress(self) -> Floats:
@@ -162,13 +173,6 @@ class Places(NamedTuple):
     dimension: int = 3
 
 
-class BrickIndicator(NamedTuple):
-    """Squared error of every agent, and the root of it as a load."""
-
-    square: Floats
-    load: Floats
-
-
 @dataclass
 class BrickAgents:
     """Agents in space that spawned, along a space-filling curve; scaled."""
@@ -177,12 +181,9 @@ class BrickAgents:
     method: ClassVar[str] = "bricks"
     stiffness: ClassVar[None] = None
     energy_bounds: ClassVar[None] = None
-    proved: ClassVar[None] = None
-    known: ClassVar[str] = NO_BOUND
     bracket: ClassVar[str] = NO_BOUND
     field: BrickField
     load: Floats  # On the masters
-    aimed: Aimed
     energy: float
     error: float  # Estimated, in the energy norm, relative
     generations: list[Generation]
@@ -191,7 +192,6 @@ class BrickAgents:
     reached: bool
     stopped: str  # Why the loop ended if not: "depth" or "agents"
     notes: list[str]
-    retired: int = 0
 
     @property
     def leaves(self) -> LeafCells:
@@ -263,13 +263,8 @@ class BrickAgents:
 
     @property
     def cause(self) -> Floats:
-        """Load (N) for which each agent spawned."""
-        return self.leaves.cause
-
-    @property
-    def indicator(self) -> BrickIndicator:
-        """Squared error of every agent, and the root of it as a load."""
-        return BrickIndicator(self.field.shares, loads_of(self.field))
+        """Estimated squared error (J) for which each agent spawned."""
+        return self.leaves.cause * self.scales.energy
 
     @cached_property
     def moved(self) -> Floats:
@@ -342,48 +337,24 @@ class BrickAgents:
         return {"generations": len(self.generations)}
 
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: the agents of every generation; fields are found again."""
-        names = ("lower", "size", "kind", "step", "cause")
-        arrays: dict[str, NDArray[Any]] = {name: getattr(self.leaves, name) for name in names}
-        arrays |= {"master": self.field.master}
-        for name in Generation._fields[5:]:
-            arrays[f"history.{name}"] = np.concatenate(
-                [getattr(generation, name) for generation in self.generations]
-            )
-        return arrays, {
-            "bricks": plain_of(self),
-            "allowed": self.aimed.allowed,
-            "generations": [list(g[:5]) for g in self.generations],
-        }
+        """Return what is stored: the agents of every generation, and the last displacement."""
+        arrays = stored(self.generations) | {"master": self.field.master}
+        return arrays, {"bricks": plain_of(self)}
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> BrickAgents:
         """Return the agents of a stored result."""
         ground = ground_of(scene, stage, archive.value("resolution", int | None))
-        leaves = _leaves_of(archive, ground)
+        generations = generations_of(archive)
+        leaves = trees_of(archive, ground.start(ACROSS), generations)[-1]
         level = BrickLevel(BrickMesh(ground, leaves), ground.moduli)
         mesh = level.mesh
         field = BrickField(
             level, ground.moduli, archive.array("master", "f", (int(mesh.free.sum()), 3))
         )
         about = archive.record("bricks", BrickAgents)
-        unmarked = np.zeros(len(leaves), dtype=np.bool_)
-        allowed = archive.value("allowed", float)
-        aimed = Aimed(float(about["error"]), field.shares, unmarked, allowed)
-        return cls(
-            field,
-            np.asarray(mesh.ties.T @ mesh.loads()),
-            aimed,
-            generations=_generations_of(archive, 1 << 61),
-            **about,
-        )
-
-
-def loads_of(field: BrickField) -> Floats:
-    """Return the root of every leaf's share as a load: what deforms it by as much energy."""
-    mesh = field.mesh
-    stiffness = field.moduli.shear[mesh.leaves.kind] * mesh.edge
-    return np.asarray(np.sqrt(field.shares * stiffness))
+        load = np.asarray(mesh.ties.T @ mesh.loads())
+        return cls(field, load, generations=generations, **about)
 
 
 class BrickLoop:
@@ -409,7 +380,6 @@ class BrickLoop:
         self.notes: list[str] = []
         self.residuals: list[float] = []
         self.error, self.energy = float("nan"), 0.0
-        self.aimed: Aimed
         self._field: BrickField | None = None
         self._marked: Flags | None = None
         self._mesh = BrickMesh(ground, self.leaves)
@@ -424,8 +394,8 @@ class BrickLoop:
         before, marked, number = self._field, self._marked, len(self.generations)
         descent = None
         if before is not None and marked is not None:
-            load = loads_of(before) * self.ground.scales.force
-            old, new = self.leaves, self.leaves.split(marked, number, load)
+            old = self.leaves
+            new = old.split(marked, number, before.shares)
             self.leaves = new.balanced(number, young=new.step == number)
             descent = descent_of(old, self.leaves)
             self._mesh = BrickMesh(self.ground, self.leaves)
@@ -452,9 +422,9 @@ class BrickLoop:
             self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
             self._field = BrickField(level, self.ground.moduli, master + change)
             self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
-            self.aimed = self.aimed._replace(part=self._field.shares)
-            self.generations[-1] = self.generations[-1]._replace(
-                energy=self.energy, load=loads_of(self._field)
+            last = self.generations[-1]
+            self.generations[-1] = last._replace(
+                energy=self.energy, gap=self._field.shares, fitted=self._field.equivalent()
             )
 
     def _judge(self, left: float) -> None:
@@ -476,9 +446,9 @@ class BrickLoop:
             self.finished, self.stopped = True, "agents"
         spawn = marked & (not self.finished)
         self._marked = None if self.finished else marked
-        self.aimed = Aimed(self.error, field.shares, spawn, allowed)
-        figures = (len(leaves), self.error, self.energy, len(self.residuals) - 1, self.error)
-        own = (leaves.code, leaves.size, loads_of(field), spawn)
+        figures = (len(leaves), self.error, self.energy, nan, nan)
+        balanced = np.full(len(leaves), nan)
+        own = (leaves.code, leaves.size, field.shares, field.equivalent(), balanced, spawn)
         self.generations.append(Generation(*figures, *own))
         self._before = float(field.shares.sum()), self.energy
 
@@ -500,7 +470,6 @@ class BrickLoop:
         return BrickAgents(
             self._field,
             self._load,
-            self.aimed,
             self.energy,
             self.error,
             list(self.generations),

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.pair.leaves import BITS
-from kaju.model.elastic.refine.generations import Generation, halvings
+from kaju.model.elastic.pair.generations import Generation, halvings
+from kaju.model.elastic.pair.leaves import corners
 
 NOBODY = -1  # Parent of the first agents, and first child of those that have none
 WORKING = -1  # Retirement of agents that have not retired
@@ -22,7 +22,7 @@ _ROW = np.dtype(
         ("spawn_step", np.int64),
         ("retired_step", np.int64),
         ("cause", np.float64),
-        ("unbalanced_load", np.float64),
+        ("gap", np.float64),
         ("chosen", np.bool_),
     ]
 )
@@ -51,11 +51,10 @@ class Family:
           follow one another; -1 without;
         - spawn_step, retired_step: when it spawned, 0 for the first agents, and when it
           retired, -1 if it has not;
-        - cause: load (N) its parent left unbalanced, for which it spawned; 0 for the first
-          agents, NaN for those that keep neighbours alike in size;
-        - unbalanced_load: load (N) it leaves, or left at last, as its children would feel
-          it; NaN if it has never settled;
-        - chosen: whether it spawned children for that load, or will in the next step.
+        - cause: gap (J) of its parent, for which it spawned; 0 for the first agents, NaN for
+          those that keep neighbours alike in size;
+        - gap: what its two opinions differ in, or did at last (J); NaN if it has had none;
+        - chosen: whether it spawned children for that gap, or will in the next step.
     working : int array
         Rows of the agents that have not retired, along a space-filling curve.
     step : int
@@ -70,11 +69,11 @@ class Family:
 
     @classmethod
     def of(cls, generations: Iterable[Generation], dimension: int, metre: float) -> Family:
-        """Return the family of the agents that stood in generations, loads in N."""
+        """Return the family of the agents that stood in generations, gaps in J."""
         family = cls(dimension, metre)
         for generation in generations:
             family.grow(generation.code, generation.size)
-            family.settle(generation.load, generation.chosen)
+            family.settle(generation.gap, generation.chosen)
         return family
 
     def __len__(self) -> int:
@@ -119,9 +118,9 @@ class Family:
             parents = children[~stands]
         self.working = holder
 
-    def settle(self, load: Floats, chosen: Flags) -> None:
-        """Note the load (N) that the working agents leave unbalanced, and which are marked."""
-        self.rows["unbalanced_load"][self.working] = load
+    def settle(self, gap: Floats, chosen: Flags) -> None:
+        """Note the gaps (J) of the working agents, and which are marked."""
+        self.rows["gap"][self.working] = gap
         self.rows["chosen"][self.working] = chosen
 
     def standing(self, step: int) -> Ints:
@@ -141,7 +140,7 @@ class Family:
         half = rows["size"][parents] // 2
         # The codes of a family follow one another, as far apart as a child has unit cells.
         code = rows["code"][parents, None] + np.arange(many) * half[:, None] ** self.dimension
-        cause = np.where(rows["chosen"][parents], rows["unbalanced_load"][parents], np.nan)
+        cause = np.where(rows["chosen"][parents], rows["gap"][parents], np.nan)
         rows["retired_step"][parents] = self.step
         rows["first_child"][parents] = len(rows) + many * np.arange(len(parents))
         half, parents, cause = (np.repeat(values, many) for values in (half, parents, cause))
@@ -151,15 +150,6 @@ class Family:
         fresh = np.zeros(len(code), dtype=_ROW)
         fresh["code"], fresh["size"], fresh["parent"], fresh["cause"] = code, size, parent, cause
         fresh["first_child"], fresh["retired_step"] = NOBODY, WORKING
-        fresh["spawn_step"], fresh["unbalanced_load"] = self.step, np.nan
+        fresh["spawn_step"], fresh["gap"] = self.step, np.nan
         self.rows = np.concatenate([self.rows, fresh])
         return np.arange(len(self.rows) - len(fresh), len(self.rows))
-
-
-def corners(code: Ints, dimension: int) -> Ints:
-    """Return the points (units) that Morton codes stand for, shape (n, dimension)."""
-    point = np.zeros((len(code), dimension), dtype=np.int64)
-    for bit in range(BITS[dimension]):
-        for axis in range(dimension):
-            point[:, axis] |= ((code >> (dimension * bit + axis)) & 1) << bit
-    return point

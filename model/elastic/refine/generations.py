@@ -52,6 +52,19 @@ class Generation(NamedTuple):
     load: Floats  # Load that every agent leaves unbalanced. Shape (agents,)
     chosen: Flags  # Which agents are marked, to spawn in the next step. Shape (agents,)
 
+    @property
+    def gap(self) -> Floats:
+        """Load that every agent leaves unbalanced."""
+        return self.load
+
+    def in_units(self, energy: float, stress: float) -> Any:
+        """Return it as a generation of agents of two minds."""
+        from kaju.model.elastic.pair.generations import Generation as Pair
+
+        nothing = np.full(len(self.size), np.nan)
+        figures = (self.agents, self.error, energy * self.energy, np.nan, np.nan)
+        return Pair(*figures, self.code, self.size, self.load, nothing, nothing, self.chosen)
+
     def __repr__(self) -> str:
         """Return its figures without the arrays."""
         return f"Generation(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"

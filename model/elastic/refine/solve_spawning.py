@@ -6,13 +6,17 @@ from time import perf_counter
 
 import numpy as np
 
+from kaju.arrays import first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
-from kaju.model.elastic.bounds.admissible_displacement import MOST_QUADRATIC
+from kaju.model.elastic.bounds.bound_cells import corner_ends
+from kaju.model.elastic.corners import singular_at
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.goals import Asked, aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
+from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.elastic.refine.generations import Spawning
@@ -76,8 +80,8 @@ def solve_spawning(
     result = answer_of(spawning, scene, stage, tolerance, resolution, goals, seconds)
     if spawning.stopped == "agents":
         raise ConvergenceError(
-            f"solve: {result.agents} agents leave an estimated error of "
-            f"{spawning.aimed.error:.2g}, and a tolerance of {tolerance:g} needs more than the "
+            f"solve: {result.agents} agents leave an error of "
+            f"{error_of(spawning):.2g}, and a tolerance of {tolerance:g} needs more than the "
             f"{spawner.most_agents} allowed; take a larger tolerance, or allow more by "
             "most_agents. The error's `best` holds the result so far",
             result.residuals,
@@ -100,16 +104,16 @@ def spawner_of(
     most_agents: int | None,
     aim: Target | None = None,
     previous: Spawning | None = None,
-) -> RefineLoop | BrickLoop:
-    """Return the loop that agents spawn in: of bricks in space, but for goals."""
-    if ground.dimension == 3 and aim is None:
-        return BrickLoop(ground, tolerance, most_agents)
-    most = most_agents or (MOST_AGENTS if aim is not None else MOST_QUADRATIC)
-    return LeafLoop(ground, tolerance, most, aim, previous)
+) -> RefineLoop | BrickLoop | PairLoop:
+    """Return the loop that agents spawn in: of two minds in the plane, of bricks in space."""
+    if aim is not None:
+        return LeafLoop(ground, tolerance, most_agents or MOST_AGENTS, aim, previous)
+    loop = BrickLoop if ground.dimension == 3 else PairLoop
+    return loop(ground, tolerance, most_agents)
 
 
 def answer_of(
-    spawning: Spawning | BrickAgents,
+    spawning: Spawning | BrickAgents | PairAgents,
     scene: Scene,
     stage: int | None,
     tolerance: float,
@@ -130,20 +134,45 @@ def answer_of(
     return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, tolerance_at)
 
 
-def missed_note(spawning: Spawning | BrickAgents, tolerance: float, resolution: int | None) -> str:
+def missed_note(
+    spawning: Spawning | BrickAgents | PairAgents, tolerance: float, resolution: int | None
+) -> str:
     """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
-    if spawning.reached or spawning.stopped not in ("", "depth", "blind"):
+    error, stopped = error_of(spawning), spawning.stopped
+    if error <= tolerance or stopped in ("agents", "iteration"):
         return ""
-    error = spawning.aimed.error
-    above = f"an estimated error of {error:.2g}, above the tolerance of {tolerance:g}"
-    if not spawning.stopped:
+    kind = "a proved" if isinstance(spawning, PairAgents) else "an estimated"
+    above = f"{kind} error of {error:.2g}, above the tolerance of {tolerance:g}"
+    if not stopped:
         return f"looked at after {len(spawning.generations)} steps, which leave {above}"
-    if spawning.stopped == "blind":
+    if stopped == "blind":
         return f"bounds far above what agents see of their errors leave {above}"
-    remedy = "a larger resolution allows smaller ones"
-    if resolution is None:
-        remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"
-    return f"the smallest agents allowed leave {above}; {remedy}"
+    if stopped == "rounding":
+        return f"rounding hides what the two opinions differ in, and leaves {above}"
+    if resolution is not None:
+        return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
+    where = most_at(spawning)
+    if stopped == "stalled":
+        return f"more agents do not lower it: they leave {above}; most of it lies {where}"
+    return f"the smallest agents that can be counted leave {above}; most of it lies {where}"
+
+
+def error_of(spawning: Spawning | BrickAgents | PairAgents) -> float:
+    """Return the error that the tolerance limits."""
+    return spawning.aimed.error if isinstance(spawning, Spawning) else spawning.error
+
+
+def most_at(spawning: Spawning | BrickAgents | PairAgents) -> str:
+    """Say where most of the error lies, and why."""
+    leaves, ground = spawning.leaves, spawning.ground
+    agent, scene = first_largest(spawning.generations[-1].gap), spawning.ground.scene
+    metre = scene.lattice.cell_size / ground.cell
+    for corner in corner_ends(ground.dimension):
+        point = (leaves.lower[agent] + corner * leaves.size[agent]) * metre
+        if reason := singular_at(scene, point):
+            break
+    place = ", ".join(f"{x:.4g}" for x in point)
+    return f"at ({place}) m" + (f", where {reason}" if reason else "")
 
 
 def check_previous(previous: Lattice, lattice: Lattice) -> None:
@@ -161,8 +190,8 @@ def check_previous(previous: Lattice, lattice: Lattice) -> None:
 
 def _spawning_of(previous: ElasticResult) -> Spawning | None:
     """Return the agents of a previous answer; refuse equal cells."""
-    if isinstance(previous.found, BrickAgents):
-        return None  # In space generations start anew: they take a second or two
+    if isinstance(previous.found, (BrickAgents, PairAgents)):
+        return None  # Generations start anew
     if not isinstance(previous.found, Spawning):
         raise ParameterError(
             "previous: spawning agents continue from agents that have spawned, and its cells are "

@@ -1,4 +1,4 @@
-"""The Mesa model of agents that spawn where they leave load unbalanced: adaptive refinement."""
+"""The Mesa model of agents that spawn where their two opinions differ: adaptive refinement."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from kaju.model.elastic.goals.goals import aim_of, asked
 from kaju.model.elastic.goals.quantities import ToleranceAt
 from kaju.model.elastic.posed_body import ground_of
 from kaju.model.elastic.refine.family import Family
-from kaju.model.elastic.refine.generations import Generation
-from kaju.model.elastic.refine.solve_spawning import answer_of, missed_note, spawner_of
+from kaju.model.elastic.refine.solve_spawning import answer_of, error_of, missed_note, spawner_of
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
 from kaju.stepping import Until, step_to_end
@@ -27,13 +26,15 @@ MOST_OBJECTS = 10_000
 
 
 class SpawningModel(SteppedModel):
-    """Agents that settle and spawn, one generation a step.
+    """Agents that form their opinions and spawn, one generation a step.
 
-    The first agents are as large as the body, its materials, supports and loads let them be.
-    In the first step they settle: they move until their forces balance. In every later step
-    those that left most load unbalanced spawn 4 (in three dimensions 8) children of half
-    their size and retire, a few more do so to keep neighbours alike in size, and all settle
-    again. The model ends when the estimated error is within the tolerance.
+    The first agents are as large as the body, its materials, supports and loads let them be. In the
+    plane each has two opinions of its load: a displacement that fits its neighbours without a gap,
+    and a stress that balances, which hands on exactly what arrives. In the first step all find
+    theirs. In every later step those whose opinions differ most spawn 4 children of half their size
+    and retire, a few more do so to keep neighbours alike in size, and all find their opinions
+    again. What all differ in together proves how far they are off: the model ends when that is
+    within the tolerance. In space agents have the first opinion alone, 8 children, and an estimate.
 
     What the agents do is computed on arrays; the objects in `agents` show it. There they
     are by themselves as long as there are not more than 10,000 of them, retired ones
@@ -56,6 +57,9 @@ class SpawningModel(SteppedModel):
         All agents as a table, row by row in the order of spawning.
     generation : int
         Steps taken.
+    error : float
+        Of the stress in the energy norm, relative: what ends the run. In the plane proved, in
+        space estimated; of a goal it is estimated, too.
     running : bool
         False when the error is within the tolerance, or no more agents may spawn.
 
@@ -103,7 +107,7 @@ class SpawningModel(SteppedModel):
         self.reset()
 
     def reset(self) -> None:
-        """Go back to the first agents, before they have settled."""
+        """Go back to the first agents, before they have any opinion."""
         began = perf_counter()
         self._start_again()
         for agent in self._objects:
@@ -121,20 +125,20 @@ class SpawningModel(SteppedModel):
         self.seconds = perf_counter() - began
 
     def step(self) -> None:
-        """Let agents spawn, but for the first time, and all of them settle."""
+        """Let agents spawn, but for the first time, and all of them find their opinions."""
         began = perf_counter()
         self.spawner.step()
         last = self.history[-1]
         if self.generation > 1:
             self.family.grow(last.code, last.size)
-        self.family.settle(last.load * self.ground.scales.force, last.chosen)
+        self.family.settle(last.gap * self.ground.scales.energy, last.chosen)
         self.running = not self.spawner.finished
         self._show()
         self.seconds += perf_counter() - began
 
     @property
-    def history(self) -> list[Generation]:
-        """The generations so far, loads in scaled units; `result` has them in N."""
+    def history(self) -> list[Any]:
+        """The generations so far, in scaled units; those of `result` are in J and Pa."""
         return self.spawner.generations
 
     @property
@@ -143,8 +147,8 @@ class SpawningModel(SteppedModel):
         return len(self.history)
 
     @property
-    def error_estimate(self) -> float:
-        """Estimated error in the energy norm, relative; NaN before the first step."""
+    def error(self) -> float:
+        """Error in the energy norm, relative; NaN before the first step."""
         return self.history[-1].error if self.history else float("nan")
 
     @property
@@ -198,7 +202,7 @@ class SpawningModel(SteppedModel):
         if not self.spawner.finished:
             return ""
         spawning = self.spawner.outcome()
-        if spawning.reached:
+        if error_of(spawning) <= self.tolerance:
             return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
         reasons = {
             "agents": f"more than the {self.most_agents} agents allowed would be needed",
@@ -217,8 +221,8 @@ class SpawningModel(SteppedModel):
         """Return what is noted after every step."""
         return {
             "generation": self.generation,
-            "agents": len(self.family),
-            "error_estimate": self.error_estimate,
+            "agents": len(self.family.working),
+            "error": self.error,
         }
 
     def run(self, until: Until | None = None) -> ElasticResult:
@@ -231,10 +235,10 @@ class SpawningModel(SteppedModel):
         Raises
         ------
         ResultError
-            Before the first step, when none of them has settled.
+            Before the first step, when none of them has an opinion.
         """
         if not self.generation:
-            raise ResultError("result: no agent has settled yet; take a step first")
+            raise ResultError("result: no agent has an opinion yet; take a step first")
         spawning = self.spawner.outcome()
         how = (self.scene, self.stage, self.tolerance, self.resolution, self.tolerance_at)
         return answer_of(spawning, *how, self.seconds)

@@ -1,0 +1,320 @@
+"""The answer of agents of two minds: whatever is read comes from their two opinions.
+
+Displacements are those of the opinion that fits, reactions those of the one that balances. Stress
+is the mean of both, since that is the stress whose error the gap tells exactly; energy is the
+middle of its bounds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.agents.materials import suggestion
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ParameterError
+from kaju.model.elastic.fields import equivalent_stress
+from kaju.model.elastic.goals.goal_regions import QuadraturePoints, region_of
+from kaju.model.elastic.goals.quantities import (
+    Deflection,
+    Quantity,
+    Reaction,
+    component_of,
+    directions_of,
+)
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.pair.elements import SIDE_OF_EDGE, rule, strains, stresses
+from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
+from kaju.model.elastic.pair.generations import (
+    Generation,
+    generations_of,
+    halvings,
+    stored,
+    trees_of,
+)
+from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.opinions import Opinions, first, following
+from kaju.model.elastic.posed_body import PosedBody, ground_of, placed
+from kaju.model.elastic.problem import Scales
+from kaju.model.results.archive import Archive
+from kaju.model.scene import Scene
+
+METHOD = "agents of two minds"
+
+
+class Places(NamedTuple):
+    """What regions of goals need to know of agents."""
+
+    leaves: LeafCells
+    ground: PosedBody
+    beside: Ints  # -1 where there is nothing beyond a side
+    dimension: int = 2
+
+
+@dataclass(eq=False)
+class PairAgents:
+    """Agents of a plane body along a space-filling curve, and their generations; scaled."""
+
+    storage: ClassVar[Literal["tree"]] = "tree"
+    method: ClassVar[str] = METHOD
+    stiffness: ClassVar[None] = None
+    ground: PosedBody
+    trees: list[LeafCells] = field(repr=False)  # The agents of every generation
+    generations: list[Generation]
+    stopped: str = ""
+    """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
+    notes: list[str] = field(default_factory=list)
+    last: Opinions | None = field(default=None, repr=False)
+
+    @cached_property
+    def opinions(self) -> Opinions:
+        """Both opinions of the last generation; of a stored answer they are found again."""
+        # Generation by generation: so they are the same to the last digit.
+        found = self.last
+        for leaves in self.trees if found is None else ():
+            found = first(self.ground, leaves) if found is None else following(found, leaves)
+        assert found is not None
+        return found
+
+    @property
+    def leaves(self) -> LeafCells:
+        """The agents."""
+        return self.trees[-1]
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+        return self.ground.scene
+
+    @property
+    def scales(self) -> Scales:
+        """Units of the scaled values."""
+        return self.ground.scales
+
+    @property
+    def moduli(self) -> Moduli:
+        """Scaled moduli of every material."""
+        return self.ground.moduli
+
+    @property
+    def count(self) -> int:
+        """Number of agents."""
+        return len(self.leaves)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners of the agents."""
+        return np.asarray(self.leaves.lower / self.ground.cell)
+
+    @property
+    def size(self) -> Floats:
+        """Edges of the agents."""
+        return np.asarray(self.leaves.size / self.ground.cell)
+
+    @property
+    def material(self) -> Ints:
+        """Index of each agent's material, which is that of its moduli."""
+        return self.leaves.kind
+
+    law = material
+
+    @property
+    def level(self) -> Ints:
+        """How often the largest of the first agents would be halved to give each agent."""
+        return halvings(self.leaves.size, int(self.generations[0].size.max()))
+
+    @property
+    def spawn_step(self) -> Ints:
+        """Step in which each agent spawned; 0 for the first."""
+        return self.leaves.step
+
+    @property
+    def cause(self) -> Floats:
+        """Gap (J) for which each agent spawned."""
+        return self.leaves.cause * self.scales.energy
+
+    @property
+    def gap(self) -> Floats:
+        """Squared difference of each agent's two opinions."""
+        return self.generations[-1].gap
+
+    @property
+    def bracket(self) -> Bounds:
+        """What is proved."""
+        last = self.generations[-1]
+        return Bounds(last.lower, last.upper, last.error, False)
+
+    @property
+    def solution(self) -> Self:
+        """Itself: it has the figures of its solution."""
+        return self
+
+    tree = solution
+
+    @property
+    def energy(self) -> float:
+        """Energy of the body and of what it lies on."""
+        return self.generations[-1].energy
+
+    @property
+    def error(self) -> float:
+        """Error of the stress, at most, in the energy norm."""
+        return self.generations[-1].error
+
+    @property
+    def residuals(self) -> list[float]:
+        """What an iteration left is in the bounds."""
+        return []
+
+    @cached_property
+    def energies(self) -> Floats:
+        """Energy stored in each agent: half-way between those of both opinions."""
+        found = self.opinions
+        both = [found.fields(case) for case in range(len(found.fit))]
+        balanced, fitted = (np.sum([one[k] for one in both], axis=0) for k in range(2))
+        each = (energies(stress, found.law, found.size) for stress in (balanced, fitted))
+        return np.asarray(0.25 * sum(each))
+
+    @property
+    def moved(self) -> Floats:
+        """Displacement of the agents' middles."""
+        return self.opinions.displacement_at(*self._middles)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents: the mean of both opinions over each."""
+        balanced, fitted = means_of(self.opinions)
+        return tensors(0.5 * (balanced + fitted))
+
+    @property
+    def balanced(self) -> Floats:
+        """Mean stress tensors of the opinion that balances."""
+        return tensors(means_of(self.opinions)[0])
+
+    @property
+    def _middles(self) -> tuple[Ints, Floats]:
+        return np.arange(self.count), np.full((self.count, 2), 0.5)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        return self.opinions.reactions()
+
+    def displacement_at(self, points: Floats, cells: Ints) -> Floats:
+        """Return the displacement at points (m) in or on cells of the grid."""
+        return self.opinions.displacement_at(*placed(self.ground, self.leaves, points, cells))
+
+    def stress_at(self, points: Floats, cells: Ints) -> Floats:
+        """Return stress tensors at points (m) in or on cells of the grid."""
+        return self._stress(*placed(self.ground, self.leaves, points, cells))
+
+    def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
+        """Return the stresses that balance, and those that fit, at points (m)."""
+        at = placed(self.ground, self.leaves, points, cells)
+        balanced, fitted = self.opinions.stresses_at(*at)
+        return tensors(balanced), tensors(fitted)
+
+    def _stress(self, agent: Ints, inside: Floats) -> Floats:
+        balanced, fitted = self.opinions.stresses_at(agent, inside)
+        return tensors(0.5 * (balanced + fitted))
+
+    def law_at(self, points: Floats, cells: Ints) -> Ints:
+        """Return the index of the moduli of the agents in or on which points lie."""
+        return self.leaves.kind[placed(self.ground, self.leaves, points, cells)[0]]
+
+    def value_of(self, quantity: Quantity) -> Floats:
+        """Return a quantity: of regions the mean of what is read at their points."""
+        if isinstance(quantity, Reaction):
+            reactions = self.reactions()
+            if quantity.side not in reactions:
+                raise ParameterError(
+                    f"value_of: nothing holds the body at {quantity.side!r}"
+                    f"{suggestion(quantity.side, reactions)}; supports are "
+                    f"{', '.join(reactions) or 'missing'}"
+                )
+            return np.asarray(directions_of(quantity.along, 2) @ reactions[quantity.side])
+        leaves, mesh = self.leaves, self.opinions.mesh
+        beside = np.zeros((len(leaves), 4), dtype=np.int64)
+        beside[mesh.owner, SIDE_OF_EDGE[mesh.side]] = -1
+        grid: Any = Places(leaves, self.ground, beside)
+        points = spread(region_of(quantity.at, self.ground).points(grid))
+        inside = (points.place - leaves.lower[points.leaf]) / leaves.size[points.leaf, None]
+        inside = np.clip(inside, 0.0, 1.0)
+        if isinstance(quantity, Deflection):
+            moved = self.opinions.displacement_at(points.leaf, inside)
+            return np.asarray(directions_of(quantity.along, 2) @ (points.weight @ moved))
+        stress = self._stress(points.leaf, inside)
+        axes = component_of(quantity.component, 2)
+        if axes is None:
+            law, plane = leaves.kind[points.leaf], self.grid.plane
+            own = equivalent_stress(stress, self.moduli, law, plane)
+        else:
+            own = stress[:, axes[0], axes[1]]
+        return np.array([points.weight @ own])
+
+    def history(self) -> dict[str, Any]:
+        """Return the figures of their generations."""
+        return {"generations": len(self.generations)}
+
+    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: the agents of every generation, of which the fields follow."""
+        return stored(self.generations), {"stopped": self.stopped, "remarks": self.notes}
+
+    @classmethod
+    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> PairAgents:
+        """Return the agents of a stored result."""
+        ground = ground_of(scene, stage, archive.value("resolution", int | None))
+        generations = generations_of(archive)
+        trees = trees_of(archive, ground.start(), generations)
+        stopped, notes = archive.value("stopped", str), archive.value("remarks", list[str])
+        return cls(ground, trees, generations, stopped, notes)
+
+
+def generation_of(found: Opinions, chosen: Flags) -> Generation:
+    """Return what is kept of a generation of which some agents are to spawn."""
+    bounds, body, kind = found.bounds, found.body, found.leaves.kind
+    balanced, fitted = (
+        equivalent_stress(tensors(stress), body.moduli, kind, body.scene.plane)
+        for stress in means_of(found)
+    )
+    energy = 0.5 * (bounds.lower + bounds.upper)
+    figures = (len(kind), bounds.error, energy, bounds.lower, bounds.upper)
+    arrays = (found.leaves.code, found.leaves.size, found.shares, fitted, balanced, chosen)
+    return Generation(*figures, *arrays)
+
+
+def means_of(found: Opinions) -> tuple[Floats, Floats]:
+    """Return the means over agents of both opinions' stresses xx, yy, xy: balanced, fitted."""
+    weights, size = rule()[1], found.size[:, None]
+    balanced = found.phi.sum(axis=0) @ np.einsum("p,pki->ik", weights, stresses()) / size**2
+    strain = found.fit.sum(axis=0) @ np.einsum("p,pki->ik", weights, strains()) / size
+    return np.asarray(balanced), stress_of(strain, found.law)
+
+
+def tensors(three: Floats) -> Floats:
+    """Return stresses xx, yy, xy as tensors, shape (n, 2, 2)."""
+    return np.asarray(three[:, [[0, 2], [2, 1]]])
+
+
+def spread(points: QuadraturePoints) -> QuadraturePoints:
+    """Return points that stand for a region's parts as the points of a rule in each part."""
+    # Of a whole agent the rule is exact for both opinions; it has three points on a side.
+    line, share = np.polynomial.legendre.leggauss(3)
+    flat = (points.span > 0.0).sum(axis=1)
+    found = []
+    for count in np.unique(flat).tolist():
+        own = np.flatnonzero(flat == count)
+        place, weights = {
+            0: (np.zeros((1, 2)), np.ones(1)),
+            1: (0.5 * np.stack([line, line], axis=1), 0.5 * share),
+            2: (rule()[0] - 0.5, rule()[1]),
+        }[count]
+        at = points.place[own, None] + place * points.span[own, None]
+        many, span = len(weights), np.zeros((len(own) * len(weights), 2))
+        weight = (points.weight[own, None] * weights).ravel()
+        one = (at.reshape(-1, 2), np.repeat(points.leaf[own], many), weight, span)
+        found.append(one)
+    return QuadraturePoints(*(np.concatenate(column) for column in zip(*found, strict=True)))

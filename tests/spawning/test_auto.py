@@ -67,13 +67,6 @@ def test_bent_bar_needs_fewer_agents_than_equal_cells_however_many_cells_it_has(
     assert result.strain_energy == pytest.approx(of_many_cells.strain_energy, rel=1e-9)
 
 
-def test_agents_are_those_of_the_spawning_strategy():
-    result = solve(plate(), tolerance=0.01)
-    same = solve(plate(), tolerance=0.01, strategy="spawning")
-    np.testing.assert_array_equal(result.lower, same.lower)
-    np.testing.assert_array_equal(result.displacement, same.displacement)
-
-
 def test_without_a_tolerance_the_own_cells_are_solved():
     result, own = solve(plate()), solve(plate(), strategy="uniform")
     assert not spawned_agents(result)

@@ -10,7 +10,7 @@ from spawning_bodies import spawned_by
 
 from kaju import ElasticResult, LoadModel, Reference, Scene, compare, load_scene, solve
 from kaju.errors import ResultError
-from kaju.model.elastic.refine import solve_spawning as spawning
+from kaju.model.elastic.pair import loop
 from kaju.model.study.compare import load_answer
 from kaju.view.comparison import plot_error, plot_shapes
 
@@ -81,9 +81,8 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     spawning_words = ("--strategy", "spawning", "--tolerance", "0.1", "--pictures", "all")
     code, out, _ = kaju("solve", PLATE, "--out", "agents", *spawning_words)
     assert code == 0
-    assert "spawning" in out
     summary = json.loads(Path("agents/summary.json").read_text())
-    assert (summary["method"], summary["tolerance"]) == ("spawning", 0.1)
+    assert (summary["method"], summary["tolerance"]) == ("agents of two minds", 0.1)
     assert summary["error_bound"] <= 0.1
     names = {path.name for path in Path("agents").iterdir()}
     assert {"result.npz", "agents.png", "von_mises.png", "deformed.png"} <= names
@@ -96,15 +95,15 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     assert "spawned agents against elasticity, 400 points" in out
     assert Path("errors/error_displacement.png").is_file()
 
-    code, out, _ = kaju("animate", "agents", "--what", "loads", "--fps", "4")
+    code, out, _ = kaju("animate", "agents", "--what", "gaps", "--fps", "4")
     assert code == 0
     with Image.open(out.strip()) as film:
         assert film.n_frames == summary["generations"]
 
 
 def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
-    monkeypatch.setattr(spawning, "MOST_QUADRATIC", 300)
-    words = ("--strategy", "spawning", "--tolerance", "0.003", "--out", "here")
+    monkeypatch.setattr(loop, "MOST_AGENTS", 300)
+    words = ("--strategy", "spawning", "--tolerance", "0.001", "--out", "here")
     code, out, err = kaju("solve", PLATE, *words)
     assert code == 2
     assert "most_agents" in err

@@ -8,7 +8,6 @@ from goal_bodies import plate as worked_plate
 from spawning_bodies import STEEL, drawn, spawned_by, under_a_patch
 
 from kaju import Scene, solve
-from kaju.model.elastic.cells import cell_fields as sampling
 
 
 def plate(**others):
@@ -32,7 +31,7 @@ def test_body_does_not_leave_a_wall(scene):
 
 
 def test_body_goes_where_a_wall_goes():
-    sides = {"bottom": "rigid", "right": {"displacement": [1e-6, 2e-6]}}
+    sides = {"left": "roller", "right": {"displacement": [1e-6, 2e-6]}}
     result = spawned_by(plate(sides=sides), tolerance=0.1)
     points = np.stack([np.full(50, 0.2), np.linspace(0.001, 0.2, 50)], axis=1)
     np.testing.assert_allclose(result.displacement_at(points), [[1e-6, 2e-6]] * 50, rtol=1e-12)
@@ -62,23 +61,6 @@ def test_point_on_a_face_has_one_displacement():
     between = np.mean(sides, axis=0)
     largest = result.max_displacement
     assert np.abs(result.displacement_at(points) - between).max() < 1e-3 * largest
-    stress = [result.stress_at(points + way * aside) for way in (-1.0, 1.0)]
-    error = np.abs(result.stress_at(points) - np.mean(stress, axis=0)).max()
-    assert error < 1e-3 * np.abs(result.stress).max()
-
-
-def test_all_agents_round_a_point_are_found():
-    grid = spawned_by(plate(), tolerance=0.3).found.balance.grid
-    leaves = grid.leaves
-    points = leaves.lower.astype(np.float64)
-    point, leaf = sampling.touching(grid, points, np.arange(len(leaves)))
-    upper = leaves.lower + leaves.size[:, None]
-    counts = []
-    for row, corner in enumerate(points):
-        there = np.flatnonzero(np.all((leaves.lower <= corner) & (upper >= corner), axis=1))
-        np.testing.assert_array_equal(leaf[point == row], there)
-        counts.append(len(there))
-    assert set(counts) == {1, 2, 3, 4}
 
 
 def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():

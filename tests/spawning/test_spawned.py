@@ -1,9 +1,9 @@
-"""Agents spawn where load is left unbalanced, until the error is within the tolerance."""
+"""Agents spawn where their opinions differ, until the error is within the tolerance."""
 
 import numpy as np
 import pytest
 from goal_bodies import plate
-from spawning_bodies import STEEL, drawn, spawned_by, under_a_patch
+from spawning_bodies import spawned_by, under_a_patch
 
 from kaju import Scene
 
@@ -20,8 +20,6 @@ def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
     for result, error in zip(results, errors, strict=True):
         lower, upper = result.energy_bounds
         assert lower < LIMIT < upper < (1.0 + 4.1 * error**2) * lower
-        last = result.generations[-1]
-        assert 0.7 < last.error / np.sqrt(last.energy / LIMIT - 1) < 1.5
         np.testing.assert_allclose(result.reactions["bottom"], [0.0, 2.0], atol=2e-9)
 
 
@@ -34,13 +32,6 @@ def test_block_of_cubes_costs_what_the_load_reaches():
     assert result.tolerance_kept == "estimated"
     assert result.agents < 10_000
     np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1.0], atol=1e-4)
-
-
-def test_member_one_cell_wide_gets_smaller_agents():
-    load = {"cell": [2, 2], "side": "top", "force": [1.0, 0.0]}
-    result = spawned_by(drawn(["..a..", "..a..", "aaaaa"], [STEEL], [load]), tolerance=0.1)
-    assert any("one cell wide" in note for note in result.summary()["notes"])
-    assert result.tolerance_kept == "proved"
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

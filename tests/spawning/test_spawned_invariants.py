@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.sparse.linalg as spla
 from spawning_bodies import (
     BRASS,
     CELL,
@@ -17,9 +16,6 @@ from spawning_bodies import (
 )
 
 from kaju import Scene, load_result
-from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
-from kaju.model.elastic.cells.composite_grid import CompositeGrid
-from kaju.model.elastic.posed_body import ground_of
 
 
 def codes_of(seed=5, size=12):
@@ -37,57 +33,6 @@ FIRST, SECOND = on_top(CODES, 2, (0.7, -1.5)), on_top(CODES, 9, (-0.4, -1.0))
 
 def two_materials(loads, codes=CODES):
     return drawn(codes, [STEEL, BRASS], loads)
-
-
-def settled(scene, leaves):
-    """Return the balance on given agents and the displacement (m) by elimination."""
-    balance = Equilibrium(CompositeGrid(ground_of(scene, None, None), leaves))
-    u, free = balance.grid.value.copy(), balance.free
-    stiffness = balance.stiffness(free).tocsc()
-    u[free] = spla.spsolve(stiffness, (balance.load - balance.pull)[free])
-    return balance, balance.grid.ground.scales.displacement * u
-
-
-@pytest.fixture(scope="module")
-def three():
-    """Two loads and both together, on the agents that both together spawn."""
-    both = spawned_by(two_materials([FIRST, SECOND]), tolerance=0.1)
-    leaves = both.found.balance.grid.leaves
-    parts = [settled(two_materials([load]), leaves) for load in (FIRST, SECOND)]
-    return both, parts
-
-
-def test_loads_add_up(three):
-    both, parts = three
-    scale = both.found.balance.grid.ground.scales.displacement
-    whole = both.found.displacement * scale
-    total = parts[0][1] + parts[1][1]
-    np.testing.assert_allclose(total, whole, atol=1e-7 * np.abs(whole).max())
-
-
-def test_work_of_one_load_on_the_other_is_mutual(three):
-    """Betti: F₁·u₂ = F₂·u₁."""
-    _, ((first, u), (second, v)) = three
-    forces = [b.load * b.grid.ground.scales.force for b in (first, second)]
-    assert forces[0] @ v == pytest.approx(forces[1] @ u, rel=1e-9)
-    assert abs(forces[0] @ v) > 0.01 * abs(forces[0] @ u)
-
-
-@pytest.mark.parametrize("force", [(0.0, -1.0), (1.0, 0.0), (-0.3, 0.7)])
-@pytest.mark.parametrize("column", [0, 4, 10])
-def test_moments_balance(force, column):
-    """On rollers, which have no friction; also under a drag at the end of a surface."""
-    scene = two_materials([on_top(CODES, column, force)])
-    scene = scene.replace(sides={"bottom": "roller", "left": "roller"})
-    result = spawned_by(scene, tolerance=0.1)
-    balance, grid = result.found.balance, result.found.balance.grid
-    held = grid.support >= 0
-    unit = grid.ground.scales.force * CELL / grid.ground.cell
-    hold = unit * (balance.force(result.found.displacement) - balance.load)
-    lever = np.where(grid.axis == 1, grid.place[:, 0], -grid.place[:, 1])
-    row = np.flatnonzero(CODES[column]).max()
-    moment = CELL * ((column + 0.5) * force[1] - (row + 1) * force[0])
-    np.testing.assert_allclose(hold[held] @ lever[held], -moment, atol=1e-9)
 
 
 def mirrored(load, cells):
@@ -148,9 +93,7 @@ def test_force_stiffness_and_size_only_scale():
     soft = STEEL | {"youngs_modulus": 206e6}
     changed = drawn(codes, [soft], [load], cell_size=8 * CELL, thickness=0.25)
     here, there = (spawned_by(s, tolerance=0.1) for s in (base, changed))
-    np.testing.assert_array_equal(
-        here.found.balance.grid.leaves.code, there.found.balance.grid.leaves.code
-    )
+    np.testing.assert_allclose(8 * here.lower, there.lower)
     u, v = here.displacement, there.displacement
     np.testing.assert_allclose(v, -3 * 1e3 / 0.25 * u, atol=1e-8 * np.abs(v).max())
 
@@ -220,8 +163,8 @@ def test_image_on_finer_cells_is_stored_as_it_was_solved(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [11, 20])
-def test_a_body_that_is_its_own_image_has_such_agents(seed):
-    """Though generations of some thousand agents end before they have settled to rounding."""
+def test_a_body_that_is_its_own_image_moves_so(seed):
+    """Of some thousand agents, which end before they have settled to rounding, within the bound."""
     rng = np.random.default_rng(seed)
     half = np.asarray((rng.random((4, 6)) < 0.9) * rng.integers(1, 3, (4, 6)))
     half[:, 0] = 1
@@ -229,14 +172,6 @@ def test_a_body_that_is_its_own_image_has_such_agents(seed):
     codes = np.concatenate([half, half[::-1]])
     load = {"cell": [3, 5], "force": [0.5, -1.0]}
     result = spawned_by(two_materials([load, mirrored(load, 8)], codes), tolerance=0.008)
-    assert result.agents > 1800
-    unit = CELL / 2**16
-    here = np.rint(result.middle / unit).astype(int)
-    there = np.rint((result.middle * [-1, 1] + [8 * CELL, 0.0]) / unit).astype(int)
-    assert set(map(tuple, here)) == set(map(tuple, there))
-    first, second = np.lexsort(here.T), np.lexsort(there.T)
-    np.testing.assert_allclose(
-        result.displacement[first],
-        result.displacement[second] * [-1, 1],
-        atol=1e-13 * np.abs(result.displacement).max(),
-    )
+    there = result.displacement_at(result.middle * [-1, 1] + [8 * CELL, 0.0]) * [-1, 1]
+    off = np.abs(there - result.displacement).max()
+    assert off < 0.1 * result.error_bound * result.max_displacement

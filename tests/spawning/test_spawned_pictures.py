@@ -17,12 +17,12 @@ pytestmark = pytest.mark.usefixtures("coarse")
 
 @pytest.fixture(scope="module")
 def flat():
-    return solve(under_a_patch(2), strategy="spawning", tolerance=0.01)
+    return solve(under_a_patch(2), tolerance=0.01)
 
 
 @pytest.fixture(scope="module")
 def solid():
-    return solve(under_a_patch(3), strategy="spawning", tolerance=0.25)
+    return solve(under_a_patch(3), tolerance=0.25)
 
 
 def drawn(figure, name):
@@ -34,7 +34,7 @@ def words(figure):
     return notes.get_text()
 
 
-COLOURS = ["level", "spawn_step", "unbalanced_load", "error_share", "von_mises"]
+COLOURS = ["level", "spawn_step", "gap", "von_mises"]
 
 
 @pytest.mark.parametrize("colour", COLOURS)
@@ -50,8 +50,10 @@ def test_every_agent_is_drawn_in_its_colour(flat, colour):
 
 def test_earlier_generations_can_be_drawn(flat):
     for step, generation in enumerate(flat.generations):
-        figure = plot(flat, "agents", colour="unbalanced_load", generation=step)
-        np.testing.assert_array_equal(drawn(figure, "agents").get_array(), generation.load)
+        for colour in ("gap", "fitted", "balanced"):
+            figure = plot(flat, "agents", colour=colour, generation=step)
+            values = getattr(generation, colour)
+            np.testing.assert_array_equal(drawn(figure, "agents").get_array(), values)
         assert f"step {step} of spawning: {generation.agents} agents" in words(figure)
 
 
@@ -78,7 +80,7 @@ def test_octree_is_cut_open_where_agents_are_small(solid):
     assert area[light == 1.0].sum() == pytest.approx(y + (1.0 - x))
     inside = faces.mean(axis=1) - solid.lower[owner]
     assert np.all((inside > -1e-9) & (inside < solid.size[owner, None] + 1e-9))
-    figure = plot(solid, "agents", colour="error_share")
+    figure = plot(solid, "agents", colour="gap")
     assert len(drawn(figure, "agents").get_facecolor()) > 0
     assert "cut away" in words(figure)
 
@@ -112,7 +114,7 @@ def test_corners_of_the_deformed_agents_have_moved_as_the_body_there(name, reque
 
 def test_body_at_rest_is_drawn_at_rest():
     still = under_a_patch(2).replace(loads=[])
-    figure = plot(solve(still, strategy="spawning", tolerance=0.1), "deformed")
+    figure = plot(solve(still, tolerance=0.1), "deformed")
     assert "largest displacement 0 m" in words(figure)
 
 
@@ -131,7 +133,7 @@ def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
     load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
     body = {"size": [100.0, 100.0], "cells": [4000, 4000], "material": "steel"}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene, strategy="spawning", tolerance=0.01)
+    result = solve(scene, tolerance=0.01)
     assert not layer_of(result).cropped
     layer = layer_of(result, crop=True)
     assert layer.cropped
@@ -161,7 +163,7 @@ def durations(path):
 def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
     result = request.getfixturevalue(name)
     count = len(result.generations)
-    for what, options in (("generations", {"colour": "spawn_step"}), ("loads", {"crop": True})):
+    for what, options in (("generations", {"colour": "spawn_step"}), ("gaps", {"crop": True})):
         assert durations(animate(result, tmp_path / "film.gif", what, **options)) == count
     if name == "solid":
         path = animate(result, tmp_path / "film.gif", "generations", cut={"y": 0.4})
@@ -180,6 +182,13 @@ def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
 def test_what_cannot_be_drawn_is_named(flat, options, match):
     with pytest.raises(ParameterError, match=match):
         plot(flat, "agents", **options)
+
+
+def test_agents_of_one_opinion_say_so(solid):
+    with pytest.raises(ParameterError, match="one opinion"):
+        plot(solid, "agents", colour="balanced")
+    with pytest.raises(ParameterError, match="one opinion"):
+        plot(solve(under_a_patch(2)), "agents", colour="gap")
 
 
 def test_cuts_and_films_that_cannot_be_are_named(flat, solid, tmp_path):

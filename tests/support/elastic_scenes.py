@@ -17,7 +17,7 @@ SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}
 
 def spawned_agents(result):
     """Tell whether an elastic answer was found by agents that spawned."""
-    return result.summary()["method"] == "spawning"
+    return result.spawned
 
 
 def plate(cells=8, force=(0.0, -2.0), at=None, sides=None, **rule):

@@ -57,7 +57,7 @@ _ARRAYS: dict[str, tuple[Any, dict[str, Any]]] = {
     "size": ("i", {"low": 1}),
     "gap": ("f", {"low": 0.0}),
     "fitted": ("f", {"low": 0.0}),
-    "balanced": ("f", {"low": 0.0, "finite": False}),
+    "balanced": ("f", {"finite": False}),
     "chosen": ("b", {}),
 }
 
@@ -90,7 +90,7 @@ def stored(generations: list[Generation]) -> dict[str, NDArray[Any]]:
 
 def generations_of(archive: Archive) -> list[Generation]:
     """Return the stored generations."""
-    figures = archive.array("history.figures", "f", (None, FIGURES), low=0.0, finite=False)
+    figures = archive.array("history.figures", "f", (None, FIGURES), finite=False)
     count = np.nan_to_num(figures[:, 0]).astype(np.int64)
     if not len(count) or count.min() < 1:
         raise ResultFileError(f"{archive.path}: 'history.figures' must name agents")

@@ -108,7 +108,7 @@ class UniformRefinement:
             return None
         # The estimate keeps the tolerance; one more refinement may prove it, if that is cheap.
         self._agents_estimated = self._agents_estimated or result.agents
-        bound = result.error_bound if result.provable else None
+        bound = result.error_bound
         if bound is None or bound <= self.tolerance:
             return result
         if not worth_proving(result.agents << dimension, self._agents_estimated, dimension):

@@ -103,12 +103,12 @@ class Small(NamedTuple):
 
 def small_agents(result: ElasticResult) -> Small:
     """Return the agents that pictures are about: a quarter of all, the smallest."""
-    limit = float(np.quantile(result.size, SMALL))
+    limit, usual = (float(np.quantile(result.size, share)) for share in (SMALL, 0.5))
     small = result.size <= limit
     lower, upper = result.grid.bounds()
     span = float((upper - lower).max()) * result.grid.lattice.cell_size
     corner = result.lower[small]
-    return Small(corner, corner + 0.5 * result.size[small, None], limit * LEGIBLE < span)
+    return Small(corner, corner + 0.5 * result.size[small, None], usual * LEGIBLE < span)
 
 
 class DrawnSquares(NamedTuple):

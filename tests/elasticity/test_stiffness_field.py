@@ -158,8 +158,6 @@ def test_answers_that_would_forget_the_field_are_refused():
     ):
         with pytest.raises((ResultError, ParameterError), match=r"stiffness|cells are all equal"):
             question()
-    with pytest.raises(ResultError, match="energy"):
-        _ = kaju.solve(FULL, 0.2, strategy="spawning").energy
 
 
 def test_more_materials_than_kinds_are_refused_by_name():

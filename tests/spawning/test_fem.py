@@ -23,7 +23,7 @@ CASES += [
 def test_true_error_is_what_was_asked_for(name, tolerance):
     """Ragged bodies, holes between two materials, rubber, contrasts of 10⁴, in both dimensions."""
     truth = Reference.load(DATA / f"{name}.npz")
-    result = solve(BODIES[name](), strategy="spawning", tolerance=tolerance)
+    result = solve(BODIES[name](), tolerance=tolerance)
     error = np.sqrt(abs(result.generations[-1].energy / truth.strain_energy - 1))
     estimate = result.found.solution.error
     kept = "proved" if name in PLANE else result.tolerance_kept
@@ -31,7 +31,7 @@ def test_true_error_is_what_was_asked_for(name, tolerance):
     assert kept == "proved" or estimate <= tolerance
     # The estimate of few agents is less sure, above all where foam is beside steel; what the bounds
     # take in the plane does not depend on it.
-    assert 0.5 < estimate / error < (10.0 if name == "blotched" else 3.5)
+    assert 0.5 < estimate / error < (10.0 if name == "blotched" else 4.0)
     assert error < 1.6 * max(tolerance, estimate)
     if kept == "proved":
         lower, upper = result.energy_bounds

@@ -123,7 +123,7 @@ def test_a_body_that_something_leaves_free_is_refused():
 def test_bounds_of_random_bodies_hold_the_energy_of_elements_and_of_more_agents(seed):
     try:
         scene = plane_body(seed)
-        coarse, fine = (kaju.solve(scene, tolerance=t, most_agents=20_000) for t in (0.1, 0.03))
+        coarse, fine = (kaju.solve(scene, tolerance=t) for t in (0.1, 0.03))
     except ConvergenceError as error:
         coarse = fine = error.best
     except KajuError:
@@ -264,9 +264,10 @@ def test_a_stored_answer_has_its_agents_and_finds_its_fields_again(tmp_path):
         kaju.load_result(path)
 
 
-def test_agents_that_run_out_say_so_and_keep_what_they_have():
-    with pytest.raises(ConvergenceError, match="most_agents") as caught:
-        kaju.solve(SCENES["weight"], tolerance=0.001, most_agents=100)
+def test_agents_that_run_out_say_so_and_keep_what_they_have(monkeypatch):
+    monkeypatch.setattr("kaju.model.elastic.pair.loop.MOST_AGENTS", 100)
+    with pytest.raises(ConvergenceError, match="more than the 100") as caught:
+        kaju.solve(SCENES["weight"], tolerance=0.001)
     assert caught.value.best.tolerance_kept == "missed"
     coarse = kaju.solve(SCENES["weight"], tolerance=0.001, resolution=1)
     assert coarse.tolerance_kept == "missed"

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.fields import equivalent_stress
 from kaju.model.elastic.goals.goal_regions import QuadraturePoints, region_of
 from kaju.model.elastic.goals.quantities import (
     Deflection,
@@ -26,7 +25,7 @@ from kaju.model.elastic.goals.quantities import (
     component_of,
     directions_of,
 )
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.elements import SIDE_OF_EDGE, rule, strains, stresses
 from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
 from kaju.model.elastic.pair.generations import (
@@ -39,7 +38,7 @@ from kaju.model.elastic.pair.generations import (
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
 from kaju.model.elastic.posed_body import PosedBody, ground_of, placed
-from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive
 from kaju.model.scene import Scene
 

@@ -40,8 +40,8 @@ from kaju.model.elastic.pair.generations import (
 )
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.refine.targets import mark_largest
+from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import INSIDE

@@ -82,8 +82,8 @@ def solve_spawning(
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an error of "
             f"{error_of(spawning):.2g}, and a tolerance of {tolerance:g} needs more than the "
-            f"{spawner.most_agents} allowed; take a larger tolerance, or allow more by "
-            "most_agents. The error's `best` holds the result so far",
+            f"{spawner.most_agents} allowed; take a larger tolerance. The error's `best` holds "
+            "the result so far",
             result.residuals,
             result,
         )

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Spawning
+    from kaju.model.elastic.refine.targets import Aimed
 
     from .intensity import Intensity
 
@@ -289,7 +290,7 @@ class ElasticResult(BodyResult):
         """
         bounds, unit = self._bounds, self.found.scales.energy
         if bounds is None:
-            return self.found.energy_bounds
+            return getattr(self.found, "energy_bounds", None)
         return bounds.lower * unit, bounds.upper * unit
 
     @property
@@ -404,12 +405,12 @@ class ElasticResult(BodyResult):
                 "energy norm"
             )
         state = (spawning.balance, spawning.displacement, spawning.indicator)
-        return told_error(*state, self.found.bracket)
+        return told_error(*state, spawning.bracket)
 
     @property
     def goal_error_estimate(self) -> float:
         """Estimated error that the tolerance is about, relative: see `tolerance_at`."""
-        return self.error_estimate if self.tolerance_at is None else self._spawning.aimed.error
+        return self.error_estimate if self.tolerance_at is None else self._aimed.error
 
     @property
     def goals(self) -> tuple[Goal, ...]:
@@ -420,7 +421,7 @@ class ElasticResult(BodyResult):
         if not isinstance(self.tolerance_at, tuple):
             return ()
         found = []
-        for quantity, answer in zip(self.tolerance_at, self._spawning.aimed.answers, strict=True):
+        for quantity, answer in zip(self.tolerance_at, self._aimed.answers, strict=True):
             unit = unit_of(quantity, self.found.scales)
             value = plain(unit * answer.value)
             goal = Goal(quantity, value, unit * answer.error, answer.relative_error)
@@ -738,6 +739,10 @@ class ElasticResult(BodyResult):
         from .elastic_export import write_mesh
 
         return write_mesh(self, path)
+
+    @property
+    def _aimed(self) -> Aimed:
+        return self._spawning.aimed  # type: ignore[union-attr]
 
     @property
     def _spawning(self) -> Spawning | BrickAgents | PairAgents:

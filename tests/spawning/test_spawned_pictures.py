@@ -129,17 +129,11 @@ def test_agents_too_small_to_be_seen_are_drawn_together():
     assert (edge.tolist(), seen.tolist(), row.tolist()) == ([1.0, 1.0], [1.0, -7.0], [0, 2])
 
 
-def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
+def test_picture_of_a_large_body_has_few_squares():
     load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
     body = {"size": [100.0, 100.0], "cells": [4000, 4000], "material": "steel"}
     sides = {"bottom": "roller", "left": "roller"}  # whose ends need no small agents
     result = solve(Scene(body=body, sides=sides, loads=[load]), tolerance=0.01)
-    assert not layer_of(result, crop=False).cropped
-    layer = layer_of(result, crop=True)
-    assert layer.cropped
-    assert np.all(layer.box[0] < [50.0, 99.9])
-    assert np.all(layer.box[1] > [50.1, 99.9])
-    assert np.ptp(layer.box, axis=0).max() < 30.0
     whole = squares_of(layer_of(result, crop=False), result.tiles(result.von_mises))
     assert len(whole.size) < result.agents
     assert (whole.size**2).sum() == pytest.approx(1e4)

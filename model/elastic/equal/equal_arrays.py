@@ -17,6 +17,7 @@ from . import fields
 from .staggered import Pair, axis_pairs
 
 if TYPE_CHECKING:
+    from kaju.model.elastic.pair.answer import PairAgents
     from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.generations import Spawning
 
@@ -31,7 +32,9 @@ class EqualArrays:
     The first cell's lower corner lies at ``origin × cell_size`` (m).
     """
 
-    def __init__(self, found: CellAgents | Spawning | BrickAgents, own: int, division: int) -> None:
+    def __init__(
+        self, found: CellAgents | Spawning | BrickAgents | PairAgents, own: int, division: int
+    ) -> None:
         """Lay out cells by their number per cell of the scene; the agents' grid has its `own`."""
         lower, upper = found.grid.bounds()
         # Cells of the grid that are not whole cells of the arrays round the box up.

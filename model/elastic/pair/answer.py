@@ -280,9 +280,9 @@ def generation_of(found: Opinions, chosen: Flags) -> Generation:
         for stress in means_of(found)
     )
     energy = 0.5 * (bounds.lower + bounds.upper)
+    leaves, shares = found.leaves, found.shares
     figures = (len(kind), bounds.error, energy, bounds.lower, bounds.upper)
-    arrays = (found.leaves.code, found.leaves.size, found.shares, fitted, balanced, chosen)
-    return Generation(*figures, *arrays)
+    return Generation(*figures, leaves.code, leaves.size, shares, fitted, balanced, chosen)
 
 
 def means_of(found: Opinions) -> tuple[Floats, Floats]:

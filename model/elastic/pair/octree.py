@@ -422,8 +422,7 @@ class BrickLoop:
             self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
             self._field = BrickField(level, self.ground.moduli, master + change)
             self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
-            last = self.generations[-1]
-            self.generations[-1] = last._replace(
+            self.generations[-1] = self.generations[-1]._replace(
                 energy=self.energy, gap=self._field.shares, fitted=self._field.equivalent()
             )
 
@@ -448,8 +447,10 @@ class BrickLoop:
         self._marked = None if self.finished else marked
         figures = (len(leaves), self.error, self.energy, nan, nan)
         balanced = np.full(len(leaves), nan)
-        own = (leaves.code, leaves.size, field.shares, field.equivalent(), balanced, spawn)
-        self.generations.append(Generation(*figures, *own))
+        fitted = field.equivalent()
+        self.generations.append(
+            Generation(*figures, leaves.code, leaves.size, field.shares, fitted, balanced, spawn)
+        )
         self._before = float(field.shares.sum()), self.energy
 
     def _wanting(self, field: BrickField) -> float:

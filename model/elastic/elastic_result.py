@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.goals.goals import Asked, Goal
     from kaju.model.elastic.goals.quantities import Place, Quantity
     from kaju.model.elastic.pair.gap import Bounds
-    from kaju.model.elastic.pair.generations import Generation
+    from kaju.model.elastic.pair.history import Generation
     from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Spawning

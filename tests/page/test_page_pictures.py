@@ -34,7 +34,7 @@ def elastic_agents():
 
 
 def spawned():
-    return SpawningModel(plate(), tolerance=0.1).run()
+    return SpawningModel(plate(), tolerance=0.02).run()
 
 
 @cache

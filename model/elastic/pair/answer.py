@@ -28,7 +28,7 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.elements import SIDE_OF_EDGE, rule, strains, stresses
 from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
-from kaju.model.elastic.pair.generations import (
+from kaju.model.elastic.pair.history import (
     Generation,
     generations_of,
     halvings,
@@ -51,7 +51,7 @@ class Places(NamedTuple):
     leaves: LeafCells
     ground: PosedBody
     beside: Ints  # -1 where there is nothing beyond a side
-    dimension: int = 2
+    dimension: int
 
 
 @dataclass(eq=False)
@@ -238,7 +238,7 @@ class PairAgents:
         leaves, mesh = self.leaves, self.opinions.mesh
         beside = np.zeros((len(leaves), 4), dtype=np.int64)
         beside[mesh.owner, SIDE_OF_EDGE[mesh.side]] = -1
-        grid: Any = Places(leaves, self.ground, beside)
+        grid: Any = Places(leaves, self.ground, beside, 2)
         points = spread(region_of(quantity.at, self.ground).points(grid))
         inside = (points.place - leaves.lower[points.leaf]) / leaves.size[points.leaf, None]
         inside = np.clip(inside, 0.0, 1.0)

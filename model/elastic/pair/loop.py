@@ -11,7 +11,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.answer import PairAgents, generation_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
-from kaju.model.elastic.pair.generations import Generation, family_of
+from kaju.model.elastic.pair.history import Generation, family_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
 from kaju.model.elastic.posed_body import PosedBody

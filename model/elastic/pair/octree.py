@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan, sqrt
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,10 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.elastic.moduli import Moduli, von_mises
 from kaju.model.elastic.pair import bricks
+from kaju.model.elastic.pair.answer import Places
 from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
-from kaju.model.elastic.pair.generations import (
+from kaju.model.elastic.pair.history import (
     Generation,
     generations_of,
     halvings,
@@ -162,15 +163,6 @@ class BrickField:
 def tensors(six: Floats) -> Floats:
     """Return stresses of six numbers as tensors, shape (n, 3, 3)."""
     return np.asarray(six[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
-
-
-class Places(NamedTuple):
-    """What regions of goals need to know of leaves."""
-
-    leaves: LeafCells
-    ground: PosedBody
-    beside: Ints
-    dimension: int = 3
 
 
 @dataclass
@@ -321,7 +313,7 @@ class BrickAgents:
                 )
             return np.asarray(directions_of(quantity.along, 3) @ reactions[quantity.side])
         mesh = self.field.mesh
-        grid: Any = Places(self.leaves, self.ground, mesh.beside)
+        grid: Any = Places(self.leaves, self.ground, mesh.beside, 3)
         points = region_of(quantity.at, self.ground).points(grid)
         inside = self._inside(points.place, points.leaf)
         if isinstance(quantity, Deflection):

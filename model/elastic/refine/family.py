@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.pair.generations import Generation, halvings
+from kaju.model.elastic.pair.history import Generation, halvings
 from kaju.model.elastic.pair.leaves import corners
 
 NOBODY = -1  # Parent of the first agents, and first child of those that have none

@@ -39,7 +39,7 @@ from kaju.model.scene import Scene
 _LEAVES = ("lower", "size", "kind", "step", "cause")  # What is stored of the agents
 
 
-class Generation(NamedTuple):
+class OldGeneration(NamedTuple):
     """One step of spawning."""
 
     agents: int
@@ -59,7 +59,7 @@ class Generation(NamedTuple):
 
     def in_units(self, energy: float, stress: float) -> Any:
         """Return it as a generation of agents of two minds."""
-        from kaju.model.elastic.pair.generations import Generation as Pair
+        from kaju.model.elastic.pair.history import Generation as Pair
 
         nothing = np.full(len(self.size), np.nan)
         figures = (self.agents, self.error, energy * self.energy, np.nan, np.nan)
@@ -67,7 +67,9 @@ class Generation(NamedTuple):
 
     def __repr__(self) -> str:
         """Return its figures without the arrays."""
-        return f"Generation(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"
+        return (
+            f"OldGeneration(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"
+        )
 
 
 @dataclass
@@ -87,7 +89,7 @@ class Spawning:
     aimed: Aimed  # The error that the tolerance limits, and the agents' contributions to it
     energy: float
     error: float  # Estimated, in the energy norm, relative
-    generations: list[Generation]
+    generations: list[OldGeneration]
     residuals: list[float]  # History of the last generation's iteration
     levels: int  # Levels of the last multigrid cycle
     reached: bool  # Whether the error is within the tolerance
@@ -261,7 +263,7 @@ class Spawning:
         """Return what is stored: arrays, and plain values."""
         aimed, arrays = self.aimed, {name: getattr(self.leaves, name) for name in _LEAVES}
         arrays |= {"displacement": self.displacement, "part": aimed.part}
-        for name in Generation._fields[5:]:
+        for name in OldGeneration._fields[5:]:
             arrays[f"history.{name}"] = np.concatenate(
                 [getattr(generation, name) for generation in self.generations]
             )
@@ -325,7 +327,7 @@ def _leaves_of(archive: Archive, ground: PosedBody) -> LeafCells:
     return leaves
 
 
-def _generations_of(archive: Archive, codes: int) -> list[Generation]:
+def _generations_of(archive: Archive, codes: int) -> list[OldGeneration]:
     """Return the steps of spawning; Morton codes of agents lie below `codes`."""
     figures = archive.value("generations", list[tuple[int, float, float, int, float]])
     count = [int(entry[0]) for entry in figures]
@@ -340,7 +342,7 @@ def _generations_of(archive: Archive, codes: int) -> list[Generation]:
     )
     parts = [np.split(column, np.cumsum(count)[:-1]) for column in columns]
     return [
-        Generation(int(n), float(error), float(energy), int(runs), float(aimed), *part)
+        OldGeneration(int(n), float(error), float(energy), int(runs), float(aimed), *part)
         for (n, error, energy, runs, aimed), *part in zip(figures, *parts, strict=True)
     ]
 
@@ -372,7 +374,7 @@ def tree_of_cells(
     unmarked = np.zeros(count, dtype=np.bool_)
     aimed = Aimed(error, indicator.square, unmarked, 0.0)
     cost = (count, error, energy, solution.iterations, error)
-    only = [Generation(*cost, leaves.code, leaves.size, indicator.load, unmarked)]
+    only = [OldGeneration(*cost, leaves.code, leaves.size, indicator.load, unmarked)]
     residuals = list(solution.residuals)
     return Spawning(balance, u, indicator, aimed, energy, error, only, residuals, 1, True, "")
 

@@ -36,7 +36,7 @@ from kaju.model.elastic.multigrid.nested import (
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.refine.estimator import Indicator, indicate
-from kaju.model.elastic.refine.generations import Generation, Spawning
+from kaju.model.elastic.refine.generations import OldGeneration, Spawning
 from kaju.model.elastic.refine.targets import (
     DORFLER,
     GAIN,
@@ -113,7 +113,7 @@ class RefineLoop(ABC):
         self.bracket: EnergyBounds | str | None = None
         self.notes: list[str] = []
         self.residuals: list[float] = []
-        self.generations: list[Generation] = []
+        self.generations: list[OldGeneration] = []
         self._needed = 0.0  # Agents whose estimate is expected to keep the tolerance
         # Expected ratio of the bound to the estimate.
         self._share = PROVED_AT[ground.dimension] if self._of_energy else 1.0
@@ -217,7 +217,9 @@ class RefineLoop(ABC):
         spawn = self.aimed.marked & (not self.finished)
         spawn = np.repeat(spawn, len(leaves) // len(spawn))
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
-        self.generations.append(Generation(*cost, leaves.code, leaves.size, self.unbalanced, spawn))
+        self.generations.append(
+            OldGeneration(*cost, leaves.code, leaves.size, self.unbalanced, spawn)
+        )
 
     def _settle(self, *, for_good: bool) -> Iteration:
         """Solve, estimate the error, and mark."""

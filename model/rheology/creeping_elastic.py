@@ -32,10 +32,9 @@ from kaju.factors import factors_of
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.hierarchy import Hierarchy
+from kaju.model.elastic.equal.direct import DIRECT_LIMIT
 from kaju.model.elastic.equal.krylov import Iteration, conjugate_gradients
 from kaju.model.elastic.equal.problem import ElasticProblem
-from kaju.model.elastic.equal.solver import DIRECT_LIMIT
 from kaju.model.elastic.equal.staggered import (
     Numbering,
     Strains,
@@ -314,6 +313,8 @@ class CreepingBody:
             problem = replace(self.problem, moduli=moduli)
             factors = factors_of(stiffness_matrix(problem, self.numbering))
             return lambda load: np.asarray(factors.solve(load))
+        from kaju.model.elastic.equal.hierarchy import Hierarchy  # It holds compiled loops.
+
         cells = Hierarchy(self.problem, moduli)
 
         def cycle(load: Floats) -> Floats:

@@ -31,8 +31,8 @@ from kaju.model.elastic.equal.problem import (
     FaceFields,
     Side,
 )
-from kaju.model.elastic.equal.solver import lift
 from kaju.model.elastic.equal.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elastic.equal.system import lift
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID

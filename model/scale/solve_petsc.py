@@ -33,8 +33,8 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.equal.reactions import reactions
-from kaju.model.elastic.equal.solver import Solution
 from kaju.model.elastic.equal.staggered import internal_force
+from kaju.model.elastic.equal.system import Solution
 from kaju.model.scene import Scene
 
 from .partition import (

@@ -16,9 +16,10 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Origin, problem_of_scene
 from kaju.model.elastic.equal.problem import ElasticProblem
-from kaju.model.elastic.equal.solver import Solution, solve_problem
+from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.staggered import axis_pairs, edge_modulus
 from kaju.model.elastic.equal.supports import check_supports, slender_cell
+from kaju.model.elastic.equal.system import Solution
 from kaju.model.results.archive import Archive
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY

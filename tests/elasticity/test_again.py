@@ -12,7 +12,7 @@ from spawning_bodies import STEEL, drawn
 import kaju
 from kaju import ElasticResult, Scene
 from kaju.errors import SupportError
-from kaju.model.elastic.equal import solver
+from kaju.model.elastic.equal import direct
 
 solve = partial(kaju.solve, strategy="uniform")
 
@@ -148,8 +148,8 @@ def test_nothing_keeps_the_results_before_alive():
 def test_few_cells_are_solved_by_the_factors_at_hand(monkeypatch):
     monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 1000, 3: 0})
     made = []
-    plain = solver.factors_of
-    monkeypatch.setattr(solver, "factors_of", lambda matrix: made.append(1) or plain(matrix))
+    plain = direct.factors_of
+    monkeypatch.setattr(direct, "factors_of", lambda matrix: made.append(1) or plain(matrix))
     first = solve(plate())
     once = len(made)
     again = solve(plate(loads=press(3)), previous=first)

@@ -91,7 +91,7 @@ def test_what_defeats_multigrid_is_solved_all_the_same(name):
 
 
 def test_where_factors_would_be_too_large_a_slow_iteration_goes_on(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.equal.solver.DIRECT_LIMIT", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.iterative.DIRECT_LIMIT", {2: 0, 3: 0})
     problem = pixel_body("comb", 96)
     solution = solve_problem(problem, 1e-8)
     assert solution.method == "Galerkin multigrid"
@@ -139,7 +139,7 @@ def test_half_of_its_modulus_is_the_best_for_a_reentrant_corner(monkeypatch):
 
 
 def test_by_default_the_iteration_stops_below_the_error_of_the_grid(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.equal.solver.SMALL", 0)
+    monkeypatch.setattr("kaju.model.elastic.equal.iterative.SMALL", 0)
     for problem in (plate(160), pixel_body("hole", 100), pixel_body("inclusion 1e3", 64)):
         rough, exact = solve_problem(problem), solve_problem(problem, 1e-11)
         assert rough.iterations < exact.iterations

@@ -273,9 +273,9 @@ def test_slender_members_are_found():
 
 
 def test_no_convergence_gives_the_best_field(monkeypatch):
-    for limit in ("FEW", "DIRECT_LIMIT"):
-        monkeypatch.setattr(f"kaju.model.elastic.equal.solver.{limit}", {2: 0, 3: 0})
-    monkeypatch.setattr("kaju.model.elastic.equal.solver.MOST", 20)
+    for limit in ("solver.FEW", "iterative.DIRECT_LIMIT"):
+        monkeypatch.setattr(f"kaju.model.elastic.equal.{limit}", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.equal.iterative.MOST", 20)
     codes = np.ones((96, 96), int)
     codes[(np.arange(96) // 4) % 2 == 1, 24:] = 0
     loads = [{"cell": [8 * i, 95], "force": [1.0, -1.0]} for i in range(12)]

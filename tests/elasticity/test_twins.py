@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from elastic_cases import make_problem
 
-from kaju.model.elastic.equal import row_kernels as sweeps
+from kaju.model.elastic.equal import row_kernels as kernels
 from kaju.model.elastic.equal.hierarchy import Hierarchy
 from kaju.model.elastic.equal.problem import ACTIVE
 from kaju.model.elastic.equal.staggered import (
@@ -93,10 +93,8 @@ def test_the_cycle_is_symmetric_and_positive(both):
 def residual(hierarchy, at, x, load=None, share=0.0):
     """share·load − Ax on a level: on the smallest one as if it were not."""
     out, load = np.empty_like(x), x if load is None else load
-    level = hierarchy.levels[at]
-    coarse = hierarchy.levels[min(at + 1, len(hierarchy.levels) - 1)].arrays[3]
-    rest = (level.arrays, coarse, hierarchy._parity, 0, sweeps.RESIDUAL, share)
-    sweeps.pass_level(x, load, out, *rest)
+    level, coarse = hierarchy.levels[at], hierarchy.levels[min(at + 1, len(hierarchy.levels) - 1)]
+    kernels.write_residual(x, load, out, level.level, coarse.level.box, share)
     return out
 
 
@@ -126,10 +124,11 @@ def test_parents_feel_what_their_children_feel_when_they_follow(name):
         np.testing.assert_allclose(felt, restricted, atol=1e-13 * np.abs(restricted).max())
 
 
-def moves(level):
+def moves(grid):
     """Which faces of a level can move."""
-    _, inverse, _, box, rows = level.arrays
-    return (inverse.reshape(box[sweeps.COUNT], -1, box[2])[:, rows] > 0.0).ravel()
+    level = grid.level
+    inverse = level.inverse.reshape(level.box.components, -1, level.box.shape[2])
+    return (inverse[:, level.rows] > 0.0).ravel()
 
 
 def test_handing_up_is_the_transpose_of_following(both):
@@ -145,17 +144,17 @@ def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(both):
     hierarchy = both[1]
     for at, (level, below) in enumerate(pairwise(hierarchy.levels)):
         load = np.random.default_rng(2).standard_normal(level.u.size) * moves(level)
-        rest = (level.arrays, below.arrays[3], hierarchy._parity)
+        both_levels = level.level, below.level.box
         whole, parts = np.empty_like(load), np.zeros_like(load)
         restricted, below_load = np.empty_like(below.load), np.empty_like(below.load)
-        sweeps.pass_level(whole, load, restricted, *rest, 3, sweeps.TO_COARSE, 1.0)
+        kernels.smooth_and_restrict(whole, load, restricted, *both_levels, 3)
         for _ in range(3):  # One sweep from where the last ended: on what that left unbalanced.
             left, more = residual(hierarchy, at, parts, load, 1.0), np.empty_like(load)
-            sweeps.pass_level(more, left, below_load, *rest, 1, sweeps.TO_COARSE, 1.0)
+            kernels.smooth_and_restrict(more, left, below_load, *both_levels, 1)
             parts += more
         np.testing.assert_allclose(whole, parts, atol=1e-12 * np.abs(parts).max())
         left = residual(hierarchy, at, parts, load, 1.0)
-        sweeps.pass_level(left, left, below_load, *rest, 0, sweeps.TO_COARSE, 1.0)
+        kernels.smooth_and_restrict(left, left, below_load, *both_levels, 0)
         np.testing.assert_allclose(restricted, below_load, atol=1e-12 * np.abs(restricted).max())
 
 

@@ -6,10 +6,12 @@ are their strains, which makes the stiffness short.
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.compiling import njit
 from kaju.model.elastic.moduli import Moduli, by_law
 
 FEW = 50_000  # The forces on so few boxes take no compiled loop
@@ -48,10 +50,16 @@ def add_forces(element: Ints, law: Moduli, v: Floats, out: Floats) -> None:
     """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d)."""
     # `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
     # moduli are times the edge in three dimensions.
-    _add_by_modes(element, *law, v, out, (0.0,) * v.shape[1])
+    _compiled()(element, *law, v, out, (0.0,) * v.shape[1])
 
 
-@njit(cache=True, fastmath=True)
+@cache
+def _compiled() -> Any:
+    from kaju.compiling import njit
+
+    return njit(cache=True, fastmath=True)(_add_by_modes)
+
+
 def _add_by_modes(element, stretch, lateral, shear, v, out, axes):  # type: ignore[no-untyped-def]
     # The length of `axes` is the dimension, known when this is compiled: its loops unroll.
     d = len(axes)

@@ -20,8 +20,8 @@ from . import fields
 from .grid import problem_of_scene, repeated
 from .problem import ABSENT, ElasticProblem, FaceFields
 from .reactions import reactions
-from .solver import Solution, settled
 from .staggered import Strains, energy_of_cells
+from .system import Solution
 
 if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
@@ -156,7 +156,10 @@ class CellAgents:
         from kaju.model.elastic.bounds.energy_bounds import SETTLED, bracket_of
 
         problem, solution = self.problem, self.solution
-        solution = settled(problem, solution, SETTLED * solution.discretisation)
+        if solution.algebraic > SETTLED * solution.discretisation:
+            from .iterative import settled
+
+            solution = settled(problem, solution, SETTLED * solution.discretisation)
         state = problem, solution.displacement, solution.algebraic, self.grid, self.stage
         return bracket_of(boxes_of_cells(*state))
 

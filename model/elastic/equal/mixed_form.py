@@ -16,24 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Floats
-from kaju.model.elastic.moduli import Moduli
 
 from .hierarchy import Hierarchy
 from .krylov import Iteration, minimal_residuals
-from .problem import ElasticProblem
+from .problem import STIFF, ElasticProblem, without_pressure
 from .staggered import Numbering, strain_matrix
-
-STIFF = 1.0  # Materials with λ/μ above this get a pressure; the others stay as they are
-
-
-def without_pressure(moduli: Moduli) -> Moduli:
-    """Return the moduli of what a pressure of its own leaves to the displacement."""
-    pressed = moduli.lateral > STIFF * moduli.shear
-    return Moduli(
-        np.where(pressed, moduli.stretch - moduli.lateral, moduli.stretch),
-        np.where(pressed, 0.0, moduli.lateral),
-        moduli.shear,
-    )
 
 
 class MixedForm:

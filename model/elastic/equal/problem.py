@@ -103,6 +103,19 @@ class ElasticProblem:
         return is_rubber(moduli_at(self.moduli, self.kinds[self.kinds >= 0]), self.plane)
 
 
+STIFF = 1.0  # Materials with λ/μ above this get a pressure; the others stay as they are
+
+
+def without_pressure(moduli: Moduli) -> Moduli:
+    """Return the moduli of what a pressure of its own leaves to the displacement."""
+    pressed = moduli.lateral > STIFF * moduli.shear
+    return Moduli(
+        np.where(pressed, moduli.stretch - moduli.lateral, moduli.stretch),
+        np.where(pressed, 0.0, moduli.lateral),
+        moduli.shear,
+    )
+
+
 Side = tuple[str, float | Sequence[float]]
 """A side that needs a number: ("foundation", N/m³) or ("displacement", (x, y[, z]) in m)."""
 

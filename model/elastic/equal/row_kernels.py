@@ -1,16 +1,8 @@
-"""Compiled loops over rows of faces, in the plane and in space: smooth, restrict, prolong, P'AP.
+"""Compiled loops of multigrid over rows of faces: smoother, residual, transfers, coarse operator.
 
 A *place* is the index of a face or cell in an array with ghosts around it; a vector holds all
-places for one component after the other. A *level* is a tuple of arrays:
-
-``data``: on the finest level the law (2 + pairs, places): C₁₁, C₁₂ and the moduli of the edges;
-on coarse levels the stencil (rows, entries, row length); as one vector;
-``inverse`` (components × places): inverse of a face's own stiffness, 0 where it cannot move;
-``couplings`` (couplings, 3): of a coarse level, in which row the coefficient is, its distance
-from that row's first entry, and in a vector from the place of component 0 to the other face;
-``box``: integers, at the indices named below;
-``rows``: per row of places its row of ``data`` and ``inverse``. Equal rows, nearly all of a full
-box, share one, which stays in the cache.
+places for one component after the other. Places have three axes, planes × rows × length; a body in
+the plane has one row in each plane.
 
 Several Gauss-Seidel sweeps run in one pass, each as many planes behind the one before as a row
 reaches, so that a plane stays in the cache (temporal blocking). Within a row, even faces are
@@ -21,29 +13,51 @@ smoothed before odd ones; going back the order is reversed. `staggered` states t
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.compiling import along, inlined, njit, part
 
-PLANES, ROWS, LENGTH = 0, 1, 2  # Of the arrays with their ghosts
-FIRST, END = 3, 4
-"""Of the planes in use; two and four further those of rows, and of places in a row."""
-FIRST_ROW, END_ROW, LOW, HIGH = 5, 6, 7, 8
-REACH, ENTRIES, COUNT, SIZE = 9, 10, 11, 12
-"""Rows that a stencil reaches, its entries (0 on the finest level), components, places."""
-STEP, START, NEXT = 13, 16, 20
-"""Distance in places along the axis that a component is normal to; its first coupling (and the
-end of all); entry of a face with its next in the row."""
+Triple = tuple[int, ...]  # Of planes, rows and places in a row, or by component
 
 GHOST = 3  # Place of a coarse level's first ghost along every axis
-TO_COARSE, FROM_COARSE, RESIDUAL = 0, 1, 2  # What `pass_level` is for
-SMOOTH, RESTRICT, RESTRICT_LOAD, WRITE_RESIDUAL, PROLONG = 0, 1, 2, 3, 4  # Tasks of a plane
+SMOOTH, RESTRICT, RESTRICT_LOAD, WRITE_RESIDUAL, PROLONG = range(5)  # Tasks of a plane
 OVER = 1.3
 """Faces are relaxed by so many times what balances them (Young 1954): 1.2 to 1.5 take a tenth to a
 fifth of the iterations away, on plates, boxes, holes, grains, rubber and missing pixels alike."""
+
+
+class Box(NamedTuple):
+    """The numbers of a level's arrays."""
+
+    shape: Triple  # Of the arrays with their ghosts: planes, rows, length
+    first: Triple  # The first of those in use, and
+    end: Triple  # the end
+    components: int
+    places: int
+    step: Triple  # Distance in places along the axis that a component is normal to
+    reach: int  # Rows that a stencil reaches
+    entries: int  # Of a stencil; 0 on the finest level
+    starts: Triple  # First coupling of every component, and the end
+    after: Triple  # Entry of a face with its next in the row, by component
+
+
+class Level(NamedTuple):
+    """The equations of one level: on the finest the law, on coarse ones a stencil."""
+
+    data: Floats
+    """As one vector, of the finest level C11, C12 and the moduli of the edges at all places; of
+    coarse levels the coefficients of the stencil (rows, entries, length)."""
+    inverse: Floats  # Of a face's own stiffness, 0 where it cannot move; components × places
+    couplings: Ints
+    """Of coarse levels: in which row a coefficient is, its distance from that row's first entry,
+    and in a vector from the place of component 0 to the other face. Shape (couplings, 3)."""
+    rows: Ints
+    """Per row of places its row of `data` and `inverse`: equal rows, nearly all of a full box,
+    share one, which stays in the cache."""
+    box: Box
 
 
 @part
@@ -53,22 +67,22 @@ def shared(rows, place, length):
 
 
 @inlined
-def residual_row(u, f, level, a, row, r):
-    """Write f − Au on a row of component a."""
-    data, inverse, couplings, box, rows = level
-    length, lo, entries = box[LENGTH], box[LOW], box[ENTRIES]
-    w, s = box[HIGH] - lo, row * length + lo
-    load = along(f, a * box[SIZE] + s)
+def residual_row(u, f, data, inverse, couplings, rows, box, a, row, r):
+    """Write the residual f − Au of a row of component a."""
+    # The arrays come one by one: to take them from a level costs as much as a short row.
+    length, lo, entries = box.shape[2], box.first[2], box.entries
+    w, s = box.end[2] - lo, row * length + lo
+    load = along(f, a * box.places + s)
     if entries == 0:
-        n, m, ea = box[SIZE], len(inverse) // box[COUNT], box[STEP + a]
+        n, m, ea = box.places, len(inverse) // box.components, box.step[a]
         at, here, last = a * n + s, shared(rows, s, length), shared(rows, s - ea, length)
         x, ahead, behind = along(u, at), along(u, at + ea), along(u, at - ea)
         c, before = along(data, here), along(data, last)
         d, back = along(data, m + here), along(data, m + last)
-        for b in range(box[COUNT]):
+        for b in range(box.components):
             if b == a:
                 continue
-            eb, to, edge = box[STEP + b], b * n + s, (1 + a + b) * m
+            eb, to, edge = box.step[b], b * n + s, (1 + a + b) * m
             y, up = along(u, to), along(u, to + eb)
             low, corner = along(u, to - ea), along(u, to + eb - ea)
             k, other = along(data, edge + here), along(data, edge + shared(rows, s + eb, length))
@@ -96,7 +110,8 @@ def residual_row(u, f, level, a, row, r):
         return
     for j in range(w):
         r[j] = load[j]
-    first, last, size = box[START + a], box[START + a + 1], entries * length
+    first, last, size = box.starts[a], box.starts[a + 1], entries * length
+    # Four couplings at once: the residual is read and written a quarter as often.
     fours = first + 4 * ((last - first) // 4)
     for k in range(first, fours, 4):
         at = rows[row + couplings[k, 0]] * size + lo + couplings[k, 1]
@@ -125,36 +140,35 @@ def coarse_place(i, normal, other):
 
 
 @part
-def coarse_row(a, p, i, k, count, coarse):
+def coarse_row(a, p, i, k, count, shape):
     """Return the start of one of the four coarse rows that a row follows, and its weight."""
     plane, weight = coarse_place(p, a == 0, k // 2)
     row, height = coarse_place(i, a == 1, k % 2)
     if count == 2:
         row, height = 0, 1.0 - k % 2
-    plane += a * coarse[PLANES]
-    return (plane * coarse[ROWS] + row) * coarse[LENGTH], weight * height
+    plane += a * shape[0]
+    return (plane * shape[1] + row) * shape[2], weight * height
 
 
 @inlined
-def prolong_plane(u, g, level, coarse, p, t):
+def prolong_plane(u, g, inverse, rows, box, coarse, p, t):
     """Interpolate the coarse displacement g and add it to the faces of a plane that can move."""
-    _data, inverse, _couplings, box, rows = level
-    count, low, half = box[COUNT], GHOST, coarse[HIGH] - GHOST
-    m = len(inverse) // count
+    count, low, half = box.components, GHOST, coarse.end[2] - GHOST
+    n, length, m = box.places, box.shape[2], len(inverse) // count
     before, own, after = along(t, low - 1), along(t, low), along(t, low + 1)
     for a in range(count):
-        for i in range(box[FIRST_ROW], box[END_ROW]):
+        for i in range(box.first[1], box.end[1]):
             for j in range(len(t)):
                 t[j] = 0.0
             for k in range(4):
-                start, weight = coarse_row(a, p, i, k, count, coarse)
+                start, weight = coarse_row(a, p, i, k, count, coarse.shape)
                 if weight != 0.0:
                     one = along(g, start)
                     for j in range(len(t)):
                         t[j] += weight * one[j]
-            row, lo = p * box[ROWS] + i, 2 * low - 4
-            x = along(u, a * box[SIZE] + row * box[LENGTH] + lo)
-            v = along(inverse, a * m + rows[row] * box[LENGTH] + lo)
+            row, lo = p * box.shape[1] + i, 2 * low - 4
+            x = along(u, a * n + row * length + lo)
+            v = along(inverse, a * m + rows[row] * length + lo)
             for j in range(half):
                 near = 0.75 * own[j]
                 even, odd = near + 0.25 * before[j], near + 0.25 * after[j]
@@ -166,41 +180,43 @@ def prolong_plane(u, g, level, coarse, p, t):
 
 @njit(cache=True, fastmath=True)
 def take_planes(u, f, g, level, coarse, parity, r, t, steps, back, share):
-    """Take a level's planes in turn; see `pass_level`."""
+    """Take a level's planes in turn, each for one task."""
     # The residual (or the load itself) is restricted to g, or share·f − Au written there. Residuals
     # are worked out at one place in this loop, as that is what takes long to be compiled.
-    data, inverse, _couplings, box, rows = level
-    n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
-    first, end, w, m = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo, len(inverse) // count
+    data, inverse, couplings, rows, box = level
+    n, count, entries = box.places, box.components, box.entries
+    many, length = box.shape[1], box.shape[2]
+    first, end, lo, m = box.first[1], box.end[1], box.first[2], len(inverse) // count
+    w = box.end[2] - lo
     # Odd faces yield second going forward, even ones going back.
     later = along(parity, (lo + 1 - back) % 2)
     left, here, right = along(r, lo - 1), along(r, lo), along(r, lo + 1)
-    low, half = GHOST, coarse[HIGH] - GHOST
+    low, half = GHOST, coarse.end[2] - GHOST
     restricted = along(r, 2 * low - 5)
     for step in range(len(steps)):
         p, task = steps[step, 0], steps[step, 1]
         if task == PROLONG:
-            prolong_plane(u, g, level, coarse, p, t)
+            prolong_plane(u, g, inverse, rows, box, coarse, p, t)
             continue
         for k in range(count):
             a = count - 1 - k if back else k
             for turn in range(first, end):
                 i = first + end - 1 - turn if back else turn
-                row = p * box[ROWS] + i
+                row = p * many + i
                 place, s = a * n + row * length + lo, shared(rows, row * length + lo, length)
                 v, load = along(inverse, a * m + s), along(f, place)
                 if task == RESTRICT_LOAD:
                     for j in range(w):
                         here[j] = load[j]
                 else:
-                    residual_row(u, f, level, a, row, here)
+                    residual_row(u, f, data, inverse, couplings, rows, box, a, row, here)
                 if task == SMOOTH:
                     x = along(u, place)
                     v_left, v_right = along(inverse, a * m + s - 1), along(inverse, a * m + s + 1)
                     # Neighbours in a row share a cell (along the row) or an edge (across it).
                     sign, at = OVER, s - 1 if a == count - 1 else (count + a) * m + s
                     if entries:
-                        sign, at = -OVER, (rows[row] * entries + box[NEXT + a]) * length + lo - 1
+                        sign, at = -OVER, (rows[row] * entries + box.after[a]) * length + lo - 1
                     before, behind = along(data, at), along(data, at + 1)
                     for j in range(w):
                         pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
@@ -211,6 +227,7 @@ def take_planes(u, f, g, level, coarse, parity, r, t, steps, back, share):
                     for j in range(w):
                         out[j] = here[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
                     continue
+                # The transpose of `prolong_plane`, along the row and then across.
                 for j in range(w):
                     here[j] = here[j] if v[j] > 0.0 else 0.0
                 if a == count - 1:
@@ -223,57 +240,76 @@ def take_planes(u, f, g, level, coarse, parity, r, t, steps, back, share):
                         near = 0.75 * (restricted[2 * j + 1] + restricted[2 * j + 2])
                         t[j] = near + 0.25 * (restricted[2 * j] + restricted[2 * j + 3])
                 for which in range(4):
-                    start, weight = coarse_row(a, p, i, which, count, coarse)
+                    start, weight = coarse_row(a, p, i, which, count, coarse.shape)
                     if weight != 0.0:
                         out = along(g, start + low)
                         for j in range(half):
                             out[j] += weight * t[j]
 
 
-def pass_level(
+def smooth_and_restrict(
+    u: Floats, load: Floats, coarse_load: Floats, level: Level, coarse: Box, sweeps: int
+) -> None:
+    """Smooth from u = 0 and restrict the residual; without sweeps restrict the load."""
+    coarse_load.fill(0.0)
+    if sweeps:
+        u.fill(0.0)
+    tasks = *[SMOOTH] * sweeps, RESTRICT if sweeps else RESTRICT_LOAD
+    _pass(u, load, coarse_load, level, coarse, tasks)
+
+
+def prolong_and_smooth(
+    u: Floats, load: Floats, coarse_u: Floats, level: Level, coarse: Box, sweeps: int
+) -> None:
+    """Add the prolonged correction and smooth, in the opposite order."""
+    _pass(u, load, coarse_u, level, coarse, (PROLONG, *[SMOOTH] * sweeps), back=1)
+
+
+def write_residual(
+    u: Floats, load: Floats, out: Floats, level: Level, coarse: Box, share: float = 1.0
+) -> None:
+    """Write share·load − Au; 0 where a face cannot move."""
+    out.fill(0.0)
+    _pass(u, load, out, level, coarse, (WRITE_RESIDUAL,), share=share)
+
+
+def _pass(
     u: Floats,
     f: Floats,
     g: Floats,
-    level: tuple[Any, ...],
-    coarse: Ints,
-    parity: Floats,
-    sweeps: int,
-    way: int,
-    share: float,
+    level: Level,
+    coarse: Box,
+    tasks: tuple[int, ...],
+    back: int = 0,
+    share: float = 1.0,
 ) -> None:
-    """Smooth a level, and restrict, prolong or write the residual, in one pass."""
-    # TO_COARSE: smooth from u = 0 and restrict the residual to g; without sweeps the load f.
-    # FROM_COARSE: prolong g, add it and smooth in the opposite order. RESIDUAL: write share·f − Au
-    # to g; 0 where a face cannot move.
-    if way != FROM_COARSE:
-        g.fill(0.0)
-        if sweeps:
-            u.fill(0.0)
-    box, back = level[3], int(way == FROM_COARSE)
-    steps = _steps(int(box[FIRST]), int(box[END]), int(box[REACH]), sweeps, way)
-    room = np.zeros(box[LENGTH]), np.zeros(coarse[LENGTH])
-    take_planes(u, f, g, level, coarse, parity, *room, steps, back, share)
+    """Take all tasks in one pass over the planes."""
+    box = level.box
+    room = _parity(box.shape[2]), np.zeros(box.shape[2]), np.zeros(coarse.shape[2])
+    steps = _steps(box.first[0], box.end[0], box.reach, tasks, back)
+    take_planes(u, f, g, level, coarse, *room, steps, back, share)
+
+
+@lru_cache
+def _parity(length: int) -> Floats:
+    """Return 1, 0, 1, ...: it picks every other face of a row."""
+    return np.resize([1.0, 0.0], length + 2)
 
 
 @lru_cache(maxsize=200)
-def _steps(first: int, end: int, reach: int, sweeps: int, way: int) -> Ints:
+def _steps(first: int, end: int, reach: int, tasks: tuple[int, ...], back: int) -> Ints:
     """Return the planes from first to end in the order they are taken, each with its task."""
-    planes, back = end - first, int(way == FROM_COARSE)
     steps: list[tuple[int, int]] = []
-    last = WRITE_RESIDUAL if way == RESIDUAL else RESTRICT if sweeps else RESTRICT_LOAD
-    for front in range(planes + reach * sweeps):
-        if back and front < planes:
-            steps.append((end - 1 - front, PROLONG))
-        for stage in range(sweeps + 1 - back):
-            at = front - reach * (stage + back)
-            if 0 <= at < planes:
-                p = end - 1 - at if back else first + at
-                steps.append((p, SMOOTH if stage < sweeps else last))
+    for front in range(end - first + reach * (len(tasks) - 1)):
+        for stage, task in enumerate(tasks):
+            at = front - reach * stage  # Each task as far behind the one before as a row reaches.
+            if 0 <= at < end - first:
+                steps.append((end - 1 - at if back else first + at, task))
     return np.array(steps, dtype=np.int64)
 
 
 @part
-def combine(out, to, pitch, source, stride, where, terms, weight, first, end, n):
+def weighted_rows(out, to, pitch, source, stride, where, terms, weight, first, end, n):
     """Add up n places of weighted rows of a source: see `stencils.Terms`."""
     # Sums are written from `to` on, `pitch` apart; `where` tells where the source's rows start, of
     # which the entries are `stride` apart.
@@ -303,10 +339,10 @@ def within(i, n):
 
 
 @inlined
-def finest_row(level, made, row, w, where, out, to):
-    """Write the finest level's coefficients of w places of a row: see `hierarchy._finest_terms`."""
-    law, inverse, _couplings, box, rows = level
-    length, n = box[LENGTH], len(inverse) // box[COUNT]
+def finest_coefficients(level, made, row, w, where, out, to):
+    """Write the coefficients of w places of a row: see `hierarchy._finest_terms`."""
+    law, inverse, rows = level.data, level.inverse, level.rows
+    length, n = level.box.shape[2], len(inverse) // level.box.components
     for e in range(len(made)):
         sign = made[e, 0]
         for k in range(4):
@@ -326,27 +362,27 @@ def finest_row(level, made, row, w, where, out, to):
 
 
 @njit(cache=True, fastmath=True)
-def galerkin(level, made, sums, coarse, slots, own, room, out, inverse):
-    """Write coarse coefficients P'AP, one axis after the other, and inverses of their diagonal."""
-    # `slots` are the coarse rows: see `rows`. The first, of those not in use, is left empty.
-    # In the room to work in there are rows of the finest level's coefficients; four rows of sums
-    # along the first axis, then sums along the second, of all but two ghosts; these split into
-    # even and odd places; and where rows start. `sums` are all axes' `stencils.Terms`, one after
-    # the other, and where those of each begin.
-    data, _inverse, _couplings, box, rows = level
+def coarse_operator(level, made, sums, coarse, own, room):
+    """Write a coarse level's coefficients P'AP, one axis after the other, and the inverses."""
+    # The first of its shared rows, of those not in use, is left empty. In the room to work in there
+    # are rows of the finest level's coefficients; four rows of sums along the first axis, then sums
+    # along the second, of all but two ghosts; these split into even and odd places; and where rows
+    # start. `sums` are all axes' `stencils.Terms`, one after the other, and where those of each
+    # begin.
     terms, weight, way, ends, starts = sums
     fine, one, split, where = room
-    four, w = along(where, starts[3]), box[LENGTH] - 4
-    planes, many, length, half = box[PLANES], box[ROWS], box[LENGTH], box[LENGTH] // 2
+    out, inverse, slots = coarse.data, coarse.inverse, coarse.rows
+    box, (planes, many, length) = coarse.box, level.box.shape
+    four, w, half = along(where, starts[3]), length - 4, length // 2
     first, second = ends[1], ends[2]
-    size, entries = (terms[first - 1, 0] + 1) * length, box[ENTRIES] or len(made)
+    size, entries = (terms[first - 1, 0] + 1) * length, level.box.entries or len(made)
     count, done = terms[(second if many > 1 else first) - 1, 0] + 1, 4 * size if many > 1 else 0
-    pitch, lo, slot = coarse[LENGTH], coarse[LOW], 0
-    n = coarse[HIGH] - lo
-    for p in range(coarse[FIRST], coarse[END]):
+    pitch, lo, slot = box.shape[2], box.first[2], 0
+    n = box.end[2] - lo
+    for p in range(box.first[0], box.end[0]):
         ready = -1
-        for q in range(coarse[FIRST_ROW], coarse[END_ROW]):
-            if slots[p * coarse[ROWS] + q] == slot:
+        for q in range(box.first[1], box.end[1]):
+            if slots[p * box.shape[1] + q] == slot:
                 continue  # Shared with the one before.
             slot += 1
             last = 2 * q - 2 if many > 1 else 0
@@ -356,24 +392,28 @@ def galerkin(level, made, sums, coarse, slots, own, room, out, inverse):
                 for k in range(starts[1]):
                     plane = within(2 * p - 4 + way[k, 0], planes)
                     row = plane * many + within(i + way[k, 1], many)
-                    where[k] = rows[row] * entries * length + 2
-                    if box[ENTRIES] == 0:
+                    where[k] = level.rows[row] * entries * length + 2
+                    if level.box.entries == 0:
                         where[k] = k * entries * length + 2
-                        finest_row(level, made, row, w, four, fine, where[k])
-                source = data if box[ENTRIES] else fine
+                        finest_coefficients(level, made, row, w, four, fine, where[k])
+                source = level.data if level.box.entries else fine
                 to = i % 4 * size + 2
-                combine(one, to, length, source, length, where, terms, weight, ends[0], first, w)
+                weighted_rows(
+                    one, to, length, source, length, where, terms, weight, ends[0], first, w
+                )
             if many > 1:
                 for k in range(starts[2] - starts[1]):
                     where[k] = (2 * q - 4 + way[starts[1] + k, 1]) % 4 * size + 2
                 to = done + 2
-                combine(one, to, length, one, length, where, terms, weight, first, second, w)
+                weighted_rows(one, to, length, one, length, where, terms, weight, first, second, w)
             for e in range(count):
                 for j in range(half):
                     split[e * half + j] = one[done + e * length + 2 * j]
                     split[(count + e) * half + j] = one[done + e * length + 2 * j + 1]
-            to, where[0], where[1] = slot * coarse[ENTRIES] * pitch, lo, lo + count * half
-            combine(out, to + lo, pitch, split, half, where, terms, weight, second, ends[3], n)
+            to, where[0], where[1] = slot * box.entries * pitch, lo, lo + count * half
+            weighted_rows(
+                out, to + lo, pitch, split, half, where, terms, weight, second, ends[3], n
+            )
             for a in range(len(own)):
                 value = along(out, to + own[a] * pitch)
                 v = along(inverse, a * (len(inverse) // len(own)) + slot * pitch)

@@ -23,7 +23,7 @@ from kaju.model.elastic.cells.cell_fields import (
     touching_alike,
 )
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
-from kaju.model.elastic.equal.solver import Solution
+from kaju.model.elastic.equal.system import Solution
 from kaju.model.elastic.goals.goal_regions import located
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.nested import relative_error

@@ -25,7 +25,7 @@ from kaju.model.elastic.cells.cell_equilibrium import Equilibrium
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.cells.leaf_supports import HALVED, first_agents
 from kaju.model.elastic.equal.krylov import Iteration
-from kaju.model.elastic.equal.solver import lost_digits, rounding_notes
+from kaju.model.elastic.equal.system import lost_digits, rounding_notes
 from kaju.model.elastic.multigrid.nested import (
     LAST,
     NestedMultigrid,

@@ -10,8 +10,8 @@ from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.solver import Solution
 from kaju.model.elastic.equal.staggered import strain_energy
+from kaju.model.elastic.equal.system import Solution
 from kaju.model.elastic.relaxation.elastic_run import ElasticRun
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
 from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine

@@ -1,0 +1,204 @@
+"""Many cells: by conjugate gradients with multigrid, nearly incompressible ones by a mixed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf, log, sqrt
+
+import numpy as np
+
+from kaju.arrays import Floats
+from kaju.stopping import interrupt_requested
+
+from .direct import DIRECT_LIMIT, factorised
+from .hierarchy import Hierarchy
+from .krylov import Iteration, conjugate_gradients, dot
+from .mixed_form import MixedForm
+from .problem import ElasticProblem, FaceFields
+from .staggered import Numbering
+from .system import NOTEWORTHY, Solution, System, judge_rounding, missed
+
+ALGEBRAIC_SHARE = 0.15
+"""By default the algebraic error before the last correction, which takes nine tenths of it away, is
+at most this share of the grid's."""
+LOOSEST = 3e-3  # But never stop above this
+SMALL, SMALL_TOLERANCE = 100_000, 1e-10
+"""Bodies of fewer faces are by default solved to this tolerance: it costs little, and forces
+balance to more digits than anyone prints."""
+BALANCE, FIRST_RATE = 1e-2, 0.1
+"""Supports and loads differ by at most this share of the error that is stated, after a last
+correction that is taken to leave the second share where no rate is known yet."""
+MENDED = 300  # Iterations more, for forces of nearly incompressible bodies to balance
+PATIENCE, TOO_MANY, MOST = 16, 60, 1000
+"""After the first number of iterations (stiff grains in a soft body take several to be moved as a
+whole) the rate tells how many it takes: if more than the second, factors are taken, or if these do
+not fit, iterations up to the third."""
+
+
+def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solution:
+    """Let an answer settle further: to a relative algebraic error in the energy norm."""
+    # Here that is what the last correction leaves: twice as much of it as the one before left.
+    if solution.algebraic <= target:
+        return solution
+    if solution.method not in ("full multigrid", "Galerkin multigrid"):
+        return by_iterations(problem, target, solution.displacement)
+    hierarchy = Hierarchy(problem)
+    system = System(problem, hierarchy)
+
+    def left(run: Iteration) -> float:
+        before, last = [solution.algebraic, *run.errors][-2:]
+        return last * min(2.0 * last / before, 1.0)
+
+    start = system.unknown(solution.displacement)
+    run = _iterate(
+        system, hierarchy, start, lambda run: left(run) <= target or run.at_rounding(1e-9)
+    )
+    return replace(solution, displacement=system.displacement(run.solution), algebraic=left(run))
+
+
+def by_iterations(
+    problem: ElasticProblem, tolerance: float | None = None, start: FaceFields | None = None
+) -> Solution:
+    """Solve a body of any number of cells: see `solver.solve_problem`."""
+    if tolerance is None and problem.dimension * problem.kinds.size < SMALL:
+        tolerance = SMALL_TOLERANCE
+    if problem.needs_mixed_form:
+        return _by_mixed_form(problem, tolerance, start)
+    return _by_multigrid(problem, tolerance, start)
+
+
+def continued(
+    problem: ElasticProblem, start: FaceFields | None, tolerance: float
+) -> Solution | None:
+    """Iterate to a relative algebraic error, from a displacement; None if that is not reached."""
+    hierarchy = Hierarchy(problem)
+    system = System(problem, hierarchy)
+    x = system.unknown(start) if start else hierarchy.full_multigrid(system.right)[0]
+    run = _iterate(system, hierarchy, x, lambda run: run.errors[-1] <= tolerance)
+    if not run.converged and not interrupt_requested():
+        return None
+    return _of_multigrid(system, hierarchy, run, 0.0)
+
+
+def _of_multigrid(system: System, hierarchy: Hierarchy, run: Iteration, missed: float) -> Solution:
+    """Return an iteration that has ended as a solution."""
+    method = "full multigrid" if hierarchy.plain else "Galerkin multigrid"
+    solution = system.solution(run, method, missed, len(hierarchy.levels))
+    # Of second order in what the iteration left, where the load's work is of first.
+    x, right = run.solution, system.right
+    solution.energy += 0.5 * (dot(x, right) - dot(x, hierarchy.apply(x)))
+    return solution
+
+
+def _by_multigrid(
+    problem: ElasticProblem, tolerance: float | None, start: FaceFields | None
+) -> Solution:
+    hierarchy = Hierarchy(problem)
+    system = System(problem, hierarchy)
+    guess = None if start is None else system.unknown(start)
+    x, coarser = hierarchy.full_multigrid(system.right, guess)
+
+    def discretisation(run: Iteration) -> float:
+        whole = system.energy(run.solution)
+        potential = -0.5 * (dot(run.solution, system.right) + run.held_back)
+        return missed(coarser, potential - 0.5 * run.errors[0] ** 2 * whole, whole)
+
+    watch = _Watch(system, tolerance, discretisation)
+    run = _iterate(system, hierarchy, x, watch)
+    notes = []
+    if watch.slow and not hierarchy.plain and not interrupt_requested():
+        notes = [f"geometric multigrid was slow after {run.iterations} iterations"]
+        if np.count_nonzero(hierarchy.moving) <= DIRECT_LIMIT[problem.dimension]:
+            solution = factorised(problem, watch.discretisation)
+            solution.notes.append(f"{notes[0]}: factorised instead")
+            return solution
+        watch.patient = True
+        run = _iterate(system, hierarchy, run.solution, watch, MOST)
+        run.converged = run.converged and not watch.slow
+    run.converged = run.converged and not watch.slow
+    solution = _of_multigrid(system, hierarchy, run, watch.discretisation)
+    solution.notes += notes
+    judge_rounding(system, solution, hierarchy.resisted(run.solution))
+    return solution
+
+
+def _iterate(
+    system: System,
+    hierarchy: Hierarchy,
+    start: Floats,
+    done: Callable[[Iteration], bool],
+    most: int = 200,
+) -> Iteration:
+    more, force = hierarchy.levels[0].u, hierarchy.levels[0].load  # Space that is there already.
+    return conjugate_gradients(
+        lambda x: hierarchy.apply(x, force),
+        lambda load: hierarchy.precondition(load, more),
+        system.right,
+        start,
+        done,
+        most=most,
+        energy=system.energy,
+    )
+
+
+class _Watch:
+    """Decide after every iteration whether to go on."""
+
+    def __init__(
+        self, system: System, tolerance: float | None, discretisation: Callable[[Iteration], float]
+    ) -> None:
+        self._system, self._tolerance = system, tolerance
+        self._estimate: Callable[[Iteration], float] | None = discretisation
+        self.discretisation = 0.0  # of no load at all, which needs no look
+        self.slow = self.patient = False
+
+    def __call__(self, run: Iteration) -> bool:
+        if self._estimate is not None:
+            self.discretisation, self._estimate = self._estimate(run), None
+        target = self._tolerance
+        if target is None:
+            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
+        stated = max(target, self.discretisation)
+        # Supports are to bear the loads, to a share of the error that is stated.
+        residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)
+        unborne = (run.rate or FIRST_RATE) * np.abs(residual).max() / self._system.loads
+        borne = unborne <= BALANCE * stated
+        if (run.errors[-1] <= target and borne) or run.at_rounding(1e-9):
+            self.slow = False
+            return True
+        if run.iterations >= PATIENCE and not self.patient:
+            start = max(len(run.errors) - PATIENCE, 0)
+            rate = (run.errors[-1] / run.errors[start]) ** (1 / (len(run.errors) - 1 - start))
+            more = log(target / run.errors[-1]) / log(rate) if 0 < rate < 1 else inf
+            self.slow = run.iterations + more > TOO_MANY
+        return self.slow and not self.patient
+
+
+def _by_mixed_form(
+    problem: ElasticProblem, tolerance: float | None, start: FaceFields | None
+) -> Solution:
+    numbering = Numbering(problem.face_states)
+    mixed = MixedForm(problem, numbering)
+    system = System(problem, mixed.block)
+    tolerance = min(tolerance or 1e-8, 1e-8)
+    run = mixed.solve(system.right, tolerance, None if start is None else system.unknown(start))
+    lost = system.unbalanced(system.displacement(run.solution))
+    if run.converged and lost > NOTEWORTHY and len(system.right) <= SMALL:
+        # Moved sides press a nearly incompressible body far harder than it yields.
+        tolerance = max(0.1 * tolerance * NOTEWORTHY / lost, 1e-15)
+        more = mixed.solve(system.right, tolerance, run.solution, most=MENDED)
+        if system.unbalanced(system.displacement(more.solution)) < lost:
+            more.converged = True  # as the first was: what is asked for here may not be reached
+            run = more
+    rough = mixed.block.rough(run.solution)
+    roughness = float(dot(rough, mixed.block.apply(rough)))
+    whole = system.energy(run.solution)
+    discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
+    if not run.converged and numbering.size <= DIRECT_LIMIT[problem.dimension]:
+        solution = factorised(problem, discretisation)
+        solution.notes.append("the mixed form did not converge: factorised instead")
+        return solution
+    solution = system.solution(run, "mixed form", discretisation, len(mixed.block.levels))
+    judge_rounding(system, solution, run.solution)
+    return solution

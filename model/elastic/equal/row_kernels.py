@@ -20,7 +20,7 @@ import numpy as np
 from kaju.arrays import Floats, Ints
 from kaju.compiling import along, inlined, njit, part
 
-Triple = tuple[int, ...]  # Of planes, rows and places in a row, or by component
+Numbers = tuple[int, ...]  # Of planes, rows and places in a row, or by component
 
 GHOST = 3  # Place of a coarse level's first ghost along every axis
 SMOOTH, RESTRICT, RESTRICT_LOAD, WRITE_RESIDUAL, PROLONG = range(5)  # Tasks of a plane
@@ -32,16 +32,16 @@ fifth of the iterations away, on plates, boxes, holes, grains, rubber and missin
 class Box(NamedTuple):
     """The numbers of a level's arrays."""
 
-    shape: Triple  # Of the arrays with their ghosts: planes, rows, length
-    first: Triple  # The first of those in use, and
-    end: Triple  # the end
+    shape: Numbers  # Of the arrays with their ghosts: planes, rows, length
+    first: Numbers  # The first of those in use, and
+    end: Numbers  # the end
     components: int
     places: int
-    step: Triple  # Distance in places along the axis that a component is normal to
+    step: Numbers  # Distance in places along the axis that a component is normal to
     reach: int  # Rows that a stencil reaches
     entries: int  # Of a stencil; 0 on the finest level
-    starts: Triple  # First coupling of every component, and the end
-    after: Triple  # Entry of a face with its next in the row, by component
+    starts: Numbers  # First coupling of every component, and the end
+    after: Numbers  # Entry of a face with its next in the row, by component
 
 
 class Level(NamedTuple):

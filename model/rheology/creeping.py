@@ -29,8 +29,9 @@ from .creep_result import CreepResult
 from .creeping_elastic import ElasticCreepResult, elastic_body
 from .creeping_elements import CreepingAgents, Elements, TransferCreepResult
 from .creeping_network import CreepingNetwork, NetworkCreepResult
+from .creeping_step import Creeping
 from .element import ThreeElement, laws_of
-from .integrate import Creeping, Integrator, State
+from .integrate import Integrator, State
 from .load_history import History
 
 Subject = ThreeElement | SpringNetwork | Scene
@@ -201,6 +202,8 @@ class CreepModel(Stepper[AnyTimeResult]):
                 "and factors"
             )
         self.subject, self.history = subject, history
+        self.scene = subject if isinstance(subject, Scene) else None
+        self.network = subject if isinstance(subject, SpringNetwork) else None
         last = history.duration if duration is None else duration
         self._asked = _asked_times(history, last, times)
         self._system = _system(subject, rheology)
@@ -212,16 +215,6 @@ class CreepModel(Stepper[AnyTimeResult]):
         if self._asked[0] == 0.0:
             self._see(next(self._ahead))
         self.running = self.moment < self._asked[-1]
-
-    @property
-    def scene(self) -> Scene | None:
-        """The scene that creeps, if it is one."""
-        return self.subject if isinstance(self.subject, Scene) else None
-
-    @property
-    def network(self) -> SpringNetwork | None:
-        """The spring network that creeps, if it is one."""
-        return self.subject if isinstance(self.subject, SpringNetwork) else None
 
     @property
     def moment(self) -> float:

@@ -25,6 +25,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ConvergenceError, ResultError
@@ -49,18 +50,8 @@ from kaju.model.results.stored import Column
 
 from .creep_result import BodyTimeResult, OfTimes
 from .creeping_elements import Elements, law_of, sized
-from .element import laws_of
-from .integrate import Fields
-from .schemes import (
-    Energy,
-    Laws,
-    Stretch,
-    SubStep,
-    as_spring,
-    rates,
-    stage_energy,
-    stored_energy,
-)
+from .creeping_step import Borne, Creeping, Fields
+from .element import Laws, ThreeElement, laws_of
 
 _FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
 """Faces up to which factors, which serve many steps, are worth their making, by dimension."""
@@ -169,105 +160,97 @@ def _stiff_edges(problem: ElasticProblem) -> dict[tuple[int, int], Flags]:
     return {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(problem.dimension)}
 
 
-class CreepingBody:
+class CreepingBody(Creeping):
     """A body on the staggered grid that creeps; every implicit step is one elastic problem.
 
-    Its state, in the problem's scaled units: stretches of both parts for every cell and axis (axes,
-    cells) and for every material at every edge (materials, edges); the displacement of the active
-    faces; the stress of the cells along each axis, and the shear of the edges.
+    Its elements are every cell along each axis, every material at every edge, and the springs of an
+    elastic bed. Its other fields, in the problem's scaled units: displacement of the active faces;
+    stress of the cells along each axis; shear of the edges.
     """
 
     result = ElasticCreepResult
 
     def __init__(self, static: ElasticResult) -> None:
         problem, materials = cells_of(static).problem, static.grid.cell_materials
-        self.problem = problem
+        self.problem, self.unit = problem, problem.scales.energy
         self.parts: dict[str, Any] = {"static": static}
         self.numbering = Numbering(problem.face_states)
-        self.rows = strain_matrix(problem, self.numbering)
-        self.columns = self.rows.T.tocsr()
         kind = problem.kinds[problem.kinds >= 0]
-        laws = laws_of([law_of(material) for material in materials])
-        self.edge_laws = Laws(*(number[:, None] / problem.scales.modulus for number in laws))
-        self.cell_laws = Laws(*(number[kind, 0] for number in self.edge_laws))
         ratios = np.array([material.poissons_ratio for material in materials])
-        self.unit = moduli_of(np.ones(len(materials)), ratios, problem.plane)
-        self.unit_of_cells = moduli_at(self.unit, kind)
-        self.shear = self.unit.shear[:, None]
+        self.unit_moduli = moduli_of(np.ones(len(materials)), ratios, problem.plane)
+        self.moduli_of_cells = moduli_at(self.unit_moduli, kind)
+        self.shear = self.unit_moduli.shear[:, None]
         self.share = _shares_of_edges(problem, len(materials))
-        self.given = strain_vector(problem, problem.fixed)
+        self.counted = slice(problem.dimension * len(kind))
+        # Elongations of rows: of cells, of edges, and of the faces on the bed.
+        bed = self.numbering.gather(problem.spring)
+        on_bed = sp.eye_array(self.numbering.size, format="csr")[bed > 0.0]
+        rows = strain_matrix(problem, self.numbering)
+        self.rows = sp.csr_array(sp.vstack([rows, on_bed], format="csr"))
+        self.columns = self.rows.T.tocsr()
+        given = strain_vector(problem, problem.fixed)
+        self.given = np.append(given, np.zeros(on_bed.shape[0]))
         self.load = self.numbering.gather(problem.force)
-        self.foundation = self.numbering.gather(problem.spring)
+        edges = self.share.shape[1]
+        of_materials = laws_of([law_of(material) for material in materials])
+        springs = laws_of([ThreeElement.spring(stiffness) for stiffness in bed[bed > 0.0]])
+        parts = [
+            (np.tile(law[kind], problem.dimension), np.repeat(law, edges), own)
+            for law, own in zip(
+                [number / problem.scales.modulus for number in of_materials], springs, strict=True
+            )
+        ]
+        self.laws = Laws(*map(np.concatenate, parts))
         self._needs_factors = problem.needs_mixed_form
         self._prepared: tuple[Floats, Callable[[Floats], Floats]] | None = None
 
     def start(self) -> Fields:
         """Return the state at time 0: nothing stretched."""
-        cells = np.zeros((self.problem.dimension, len(self.unit_of_cells.stretch)))
-        edges = np.zeros_like(self.share)
-        faces = np.zeros(self.numbering.size)
-        return (cells, cells, edges, edges, faces, cells, np.zeros(edges.shape[1]))
+        elements = np.zeros_like(self.laws.K_f)
+        faces, strains = np.zeros(self.numbering.size), np.zeros(self.rows.shape[0])
+        cells, edges, _ = self._part(strains)
+        return (elements, elements, faces, cells, edges)
 
-    def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
-        """Return the rates in an implicit step, and what it adds to the balance."""
-        *stretches, before, stress_before, shear_before = fields
-        in_cells, at_edges = Stretch(*stretches[:2]), Stretch(*stretches[2:])
-        length = substep.length
-        cell_modulus, cell_rest = as_spring(self.cell_laws, length, in_cells)
-        modulus, edge_rest = as_spring(self.edge_laws, length, at_edges)
-        edge_shear = 1.0 / np.sum(self.share / (self.shear * modulus), axis=0)
-        rest = self._join(cell_rest, np.sum(self.share * edge_rest, axis=0))
-        free = substep.factor * self.given - rest
+    def solve(self, stiffness: Floats, rest: Floats, factor: float, before: Fields) -> Borne:
+        """Return the forces of all elements, from the displacement of the step before."""
+        cell_modulus, at_edges, bed = self._elements(stiffness)
+        cell_rest, edge_rest, bed_rest = self._elements(rest)
+        # Of an edge, its materials lie in a row: compliances and rests add up.
+        edge_modulus = 1.0 / np.sum(self.share / (self.shear * at_edges), axis=0)
+        rests = _join(cell_rest, np.sum(self.share * edge_rest, axis=0), bed_rest)
+        free = factor * self.given - rests
 
         def stress(strain: Floats) -> Floats:
-            cells, edges = self._part(strain)
-            return self._join(self._in_cells(cell_modulus * cells), edge_shear * edges)
+            cells, edges, faces = self._part(strain)
+            normal = normal_stress(self.moduli_of_cells, cell_modulus * cells)
+            return _join(normal, edge_modulus * edges, bed * faces)
 
-        load = substep.factor * self.load - self.columns @ stress(free)
-        after = self._solve(stress, modulus[:, 0], load, before)
-        cells, edges = self._part(self.rows @ after + free)
-        force, shear = cell_modulus * cells, edge_shear * edges
-        edge_force = shear / self.shear
-        cell_rate = rates(self.cell_laws, length, in_cells, force)
-        edge_rate = rates(self.edge_laws, length, at_edges, edge_force)
-        speed = (after - before) / length
-        energies = np.array(stage_energy(self.cell_laws, substep, force, cell_rate, self._in_cells))
-        energies += stage_energy(self.edge_laws, substep, edge_force, edge_rate, self._at_edges)
-        work = substep.duration * float(np.sum(self.foundation * after * speed))
-        lost = substep.numerical(float(np.sum(self.foundation * np.square(speed))))
-        energies += (work, 0.0, lost)
-        carried = (self._in_cells(force) - stress_before) / length, (shear - shear_before) / length
-        energy = Energy(*(self.problem.scales.energy * energies).tolist())
-        return (*cell_rate, *edge_rate, speed, *carried), energy
+        load = factor * self.load - self.columns @ stress(free)
+        after = self._solve(stress, at_edges[:, 0], load, before[0])
+        cells, edges, faces = self._part(self.rows @ after + free)
+        borne, shear = cell_modulus * cells, edge_modulus * edges
+        force = _join(borne, shear / self.shear, bed * faces)
+        return Borne(force, (after, normal_stress(self.moduli_of_cells, borne), shear))
 
-    def stored(self, fields: Fields) -> float:
-        """Return the energy of springs and foundation (J)."""
-        in_cells, _, at_edges, _, displacement, *_ = fields
-        energy = stored_energy(self.cell_laws, in_cells, self._in_cells)
-        energy += stored_energy(self.edge_laws, at_edges, self._at_edges)
-        energy += 0.5 * float(np.sum(self.foundation * np.square(displacement)))
-        return energy * self.problem.scales.energy
+    def metric(self, stretch: Floats) -> Floats:
+        """Return the stresses of unit modulus of strains of cells, and of edges by their share."""
+        cells, edges, faces = self._elements(stretch)
+        normal = normal_stress(self.moduli_of_cells, cells)
+        return _join(normal, self.share * self.shear * edges, faces)
 
     def record(self, fields: Fields) -> dict[str, Floats]:
         """Return displacement of the active faces, stress of cells and shear of edges."""
-        return dict(zip(("faces", "cells", "edges"), fields[4:], strict=True))
+        return dict(zip(("faces", "cells", "edges"), fields[2:], strict=True))
 
-    def _in_cells(self, strain: Floats) -> Floats:
-        """Return the stresses of unit modulus of strains in cells (axes, cells)."""
-        return normal_stress(self.unit_of_cells, strain)
+    def _elements(self, values: Floats) -> tuple[Floats, Floats, Floats]:
+        """Split values of elements: cells (axes, cells), edges (materials, edges), and the bed."""
+        cells, edges, bed = np.split(values, np.cumsum([self.counted.stop, self.share.size]))
+        return (cells.reshape(self.problem.dimension, -1), edges.reshape(self.share.shape), bed)
 
-    def _at_edges(self, shear: Floats) -> Floats:
-        """Return the stresses of unit modulus of shears at edges (materials, edges), by share."""
-        return np.asarray(self.share * self.shear * shear)
-
-    def _part(self, strain: Floats) -> tuple[Floats, Floats]:
-        """Split strains into those of cells (axes, cells) and of edges."""
-        edges = self.share.shape[1]
-        normal = strain[: len(strain) - edges]
-        return normal.reshape(self.problem.dimension, -1), strain[len(normal) :]
-
-    def _join(self, cells: Floats, edges: Floats) -> Floats:
-        return np.concatenate([cells.ravel(), edges])
+    def _part(self, values: Floats) -> tuple[Floats, Floats, Floats]:
+        """Split values of rows: cells (axes, cells), edges, and the bed."""
+        cells, edges, bed = np.split(values, np.cumsum([self.counted.stop, self.share.shape[1]]))
+        return cells.reshape(self.problem.dimension, -1), edges, bed
 
     def _solve(
         self, stress: Callable[[Floats], Floats], modulus: Floats, load: Floats, start: Floats
@@ -275,8 +258,7 @@ class CreepingBody:
         """Solve the elastic problem of an implicit step, from where the last one ended."""
 
         def apply(displacement: Floats) -> Floats:
-            held: Floats = self.columns @ stress(self.rows @ displacement)
-            return held + self.foundation * displacement
+            return np.asarray(self.columns @ stress(self.rows @ displacement))
 
         def done(run: Iteration) -> bool:
             return run.residuals[-1] <= _UNBALANCED
@@ -298,11 +280,11 @@ class CreepingBody:
         """Return a solver for moduli that are alike but for a common factor and one of two."""
         if self._prepared is not None:
             ratio = modulus / self._prepared[0]
-            if self.foundation.any():
+            if any(springs.any() for springs in self.problem.spring):
                 ratio = np.append(ratio, 1.0)
             if ratio.max() <= 2.0 * ratio.min():
                 return self._prepared[1]
-        solver = self._solver(Moduli(*(modulus * values for values in self.unit)))
+        solver = self._solver(Moduli(*(modulus * values for values in self.unit_moduli)))
         self._prepared = (modulus.copy(), solver)
         return solver
 
@@ -323,6 +305,10 @@ class CreepingBody:
             return cells.precondition(vector)[cells.moving]
 
         return cycle
+
+
+def _join(*parts: Floats) -> Floats:
+    return np.concatenate([part.ravel() for part in parts])
 
 
 def _shares_of_edges(problem: ElasticProblem, materials: int) -> Floats:

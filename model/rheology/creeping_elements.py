@@ -23,16 +23,14 @@ from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axia
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .creep_result import BodyTimeResult, CreepResult, TimeResult
-from .element import ThreeElement, laws_of
-from .integrate import Fields
-from .schemes import Energy, Laws, Stretch, SubStep, rates, stage_energy, stored_energy
+from .creeping_step import Borne, Creeping, Fields
+from .element import Laws, ThreeElement, laws_of
 
 
-class Elements:
+class Elements(Creeping):
     """Any number of three-element materials that do not feel each other; by itself, one.
 
-    Its state is the stretches of both parts, and the force in each element. `share` is the force
-    (N) of each at a factor of 1.
+    `share` is the force (N) of each at a factor of 1.
     """
 
     result: type[TimeResult] = CreepResult
@@ -42,20 +40,13 @@ class Elements:
         self.parts: dict[str, Any] = {}
 
     def start(self) -> Fields:
-        """Return the state at time 0: nothing stretched."""
+        """Return the state at time 0: nothing stretched, and no force."""
         return tuple(np.zeros((3, len(self.share))))
 
-    def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
-        """Return the rates in an implicit step, and what it adds to the balance."""
-        q, d, force = fields
-        after = substep.factor * self.share
-        rate = rates(self.laws, substep.length, Stretch(q, d), after)
-        energy = stage_energy(self.laws, substep, after, rate)
-        return (rate.q, rate.d, (after - force) / substep.length), energy
-
-    def stored(self, fields: Fields) -> float:
-        """Return the energy of the springs (J)."""
-        return stored_energy(self.laws, fields[0])
+    def solve(self, stiffness: Floats, rest: Floats, factor: float, before: Fields) -> Borne:
+        """Return the force in each element."""
+        force = factor * self.share
+        return Borne(force, (force,))
 
     def record(self, fields: Fields) -> dict[str, Floats]:
         """Return elongation (m) and force (N) of the element."""
@@ -117,9 +108,7 @@ class TransferCreepResult(BodyTimeResult):
 class CreepingAgents(Elements):
     """The agents of a load-transfer run, all those of a material as one element.
 
-    The stretch of an element is the growth of its material: 1 for the strains without time. Its
-    stiffness is scaled by the agents' Σ V e² (volume V, strain e along each axis), so that its
-    energies are the sum of theirs.
+    The stretch of an element is the growth of its material: 1 for the strains without time.
     """
 
     result = TransferCreepResult
@@ -134,8 +123,7 @@ class CreepingAgents(Elements):
 
     def record(self, fields: Fields) -> dict[str, Floats]:
         """Return the growth of each material."""
-        q, d, *_ = fields
-        return {"growth": q + d}
+        return {"growth": fields[0] + fields[1]}
 
 
 def law_of(material: Material) -> ThreeElement:

@@ -19,18 +19,8 @@ from kaju.model.results.result import Curves
 from kaju.model.results.stored import Column
 
 from .creep_result import TimeResult
-from .element import ThreeElement, laws_of
-from .integrate import Fields
-from .schemes import (
-    Energy,
-    Laws,
-    Stretch,
-    SubStep,
-    as_spring,
-    rates,
-    stage_energy,
-    stored_energy,
-)
+from .creeping_step import Borne, Creeping, Fields
+from .element import Laws, ThreeElement, laws_of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -95,7 +85,7 @@ _SHARES = (1, 2, 4, 8, 16)
 """Into how many shares a load is divided, one after the other, before Newton gives up."""
 
 
-class CreepingNetwork:
+class CreepingNetwork(Creeping):
     """A network that creeps; every implicit step is one balance of forces.
 
     Its state is the stretches of both parts of every spring, the tension of the springs, and the
@@ -123,34 +113,18 @@ class CreepingNetwork:
         stretched = self.network.prestretch.copy()
         return (stretched, none, self.laws.K_f * stretched, still)
 
-    def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
-        """Return the rates in an implicit step, and what it adds to the balance."""
-        q, d, tension, displacement = fields
-        state, length = Stretch(q, d), substep.length
-        after, found = self._balance(state, displacement, substep)
-        speed = (after - displacement) / length
-        rate = rates(self.laws, length, state, found)
-        energy = stage_energy(self.laws, substep, found, rate)
-        # Springs turn within a step: work on the nodes and in the springs differ by what the time
-        # stepping makes of geometry, and the difference is the scheme's own.
-        on_springs = -spring_forces(self.network, spring_geometry(self.network, after), found)
-        work = substep.duration * float(np.vdot(on_springs, speed))
-        own = energy.numerical + (work - energy.work)
-        energy = Energy(work, energy.dissipated, own)
-        return (rate.q, rate.d, (found - tension) / length, speed), energy
+    def solve(self, stiffness: Floats, rest: Floats, factor: float, before: Fields) -> Borne:
+        """Return tensions and displacement at the end of an implicit step, in shares if need be.
 
-    def _balance(
-        self, state: Stretch, displacement: Floats, substep: SubStep
-    ) -> tuple[Floats, Floats]:
-        """Return displacement and tensions at the end of an implicit step, in shares if need be."""
-        assembler, network = self.assembler, self.network
-        stiffness, rest = as_spring(self.laws, substep.length, state)
+        Springs turn within a step: work on the nodes and in the springs differ by what the time
+        stepping makes of geometry.
+        """
+        assembler, network, displacement = self.assembler, self.network, before[-1]
 
         def law(elongation: Floats) -> tuple[Floats, Floats]:
             return stiffness * (elongation + network.prestretch - rest), stiffness
 
-        load = substep.factor * network.forces[-1]
-        given = substep.factor * network.displacements[-1]
+        load, given = factor * network.forces[-1], factor * network.displacements[-1]
         geometry = assembler.geometry(displacement)
         carried = -assembler.internal_force(geometry, law(geometry.elongation)[0])
         scale = self._force_scale(stiffness, rest)
@@ -159,7 +133,7 @@ class CreepingNetwork:
             moved = displacement
             try:
                 for share in np.arange(1, parts + 1) / parts:
-                    balance = find_balance(
+                    moved, tension, *_ = find_balance(
                         assembler,
                         self._solver,
                         law,
@@ -168,13 +142,15 @@ class CreepingNetwork:
                         given=(1.0 - share) * displacement + share * given,
                         force_scale=scale,
                     )
-                    moved = balance.displacement
-                return balance.displacement, balance.tension
             except (SingularTangentError, ConvergenceError) as error:
                 trouble = error
+                continue
+            on_springs = -spring_forces(network, spring_geometry(network, moved), tension)
+            work = float(np.vdot(on_springs, moved - displacement))
+            return Borne(tension, (tension, moved), work)
         if isinstance(trouble, SingularTangentError):
             raise tangent_error(
-                assembler, geometry, stiffness, trouble.direction, substep.factor
+                assembler, geometry, stiffness, trouble.direction, factor
             ) from trouble
         assert trouble is not None
         raise trouble
@@ -188,10 +164,6 @@ class CreepingNetwork:
         """
         force = np.max(stiffness, initial=0.0) * np.max(np.abs(rest), initial=0.0)
         return max(1e-2 * float(force), float(np.abs(self.network.forces[-1]).max(initial=0.0)))
-
-    def stored(self, fields: Fields) -> float:
-        """Return the energy of the springs (J)."""
-        return stored_energy(self.laws, fields[0])
 
     def record(self, fields: Fields) -> dict[str, Floats]:
         """Return displacement (n, dimension) of the nodes and tension (m,) of the springs."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,9 +28,11 @@ from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .load_history import History
-from .schemes import Laws
 
 Answer = Callable[[ArrayLike], Floats]
+_LEAST, _MOST = 1e-100, 1e100
+"""So large are stiffness and damping if they are not 0: times and ratios of them have digits."""
+
 SchemeName = Literal["backward_euler", "exact"]
 
 
@@ -66,12 +68,14 @@ class ThreeElement:
 
     def __post_init__(self) -> None:
         for name, value in (("K_f", self.K_f), ("D_f", self.D_f)):
-            if not (isfinite(value) and value >= 0.0):
-                raise ParameterError(f"{name}: must be a finite number from 0 upwards, got {value}")
-        if not self.D_d > 0.0:
+            if not (value == 0.0 or _LEAST <= value <= _MOST):
+                raise ParameterError(
+                    f"{name}: must be 0, or from {_LEAST:g} to {_MOST:g}, got {value}"
+                )
+        if not (_LEAST <= self.D_d <= _MOST or self.D_d == inf):
             raise ParameterError(
-                f"D_d: must be above 0 (infinite: nothing flows), got {self.D_d}; "
-                "a damper of 0 would carry no force at all"
+                f"D_d: must be from {_LEAST:g} to {_MOST:g}, or infinite (nothing flows), got "
+                f"{self.D_d}; a damper of 0 would carry no force at all"
             )
         if self.K_f == 0.0 and self.D_f == 0.0:
             raise ParameterError(
@@ -115,18 +119,8 @@ class ThreeElement:
         if self.D_f == 0.0:
             given = np.where(t > 0.0, 1.0 / self.K_f, 0.0)
         else:
-            pace = t * _rate(self.K_f, self.D_f)
-            given = self._part_given(t, -np.expm1(-pace), _decay_mean(pace))
+            given = t / self.D_f * _decay_mean(t * self.K_f / self.D_f)
         return np.asarray(given + t / self.D_d)
-
-    def _part_given(self, times: Floats, share: Floats, mean: Floats) -> Floats:
-        """Return share/K_f, which is t/D_f · mean, in the form that keeps its digits.
-
-        The second holds for K_f = 0 too; it is used while little of 1/K_f has been given.
-        """
-        early = share < 0.5
-        scale = np.divide(times, self.D_f, out=np.zeros_like(times), where=early)
-        return np.where(early, scale * mean, share / (self.K_f or 1.0))
 
     def ramp_compliance(self, times: ArrayLike) -> Floats:
         """Return ∫₀ᵗJ: displacement per rate of a force that has grown since time 0."""
@@ -134,23 +128,19 @@ class ThreeElement:
         if self.D_f == 0.0:
             given = t / self.K_f
         else:
-            pace = t * _rate(self.K_f, self.D_f)
-            mean = _decay_mean_twice(pace)
-            given = t * self._part_given(t, pace * mean, mean)
+            given = t * (t / self.D_f * _decay_mean_twice(t * self.K_f / self.D_f))
         return np.asarray(given + 0.5 * t * (t / self.D_d))
 
     def relaxation_modulus(self, times: ArrayLike) -> Floats:
         """Return G(t): force per displacement held since time 0, after its first impulse."""
         t = _since(times)
-        fading = (
-            self._series_share**2 * self.K_f * np.exp(-t * _rate(self.K_f, self.D_d + self.D_f))
-        )
+        fading = self._series_share**2 * self.K_f * np.exp(-t / self.relaxation_time)
         return np.asarray(np.where(t > 0.0, fading, 0.0))
 
     def ramp_force(self, times: ArrayLike) -> Floats:
         """Return force per speed of a displacement that has grown since time 0 (N s/m)."""
         t = _since(times)
-        share, pace = self._series_share, t * _rate(self.K_f, self.D_d + self.D_f)
+        share, pace = self._series_share, t / self.relaxation_time
         spring = share * self.K_f * t * _decay_mean(pace)
         return np.asarray(np.where(t > 0.0, spring + share * self.D_f * np.exp(-pace), 0.0))
 
@@ -239,16 +229,18 @@ class ThreeElement:
         return np.array(answers)[np.searchsorted(nodes, times)]
 
 
+class Laws(NamedTuple):
+    """Many three-element materials: one number of each in three arrays."""
+
+    K_f: Floats
+    D_f: Floats
+    D_d: Floats
+
+
 def laws_of(elements: Iterable[ThreeElement]) -> Laws:
     """Gather single elements."""
     table = np.array([(e.K_f, e.D_f, e.D_d) for e in elements], dtype=np.float64)
     return Laws(*np.ascontiguousarray(table.reshape(-1, 3).T))
-
-
-def _rate(stiffness: float, damping: float) -> float:
-    """Return K/D (1/s) within the range of floats: above 0, or 0 where nothing happens."""
-    rate = stiffness / damping
-    return min(rate, 1e250) if rate >= 1e-250 else 0.0
 
 
 def _is_exact(scheme: str) -> bool:
@@ -280,14 +272,9 @@ def _rising(times: ArrayLike) -> Floats:
     return t
 
 
-def _mean(share: Floats, x: Floats) -> Floats:
-    """Return share/x, and 1 at x = 0."""
-    return np.divide(share, x, out=np.ones_like(x), where=x > 0.0)
-
-
 def _decay_mean(x: Floats) -> Floats:
     """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x."""
-    return _mean(-np.expm1(-x), x)
+    return np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0)
 
 
 def _decay_mean_twice(x: Floats) -> Floats:

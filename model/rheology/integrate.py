@@ -1,7 +1,8 @@
 """Integration over time of whatever creeps, by steps that keep a tolerance.
 
-A body (a single element, a spring network, cells) answers one question only: which rates it has
-in an implicit step from its present state to a given load. The scheme is made of such steps.
+Over an implicit step elements are springs. So a body (a single element, a spring network, cells)
+answers one question only: which forces springs of some stiffness and rest bear under a load
+(`Creeping.solve`). The scheme is made of such steps.
 
 Steps end on every corner of the history, and nowhere else on purpose: the times asked for are read
 between the steps, which do not feel them. Each step is made once whole and once as two halves; the
@@ -18,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isfinite
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,11 +27,8 @@ from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, KajuError, ParameterError, TangentError
 from kaju.stopping import interrupt_requested
 
-from .creep_result import TimeResult
+from .creeping_step import ORDER, STAGES, Creeping, Fields
 from .load_history import History
-from .schemes import ORDER, STAGES, Energy, SubStep
-
-Fields = tuple[Floats, ...]
 
 _SAME_MOMENT = 1e-12
 """Share of a time by which two may differ and still be one (0.1 + 0.2 and 0.3)."""
@@ -46,30 +44,6 @@ then, unless the body moves ever faster, as what snaps through does."""
 _MOST_FAILURES = 40
 """Steps that met a singular tangent, without one as long that did not: over so many the smallest
 imperfection grows by more than there are digits."""
-
-
-class Creeping(Protocol):
-    """What can be integrated over time; its first two fields are stretches, which have errors."""
-
-    @property
-    def result(self) -> type[TimeResult]:
-        """Class of its result."""
-
-    @property
-    def parts(self) -> dict[str, Any]:
-        """Fields of the result besides its course and its records."""
-
-    def start(self) -> Fields:
-        """Return the state at time 0."""
-
-    def rates(self, fields: Fields, substep: SubStep) -> tuple[Fields, Energy]:
-        """Return the rates in an implicit step from `fields`, and what it adds to the balance."""
-
-    def stored(self, fields: Fields) -> float:
-        """Return the energy that can be given back (J)."""
-
-    def record(self, fields: Fields) -> dict[str, Floats]:
-        """Return what the result keeps of a time asked for, by the names of its fields."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,11 +146,7 @@ class Integrator:
         factor = float(self.history.after(start))
         growth = float(self.history.at(end)) - factor
         for stage_end, weight in STAGES:
-            substep = SubStep(step, weight, factor + stage_end * growth)
-            rates, energy = self.system.rates(fields, substep)
-            fields = tuple(
-                part + substep.duration * rate for part, rate in zip(fields, rates, strict=True)
-            )
+            fields, energy = self.system.stage(fields, step, weight, factor + stage_end * growth)
             energies += energy
         return fields, energies
 
@@ -188,7 +158,7 @@ class Integrator:
             state,
             fields=fields,
             time=end,
-            scale=max(state.scale, _largest_stretch(fields)),
+            scale=max(state.scale, self.system.largest_stretch(fields)),
             work=state.work + work,
             dissipated=state.dissipated + dissipated,
             numerical=state.numerical + numerical,
@@ -245,7 +215,7 @@ class Integrator:
             # A shorter step may find what a long one does not.
             return _Doubled(state, state, inf, trouble)
         apart = [a - b for a, b in zip(whole[:2], halves.fields[:2], strict=True)]
-        error = _largest_stretch(apart) / (2**ORDER - 1)
+        error = self.system.largest_stretch(apart) / (2**ORDER - 1)
         return _Doubled(first, halves, error if isfinite(error) else inf)
 
     def _expected_scale(self, state: State, end: float) -> float:
@@ -258,7 +228,7 @@ class Integrator:
             fields, _ = self.take_step(state.fields, state.time, end, end - state.time)
         except (ConvergenceError, TangentError):
             return float(np.finfo(np.float64).tiny)
-        return _largest_stretch(fields)
+        return self.system.largest_stretch(fields)
 
     def _refuse(self, state: State, trouble: KajuError | None) -> None:
         """Say why no step is short enough."""
@@ -270,10 +240,6 @@ class Integrator:
             f"{self.tolerance}: there it moves ever faster, as what folds or snaps through "
             "does; end before (duration=), or load it less"
         ) from trouble
-
-
-def _largest_stretch(fields: Fields | list[Floats]) -> float:
-    return max(float(np.abs(part).max(initial=0.0)) for part in fields[:2])
 
 
 def _growth(error: float, allowed: float) -> float:

@@ -15,11 +15,12 @@ ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
     ("numbers", "message"),
     [
         ((0.0, 0.0, 1.0), "K_f and D_f: both are 0"),
-        ((-1.0, 0.0, 1.0), "K_f: must be a finite number"),
-        ((inf, 0.0, 1.0), "K_f: must be a finite number"),
-        ((1.0, nan, 1.0), "D_f: must be a finite number"),
-        ((1.0, 1.0, 0.0), "D_d: must be above 0"),
-        ((1.0, 1.0, nan), "D_d: must be above 0"),
+        ((-1.0, 0.0, 1.0), "K_f: must be 0, or from"),
+        ((inf, 0.0, 1.0), "K_f: must be 0, or from"),
+        ((5e-324, 1.0, 1.0), "K_f: must be 0, or from"),
+        ((1.0, nan, 1.0), "D_f: must be 0, or from"),
+        ((1.0, 1.0, 0.0), "D_d: must be from"),
+        ((1.0, 1.0, nan), "D_d: must be from"),
     ],
 )
 def test_impossible_elements_are_refused(numbers, message):
@@ -87,8 +88,6 @@ def test_ramp_compliance_has_no_seam_between_series_and_formula(x):
         (2.0, 3.0, inf),
         (1e-100, 1e100, 1.0),
         (1e100, 1e-100, 1.0),
-        (5e-324, 1.0, 1.0),
-        (1.0, 5e-324, 1.0),
     ],
 )
 @pytest.mark.parametrize("last", [1e-12, 1.0, 1e12])
@@ -126,7 +125,6 @@ def test_limits_are_approached_from_inside():
     np.testing.assert_allclose(creep(2.0, 3.0, 1e15), creep(2.0, 3.0, inf), rtol=1e-13)
     np.testing.assert_allclose(creep(2.0, 1e-15, 5.0), creep(2.0, 0.0, 5.0), rtol=1e-13)
     np.testing.assert_allclose(creep(1e-15, 3.0, 5.0), creep(0.0, 3.0, 5.0), rtol=1e-13)
-    np.testing.assert_allclose(creep(1e-310, 3.0, 5.0), creep(0.0, 3.0, 5.0), rtol=1e-13)
 
 
 def test_a_held_stretch_of_a_maxwell_element_fades():

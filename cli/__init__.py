@@ -1,4 +1,9 @@
-"""The command: one verb a function, in one table. Nothing else imports this room."""
+"""The command: one verb a function, in one table. Nothing else imports this room.
+
+In come words, out go figures on the terminal and a folder of results.
+Read the table below, `options` (what all verbs share), `commands_run` (verbs that compute),
+`commands_many` and `commands_files`, then `console` and `output`.
+"""
 
 from __future__ import annotations
 

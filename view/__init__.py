@@ -1,7 +1,9 @@
-"""How people see it: plots and animations.
+"""How people see it: pictures and films.
 
-The functions are looked up when they are first used, so that ``import kaju.view`` loads no
-drawing library.
+In comes a result, out go figures, films and meshes; nothing is computed again.
+Read `plots` and `animation` (the verbs), `style`, `space` and `section` (what all pictures share),
+then the file of a subject, such as `agents` or `maps`. Functions are looked up when they are first
+used, so that ``import kaju.view`` loads no drawing library.
 """
 
 from __future__ import annotations

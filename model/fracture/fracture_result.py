@@ -11,6 +11,7 @@ import numpy as np
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic.solve import solve
 from kaju.model.network import NetworkResult, SpringNetwork
 from kaju.model.network.assembler import along_springs
 from kaju.model.network.springs import spring_lengths_and_directions
@@ -18,6 +19,8 @@ from kaju.model.results.result import Check, Result
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
+from .breaking_cells import KEPT, BreakingCells
+from .breaking_network import BreakingNetwork
 from .weakening import Measure, WeakeningBody
 
 if TYPE_CHECKING:
@@ -195,10 +198,6 @@ class FractureResult(Result):
         """
         count = self._counted(breaks)
         if isinstance(self.subject, Scene):
-            from kaju.model.study.solving import solve
-
-            from .breaking_cells import KEPT
-
             solid = self.subject.rasterise() >= 0
             stiffness = np.ones(solid.shape)
             stiffness[tuple(np.argwhere(solid)[self.broken[:count]].T)] = KEPT
@@ -313,11 +312,7 @@ class FractureResult(Result):
 def body_of(subject: SpringNetwork | Scene, strengths: Floats, measure: str) -> WeakeningBody:
     """Return the unbroken body, of springs or of cells."""
     if isinstance(subject, Scene):
-        from .breaking_cells import BreakingCells
-
         return BreakingCells(subject, strengths, measure)
-    from .breaking_network import BreakingNetwork
-
     return BreakingNetwork(subject, strengths, measure)
 
 

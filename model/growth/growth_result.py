@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic.solve import solve
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BOOKS, BodyResult, Check, Result
 from kaju.model.results.stored import Column
@@ -130,8 +131,6 @@ class GrowthResult(BodyResult):
     @cached_property
     def answer(self) -> ElasticResult:
         """The last design, solved anew and exactly, with bounds of its error."""
-        from kaju.model.study.solving import solve
-
         return solve(self.scene, stiffness=self.stiffness, stage=self.stage)
 
     def density_at(self, step: int | None = None) -> Floats:

@@ -1,4 +1,9 @@
-"""Springs between nodes: any graph, loaded in increments, in large deformation."""
+"""Springs between nodes: any graph, loaded in increments, in large deformation.
+
+In comes a `SpringNetwork`, out goes a `NetworkResult`: positions and tensions, record by record.
+Read `springs` (what is loaded), `assembler` (forces and stiffness of all springs), `equilibrium`
+(one balance), `increments` (the way to it), then `spring_lattices` for networks to begin with.
+"""
 
 from .assembler import Assembler, Geometry
 from .equilibrium import NetworkBalance, SpringLaw, elastic_law, find_balance

@@ -36,6 +36,7 @@ from kaju.model.elastic.equal.system import lift
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
+from kaju.model.scene.resolved_body import grid
 
 Index = NDArray[np.int64]
 Box = tuple[Index, Index]
@@ -173,8 +174,6 @@ class PiecedBody:
 
     def kinds(self, box: Box) -> NDArray[np.int32]:
         """Return the kinds of the cells of a box, the rim's as kaju's arrays have them."""
-        from kaju.model.scene.resolved_body import grid
-
         cells = grid(*box) + self.lower
         kinds = self.scene.kinds(cells)
         beyond = (cells < 0) | (cells >= np.array(self.scene.lattice.shape))

@@ -1,4 +1,10 @@
-"""What is asked: bodies, supports and loads."""
+"""What is asked: bodies, supports and loads.
+
+In comes a TOML file or keyword arguments; out go kinds of cells and forces on their faces.
+Read `scene` (the whole), `description` (what each table may hold), `body` and `regions` (where
+material is), `sides` and `loads` (what holds and presses it), then `resolve` and `selection`
+(which cells and faces these are).
+"""
 
 from .body import Body
 from .lattice import Lattice

@@ -1,0 +1,92 @@
+"""Rooms import one another downwards, files in no circle, and the drawing of them is true."""
+
+import ast
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import draw_rooms
+import networkx as nx
+import pytest
+
+ROOT = Path(__file__).parents[1]
+# Imported in functions: optional packages, and those that take long to load and are seldom needed.
+SELDOM = (
+    "pandas scipy petsc4py mpi4py skfem numba rich svgpathtools trimesh meshlane joblib tifffile "
+    "tomli_w tomllib xarray pyarrow networkx imageio_ffmpeg pydantic kaju"
+)
+# Where kaju's own files are imported in functions, so that commands and `import kaju` stay quick.
+LATE = (
+    *("kaju.cli", "kaju.view", "kaju.model.study.solving"),
+    *("kaju.model.elastic", "kaju.model.outline"),
+)
+# Circles that are still there.
+CIRCLES = [
+    {"kaju.model.elastic.elastic_result", "kaju.model.solid.solid_agents"},
+    {"kaju.model.outline.outline_result", "kaju.model.outline.outlined_scene"},
+]
+TO_COME = ("elastic", "outline", "solid")
+MODULES = dict(draw_rooms.files())
+
+
+def in_functions(path):
+    """The modules that a file imports within functions."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    for node in (inner for function in functions for inner in ast.walk(function)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "kaju." * (node.level > 0) + (node.module or "")
+
+
+def test_files_import_one_another_in_no_circle():
+    """Those in functions counted."""
+    graph = draw_rooms.graph()
+    assert graph.number_of_edges() > 500
+    found = [c for c in nx.strongly_connected_components(graph) if len(c) > 1]
+    assert [circle for circle in found if circle not in CIRCLES] == []
+
+
+def test_functions_import_what_is_seldom_needed():
+    for module, path in MODULES.items():
+        if "python" in path.parts:
+            continue  # agents in the page
+        for name in in_functions(path):
+            own = name.startswith("kaju.")
+            assert name.partition(".")[0] in SELDOM.split() or own, f"{module} imports {name}"
+            assert module.startswith(LATE) or not own, f"{module} imports {name} in a function"
+
+
+def test_nothing_below_imports_the_roof():
+    rooms = draw_rooms.rooms()
+    assert set(rooms.predecessors("cli")) == set()
+    assert set(rooms.predecessors("page")) <= {"cli"}
+    assert set(rooms.predecessors("view")) <= {"cli", "page"}
+
+
+def test_the_drawing_shows_what_is_imported():
+    """If not: python docs/draw_rooms.py."""
+    rooms = draw_rooms.rooms()
+    arrows = {f"{one}-{other}" for one, other in {*draw_rooms.drawn(rooms).edges}}
+    drawing = ElementTree.parse(draw_rooms.DRAWING)
+    ids = {node.tag.rpartition("}")[2]: set() for node in drawing.iter()}
+    for node in drawing.iter():
+        ids[node.tag.rpartition("}")[2]].add(node.get("id"))
+    upwards = {"-".join(pair) for pair in draw_rooms.UPWARDS}
+    assert ids["path"] - {None} == arrows | upwards
+    assert ids["text"] - {None} == set(rooms)
+
+
+@pytest.mark.parametrize(
+    "room", sorted(set(map(draw_rooms.room_of, MODULES)) - {"ground", *TO_COME})
+)
+def test_rooms_say_in_five_lines_what_they_do_and_where_to_begin(room):
+    folder = {"page": "view/page"}.get(room, room)
+    home = ROOT / folder if (ROOT / folder).is_dir() else ROOT / "model" / room
+    about = ast.get_docstring(ast.parse((home / "__init__.py").read_text(encoding="utf-8")))
+    assert len(about.splitlines()) <= 8
+    read = about.partition("Read ")[2]
+    named = re.findall(r"`([a-z_]+)`", read)
+    assert named
+    assert [name for name in named if not [*home.rglob(f"{name}.py"), *home.glob(name)]] == []

@@ -10,15 +10,10 @@ import networkx as nx
 import pytest
 
 ROOT = Path(__file__).parents[1]
-# Imported in functions: optional packages, and those that take long to load and are seldom needed.
+# Imported in functions: optional packages, and what takes long to load and is seldom needed.
 SELDOM = (
     "pandas scipy petsc4py mpi4py skfem numba rich svgpathtools trimesh meshlane joblib tifffile "
     "tomli_w tomllib xarray pyarrow networkx imageio_ffmpeg pydantic kaju"
-)
-# Where kaju's own files are imported in functions, so that commands and `import kaju` stay quick.
-LATE = (
-    *("kaju.cli", "kaju.view", "kaju.model.study.solving"),
-    *("kaju.model.elastic", "kaju.model.outline"),
 )
 # Circles that are still there.
 CIRCLES = [
@@ -53,9 +48,7 @@ def test_functions_import_what_is_seldom_needed():
         if "python" in path.parts:
             continue  # agents in the page
         for name in in_functions(path):
-            own = name.startswith("kaju.")
-            assert name.partition(".")[0] in SELDOM.split() or own, f"{module} imports {name}"
-            assert module.startswith(LATE) or not own, f"{module} imports {name} in a function"
+            assert name.partition(".")[0] in SELDOM.split(), f"{module} imports {name}"
 
 
 def test_nothing_below_imports_the_roof():

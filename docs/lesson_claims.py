@@ -1,10 +1,9 @@
-"""What the lessons claim, and what holds it: python docs/lesson_claims.py counts both.
+"""What holds the sentences of lessons: expressions beside them, worked out by the tests.
 
-A claim is a sentence with a number or a word of size or shape. Behind it stands ``<!-- ... -->``:
-expressions of `lesson_measures`, set apart by semicolons. What is true or false must be true;
-of all else the values must hold the numbers of the sentence, to the digits that it gives. A
-number that stands in an expression is a setting. A field to fill in is a claim too, and the answer
-in ``toml questions`` holds it.
+Behind a sentence stands ``<!-- ... -->``: expressions of `lesson_measures`, set apart by
+semicolons. What is true or false must be true; of all else the values must hold the numbers of the
+sentence, to the digits that it gives. A number that stands in an expression is a setting. A field
+to fill in is held by the answer in ``toml questions``.
 """
 
 from __future__ import annotations
@@ -16,19 +15,10 @@ from functools import cache
 from typing import Any
 
 import lesson_measures
-from lesson_texts import FENCE, MARK, ORDER, Lesson, lesson
+from lesson_texts import FENCE, MARK, Lesson, lesson
 
-SIZES = re.compile(
-    r"\b(?:two|three|four|five|six|seven|eight|nine|ten|half|halves|twice|double[sd]?|thirds?|"
-    r"quarters?|fifth|sixth|seventh|tenth|twentieth|thousand|\w+fold|wedge|cone|wider|widest|"
-    r"narrow\w*|closes|deeper|shadow|straight|largest|smallest|larger|smaller|more|fewer|less|"
-    r"softer|stiff\w*|further|nothing|most|mirror|pulls?|nearly)\b",
-    re.I,
-)
 NUMBER = re.compile(r"(?<![\w.])\d+(?:,\d{3})*(?:\.\d+)?(?!\w)")
 _SENTENCE = re.compile(r".+?(?:[.?!](?=\s|<!--|$)|$)(?:\s*<!--.*?-->)?", re.S)
-DEFINITIONS = ("How it works", "Things to notice")
-"""Here a word of size is what the rule or a question says; a number is claimed all the same."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +26,13 @@ class Claim:
     """A sentence of a lesson, the preset that it is said of, and the expressions that hold it."""
 
     lesson: str
-    section: str
     preset: int
     text: str
     held_by: tuple[str, ...]
 
 
 def claims(of: Lesson) -> Iterator[Claim]:
-    """Return all claims of a lesson's English text."""
+    """Return the sentences of a lesson's English text that something holds."""
     for section, text in of.texts["en"].sections.items():
         preset = -1 if section == "Things to try" and of.scenes else 0
         for line in _blocks(section, text):
@@ -51,16 +40,10 @@ def claims(of: Lesson) -> Iterator[Claim]:
             if line.startswith("### "):
                 continue
             for sentence in _SENTENCE.findall(line):
-                bare = MARK.sub("", sentence).replace("(1 − β)", "").strip()
-                marks = MARK.findall(sentence)
-                counted = NUMBER.search(bare) or (section not in DEFINITIONS and SIZES.search(bare))
-                if marks or (counted and not bare.endswith("?")):
-                    held = tuple(part for mark in marks for part in _expressions(mark))
-                    yield Claim(of.name, section, max(preset, 0), bare, held)
-
-
-def _expressions(mark: str) -> list[str]:
-    return [part.strip() for part in mark[4:-3].split(";") if part.strip()]
+                if marks := MARK.findall(sentence):
+                    bare = MARK.sub("", sentence).replace("(1 − β)", "").strip()
+                    parts = (part.strip() for mark in marks for part in mark[4:-3].split(";"))
+                    yield Claim(of.name, max(preset, 0), bare, tuple(filter(None, parts)))
 
 
 def _blocks(section: str, text: str) -> Iterator[str]:
@@ -96,8 +79,6 @@ def value(of: Lesson, expression: str, preset: int = 0) -> Any:
 
 def fault(of: Lesson, claim: Claim) -> str | None:
     """Return why a claim is not held, None if it is."""
-    if not claim.held_by:
-        return "nothing holds it"
     settings, found = list(NUMBER.findall(" ".join(claim.held_by))), []
     for expression in claim.held_by:
         try:
@@ -132,24 +113,3 @@ def answers(of: Lesson, question: int) -> list[float]:
     """Return the answers to the fields of a question, worked out."""
     expressions = of.kinds[question].get("answers", [])
     return _flat([value(of, expression) for expression in expressions])
-
-
-def fields(of: Lesson) -> int:
-    """Return how many fields a lesson's worksheet has."""
-    return sum(len(question.fields) for question in of.texts["en"].questions)
-
-
-if __name__ == "__main__":
-    told = unheld = 0
-    for name in ORDER:
-        found = lesson(name)
-        known = list(claims(found))
-        faults = [(claim, why) for claim in known if (why := fault(found, claim))]
-        blanks = fields(found)
-        given = sum(len(answers(found, i)) for i in range(len(found.kinds)))
-        told += len(known) + blanks
-        unheld += len(faults) + abs(blanks - given)
-        print(f"{name}: {len(known)} claims, {blanks} fields, {given} answers")
-        for claim, why in faults:
-            print(f"  {claim.section}: {claim.text}\n    {why}")
-    print(f"{told} claims and fields, {unheld} of them not held")

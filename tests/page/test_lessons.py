@@ -24,7 +24,7 @@ STEPS = ["predict", "step", "explain", "try"]
 
 def test_all_lessons_are_in_the_order():
     assert sorted(ORDER) == sorted(path.stem for path in LESSONS.glob("*.md"))
-    assert set(lesson_index.PICTURES) == set(ORDER)
+    assert set(lesson_index.SHOWN) == set(ORDER)
 
 
 LONG = {"a-noodle-remembers": pytest.mark.slow, "bones-and-bridges": pytest.mark.slow}
@@ -48,7 +48,6 @@ def test_a_sentence_that_is_untrue_is_found():
     assert "8 is none of" in lesson_claims.fault(of, wrong)
     shape = next(claim for claim in claims if "closes downwards" in claim.text)
     assert "not true" in lesson_claims.fault(of, replace(shape, held_by=("not narrows()",)))
-    assert "nothing holds" in lesson_claims.fault(of, replace(shape, held_by=()))
 
 
 @pytest.mark.parametrize(
@@ -152,7 +151,7 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
     for name, card in zip(ORDER, cards.all(), strict=True):
         assert card.get_attribute("href") == f"{name}.html"
         assert card.get_by_role("heading", name=lesson(name).texts["en"].title).is_visible()
-        assert card.locator("svg *").count() >= 2
+        assert card.locator("img").evaluate("image => image.naturalWidth") > 100
     tab.get_by_role("button", name="10", exact=True).click()
     ages = [card.get_attribute("data-age") for card in cards.all() if card.is_visible()]
     assert ages == ["10"] * 3

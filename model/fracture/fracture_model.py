@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats, first_largest
-from kaju.errors import MechanismError, ParameterError, SceneError
+from kaju.errors import MechanismError, SceneError, require
 from kaju.model.network import SpringNetwork, hexagon_body
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
@@ -14,9 +14,8 @@ from kaju.model.network.linear import SingularTangentError
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
 
-from .breaking_network import check_breakable
+from .breaking import Measure, check_breakable
 from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
-from .weakening import Measure
 
 PARTED = "parted: what is left hardly resists the load, or not at all"
 UNBROKEN = "nothing that is left is pulled: at no load will more break"
@@ -120,20 +119,18 @@ class FractureModel(Stepper[FractureResult]):
         most_breaks: int | None = None,
         seed: int = 0,
     ) -> None:
-        if not isinstance(subject, (SpringNetwork, Scene)):
-            raise ParameterError(
-                f"subject: a SpringNetwork or a Scene is needed, got {subject!r:.80}"
-            )
-        if most_breaks is not None and most_breaks < 1:
-            raise ParameterError(f"most_breaks: at least 1, got {most_breaks}")
+        right = isinstance(subject, SpringNetwork | Scene)
+        require(right, f"subject: a SpringNetwork or a Scene is needed, got {subject!r:.80}")
+        ends = most_breaks is None or most_breaks >= 1
+        require(ends, f"most_breaks: at least 1, got {most_breaks}")
         self.subject = _breakable(subject)
         cells = isinstance(self.subject, Scene)
         self._measure: Measure = measure or ("stress" if cells else "force")
-        if cells and strength is None:
-            raise ParameterError(
-                "strength: cells have none by themselves; give that of the material at cells of "
-                f"this size, such as strength=250e6 (Pa) for the measure {self._measure!r}"
-            )
+        require(
+            strength is not None or not cells,
+            "strength: cells have none by themselves; give that of the material at cells of this "
+            f"size, such as strength=250e6 (Pa) for the measure {self._measure!r}",
+        )
         self._most = most_breaks
         draw = np.random.default_rng(seed)
         self.strengths = self._drawn_strengths(
@@ -158,19 +155,17 @@ class FractureModel(Stepper[FractureResult]):
         """
         count = parts_of(self.subject)
         scale = np.asarray(strength, dtype=np.float64)
-        if scale.shape not in ((), (count,)):
-            raise ParameterError(
-                f"strength: one number, or one for each of the {count} that may break, got shape "
-                f"{scale.shape}"
-            )
-        if not (np.isfinite(scale).all() and (scale > 0.0).all()):
-            raise ParameterError(f"strength: must be finite and above 0, got {strength!r:.60}")
-        if not 0.0 <= scatter < 1.0:
-            raise ParameterError(f"scatter: a share from 0 to below 1, got {scatter}")
+        require(
+            scale.shape in ((), (count,)),
+            f"strength: one number, or one for each of the {count} that may break, got shape "
+            f"{scale.shape}",
+        )
+        strong = bool(np.isfinite(scale).all() and (scale > 0.0).all())
+        require(strong, f"strength: must be finite and above 0, got {strength!r:.60}")
+        require(0.0 <= scatter < 1.0, f"scatter: a share from 0 to below 1, got {scatter}")
         if weibull is None:
             return np.asarray(scale * (1.0 + scatter * draw.uniform(-1.0, 1.0, count)))
-        if not 0.0 < weibull < np.inf:
-            raise ParameterError(f"weibull: a modulus above 0, got {weibull}")
+        require(0.0 < weibull < np.inf, f"weibull: a modulus above 0, got {weibull}")
         return np.asarray(scale * draw.weibull(weibull, count))
 
     @property

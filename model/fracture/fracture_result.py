@@ -11,27 +11,23 @@ import numpy as np
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve
 from kaju.model.network import NetworkResult, SpringNetwork
-from kaju.model.network.assembler import along_springs
-from kaju.model.network.springs import spring_lengths_and_directions
 from kaju.model.results.result import Check, Result
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
-from .breaking_cells import KEPT, BreakingCells
-from .breaking_network import BreakingNetwork
-from .weakening import Measure, WeakeningBody
+from .breaking import KEPT, BreakingCells, BreakingNetwork, Measure, WeakeningBody
 
 if TYPE_CHECKING:
     import pandas
 
-    from kaju.model.elastic.elastic_result import ElasticResult
-
 COLUMNS = ("broken", "load_factor", "displacement", "force", "stored", "released", "work")
 
 _DIGITS_LEFT = 1e-5
-"""Share of the work that may be missed: shortly before it parts, a network's equations are bad."""
+"""Share of the work that may be missed: shortly before a network parts, its equations are
+ill-conditioned."""
 
 _CELL_SIZE = (
     "the strength is one of cells of this size: where stress is singular, cells break at a load "
@@ -202,26 +198,21 @@ class FractureResult(Result):
             stiffness = np.ones(solid.shape)
             stiffness[tuple(np.argwhere(solid)[self.broken[:count]].T)] = KEPT
             return solve(self.subject, stiffness=stiffness)
-        kept = np.ones(len(self.network.springs), dtype=bool)
-        kept[self.broken[:count]] = False
-        whole = self.network
+        whole, factor, body = self.network, self.factor_after(count), next(self.replayed([count]))
+        kept = np.delete(np.arange(len(whole.springs)), self.broken[:count])
         left = replace(
             whole,
             springs=whole.springs[kept],
             stiffness=whole.stiffness[kept],
             rest_length=whole.rest_length[kept],
         )
-        factor = self.factor_after(count)
-        standing = body_of(left, np.full(len(left.springs), np.inf), "force")
-        moved = factor * standing.displacement()
-        _, direction = spring_lengths_and_directions(left.positions, left.springs)
-        stretch = np.einsum("ij,ij->i", along_springs(left, moved), direction)
-        rest = np.zeros_like(moved)
+        moved = factor * body.displacement()
+        tension = factor * body.borne()[kept]
         return NetworkResult(
             network=left.with_loads(factor * whole.forces, factor * whole.displacements),
             stage=np.array([0.0, 1.0]),
-            displacement=np.stack([rest, moved]),
-            tension=np.stack([np.zeros(len(left.springs)), left.stiffness * stretch]),
+            displacement=np.stack([np.zeros_like(moved), moved]),
+            tension=np.stack([np.zeros_like(tension), tension]),
             residual=np.zeros(2),
             corrections=np.array([0, 1]),
             scheme="euler",
@@ -292,7 +283,7 @@ class FractureResult(Result):
             "stored_J": float(self.stored[-1]) if self.breaks else 0.0,
             "released_J": float(self.released[-1]) if self.breaks else 0.0,
             "outcome": self.outcome,
-            "notes": [*self.subject.notes, *([_CELL_SIZE] if self.parts == "cell" else [])],
+            "notes": self._notes(),
             "seconds": self.seconds,
         }
 
@@ -301,6 +292,12 @@ class FractureResult(Result):
         off = np.abs(self.work - self.stored - self.released).max(initial=0.0)
         met = np.abs(self.work).max(initial=0.0)
         return [Check("work is stored or released", float(off / (met or 1.0)), _DIGITS_LEFT)]
+
+    def _notes(self) -> list[str]:
+        if isinstance(self.subject, Scene):
+            farthest = float(np.abs(self.displacement).max(initial=0.0))
+            return [*self.subject.notes_on(farthest), _CELL_SIZE]
+        return list(self.subject.notes)
 
     def _sizes(self) -> dict[str, int]:
         if isinstance(self.subject, Scene):

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.arrays import Flags, Floats
+from kaju.errors import SceneError, require
 from kaju.model.elastic.arguments import SMALLEST
+from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal.grid import grid_of
+from kaju.model.elastic.equal.problem import ElasticProblem, FaceFields
+from kaju.model.elastic.equal.solver import followed
+from kaju.model.elastic.equal.staggered import energy_of_cells
+from kaju.model.elastic.moduli import Moduli, von_mises
 from kaju.model.scene import Scene
 from kaju.model.scene.scene import scene_needed
 from kaju.model.stepper import Stepper
 
-from .growing import GrowingBody, Neighbours
 from .growth_result import GrowthResult
-from .growth_rules import RULES, Felt, GrowthRule
+from .growth_rules import RULES, Felt, GrowthRule, Neighbours
 
 AT_REST = "at rest: no density changes any more"
+_ROUNDING = 1e-9
+"""Share of the largest by which numbers may differ and still be mirror images of each other."""
 _TIGHT = 1e-6
 """To which the equations of the last design are solved."""
 
@@ -111,23 +119,18 @@ class GrowthModel(Stepper[GrowthResult]):
         keep: bool = True,
     ) -> None:
         scene_needed(scene)
-        if isinstance(rule, str) and rule not in RULES:
-            raise ParameterError(f"rule: {', '.join(map(repr, RULES))}, got {rule!r}")
-        if not isinstance(rule, (str, GrowthRule)):
-            raise ParameterError(f"rule: a name or a GrowthRule is needed, got {rule!r:.80}")
-        if not 0.0 < volume <= 1.0:
-            raise ParameterError(f"volume: a share above 0, at most 1, got {volume}")
-        if not 0.0 <= filter_radius <= max(scene.lattice.shape):
-            raise ParameterError(
-                f"filter_radius: from 0 to the {max(scene.lattice.shape)} cells of the body, got "
-                f"{filter_radius}"
-            )
-        if most_steps < 1:
-            raise ParameterError(f"most_steps: at least 1, got {most_steps}")
-        if not at_rest >= 0.0:
-            raise ParameterError(f"at_rest: 0 or more, got {at_rest}")
-        if not SMALLEST <= tolerance < 1.0:
-            raise ParameterError(f"tolerance: from {SMALLEST:g} to below 1, got {tolerance}")
+        known = isinstance(rule, GrowthRule) or rule in RULES
+        require(known, f"rule: a GrowthRule, or {', '.join(map(repr, RULES))}, got {rule!r:.80}")
+        require(0.0 < volume <= 1.0, f"volume: a share above 0, at most 1, got {volume}")
+        across = max(scene.lattice.shape)
+        fits = 0.0 <= filter_radius <= across
+        require(
+            fits, f"filter_radius: from 0 to the {across} cells of the body, got {filter_radius}"
+        )
+        require(most_steps >= 1, f"most_steps: at least 1, got {most_steps}")
+        require(at_rest >= 0.0, f"at_rest: 0 or more, got {at_rest}")
+        sure = SMALLEST <= tolerance < 1.0
+        require(sure, f"tolerance: from {SMALLEST:g} to below 1, got {tolerance}")
         self.scene, self.stage = scene, stage
         self.rule = RULES[rule]() if isinstance(rule, str) else copy(rule)
         self._volume, self._radius, self._keep = volume, filter_radius, keep
@@ -148,11 +151,11 @@ class GrowthModel(Stepper[GrowthResult]):
         if start is None:
             return np.full(np.count_nonzero(body), float(volume))
         field, shape = np.asarray(start, dtype=np.float64), self.scene.lattice.shape
-        if field.shape != shape:
-            raise ParameterError(f"start: densities of shape {shape} are needed, got {field.shape}")
+        right = field.shape == shape
+        require(right, f"start: densities of shape {shape} are needed, got {field.shape}")
         design: Floats = field[self._growing.box][body]
-        if not np.all((design >= 0.0) & (design <= 1.0)):
-            raise ParameterError("start: densities from 0 to 1 are needed where there is material")
+        inside = bool(np.all((design >= 0.0) & (design <= 1.0)))
+        require(inside, "start: densities from 0 to 1 are needed where there is material")
         return design
 
     @property
@@ -164,11 +167,11 @@ class GrowthModel(Stepper[GrowthResult]):
         """Let all densities change by what their cells feel, and let them feel again."""
         grown = np.asarray(self.rule.grow(self._felt()), dtype=np.float64)
         right = grown.shape == self.design.shape
-        if not (right and np.all((grown >= 0.0) & (grown <= 1.0))):
-            raise ParameterError(
-                f"rule: {type(self.rule).__name__}.grow must return {self.design.size} densities "
-                f"from 0 to 1, one a cell, got {grown!r:.80}"
-            )
+        require(
+            right and bool(np.all((grown >= 0.0) & (grown <= 1.0))),
+            f"rule: {type(self.rule).__name__}.grow must return {self.design.size} densities "
+            f"from 0 to 1, one a cell, got {grown!r:.80}",
+        )
         change = float(np.abs(grown - self.design).max())
         self.design = grown
         if self.steps >= self.rule.patience and change <= self._at_rest:
@@ -237,3 +240,93 @@ class GrowthModel(Stepper[GrowthResult]):
             outcome=self.outcome,
             seconds=self.seconds,
         )
+
+
+class GrowingBody:
+    """The cells of a scene, how stiff they are, and what they feel under its loads.
+
+    The cells are squares or cubes, the loads forces that do not depend on what has grown.
+    `compliance`: F·u, the work (J) of the final forces on the displacements; `energy`, shape (n,):
+    stored in every cell (J), with its share of the edges round it.
+    """
+
+    def __init__(self, scene: Scene, stage: int | None) -> None:
+        if scene.body.gravity is not None:
+            raise SceneError(
+                "body.gravity: the weight of a body that grows would change with it; leave it out"
+            )
+        if any(side.displacement is not None for side in scene.sides.values()):
+            raise SceneError(
+                "sides: a body grows under forces; of a side that is moved the work grows with "
+                "the stiffness. Load it by [[loads]]"
+            )
+        applied = scene.applied(stage)
+        if not np.any(applied.force):
+            raise SceneError("loads: nothing grows without forces; add [[loads]]")
+        grid = grid_of(scene, stage, stiffness=np.ones(scene.lattice.shape))
+        if grid.division > 1:
+            raise SceneError(f"body: {grid.notes[0]}; give smaller cells (scene.refine(2))")
+        self._whole = grid.problem
+        self.body: Flags = np.asarray(self._whole.kinds[self._whole.inner] >= 0)
+        ends = zip(grid.origin, self.body.shape, strict=True)
+        self.box = tuple(slice(start, start + size) for start, size in ends)
+        self._mirrors = [axis for axis in range(self.body.ndim) if _mirrored(self._whole, axis)]
+        self._moved: FaceFields | None = None
+
+    def solve(self, stiffness: Floats, tolerance: float) -> None:
+        """Find what cells of a relative stiffness feel, starting from what they felt before."""
+        moduli = Moduli(*(modulus * stiffness for modulus in self._whole.moduli))
+        problem = replace(self._whole, moduli=moduli)
+        solution = followed(problem, self._moved, tolerance)
+        self._moved = solution.displacement
+        unit = problem.scales.energy
+        self.compliance = 2.0 * unit * solution.energy
+        # Loose equations are not solved alike on both sides of a mirror, and growth amplifies that.
+        self._kept = [axis for axis in self._mirrors if self._same(stiffness, axis)]
+        self.energy = self._symmetric(unit * energy_of_cells(problem, self._moved)[self.body])
+        self.iterations = solution.iterations
+
+    def von_mises(self) -> Floats:
+        """Return the equivalent stress (Pa) of the whole material at the cells' strain."""
+        assert self._moved is not None
+        problem = self._whole
+        parts = fields.stress_parts(replace(problem, surface_shear={}), self._moved)
+        stress = fields.cell_tensor(problem, parts)[self.body]
+        across: Floats | float = 0.0
+        if problem.plane == "strain":
+            lateral, shear = problem.moduli.lateral, problem.moduli.shear
+            across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
+        return self._symmetric(problem.scales.stress * von_mises(stress, across))
+
+    def _flipped(self, values: Floats, axis: int) -> Floats:
+        """Return the values of the cells' mirror images along an axis."""
+        field = np.zeros(self.body.shape)
+        field[self.body] = values
+        return np.asarray(np.flip(field, axis)[self.body])
+
+    def _same(self, values: Floats, axis: int) -> bool:
+        return bool(np.abs(values - self._flipped(values, axis)).max(initial=0.0) <= _ROUNDING)
+
+    def _symmetric(self, values: Floats) -> Floats:
+        """Return the means of values and their mirror images."""
+        for axis in self._kept:
+            values = 0.5 * (values + self._flipped(values, axis))
+        return values
+
+
+def _mirrored(problem: ElasticProblem, axis: int) -> bool:
+    """Tell whether body, supports and loads are their own mirror image, loads but for the sign."""
+    solid, kind = problem.kinds >= 0, np.maximum(problem.kinds, 0)
+    stiff = [np.where(solid, modulus[kind], 0.0) for modulus in problem.moduli]
+    whole = (*stiff, *problem.face_states, *problem.spring)
+    if not all(np.array_equal(field, np.flip(field, axis)) for field in whole):
+        return False
+    # A mirror turns round what points along its axis; and shear, which has it as one of two axes.
+    loads = [(f, f_axis == axis) for f_axis, f in enumerate(problem.force)]
+    loads += [(np.asarray(s), axis in pair) for pair, s in problem.surface_shear.items()]
+    images = [(f, -np.flip(f, axis) if turned else np.flip(f, axis)) for f, turned in loads]
+    most = max(float(np.abs(f).max(initial=0.0)) for f, _ in images)
+    return any(
+        all(np.abs(f - sign * image).max(initial=0.0) <= _ROUNDING * most for f, image in images)
+        for sign in (1.0, -1.0)
+    )

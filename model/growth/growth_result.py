@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ResultError, require
+from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BOOKS, BodyResult, Check, Result
@@ -20,10 +21,6 @@ from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
     import pandas
-
-    from kaju.model.elastic.elastic_result import ElasticResult
-
-COLUMNS = ("compliance", "volume", "change", "iterations")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,10 +140,8 @@ class GrowthResult(BodyResult):
         """
         if step is None:
             return self.cells
-        if not len(self.designs):
-            raise ParameterError("step: densities were not kept; grow with keep=True")
-        if not 0 <= step <= self.steps:
-            raise ParameterError(f"step: 0 to {self.steps}, got {step}")
+        require(len(self.designs) > 0, "step: densities were not kept; grow with keep=True")
+        require(0 <= step <= self.steps, f"step: 0 to {self.steps}, got {step}")
         return np.asarray(self.designs[step], dtype=np.float64)
 
     def displacement_at(self, points: Floats) -> Floats:
@@ -165,9 +160,15 @@ class GrowthResult(BodyResult):
         """One row per step, the start included: compliance, volume, change, iterations."""
         import pandas
 
-        columns = (self.compliances, self.volumes, self.changes, self.iterations)
-        named = dict(zip(("compliance_J", *COLUMNS[1:]), columns, strict=True))
-        return pandas.DataFrame({"step": np.arange(self.steps + 1), **named})
+        return pandas.DataFrame(
+            {
+                "step": np.arange(self.steps + 1),
+                "compliance_J": self.compliances,
+                "volume": self.volumes,
+                "change": self.changes,
+                "iterations": self.iterations,
+            }
+        )
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the history."""
@@ -175,6 +176,8 @@ class GrowthResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
+        total = np.linalg.norm(self.scene.applied(self.stage).force, axis=1).sum()
+        notes = self.scene.notes_on(self.compliance / float(total))  # displaced by so much at least
         return {
             "model": "growth",
             "kaju_version": __version__,
@@ -190,7 +193,7 @@ class GrowthResult(BodyResult):
             "largest_change": float(self.changes[-1]),
             "outcome": self.outcome,
             "seconds": self.seconds,
-        } | ({"notes": list(self.scene.notes)} if self.scene.notes else {})
+        } | ({"notes": list(notes)} if notes else {})
 
     def checks(self) -> list[Check]:
         """Return whether the volume is what was asked for, at every step, if the rule holds it."""

@@ -13,22 +13,80 @@ bone-remodeling theory applied to prosthetic-design analysis", Journal of Biomec
 
 R. Razani, "Behavior of fully stressed design of structures and its relationship to minimum-weight
 design", AIAA Journal 3 (1965) 2262-2268: `FullyStressed`.
+
+T. E. Bruns, D. A. Tortorelli, "Topology optimization of non-linear elastic structures and
+compliant mechanisms", Computer Methods in Applied Mechanics and Engineering 190 (2001) 3443-3459:
+means of densities, `Neighbours.within`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from math import ceil
 from typing import ClassVar, Literal
 
 import numpy as np
+from scipy.ndimage import correlate
 from scipy.optimize import brentq
 
-from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.arrays import Flags, Floats
+from kaju.errors import require
 from kaju.model.elastic.equal.krylov import dot
 
-from .growing import Neighbours
+
+class Neighbours:
+    """Weighted means over cells of a body, in which cells outside of it do not count."""
+
+    def __init__(self, body: Flags, weights: Floats) -> None:
+        self.body, self._weights = body, weights
+        self._whole = self.sums(np.ones(np.count_nonzero(body)))
+
+    @classmethod
+    def within(cls, body: Flags, radius: float) -> Neighbours:
+        """Return means whose weights fall linearly to 0 at a radius (cells)."""
+        reach = max(ceil(radius) - 1, 0)
+        place = np.indices((2 * reach + 1,) * body.ndim) - reach
+        distance = np.sqrt((place**2).sum(axis=0))
+        return cls(body, np.maximum(max(radius, 1.0) - distance, 0.0))
+
+    @classmethod
+    def across_faces(cls, body: Flags) -> Neighbours:
+        """Return means over a cell and those it shares a face with, itself as much as all others.
+
+        With less weight for itself, cells of a checkerboard would feel the opposite of what they
+        carry, and the checkerboard would grow.
+        """
+        weights = np.zeros((3,) * body.ndim)
+        for axis in range(body.ndim):
+            weights[tuple([slice(None, None, 2) if a == axis else 1 for a in range(body.ndim)])] = 1
+        weights[(1,) * body.ndim] = 2 * body.ndim
+        return cls(body, weights)
+
+    def sums(self, values: Floats) -> Floats:
+        """Return the weighted sums of the cells' values."""
+        whole = np.zeros(self.body.shape)
+        whole[self.body] = values
+        return np.asarray(correlate(whole, self._weights, mode="constant")[self.body])
+
+    def means(self, values: Floats) -> Floats:
+        """Return the weighted means of the cells' values."""
+        return np.asarray(self.sums(values) / self._whole)
+
+    def handed_back(self, values: Floats) -> Floats:
+        """Return the derivative by the cells' values of a sum of means with these factors."""
+        return self.sums(values / self._whole)
+
+    @cached_property
+    def of_all(self) -> Floats:
+        """The derivative by the cells' values of the sum of all means."""
+        return self.handed_back(np.ones_like(self._whole))
+
+
+_DEAREST = 100.0
+"""Logarithm of a price at which nothing grows, and of its inverse, at which all does: wishes that
+differ by more than e to its power are beyond what floating-point numbers hold of energies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,14 +178,11 @@ class Compliance(GrowthRule):
         penalty: float = 3.0,
         move: float = 0.2,
     ) -> None:
-        if filter not in ("density", "sensitivity"):
-            raise ParameterError(f"filter: 'density' or 'sensitivity', got {filter!r}")
-        if not 1.0 <= penalty < 100.0:
-            raise ParameterError(f"penalty: a power of 1 or more, got {penalty}")
-        if not 0.0 < move <= 1.0:
-            raise ParameterError(f"move: above 0, at most 1, got {move}")
+        names = ("density", "sensitivity")
+        require(filter in names, f"filter: 'density' or 'sensitivity', got {filter!r}")
+        require(1.0 <= penalty < 100.0, f"penalty: a power of 1 or more, got {penalty}")
+        require(0.0 < move <= 1.0, f"move: above 0, at most 1, got {move}")
         self.smooth, self._penalty, self._move = filter == "density", penalty, move
-        self._price = 0.0
 
     def penalty(self, step: int) -> float:
         """Return the same power at every step."""
@@ -149,21 +204,12 @@ class Compliance(GrowthRule):
             grown = np.clip(wish * np.exp(-price), low, high)
             return dot(weight, grown) / len(x) - felt.volume
 
-        self._price = _root(missing, self._price)
-        return np.asarray(np.clip(wish * np.exp(-self._price), low, high))
-
-
-def _root(falling: Callable[[float], float], guess: float) -> float:
-    """Return where a function that never rises is 0, or as near to that as it comes."""
-    step = 0.25
-    low = high = guess
-    while falling(low) < 0.0 and step < 200.0:
-        low, step = low - step, 2.0 * step
-    while falling(high) > 0.0 and step < 200.0:
-        high, step = high + step, 2.0 * step
-    if low == high or not falling(low) >= 0.0 >= falling(high):
-        return low if falling(high) >= 0.0 else high
-    return float(brentq(falling, low, high, xtol=1e-15, rtol=1e-15, maxiter=200))
+        price = _DEAREST  # its logarithm
+        if missing(-_DEAREST) <= 0.0:
+            price = -_DEAREST
+        elif missing(_DEAREST) < 0.0:
+            price = float(brentq(missing, -_DEAREST, _DEAREST, xtol=1e-15, rtol=1e-15))
+        return np.asarray(np.clip(wish * np.exp(-price), low, high))
 
 
 class Remodelling(GrowthRule):
@@ -187,8 +233,6 @@ class Remodelling(GrowthRule):
         The power p at first and in the end: what is built from 1 on depends less on the start.
     while_rising : tuple of int
         Steps from which on and to which it rises.
-    allow_unstable : bool
-        Take a gain beyond the limit.
 
     Raises
     ------
@@ -207,26 +251,19 @@ class Remodelling(GrowthRule):
         lazy: float = 0.05,
         powers: tuple[float, float] = (1.0, 3.0),
         while_rising: tuple[int, int] = (40, 100),
-        allow_unstable: bool = False,
     ) -> None:
-        if stimulus is not None and not 0.0 < stimulus < np.inf:
-            raise ParameterError(f"stimulus: finite and above 0 (J/m³), got {stimulus}")
-        if not lazy >= 0.0:
-            raise ParameterError(f"lazy: 0 or more, got {lazy}")
-        if not all(1.0 <= power < 100.0 for power in powers):
-            raise ParameterError(f"powers: 1 or more each, got {powers}")
+        aims = stimulus is None or 0.0 < stimulus < np.inf
+        require(aims, f"stimulus: finite and above 0 (J/m³), got {stimulus}")
+        require(lazy >= 0.0, f"lazy: 0 or more, got {lazy}")
+        steep = all(1.0 <= power < 100.0 for power in powers)
+        require(steep, f"powers: 1 or more each, got {powers}")
         first, last = while_rising
-        if not 0 <= first < last:
-            raise ParameterError(f"while_rising: two steps in order, got {while_rising}")
-        self._powers, self._rising, self.patience = powers, while_rising, last
-        if powers[0] == powers[1]:
-            self.patience = 0
+        require(0 <= first < last, f"while_rising: two steps in order, got {while_rising}")
+        self._powers, self._rising = powers, while_rising
+        self.patience = last if powers[0] != powers[1] else 0
         limit = self.stability_limit
-        if not (gain > 0.0 and (gain < limit or allow_unstable)):
-            raise ParameterError(
-                f"gain: above 0 and below 2/(p + 1) = {limit:.3g}, or densities overshoot for "
-                f"ever, got {gain}; take a smaller one, or allow_unstable=True"
-            )
+        rule = f"above 0 and below 2/(p + 1) = {limit:.3g}, or densities overshoot for ever"
+        require(0.0 < gain < limit, f"gain: {rule}, got {gain}; take a smaller one")
         self.stimulus, self._gain, self._lazy = stimulus, gain, lazy
 
     @property
@@ -280,10 +317,9 @@ class FullyStressed(GrowthRule):
     _LEAST = 1e-3
 
     def __init__(self, stress: float | None = None, gain: float = 1.0) -> None:
-        if stress is not None and not 0.0 < stress < np.inf:
-            raise ParameterError(f"stress: finite and above 0 (Pa), got {stress}")
-        if not 0.0 < gain < 2.0:
-            raise ParameterError(f"gain: above 0 and below 2, got {gain}")
+        allowed = stress is None or 0.0 < stress < np.inf
+        require(allowed, f"stress: finite and above 0 (Pa), got {stress}")
+        require(0.0 < gain < 2.0, f"gain: above 0 and below 2, got {gain}")
         self.stress, self._gain = stress, gain
 
     def penalty(self, step: int) -> float:

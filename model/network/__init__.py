@@ -5,23 +5,13 @@ Read `springs` (what is loaded), `assembler` (forces and stiffness of all spring
 (one balance), `increments` (the way to it), then `spring_lattices` for networks to begin with.
 """
 
-from .assembler import Assembler, Geometry
-from .equilibrium import NetworkBalance, SpringLaw, elastic_law, find_balance
 from .hexagon_body import hexagon_body
-from .increments import IncrementalLoading, load_in_increments, solve
-from .linear import DirectSolver
+from .increments import NetworkModel, load_in_increments, solve
 from .network_result import NetworkResult
-from .spring_lattices import (
-    cut,
-    jittered,
-    pulled,
-    triangular,
-)
+from .spring_lattices import cut, jittered, pulled, triangular
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
-    "Assembler", "DirectSolver", "Geometry", "IncrementalLoading", "NetworkBalance",
-    "NetworkResult", "SpringLaw", "SpringNetwork", "cut", "elastic_law", "find_balance",
-    "hexagon_body", "jittered", "load_in_increments", "pulled", "solve",
-    "spring_lengths_and_directions", "triangular",
+    "NetworkModel", "NetworkResult", "SpringNetwork", "cut", "hexagon_body", "jittered",
+    "load_in_increments", "pulled", "solve", "spring_lengths_and_directions", "triangular",
 ]  # fmt: skip

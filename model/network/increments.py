@@ -1,4 +1,4 @@
-"""Load a network step by step: forward Euler in the load, or in equilibrium at every step.
+"""A network loaded step by step: forward Euler in the load, or in equilibrium at every step.
 
 *Euler* (the linearised method): solve A(xⁿ) a = ΔF with the tangent A of the present state,
 then xⁿ⁺¹ = xⁿ + a. What it misses grows in proportion to the size of the increments.
@@ -9,14 +9,13 @@ in halves without a word: the states at the ends of the increments stay the same
 
 from __future__ import annotations
 
-import time
 from typing import NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.errors import ConvergenceError, ParameterError, TangentError
-from kaju.stopping import interrupt_requested, interruptible
+from kaju.errors import ConvergenceError, ParameterError, TangentError, require
+from kaju.model.stepper import Stepper
 
 from .assembler import Assembler, Geometry
 from .equilibrium import (
@@ -52,72 +51,93 @@ class NetworkRecord(NamedTuple):
     corrections: int
 
 
-class IncrementalLoading:
-    """A network on its way along its load path; `step` takes one increment of so many in a stage.
+class NetworkModel(Stepper[NetworkResult]):
+    """A spring network on its way along its load path: a step takes one increment.
 
-    `scheme`: "newton" or "euler", with or without corrections; `tolerance`: largest unbalanced
-    force of the Newton scheme as a share of the largest force. Where the network gives way a
-    `TangentError` holds what was computed as its `result`.
+    Parameters
+    ----------
+    network : SpringNetwork
+        What is loaded.
+    increments : int
+        Number of increments in every stage.
+    scheme : {"newton", "euler"}
+        With corrections to balance, or the plain linearised step.
+    tolerance : float
+        Largest unbalanced force of the Newton scheme, as a share of the largest force.
+
+    Attributes
+    ----------
+    running : bool
+        Whether a step is left.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its rule.
+    MechanismError, BucklingError
+        If the network gives way; the error's `result` is what was reached.
+    ConvergenceError
+        If an increment is too large.
+
+    Examples
+    --------
+    >>> from kaju import NetworkModel
+    >>> from kaju.model.network import triangular
+    >>> model = NetworkModel(triangular(5, force=0.1), increments=4)
+    >>> model.step()
+    >>> model.running
+    True
+    >>> model.run().increments
+    4
     """
 
     def __init__(
         self,
         network: SpringNetwork,
-        increments: int,
-        *,
+        increments: int = 20,
         scheme: Scheme = "newton",
         tolerance: float = 1e-12,
     ) -> None:
-        if increments < 1:
-            raise ParameterError(f"increments: at least 1 is needed, got {increments}")
-        if scheme not in ("newton", "euler"):
-            raise ParameterError(f"scheme: must be 'newton' or 'euler', got {scheme!r}")
-        if not tolerance > 0.0:
-            raise ParameterError(f"tolerance: must be above 0, got {tolerance}")
-        self._started = time.perf_counter()
-        self.network = network
-        self.increments = increments
+        require(increments >= 1, f"increments: at least 1 is needed, got {increments}")
+        known = scheme in ("newton", "euler")
+        require(known, f"scheme: must be 'newton' or 'euler', got {scheme!r}")
+        require(tolerance > 0.0, f"tolerance: must be above 0, got {tolerance}")
+        self.network, self.increments, self.tolerance = network, increments, tolerance
         self.scheme: Scheme = scheme
-        self.tolerance = tolerance
-        self.assembler = Assembler(network)
-        self.solver = DirectSolver()
+        self.assembler, self.solver = Assembler(network), DirectSolver()
         self.law = elastic_law(network)
         self._force_scale = float(np.abs(network.forces).max())
         self.records: list[NetworkRecord] = []
         self._settle()
 
-    @property
-    def steps(self) -> int:
-        """Number of steps taken."""
-        return len(self.records) - 1
-
-    @property
-    def finished(self) -> bool:
-        """Whether all stages are done."""
-        return self.steps >= self.increments * self.network.stages
-
-    def step(self) -> None:
+    def advance(self) -> None:
         """Take one increment of the load, unless the network gives way or it is too large."""
-        last = self.records[-1]
-        goal = (self.steps + 1) / self.increments
-        if self.scheme == "euler":
-            self.records.append(self._euler_step(last, goal))
-            return
-        record = self._newton_step(last, goal)
-        if self.steps + 1 == self.increments * self.network.stages:
-            geometry, stiffness = self._geometry_and_stiffness(record)
-            weakness = unstable_mode(
-                self.assembler, self.solver, geometry, record.tension, stiffness
-            )
-            if weakness is not None:
-                raise self._gives_way(record, weakness)
+        last, taken = self.records[-1], len(self.records)
+        try:
+            take = self._euler_step if self.scheme == "euler" else self._newton_step
+            record = take(last, taken / self.increments)
+            at_the_end = taken == self.increments * self.network.stages
+            if at_the_end and self.scheme == "newton":
+                self._check_stable(record)
+        except TangentError:
+            self.running = False
+            raise
         self.records.append(record)
+        self.running = not at_the_end
 
-    def run(self) -> NetworkResult:
-        """Take all the steps that are left and return the result."""
-        while not (self.finished or interrupt_requested()):
-            self.step()
-        return self.result()
+    @property
+    def stage(self) -> float:
+        """Point of the load path: 1 is the end of the first stage."""
+        return self.records[-1].stage
+
+    @property
+    def positions(self) -> Floats:
+        """Where the nodes are now (m), shape (n, dimension)."""
+        return self.network.positions + self.records[-1].displacement
+
+    def progress(self) -> str:
+        """Return the line of progress."""
+        return f"increment {self.steps}: stage {self.stage:.4g} of {self.network.stages}"
 
     def result(self) -> NetworkResult:
         """Return what has been computed so far."""
@@ -129,7 +149,7 @@ class IncrementalLoading:
             residual=np.array([record.residual for record in self.records]),
             corrections=np.array([record.corrections for record in self.records]),
             scheme=self.scheme,
-            seconds=time.perf_counter() - self._started,
+            seconds=self.seconds,
         )
 
     def _settle(self) -> None:
@@ -232,6 +252,13 @@ class IncrementalLoading:
                 return "the network snaps through states that do not resist"
         return ""
 
+    def _check_stable(self, record: NetworkRecord) -> None:
+        """Refuse a state that gives way."""
+        geometry, stiffness = self._geometry_and_stiffness(record)
+        weakness = unstable_mode(self.assembler, self.solver, geometry, record.tension, stiffness)
+        if weakness is not None:
+            raise self._gives_way(record, weakness)
+
     def _geometry_and_stiffness(self, record: NetworkRecord) -> tuple[Geometry, Floats]:
         geometry = self.assembler.geometry(record.displacement)
         return geometry, self.law(geometry.elongation)[1]
@@ -260,7 +287,7 @@ def load_in_increments(network: SpringNetwork, increments: int = 20) -> NetworkR
 
     Only the states that a step starts from are checked for stability, not the last one.
     """
-    return interruptible(IncrementalLoading(network, increments, scheme="euler").run)
+    return NetworkModel(network, increments, "euler").run(progress=False)
 
 
 def solve(
@@ -268,24 +295,8 @@ def solve(
 ) -> NetworkResult:
     """Load a network with every increment in equilibrium.
 
-    Parameters
-    ----------
-    network : SpringNetwork
-        What is loaded.
-    increments : int
-        Records in every stage. Increments that are too large are cut in halves, so the answer
-        does not depend on their number.
-    tolerance : float
-        Largest unbalanced force as a share of the largest force.
-
-    Raises
-    ------
-    ParameterError
-        If an argument is outside its rule.
-    MechanismError, BucklingError
-        If the network gives way; the error names the nodes, and its `result` is what was reached.
-    ConvergenceError
-        If no balance is found.
+    Increments that are too large are cut in halves, so the answer does not depend on their number.
+    Parameters and errors are those of `NetworkModel`.
 
     Examples
     --------
@@ -298,4 +309,4 @@ def solve(
             f"network: a SpringNetwork is needed, got {type(network).__name__}; a scene is solved "
             "by kaju.solve"
         )
-    return interruptible(IncrementalLoading(network, increments, tolerance=tolerance).run)
+    return NetworkModel(network, increments, tolerance=tolerance).run(progress=False)

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from kaju.model.fracture.fracture_result import FractureResult as FractureResult
     from kaju.model.growth.growth_model import GrowthModel as GrowthModel
     from kaju.model.growth.growth_result import GrowthResult as GrowthResult
+    from kaju.model.network import NetworkModel as NetworkModel
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
-    from kaju.model.network.network_model import NetworkModel as NetworkModel
     from kaju.model.outline.outline_result import OutlineResult as OutlineResult
     from kaju.model.results.loading import load_result as load_result
     from kaju.model.results.result import Result as Result
@@ -88,8 +88,7 @@ _NAMES = {
     "model.fracture.fracture_result": "FractureResult",
     "model.growth.growth_model": "GrowthModel",
     "model.growth.growth_result": "GrowthResult",
-    "model.network": "NetworkResult SpringNetwork",
-    "model.network.network_model": "NetworkModel",
+    "model.network": "NetworkModel NetworkResult SpringNetwork",
     "model.outline.outline_result": "OutlineResult",
     "model.results.loading": "load_result",
     "model.results.result": "Result",

@@ -131,3 +131,9 @@ def check_type(name: str, value: object, form: Any) -> None:
         raise ParameterError(f"{name}: {rule}, got {value!r:.80}") from None
     except UnicodeEncodeError as error:
         raise ParameterError(f"{name}: {value!r:.80} is no text ({error.reason})") from None
+
+
+def require(holds: bool, rule: str) -> None:
+    """Raise a `ParameterError` that says which rule an argument breaks, unless it holds."""
+    if not holds:
+        raise ParameterError(rule)

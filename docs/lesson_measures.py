@@ -240,7 +240,7 @@ def _many_sizes(run: Callable[..., Any]) -> Words:
         "near_area": lambda distance: float((run().size[near(distance)] ** 2).sum() / 0.2**2),
         "halved": lambda x, y: log(0.02 / size_near(x, y, "hole")) / log(2.0),  # from 20 mm
         "counts": lambda: [step.agents for step in run().generations],
-        "errors": lambda: [step.aimed_error for step in run().generations],
+        "errors": lambda: [step.error for step in run().generations],
     }
 
 
@@ -364,20 +364,38 @@ def _round_hole(run: Callable[..., Any]) -> Words:
 
 def _two_answers(run: Callable[..., Any]) -> Words:
     def bounds() -> NDArray[Any]:
-        """Return the lower and upper bounds on ever smaller cells, shape (2, 4)."""
-        return np.transpose([run(f"{cells}").energy_bounds for cells in (10, 20, 40, 80)])
+        """Return the lower and upper bound of every generation, shape (2, 6)."""
+        return np.array([(step.lower, step.upper) for step in run().generations]).T
 
     def nested() -> bool:
         closer = np.diff(bounds(), axis=1)
         return bool((closer[0] >= 0.0).all() and (closer[1] <= 0.0).all())
 
+    def disagrees_below_the_load() -> bool:
+        """Return whether the first agent of the largest gap stands below the load."""
+        model = kaju.SpawningModel(run().scene, tolerance=0.005)
+        model.step()
+        first = model.result()
+        x, y = first.middle[first.gap.argmax()]
+        return bool(abs(x - 0.1) < 0.02 and y > 0.16)
+
+    def smallest_at_the_ground() -> bool:
+        """Return whether all of the smallest agents stand within 1 mm of a lower corner."""
+        smallest = run().middle[run().size == run().size.min()]
+        away = [np.linalg.norm(smallest - corner, axis=1) for corner in ([0.0, 0.0], [0.2, 0.0])]
+        return bool((np.min(away, axis=0) < 0.001).all())
+
     return {
-        "low": lambda cells: 1e9 * run(f"{cells}").energy_bounds[0],
-        "high": lambda cells: 1e9 * run(f"{cells}").energy_bounds[1],
-        "error": lambda cells: run(f"{cells}").error_bound,
-        "widths": lambda: np.diff(bounds(), axis=0)[0].tolist(),
+        "low": lambda step: float(1e9 * bounds()[0, step]),
+        "high": lambda step: float(1e9 * bounds()[1, step]),
+        "error": lambda step: run().generations[step].error,
+        "counts": lambda: [step.agents for step in run().generations],
         "nested": nested,
-        "corner": lambda: [run(f"corner-{cells}").error_bound for cells in (16, 32, 64)],
+        "gaps_add_up": lambda: bool(
+            abs(run().gap.sum() / np.diff(run().energy_bounds)[0] - 2.0) < 1e-6
+        ),
+        "disagrees_below_the_load": disagrees_below_the_load,
+        "smallest_at_the_ground": smallest_at_the_ground,
         "bar_is_exact": lambda: bool(
             np.diff(run("bar").energy_bounds)[0] < 1e-6 * run("bar").energy_bounds[0]
         ),

@@ -54,11 +54,13 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log && !(low < top)) low = top / 10 || 0.1;
+  const least = Math.min(...lists.flat()), near = !log && least > 0.7 * top;   // what hardly changes is looked at closely
+  if (near) { low = least - 0.1 * (top - least); top += 0.1 * (top - least); }
   if (!(top > low)) top = low + 1;
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), 0) || 1;
   const X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
-  const [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => String(Number((v / factor).toPrecision(2)));
+  const [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => String(Number((v / factor).toPrecision(near ? 3 : 2)));
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft;
   ctx.textAlign = "right"; ctx.textBaseline = "middle";
   const ticks = log ? Array.from({ length: Math.floor(map(top)) - Math.ceil(from) + 1 }, (_, i) => 10 ** (Math.ceil(from) + i)) : ticksOf(low, top, 3);
@@ -94,5 +96,6 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   });
   if (!seen) return;
   ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
-  paintWord(ctx, quantity(lists[0][here], unit), px + (left ? 6 : -6), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
+  const told = near && lists.length === 2 ? `${quantity(lists[1][here], unit)} – ${quantity(lists[0][here], unit)}` : quantity(lists[0][here], unit);
+  paintWord(ctx, told, px + (left ? 6 : -6), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }

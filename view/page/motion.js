@@ -86,10 +86,10 @@ export class MotionPage extends Page {
       if (v < known.least) known.least = v;
     }
     let { least: low, far: high } = known;
-    const log = low === 0 && high > 0 && (!this.moved ? /load|mises/ : this.born ? /load/ : /^$/).test(name);
+    const log = low === 0 && high > 0 && (!this.moved ? /load|mises/ : this.born ? /load|gap/ : /^$/).test(name);
     if (low < 0) { high = Math.max(high, -low); low = -high; }
     this.scales.set(name, known);
-    return Object.assign(known, { low: log ? high * 1e-4 : low, high: high || 1, log });
+    return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-6 : 1e-4) : low, high: high || 1, log });
   }
 
   drawBody() {

@@ -361,11 +361,19 @@ def _spawned(result: ElasticResult) -> Pictures:
         curves=[
             curve("Agents", [float(g.agents) for g in generations], ""),
             curve("Error", [100.0 * error for error in errors_of(result)], "%", True),
-            curve("Strain energy", [g.energy for g in generations], "J"),
+            Curves("Strain energy", "generation", "", at, _energies(result), "J"),
         ],
         forces=applied(result.scene),
         outcome="; ".join([_error_of(result), stress_text(result)]),
     )
+
+
+def _energies(result: ElasticResult) -> dict[str, Floats]:
+    """Return the energy of every generation, or what is proved of it."""
+    proved = np.array([(g.upper, g.lower) for g in result.generations], dtype=np.float64)
+    if not np.isfinite(proved).all():
+        return {"energy": np.array([g.energy for g in result.generations])}
+    return {"at most": proved[:, 0], "at least": proved[:, 1]}
 
 
 def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:

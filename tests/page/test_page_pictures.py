@@ -319,7 +319,8 @@ def test_what_breaks_is_there_until_then(shown, broken, name):
     borne = columns[f"value {name}"].reshape(frames, -1)
     for count in (0, 1, bearing(result, frames - 1)):
         left = next(result.replayed([count]))
-        largest = result.factor_after(count) * left.borne()
+        # The first picture is that of a body without a load.
+        largest = (result.factor_after(count) if count else 0.0) * left.borne()
         np.testing.assert_allclose(borne[count], largest, atol=4e-3 * np.abs(largest).max())
     page = shown(result)
     far = {}

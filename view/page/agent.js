@@ -10,7 +10,7 @@ const SILENCE = 2000, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000;   // ms
 // ------------------------------------------------------------------- what went wrong, in words
 
 const ALLOWED = ["kaju", "math", "random", "typing", "dataclasses", "__future__"];
-const REFUSED = /(?<![\w.])(eval|exec|compile|open|input|__import__|globals|locals|vars|breakpoint|window|document|javascript|browser|setattr|delattr|getattr)\b|\b__(?!init__|name__|main__|repr__|str__|class__|post_init__|future__)\w+__/;
+const REFUSED = /(?<![\w.])(eval|exec|compile|open|input|__import__|globals|locals|vars|breakpoint|window|document|javascript|browser|setattr|delattr|getattr|_page)\b|\b__(?!init__|name__|main__|repr__|str__|class__|post_init__|future__)\w+__/;
 
 /** The code without strings and comments: its lines stay where they are. */
 const bare = (code) => code.replace(/("""|''')[\s\S]*?\1|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'|#.*/g, (text) => text.replace(/[^\n]/g, " "));
@@ -23,17 +23,21 @@ export function refused(code) {
     if (brings && !ALLOWED.includes(from)) return { line: n + 1, word: from, key: "notInPage" };
     const found = !brings && text.match(REFUSED);
     if (found) return { line: n + 1, word: found[0], key: "notAllowed" };
+    const method = text.match(/^\s+def ([a-z]\w*)/)?.[1], hook = method && !HOOKS.includes(method) && HOOKS.find((name) => near(method, name));
+    if (hook) return { line: n + 1, word: method, key: "notCalled", hook };
   }
   return null;
 }
 
+const HOOKS = ["take", "emissions", "pass_on", "shortening", "give_back", "turn"];
+const near = (a, b) => a !== b && distance(a, b) <= Math.max(1, b.length >> 2);
 function distance(a, b) {
   let row = Array.from({ length: b.length + 1 }, (_, i) => i);
   for (let i = 1; i <= a.length; i++) row = row.reduce((next, _, j) => [...next, j ? Math.min(next[j - 1] + 1, row[j] + 1, row[j - 1] + (a[i - 1] === b[j - 1] ? 0 : 1)) : i], []);
   return row[b.length];
 }
 const NAMES = "MaterialAgent FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent Load Emission Shares Parameter State direction magnitude copies sense total arm share kept taken passed dropped squeezed index model material shares threshold generation emissions take pass_on shortening give_back turn spawn_step woken_by random super self load True False None return import range print super append hand_over uniform choice random own forward friction poisson".split(" ");
-const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => n !== word && distance(n, word) <= Math.max(1, word.length >> 2)).sort((a, b) => distance(a, word) - distance(b, word))[0];
+const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word)).sort((a, b) => distance(a, word) - distance(b, word))[0];
 
 /** An error in the reader's language. */
 export function told(t, { error, args = [], line }, code) {
@@ -42,9 +46,9 @@ export function told(t, { error, args = [], line }, code) {
   if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + mean);
   if (error === "AttributeError" && /has no attribute/.test(text)) return at(t("hasNo", { a: text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
   if (error === "ImportError") return at(t("hasNo", { a: "kaju", n: name }) + mean);
-  const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex" }[error];
+  const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex", TypeError: "wrongType", ValueError: "wrongValue" }[error];
   if (word) return at(t(word, { e: text }));
-  return at(["AgentError", "ParameterError", "KajuError"].includes(error) ? text : `${error}: ${text}`);
+  return at(["AgentError", "ParameterError", "KajuError"].includes(error) ? text : t("wentWrong", { e: `${error}: ${text}` }));
 }
 
 // ------------------------------------------------------------------------------- the workshop
@@ -72,7 +76,7 @@ export class Workshop {
     const { page } = this, no = refused(code), result = this.pending ?? Promise.withResolvers?.() ?? {};
     if (!result.promise) result.promise = new Promise((resolve) => { result.resolve = resolve; });
     this.pending = result;
-    if (no) { this.end({ error: page.t("atLine", { n: no.line, e: page.t(no.key, { n: no.word }) }), line: no.line }); return result.promise; }
+    if (no) { this.end({ error: page.t("atLine", { n: no.line, e: page.t(no.key, { n: no.word }) + (no.hook ? page.t("didYouMean", { n: no.hook }) : "") }), line: no.line }); return result.promise; }
     if (page.cells.length > CELLS) { this.end({ error: page.t("tooLarge", { n: CELLS }), line: 1 }); return result.promise; }
     this.wake();
     const worker = this.worker;

@@ -44,7 +44,7 @@ export class Written extends Twin {
   /** A load leaves an agent over an arm; whether it is large enough to go on. */
   hand(k, arm, direction, size, copies, pull) {
     const { lattice: L, kinds, C, post, leaving } = this, { accumulate, threshold } = this.scene.rule;
-    if (!(size > (accumulate ? 0 : threshold))) { this.quiet += size * copies; return false; }
+    if (!(size > (accumulate ? 0 : threshold))) return false;
     const to = L.neighbour(k, arm), channel = pull ? direction + L.D : direction;
     if (kinds[to] < 0) this.wake(to, this.boundaries); else if (!accumulate) this.wake(to);
     if (kinds[to] >= 0) post.add(to * C + channel, accumulate ? 0 : post.number(size), accumulate ? size * copies : copies, 1 << L.opposite[arm]);
@@ -119,8 +119,8 @@ export class Written extends Twin {
   /** What the page shows of it: plain data. */
   get shown() {
     const { spawn, woken, alive, waits, agents, generation, grown, states } = this, logs = Object.keys(this.known).concat("taken", "returned");
-    const sum = (name) => this[name].value.subarray(0, this[name].n).reduce((a, b) => a + b, 0), arrived = sum("given");
+    const [kept, dropped] = this.python.totals(), sum = (name) => this[name].value.subarray(0, this[name].n).reduce((a, b) => a + b, 0), arrived = sum("given");
     return { run: { spawn, woken, alive, waits, agents, generation, grown, states, ...Object.fromEntries(logs.map((name) => [name, { ...this[name] }])) },
-      end: { agents, generations: generation, taken: sum("taken"), kept: this.python.kept(), passed: sum("passed"), dropped: this.quiet, arrived, absorbed: arrived - sum("returned"), pending: this.pending } };
+      end: { agents, generations: generation, taken: sum("taken"), kept, passed: sum("passed"), dropped: dropped + this.quiet, arrived, returned: sum("returned"), absorbed: arrived - sum("returned"), pending: this.pending } };
   }
 }

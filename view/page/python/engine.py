@@ -1,11 +1,11 @@
 """kaju in a page: what agents are and what they answer, in plain Python that Brython runs.
 
 Who is beside whom, which loads meet and which end is the page's own work, in `written.js`. It calls
-the functions at the end of this file and is called as `page`.
+the functions at the end of this file and is called as `_page`.
 """
 
 from _random import Random as Twister
-from browser import self as page
+from browser import self as _page
 
 inf = float("inf")
 SENSES = ("push", "pull")
@@ -91,6 +91,8 @@ class Parameter:
 class State:
     def __init__(self, default, meaning=""):
         self.default, self.meaning = default, meaning
+        if not isinstance(default, (int, float)):
+            raise ParameterError(f"State: its default must be a number, True or False, got {default!r:.60}")
 
     def __set_name__(self, owner, name):
         self.name = name
@@ -115,7 +117,7 @@ class MaterialAgent(PlacedAgent):
         self.material, self.shares, self.key = material, shares, model.making
         self.pulled, self.squeezed, self.inbox, self.dropped = Amounts(), Amounts(), {}, 0.0
 
-    woken_by = property(lambda self: [self.model.agents[key] for key in page.wakers(self.key)])
+    woken_by = property(lambda self: [self.model.agents[key] for key in _page.wakers(self.key)])
 
     def step(self):
         loads, self.inbox = self.waiting(), {}
@@ -151,7 +153,7 @@ class MaterialAgent(PlacedAgent):
             size = share * magnitude
             if not 0.0 <= size < inf:
                 raise wrong(self, "pass_on", f"would hand over {size} N")
-            if page.hand(self.key, arm, direction, size, copies, sense == "pull"):
+            if _page.hand(self.key, arm, direction, size, copies, sense == "pull"):
                 self.passed[arm] += size * copies
             else:
                 self.dropped += size * copies
@@ -261,7 +263,7 @@ def emissions_of(agent):
         sent = model.sent[shares] = {}
         for sense in SENSES[: 1 + model.sense]:
             for d in model.every:
-                rows = page.emissions(list(shares[:5]), d, sense == "pull")
+                rows = _page.emissions(list(shares[:5]), d, sense == "pull")
                 sent[sense, d] = Emissions([Emission(arm, way, float(share), SENSES[pull]) for arm, way, share, pull in rows])
     return sent
 
@@ -306,6 +308,8 @@ class Random(Twister):
 
     def randrange(self, low, high=None):
         low, n = (0, low) if high is None else (low, high - low)
+        if n < 1:
+            raise ValueError("there is nothing to draw from")
         drawn = self.getrandbits(n.bit_length())
         while drawn >= n:
             drawn = self.getrandbits(n.bit_length())
@@ -352,7 +356,7 @@ def begin(names, told):
             for kind, usual in (USUAL | {0: MaterialAgent}).items():
                 if issubclass(value, usual) and value is not usual:
                     classes[kind] = value
-        elif getattr(getattr(value, "__code__", None), "co_varnames", ())[:1] == ("waiting",):
+        elif isinstance(value, type(begin)) and value.__code__.co_varnames[:1] == ("waiting",):
             order = value
     if not classes and order is None:
         raise KajuError("class: there is no class of agents; write one, as in class Mine(MaterialAgent)")
@@ -417,19 +421,24 @@ def doing(key):
     for value in short:
         if not (isinstance(value, (int, float)) and -inf < value < inf):
             raise wrong(agent, "shortening", f"must answer a finite number, got {value!r:.60}")
-    known = [float(getattr(agent, name)) for name in states]
+    known = [getattr(agent, name) for name in states]
+    for name, value in zip(states, known):
+        if not (isinstance(value, (int, float)) and -inf < value < inf):
+            raise wrong(agent, name, f"must be a number, and is {value!r:.60}")
     passed, kept = [agent.passed[arm] for arm in model.every], [agent.squeezed[axis] for axis in axes]
     return [agent.dropped, *passed, *kept, *short, agent.shares[5], *known]
 
 
-def kept():
-    return sum([agent.kept for agent in model.agents.values()])
+def totals():
+    """What all have kept and let end."""
+    agents = model.agents.values()
+    return [sum([agent.kept for agent in agents]), sum([agent.dropped for agent in agents])]
 
 
 def show(*values, sep=" ", end="\n", **rest):
-    page.tell(sep.join([str(v) for v in values]) + end)
+    _page.tell(sep.join([str(v) for v in values]) + end)
 
 
 LoadModel, Scene, PrescribedRule, plot, export_page = map(Elsewhere, ("LoadModel", "Scene", "PrescribedRule", "plot", "export_page"))
-for function in (begin, wake, put, choose, act, answer, doing, kept, show):
-    setattr(page, function.__name__, function)
+for function in (begin, wake, put, choose, act, answer, doing, totals, show):
+    setattr(_page, function.__name__, function)

@@ -12,7 +12,7 @@ py.set_lineno = (frame, at, type) => {
   return noted(frame, at, type);
 };
 py.runPythonSource(ENGINE, { id: "kaju" });
-const python = Object.fromEntries(["begin", "wake", "put", "choose", "act", "answer", "doing", "kept"].map((name) => [name, globalThis[name]]));
+const python = Object.fromEntries(["begin", "wake", "put", "choose", "act", "answer", "doing", "totals"].map((name) => [name, globalThis[name]]));
 globalThis.tell = (print) => post({ print, at: line });
 py.builtins.print = globalThis.show;
 for (const [id, code] of Object.entries(OFFERED)) py.runPythonSource(code, { id });
@@ -21,6 +21,12 @@ for (const name of ["fetch", "XMLHttpRequest", "WebSocket", "EventSource", "WebT
 }
 post({ ready: true });
 const namesOf = (error) => { try { return py.class_name(error); } catch { return error.name ?? "Error"; } };
+/** The last line of the pupil's on the way to an error; Python counts one on where it meets an indent. */
+function lineOf(error, args) {
+  let found = error.lineno ? error.lineno - (args[0] === "unexpected indent") : 0;
+  for (let at = error.__traceback__; at?.tb_frame; at = at.tb_next) if (at.tb_frame[2] === "agent" && !error.lineno) found = at.tb_lineno;
+  return found || line || 1;
+}
 /** Run the classes of a code on a scene. */
 function play({ code, scene, cells, stage, parameters, warming }) {
   const run = new Written(scene, cells, stage), module = py.runPythonSource(code, { id: "agent" }), told = toldOf(run, parameters);
@@ -42,6 +48,6 @@ onmessage = ({ data }) => {
   line = 0; every = data.lines; beat = Date.now(); warmed = Infinity;
   try { post(play(data)); } catch (error) {
     const args = error.args ? Array.from(error.args, String) : [String(error.message ?? error)];
-    post({ error: namesOf(error), args, line: error.lineno ?? (line || 1) });
+    post({ error: namesOf(error), args, line: lineOf(error, args) });
   }
 };

@@ -40,9 +40,9 @@ export class Transfer {
 }
 
 /** What a load sends out: a push travels along its force, a pull against it. */
-export function emissionsOf({ D, opposite, beside }, shares, channel) {
+function emissionsOf({ D, opposite, beside }, shares, channel) {
   const pull = channel >= D, ahead = pull ? opposite[channel - D] : channel;
-  const list = [[ahead, channel, shares.forward], [opposite[ahead], pull ? channel - D : channel + D, shares.backward]], outPulls = pull === shares.poisson >= 0;
+  const list = [[ahead, channel, shares.forward]], outPulls = pull === shares.poisson >= 0;
   for (const [arm, friction, poisson] of beside[ahead]) {
     list.push([arm, channel, shares.friction * friction]);
     list.push([arm, outPulls ? opposite[arm] + D : arm, Math.abs(shares.poisson) * poisson]);
@@ -102,7 +102,7 @@ export function entering(lattice, kinds, k, force) {
   return faces.length === 1 ? faces[0] : -1;
 }
 
-export const MAGNITUDES = 2 ** 20;                    // so many different magnitudes may travel at once
+const MAGNITUDES = 2 ** 20;                    // so many different magnitudes may travel at once
 
 /** Loads on their way, merged: equal ones are counted (one by one), or all are added up. */
 class Post {
@@ -127,8 +127,7 @@ class Post {
   }
   /** Rows sorted by state, those above γ; what ends goes to `quiet(newtons, state)`. */
   judged(threshold, quiet) {
-    const { accumulate, tally } = this, order = accumulate ? tally.met.slice(0, tally.n) : Float64Array.from(this.copies.keys()), n = order.length;
-    if (!this.asCame) order.sort();
+    const { accumulate, tally } = this, order = (accumulate ? tally.met.slice(0, tally.n) : Float64Array.from(this.copies.keys())).sort(), n = order.length;
     const rows = { n: 0, state: new Int32Array(n), number: new Int32Array(n), magnitude: new Float64Array(n),
       copies: new Float64Array(n), bits: new Uint8Array(n), values: accumulate ? 0 : this.values.length };
     for (let i = 0; i < n; i++) {
@@ -179,7 +178,7 @@ export class Twin {
     this.post.clear(); this.leaving?.clear();
     this.emit();
     if (this.leaving) this.giveBack();
-    for (const name of Object.keys(this.sums)) this.sums[name].close(this[name]);
+    for (const name of ["passed", "dropped", "returned", "given"]) this.sums[name].close(this[name]);
     this.arrive();
     this.ends.push(this.quiet - quiet); this.alive.push(this.agents); this.ledger.close(this.waiting);
     return true;
@@ -277,7 +276,7 @@ class Ledger {
 }
 
 /** Sums of one generation by index, which go into a log when it is over. */
-export class Tally {
+class Tally {
   constructor(size) { this.sum = new Float64Array(size); this.met = new Int32Array(64); this.n = 0; }
   add(index, load) {
     if (this.sum[index] === 0) {

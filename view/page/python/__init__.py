@@ -12,6 +12,8 @@ from typing import Any
 
 from kaju.errors import needing
 
+from .heart import heart
+
 OFFERED = (
     "Emission", "FreeBoundaryAgent", "Load", "MaterialAgent", "Parameter", "RigidBoundaryAgent",
     "RollerBoundaryAgent", "Shares", "State",
@@ -73,7 +75,7 @@ def worker(modules: str) -> str:
         'globalThis.__BRYTHON__ = { brython_path: "https://page.invalid/" };',
         library.joinpath("brython.js").read_text("utf-8"),
         f"__BRYTHON__.use_VFS = true; __BRYTHON__.update_VFS({json.dumps(needed)});",
-        f"const ENGINE = {json.dumps(_text('engine.py'))};",
+        f"const ENGINE = {json.dumps(_text('engine.py').replace('# ---- kaju', heart()))};",
         f"const OFFERED = {json.dumps(SMALL)};",
         modules,
         _text("worker.js"),

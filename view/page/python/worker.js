@@ -8,11 +8,11 @@ py.set_lineno = (frame, at, type) => {
     line = at;
     if (every) beat = 0;
     live();
-  }
+  } else if (frame[0] === "step") { steps++; live(); }   // an agent acts
   return noted(frame, at, type);
 };
 py.runPythonSource(ENGINE, { id: "kaju" });
-const python = Object.fromEntries(["begin", "wake", "put", "choose", "act", "answer", "doing", "totals"].map((name) => [name, globalThis[name]]));
+const python = Object.fromEntries(["begin", "generation", "totals"].map((name) => [name, globalThis[name]]));
 globalThis.tell = (print) => post({ print, at: line });
 py.builtins.print = globalThis.show;
 for (const [id, code] of Object.entries(OFFERED)) py.runPythonSource(code, { id });
@@ -29,15 +29,11 @@ function lineOf(error, args) {
 }
 /** Run the classes of a code on a scene. */
 function play({ code, scene, cells, stage, parameters, warming }) {
-  const run = new Written(scene, cells, stage), module = py.runPythonSource(code, { id: "agent" }), told = toldOf(run, parameters);
-  globalThis.hand = (...load) => run.hand(...load);
-  globalThis.emissions = (...shares) => run.emissions(...shares);
-  globalThis.wakers = (key) => run.wakers(key);
-  const declares = python.begin(module.dict ?? py.builtins.vars(module), py.structuredclone2pyobj(told));
-  if (!warming) post({ declares });
-  run.begin(python, { ...told, ...declares });
-  const until = warming ? Date.now() + 100 : Infinity;
-  while (Date.now() < until && run.generation < MOST && !run.atRest && !run.grown && run.taken.n < MOST_ROWS) { run.step(); steps++; live(); }
+  const run = new Written(scene, cells, stage), names = py.runPythonSource(code, { id: "agent" }), until = warming ? Date.now() + 100 : Infinity;
+  const [numbers, states, classes] = python.begin(names.dict ?? py.builtins.vars(names), py.structuredclone2pyobj(run.told(parameters)));
+  if (!warming) post({ declares: { states, names: classes, parameters: numbers.map(([name, label, low, high, value, whole]) => ({ name, label, low, high, value, whole })) } });
+  run.begin(python, states);
+  while (!run.over && run.generation < MOST && run.taken.n < MOST_ROWS && Date.now() < until) { run.step(); steps++; live(); }
   return run.shown;
 }
 /** What has run some times runs ten times as fast, the first of a pupil's too. */
@@ -46,8 +42,8 @@ const warm = (data) => { if (warmed++ < 15) { beat = Infinity; play(data); setTi
 onmessage = ({ data }) => {
   if (data.warming) { warm(data); return; }
   line = 0; every = data.lines; beat = Date.now(); warmed = Infinity;
-  try { post(play(data)); } catch (error) {
-    const args = error.args ? Array.from(error.args, String) : [String(error.message ?? error)];
+  try { post(play(data)); } catch (raised) {
+    const error = raised.__cause__?.args ? raised.__cause__ : raised, args = error.args ? Array.from(error.args, String) : [String(error.message ?? error)];
     post({ error: namesOf(error), args, line: lineOf(error, args) });
   }
 };

@@ -1,0 +1,111 @@
+"""The sources of kaju's agents and of their engine, as a page runs them: the very same code.
+
+Annotations, docstrings and imports are taken out, for a page's Python is small and need not read
+them. What these sources name from elsewhere, `engine.py` brings.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from typing import Any
+
+from kaju import errors, stepping
+from kaju.agents import boundary_agent, material_agent, own_agents, parameter, shares
+from kaju.model.transfer import agent_engine, transfer
+
+WHOLE: tuple[Any, ...] = (
+    errors.KajuError, errors.ParameterError, errors.AgentError, stepping.chosen,
+    shares.Load, shares.Emission, shares.Split, shares.Emissions, shares.Lateral,
+    shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
+    parameter.Parameter, parameter.State, material_agent.Amounts, material_agent.LoadBox,
+    material_agent.PlacedAgent, material_agent.MaterialAgent, material_agent._is_pull,
+    boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
+    boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,
+    own_agents.OwnAgents, own_agents._is_amount, transfer.check_shares,
+)  # fmt: skip
+"""Classes and functions, in an order in which each finds its bases."""
+METHODS: dict[Any, tuple[str, ...]] = {
+    transfer.Transfer: ("heading", "emissions"),
+    agent_engine.AgentEngine: (
+        "begin", "act", "end", "goes_on", "hand_over", "box_over", "emissions_of", "split",
+        "_give_back", "_open_boxes", "_judged", "_bring", "_put", "_emissions", "_wake",
+        "_note_states", "_arms_to_wakers",
+    ),
+}  # fmt: skip
+"""Methods of classes that a page makes in another way."""
+CONSTANTS = {
+    "MOST_EMISSIONS": own_agents.MOST_EMISSIONS,
+    "NO_EMISSION": own_agents.NO_EMISSION,
+    "MOST_REMEMBERED": agent_engine.MOST_REMEMBERED,
+    "ACTS_AT_ONCE": agent_engine.ACTS_AT_ONCE,
+}
+
+
+class _Plain(ast.NodeTransformer):
+    """Takes out what only readers and type checkers need; named tuples become `Record`."""
+
+    def visit_Import(self, node: ast.Import) -> None:  # noqa: N802
+        """Leave out an import."""
+
+    visit_ImportFrom = visit_Assert = visit_Import  # noqa: N815
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST | None:  # noqa: N802
+        """Leave out annotations, docstrings, and overloads."""
+        if any(isinstance(d, ast.Name) and d.id == "overload" for d in node.decorator_list):
+            return None
+        node.returns = None
+        for argument in ast.walk(node.args):
+            if isinstance(argument, ast.arg):
+                argument.annotation = None
+        return self._body(node)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:  # noqa: N802
+        """Keep a value that is given, without its kind."""
+        if node.value is None:
+            return None
+        return ast.Assign([node.target], node.value, lineno=node.lineno)
+
+    def visit_GeneratorExp(self, node: ast.GeneratorExp) -> ast.AST:  # noqa: N802
+        """Make a list at once, which takes half as long there."""
+        self.generic_visit(node)
+        return ast.ListComp(node.elt, node.generators)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
+        """Leave out what types are of; name the fields of a named tuple or a dataclass."""
+        node.bases = [base.value if isinstance(base, ast.Subscript) else base for base in node.bases]
+        tuples = any(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases)
+        if tuples or node.decorator_list:
+            named = [part for part in node.body if isinstance(part, ast.AnnAssign)]
+            fields = tuple(ast.unparse(part.target) for part in named)
+            values = ", ".join(ast.unparse(part.value) for part in named if part.value)
+            told = ast.parse(f"fields, defaults = {fields!r}, ({values}{',' if values else ''})")
+            node.body = [*told.body, *(part for part in node.body if part not in named)]
+            node.bases, node.decorator_list = [ast.Name("Record")], []
+        return self._body(node)
+
+    def _body(self, node: Any) -> ast.AST:
+        node.body = [
+            part
+            for part in node.body
+            if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant))
+        ]
+        self.generic_visit(node)
+        node.body = node.body or [ast.Pass()]
+        return node  # type: ignore[no-any-return]
+
+
+def _plain(of: Any) -> str:
+    tree = ast.parse(textwrap.dedent(inspect.getsource(of)))
+    return ast.unparse(ast.fix_missing_locations(_Plain().visit(tree)))
+
+
+def heart() -> str:
+    """Return the sources as one text."""
+    parts = [f"{name} = {value!r}" for name, value in CONSTANTS.items()]
+    parts += map(_plain, WHOLE)
+    for of, names in METHODS.items():
+        methods = "\n".join(_plain(getattr(of, name)) for name in names)
+        parts.append(f"class {of.__name__}:\n{textwrap.indent(methods, '    ')}")
+    return "\n".join(parts)

@@ -13,7 +13,7 @@ from typing import Any
 
 from kaju import errors, stepping
 from kaju.agents import boundary_agent, material_agent, own_agents, parameter, shares
-from kaju.model.transfer import agent_engine, transfer
+from kaju.model.transfer import agent_engine, load_model, transfer
 
 WHOLE: tuple[Any, ...] = (
     errors.KajuError, errors.ParameterError, errors.AgentError, stepping.chosen,
@@ -28,8 +28,9 @@ WHOLE: tuple[Any, ...] = (
 """Classes and functions, in an order in which each finds its bases."""
 METHODS: dict[Any, tuple[str, ...]] = {
     transfer.Transfer: ("heading", "emissions"),
+    load_model.LoadModel: ("agent_at", "axis_of", "heading", "hand_over"),
     agent_engine.AgentEngine: (
-        "begin", "act", "end", "goes_on", "hand_over", "box_over", "emissions_of", "split",
+        "__init__", "_clear", "begin", "act", "end", "goes_on", "hand_over", "box_over", "emissions_of", "split",
         "_give_back", "_open_boxes", "_judged", "_bring", "_put", "_emissions", "_wake",
         "_note_states", "_arms_to_wakers",
     ),
@@ -40,6 +41,8 @@ CONSTANTS = {
     "NO_EMISSION": own_agents.NO_EMISSION,
     "MOST_REMEMBERED": agent_engine.MOST_REMEMBERED,
     "ACTS_AT_ONCE": agent_engine.ACTS_AT_ONCE,
+    "ASKED_AT_ONCE": agent_engine.ASKED_AT_ONCE,
+    "BOUNDARY_NAMES": transfer.BOUNDARY_NAMES,
 }
 
 
@@ -63,9 +66,16 @@ class _Plain(ast.NodeTransformer):
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:  # noqa: N802
         """Keep a value that is given, without its kind."""
+        self.generic_visit(node)
         if node.value is None:
             return None
         return ast.Assign([node.target], node.value, lineno=node.lineno)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:  # noqa: N802
+        """Take a list for an array: the page's tables are lists."""
+        self.generic_visit(node)
+        array = isinstance(node.func, ast.Attribute) and node.func.attr == "tolist"
+        return node.func.value if array else node  # type: ignore[attr-defined]
 
     def visit_GeneratorExp(self, node: ast.GeneratorExp) -> ast.AST:  # noqa: N802
         """Make a list at once, which takes half as long there."""
@@ -74,7 +84,9 @@ class _Plain(ast.NodeTransformer):
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
         """Leave out what types are of; name the fields of a named tuple or a dataclass."""
-        node.bases = [base.value if isinstance(base, ast.Subscript) else base for base in node.bases]
+        node.bases = [
+            base.value if isinstance(base, ast.Subscript) else base for base in node.bases
+        ]
         tuples = any(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases)
         if tuples or node.decorator_list:
             named = [part for part in node.body if isinstance(part, ast.AnnAssign)]
@@ -108,4 +120,6 @@ def heart() -> str:
     for of, names in METHODS.items():
         methods = "\n".join(_plain(getattr(of, name)) for name in names)
         parts.append(f"class {of.__name__}:\n{textwrap.indent(methods, '    ')}")
+    names = ", ".join(one.__name__ for one in own_agents.BOUNDARIES.values())
+    parts.append(f"BOUNDARIES = {{one.name: one for one in ({names})}}")
     return "\n".join(parts)

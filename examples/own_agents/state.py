@@ -1,4 +1,4 @@
-"""`State`: what agents know, to be seen. Who has kept too much cracks, and passes nothing sideways."""
+"""`State`: what agents know, to be seen. Who keeps too much cracks: nothing goes sideways."""
 
 from kaju import LoadModel, MaterialAgent, Parameter, Scene, State
 

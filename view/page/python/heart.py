@@ -30,9 +30,9 @@ METHODS: dict[Any, tuple[str, ...]] = {
     transfer.Transfer: ("heading", "emissions"),
     load_model.LoadModel: ("agent_at", "axis_of", "heading", "hand_over"),
     agent_engine.AgentEngine: (
-        "__init__", "_clear", "begin", "act", "end", "goes_on", "hand_over", "box_over", "emissions_of", "split",
-        "_give_back", "_open_boxes", "_judged", "_bring", "_put", "_emissions", "_wake",
-        "_note_states", "_arms_to_wakers",
+        "__init__", "_clear", "begin", "act", "end", "goes_on", "hand_over", "box_over",
+        "emissions_of", "split", "_give_back", "_open_boxes", "_judged", "_bring", "_put",
+        "_emissions", "_wake", "_note_states", "_arms_to_wakers",
     ),
 }  # fmt: skip
 """Methods of classes that a page makes in another way."""
@@ -49,12 +49,12 @@ CONSTANTS = {
 class _Plain(ast.NodeTransformer):
     """Takes out what only readers and type checkers need; named tuples become `Record`."""
 
-    def visit_Import(self, node: ast.Import) -> None:  # noqa: N802
+    def visit_Import(self, node: ast.AST) -> None:
         """Leave out an import."""
 
     visit_ImportFrom = visit_Assert = visit_Import  # noqa: N815
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST | None:  # noqa: N802
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST | None:
         """Leave out annotations, docstrings, and overloads."""
         if any(isinstance(d, ast.Name) and d.id == "overload" for d in node.decorator_list):
             return None
@@ -64,25 +64,25 @@ class _Plain(ast.NodeTransformer):
                 argument.annotation = None
         return self._body(node)
 
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:  # noqa: N802
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:
         """Keep a value that is given, without its kind."""
         self.generic_visit(node)
         if node.value is None:
             return None
         return ast.Assign([node.target], node.value, lineno=node.lineno)
 
-    def visit_Call(self, node: ast.Call) -> ast.AST:  # noqa: N802
+    def visit_Call(self, node: ast.Call) -> ast.AST:
         """Take a list for an array: the page's tables are lists."""
         self.generic_visit(node)
         array = isinstance(node.func, ast.Attribute) and node.func.attr == "tolist"
         return node.func.value if array else node  # type: ignore[attr-defined]
 
-    def visit_GeneratorExp(self, node: ast.GeneratorExp) -> ast.AST:  # noqa: N802
+    def visit_GeneratorExp(self, node: ast.GeneratorExp) -> ast.AST:
         """Make a list at once, which takes half as long there."""
         self.generic_visit(node)
         return ast.ListComp(node.elt, node.generators)
 
-    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
         """Leave out what types are of; name the fields of a named tuple or a dataclass."""
         node.bases = [
             base.value if isinstance(base, ast.Subscript) else base for base in node.bases
@@ -120,6 +120,6 @@ def heart() -> str:
     for of, names in METHODS.items():
         methods = "\n".join(_plain(getattr(of, name)) for name in names)
         parts.append(f"class {of.__name__}:\n{textwrap.indent(methods, '    ')}")
-    names = ", ".join(one.__name__ for one in own_agents.BOUNDARIES.values())
-    parts.append(f"BOUNDARIES = {{one.name: one for one in ({names})}}")
+    walls = ", ".join(one.__name__ for one in own_agents.BOUNDARIES.values())
+    parts.append(f"BOUNDARIES = {{one.name: one for one in ({walls})}}")
     return "\n".join(parts)

@@ -53,15 +53,3 @@ def test_the_example_cracks_from_its_notch_to_the_other_side(tmp_path):
     assert history["x_m"][0] == pytest.approx(0.0525)
     assert history["x_m"].max() > 0.19
     assert (abs(history["y_m"] - 0.105) < 0.02).all()
-
-
-def test_a_body_of_squares_parts_too(tmp_path):
-    scene = tmp_path / "notched.toml"
-    scene.write_text(NOTCHED.replace('"hexagon"', '"square"'))
-    words = ["break", scene, "--out", tmp_path / "broken", "--strength", 1e6, "--most", 4]
-    told = CliRunner().invoke(app, [*map(str, words), "--json"], catch_exceptions=False)
-    figures = json.loads(told.stdout)
-    assert (figures["parts"], figures["measure"], figures["breaks"]) == ("cells", "stress", 4)
-    result = kaju.load_result(tmp_path / "broken")
-    assert result.history["x_m"].is_monotonic_increasing  # from the notch on
-    assert (abs(result.history["y_m"] - 0.0375) < 0.02).all()

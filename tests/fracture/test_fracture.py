@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scattered import scattered
 
 import kaju
-from kaju.model.network import cut, jittered, pulled, triangular
+from kaju.model.network import cut, jittered, pulled
 
 
 def test_three_fibres():
@@ -43,17 +43,11 @@ def test_fibres_share_the_load_equally(weibull):
     np.testing.assert_array_equal(broken.avalanche_sizes, np.diff([*records, count]))
 
 
-def test_a_bundle_is_as_strong_as_daniels_says():
-    count, modulus = 8_000, 5.0
-    broken = kaju.FractureModel(bundle(count), weibull=modulus, seed=1).run()
-    assert broken.largest_load_factor / count == pytest.approx(
-        (modulus * np.e) ** (-1 / modulus), rel=0.01
-    )
-
-
 @pytest.mark.slow
 def test_avalanches_of_a_bundle_fall_off_with_the_power_of_five_halves():
     broken = kaju.FractureModel(bundle(100_000), weibull=5.0, seed=0).run()
+    daniels = (5.0 * np.e) ** (-1 / 5.0)
+    assert broken.largest_load_factor / 100_000 == pytest.approx(daniels, rel=0.01)
     sizes = broken.avalanche_sizes[:-1]
     sizes = sizes[sizes <= 100]
     powers = np.linspace(1.5, 3.5, 401)
@@ -84,16 +78,6 @@ def test_every_break_is_what_the_network_left_says(moved):
             assert left.reactions().sum() == pytest.approx(-load, rel=1e-3, abs=1e-9)
 
 
-@pytest.mark.parametrize("moved", [False, True])
-def test_work_is_stored_or_released(moved):
-    network, _ = cut_network(21, 21, 2.0, given=moved)
-    for seed in range(4):
-        broken = kaju.FractureModel(network, scatter=0.5, seed=seed).run()
-        error = np.abs(broken.work - broken.stored - broken.released)
-        assert error.max() < 1e-9 * broken.work.max()
-        assert (np.diff(broken.released) > 0.0).all()
-
-
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from(["force", "strain", "energy"]))
 def test_random_networks_keep_their_ledger(seed, measure):
@@ -115,16 +99,6 @@ def test_measures_are_limits_of_one_elongation():
     np.testing.assert_allclose(by_energy.load_factor, by_force.load_factor, rtol=1e-12)
 
 
-def test_pressed_springs_do_not_break():
-    network = bundle(3).with_loads(forces=[[0, 0], [-1, 0]])
-    broken = kaju.FractureModel(network).run()
-    assert broken.breaks == 0
-    assert "nothing that is left is pulled" in broken.outcome
-    assert broken.summary()["largest_load_factor"] == 0.0
-    assert broken.state().tension[-1] == pytest.approx([-1 / 3] * 3)
-    assert len(broken.history) == 0
-
-
 def test_a_cut_weakens_by_its_stress_intensity():
     """G from two lengths of a cut against the handbook's K²/E (Tada, finite width)."""
     width, youngs_modulus = 80.0, 2.0 / np.sqrt(3.0)
@@ -144,16 +118,6 @@ def test_a_cut_weakens_by_its_stress_intensity():
         assert found == pytest.approx(wanted, rel=0.025)
 
 
-def test_strength_falls_with_the_root_of_the_cut():
-    """The tip lies 0.37 spacings before the last cut spring, and the width is finite."""
-    scaled = []
-    for half in (6, 11, 18):
-        network, true_half = cut_network(81, 141, half + 0.01)
-        strength = kaju.FractureModel(network, scatter=0.0).run(1).largest_load_factor
-        scaled.append(strength * np.sqrt((true_half + 0.37) / np.cos(np.pi * true_half / 80.0)))
-    assert max(scaled) / min(scaled) < 1.02
-
-
 def test_slanted_cuts_go_on_across_the_largest_tension():
     """Under mixed mode they turn towards the level; a single net is far from a mean."""
     kinks = []
@@ -168,39 +132,6 @@ def test_slanted_cuts_go_on_across_the_largest_tension():
         outwards = np.sign(places @ along)
         kinks.append((outwards * (places @ [-along[1], along[0]])).mean())
     assert max(kinks) < 0.0  # turned clockwise, towards the level
-
-
-def test_a_cut_takes_out_what_crosses_it():
-    whole = triangular(5, 5)
-    level = 0.25 * np.sqrt(3.0)
-    slit = cut(whole, (-1.0, level), (2.0, level))
-    gone = len(whole.springs) - len(slit.springs)
-    assert gone == 4  # from the corner (0, 0) to beside (2, 0): one up from it, two from the next
-    assert len(cut(slit, (-1.0, level), (2.0, level)).springs) == len(slit.springs)
-    with pytest.raises(kaju.KajuError, match="plane"):
-        cut(scattered(25, dimension=3), (0, 0), (1, 1))
-
-
-def test_a_network_is_pulled_evenly():
-    """An even stress: nobody feels where the load enters."""
-    network = pulled(triangular(7, 9), 6.0)
-    assert network.forces.sum() == pytest.approx(6.0)
-    tension = kaju.FractureModel(network, strength=1e6, scatter=0.0).run(1).state(0).tension[-1]
-    slanted = np.abs(np.diff(network.positions[network.springs], axis=1)[:, 0, 1]) > 0.1
-    inner = np.abs(network.positions[network.springs].mean(axis=1)[:, 0] - 3.0) < 1.0
-    found = tension[slanted & inner]
-    np.testing.assert_allclose(found, found.mean(), rtol=0.05)
-
-
-def test_jittered_lattices_are_triangulations():
-    network = jittered(9, 7, seed=3, spacing=2.0)
-    nodes = len(network.positions)
-    outer = 2 * 8 + 6  # along bottom and top, and up the sides by the ends of the long rows
-    assert len(network.springs) <= 3 * nodes - 3 - outer
-    np.testing.assert_allclose(network.stiffness * network.initial_length, 2.0)
-    assert np.array_equal(network.positions, jittered(9, 7, seed=3, spacing=2.0).positions)
-    with pytest.raises(kaju.KajuError, match="jitter"):
-        jittered(9, 7, jitter=0.5)
 
 
 @pytest.mark.parametrize(
@@ -220,28 +151,27 @@ def test_what_is_outside_its_rule_is_named(change, told):
         kaju.FractureModel(bundle(3), **change)
 
 
-def test_what_cannot_break_is_named():
-    three = bundle(3)
-    pulled = np.array([[0.0, 0.0], [1.0, 0.0]])
-    two_stages = three.with_loads(forces=[pulled, 2 * pulled])
-    with pytest.raises(kaju.KajuError, match="2 stages"):
-        kaju.FractureModel(two_stages)
-    with pytest.raises(kaju.KajuError, match="neither"):
-        kaju.FractureModel(three.with_loads(forces=0 * pulled))
-    short = kaju.SpringNetwork.build(
+def test_what_cannot_break_says_why():
+    three, pull = bundle(3), np.array([[0.0, 0.0], [1.0, 0.0]])
+    pressed = kaju.FractureModel(three.with_loads(forces=-pull)).run()
+    assert (pressed.breaks, len(pressed.history)) == (0, 0)
+    assert "nothing that is left is pulled" in pressed.outcome
+    assert pressed.state().tension[-1] == pytest.approx([-1 / 3] * 3)
+    slack = kaju.SpringNetwork.build(
         three.positions, three.springs, rest_length=0.9, held=three.held, forces=three.forces
     )
-    with pytest.raises(kaju.KajuError, match="rest_length"):
-        kaju.FractureModel(short)
     loose = kaju.SpringNetwork.build(
-        [[0, 0], [1, 0], [2, 0]],
-        [[0, 1], [1, 2]],
-        held=[[1, 1], [0, 0], [1, 1]],
-        forces=[[0, 0], [0, 1], [0, 0]],
-    )
-    with pytest.raises(kaju.KajuError, match="1"):
-        kaju.FractureModel(loose)
-    with pytest.raises(kaju.KajuError, match="subject"):
-        kaju.FractureModel("plate.toml")
+        [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]],
+        held=[[1, 1], [0, 0], [1, 1]], forces=[[0, 0], [0, 1], [0, 0]],
+    )  # fmt: skip
+    for subject, told in (
+        (three.with_loads(forces=[pull, 2 * pull]), "2 stages"),
+        (three.with_loads(forces=0 * pull), "neither"),
+        (slack, "rest_length"),
+        (loose, "mechanism"),
+        ("plate.toml", "subject"),
+    ):
+        with pytest.raises(kaju.KajuError, match=told):
+            kaju.FractureModel(subject)
     with pytest.raises(kaju.KajuError, match="parted"):
         kaju.FractureModel(three).run().state(3)

@@ -6,10 +6,11 @@ from dataclasses import replace
 import networkx as nx
 import numpy as np
 import pytest
+from plates import loaded
 
 from kaju import SpringNetwork
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.network import triangular
+from kaju.model.network import hexagon_body, solve, spring_lengths_and_directions, triangular
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 RING = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]]
@@ -19,14 +20,6 @@ HELD = [True, True, False, False]
 def square(**changes):
     described = {"positions": SQUARE, "springs": RING, "stiffness": 2.0, "held": HELD} | changes
     return SpringNetwork.build(**described)
-
-
-def test_one_number_holds_for_all_springs_and_the_rest_length_is_the_first():
-    network = square()
-    assert network.stiffness.tolist() == [2.0] * 5
-    assert network.rest_length.tolist() == [1.0, 1.0, 1.0, 1.0, np.sqrt(2.0)]
-    assert network.stages == 1
-    assert network.dimension == 2
 
 
 def test_the_load_path_runs_evenly_through_its_stages():
@@ -52,6 +45,12 @@ def test_the_load_path_runs_evenly_through_its_stages():
         ({"forces": np.ones((3, 2))}, SceneError, r"forces: must have the shape \(4, 2\)"),
         ({"displacements": np.ones((4, 2))}, SceneError, "is not held there"),
         ({"forces": [[0, 1], [0, 0], [0, 0], [0, 0]]}, SceneError, "straight into the supports"),
+        ({"springs": [[0, 1], [2, 3]]}, SupportError, "nothing holds the nodes 2, 3"),
+        (
+            {"forces": np.zeros((2, 4, 2)), "displacements": np.zeros((3, 4, 2))},
+            SceneError,
+            "2 stages and displacements 3",
+        ),
         ({"held": False}, SupportError, "nothing holds the nodes 0, 1, 2, 3 along x"),
         ({"held": [[1, 0], [0, 0], [0, 0], [0, 0]]}, SupportError, "along y"),
     ],
@@ -61,31 +60,41 @@ def test_what_is_wrong_is_named(changes, error, message):
         square(**changes)
 
 
-def test_a_part_that_is_joined_to_nothing_held_is_named():
-    with pytest.raises(SupportError, match="nothing holds the nodes 2, 3"):
-        square(springs=[[0, 1], [2, 3]])
+SPOILT = {
+    "no attribute 'rest_length'": {},
+    "has no attribute 'place' .*positions=": {"positions": "place"},
+    "joins a node to itself": {"loop": True},
+    r"no node \(9, 9\)": {"forces": {(9, 9): (0, 1)}},
+    "to_undirected": {"directed": True},
+    "must be made of numbers, got 'here'": {"moved": "here"},
+    "2 coordinates, or all need 3": {"moved": (0.0, 0.0, 0.0)},
+}
 
 
-def test_a_node_is_found_by_its_name():
-    network = square(names=["a", "b", "c", "d"])
-    assert network.node("c") == 2
-    with pytest.raises(SceneError, match="there is no 'x'; the nodes are named 'a', 'b'"):
-        network.node("x")
+@pytest.mark.parametrize("told", SPOILT)
+def test_what_a_graph_lacks_is_named(told):
+    how = {"held": [(0, 0), (2, 0)], **SPOILT[told]}
+    graph = nx.triangular_lattice_graph(2, 3)
+    how |= {"stiffness": 1.0} | ({"rest_length": None} if SPOILT[told] else {})
+    if how.pop("loop", False):
+        graph.add_edge((0, 0), (0, 0))
+    if moved := how.pop("moved", None):
+        graph.nodes[0, 0]["pos"] = moved
+    if how.pop("directed", False):
+        graph = graph.to_directed()
+    with pytest.raises(SceneError, match=told):
+        SpringNetwork.from_graph(graph, **how)
 
 
-def test_loads_that_disagree_in_stages_are_refused():
-    with pytest.raises(SceneError, match="2 stages and displacements 3"):
-        square(forces=np.zeros((2, 4, 2)), displacements=np.zeros((3, 4, 2)))
-
-
-def test_attributes_of_a_graph_are_read_node_by_node():
+def test_attributes_of_a_graph_are_read_node_by_node(tmp_path):
     graph = nx.Graph()
-    graph.add_node("foot", pos=(0, 0, 0), held=True)
-    graph.add_node("head", pos=(0, 0, 2), held=(True, True, False), force=[(0, 0, 1), (0, 0, 3)])
+    graph.add_node("foot", x=0.0, y=0.0, z=0.0, held=True)
+    graph.add_node("head", x=0.0, y=0.0, z=2.0, held="(True, True, False)", fz=3.0)
     graph.add_edge("foot", "head", stiffness=5.0, rest_length=1.5)
-    network = SpringNetwork.from_graph(graph)
+    axes = {"positions": ("x", "y", "z"), "forces": ("fx", "fy", "fz")}
+    network = SpringNetwork.from_graph(written("graphml", graph, tmp_path), **axes)
     assert network.held.tolist() == [[True] * 3, [True, True, False]]
-    assert network.forces[:, 1].tolist() == [[0, 0, 1], [0, 0, 3]]
+    assert network.forces.tolist() == [[[0, 0, 0], [0, 0, 3]]]
     assert network.stiffness.tolist() == [5.0]
     assert network.prestretch.tolist() == [0.5]
 
@@ -98,65 +107,6 @@ def test_supports_and_loads_may_come_beside_the_graph():
     assert network.forces[0, network.node((0, 1))].tolist() == [0.0, -1.0]
 
 
-def test_a_graph_comes_back_as_it_went():
-    network = triangular(4, 5)
-    again = SpringNetwork.from_graph(network.to_graph())
-    assert again.names == network.names
-    assert np.array_equal(again.positions, network.positions)
-    assert np.array_equal(again.forces, network.forces)
-    assert np.array_equal(again.held, network.held)
-    ends = {frozenset(pair) for pair in network.springs.tolist()}
-    assert {frozenset(pair) for pair in again.springs.tolist()} == ends
-
-
-def test_springs_side_by_side_stay_two():
-    network = square(springs=[*RING, [0, 2]], stiffness=[1, 1, 1, 1, 1, 4])
-    graph = network.to_graph()
-    assert graph.is_multigraph()
-    assert sorted(SpringNetwork.from_graph(graph).stiffness) == [1, 1, 1, 1, 1, 4]
-
-
-def spoil(kind):
-    graph = nx.triangular_lattice_graph(2, 3)
-    nx.set_edge_attributes(graph, 1.0, "stiffness")
-    if kind == "misspelt":
-        nx.set_edge_attributes(graph, 1.0, "rest_lenght")
-    if kind == "place":
-        del graph.nodes[0, 0]["pos"]
-    if kind == "dimension":
-        graph.nodes[0, 0]["pos"] = (0.0, 0.0, 0.0)
-    if kind == "text":
-        graph.nodes[0, 0]["pos"] = "here"
-    if kind == "loop":
-        graph.add_edge((0, 0), (0, 0), stiffness=1.0)
-    if kind == "directed":
-        return graph.to_directed()
-    return graph
-
-
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        ("misspelt", "no attribute 'rest_length' .*did you mean 'rest_lenght'"),
-        ("place", r"node \(0, 0\) has no attribute 'pos'"),
-        ("dimension", "2 coordinates, or all need 3"),
-        ("text", "must be made of numbers, got 'here'"),
-        ("directed", "to_undirected"),
-    ],
-)
-def test_what_a_graph_lacks_is_named(kind, message):
-    with pytest.raises(SceneError, match=message):
-        SpringNetwork.from_graph(spoil(kind), held=[(0, 0)])
-
-
-def test_loops_and_unknown_nodes_of_a_graph_are_refused():
-    with pytest.raises(SceneError, match="joins a node to itself"):
-        SpringNetwork.from_graph(spoil("loop"), rest_length=None, held=[(0, 0)])
-    given = {"held": [(0, 0), (2, 0)], "forces": {(9, 9): (0, 1)}}
-    with pytest.raises(SceneError, match=r"no node \(9, 9\)"):
-        SpringNetwork.from_graph(spoil("nothing"), rest_length=None, **given)
-
-
 def written(kind, graph, tmp_path):
     """Write a graph to a file, and read it again."""
     path = tmp_path / "net"
@@ -165,6 +115,20 @@ def written(kind, graph, tmp_path):
         return nx.node_link_graph(json.loads(path.read_text()), edges="links")
     getattr(nx, f"write_{kind}")(graph, path)
     return getattr(nx, f"read_{kind}")(path)
+
+
+def test_a_graph_comes_back_as_it_went():
+    network = triangular(4, 5)
+    again = SpringNetwork.from_graph(network.to_graph())
+    assert again.names == network.names
+    assert again.node((2, 1)) == network.node((2, 1))
+    with pytest.raises(SceneError, match="there is no 'x'; the nodes are named"):
+        again.node("x")
+    ends = {frozenset(pair) for pair in network.springs.tolist()}
+    assert {frozenset(pair) for pair in again.springs.tolist()} == ends
+    double = square(springs=[*RING, [0, 2]], stiffness=[1, 1, 1, 1, 1, 4]).to_graph()
+    assert double.is_multigraph()
+    assert sorted(SpringNetwork.from_graph(double).stiffness) == [1, 1, 1, 1, 1, 4]
 
 
 @pytest.mark.parametrize("kind", ["graphml", "gml", "json"])
@@ -178,17 +142,129 @@ def test_a_network_comes_back_from_a_file_of_a_graph(kind, tmp_path):
     assert sorted(again.rest_length) == sorted(network.rest_length)
 
 
-def test_coordinates_may_stand_in_attributes_of_their_own(tmp_path):
-    graph = nx.Graph()
-    graph.add_node("a", x=0.0, y=0.0, held=True)
-    graph.add_node("b", x=1.0, y=0.0, held=True)
-    graph.add_node("c", x=0.5, y=1.0, fy=-0.01)
-    graph.add_edges_from([("a", "b"), ("b", "c"), ("a", "c")], stiffness=2.0)
-    graph = written("graphml", graph, tmp_path)
-    axes = {"positions": ("x", "y"), "forces": ("fx", "fy")}
-    network = SpringNetwork.from_graph(graph, rest_length=None, **axes)
-    assert network.positions.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]]
-    assert network.forces.tolist() == [[[0.0, 0.0], [0.0, 0.0], [0.0, -0.01]]]
-    assert network.held.all(axis=1).tolist() == [True, True, False]
-    with pytest.raises(SceneError, match=r"has no attribute 'pos' .*positions=\("):
-        SpringNetwork.from_graph(graph, rest_length=None)
+# Lattices, and the continuum that they stand for.
+
+
+def springs_per_node(network):
+    return np.bincount(network.springs.ravel(), minlength=len(network.positions))
+
+
+def test_the_triangular_lattice_of_the_description():
+    network = triangular(5, force=0.1)
+    names = np.array(network.names)
+    held = names[network.held.all(axis=1)].tolist()
+    assert held == [[0, 0], [0, 4], [2, 0], [2, 4], [4, 0], [4, 4]]
+    pressed = {
+        tuple(n): f.tolist() for n, f in zip(names, network.forces[0], strict=True) if any(f)
+    }
+    assert pressed == {(0, 2): [0.0, 0.1], (4, 2): [0.0, -0.1]}
+    assert set(network.stiffness) == {1.0}
+    assert np.array_equal(network.rest_length, network.initial_length)
+    assert springs_per_node(network)[network.node((2, 2))] == 6
+    nodes = {(3, 3): 8, (5, 5): 23, (9, 9): 77, (4, 2): 7, (3, 2): 5}
+    assert {size: len(triangular(*size).positions) for size in nodes} == nodes
+    shared = triangular(4, 5, force=0.1).forces[0, :, 1]  # of two middle nodes
+    assert sorted(shared[shared != 0.0]) == [-0.05, -0.05, 0.05, 0.05]
+
+
+def affine_energy(network, gradient):
+    """Energy that a small even strain stores in the springs of an inner part, per node."""
+    inner = springs_per_node(network) == springs_per_node(network).max()
+    _, direction = spring_lengths_and_directions(network.positions, network.springs)
+    stretch = network.initial_length * np.einsum("ia,ab,ib->i", direction, gradient, direction)
+    energy = 0.5 * network.stiffness * stretch**2
+    per_node = np.zeros(len(network.positions))
+    for end in (0, 1):
+        np.add.at(per_node, network.springs[:, end], 0.5 * energy)
+    return per_node[inner].mean()
+
+
+def test_the_lattice_is_an_isotropic_sheet_with_a_poissons_ratio_of_a_third():
+    network, area = triangular(9, stiffness=3.0), np.sqrt(3.0) / 2.0
+    stretch, shear = np.diag([1.0, 0.0]), np.array([[0.0, 0.5], [0.5, 0.0]])
+    c11 = 2.0 * affine_energy(network, stretch) / area
+    c66 = 2.0 * affine_energy(network, shear) / area
+    both = 2.0 * affine_energy(network, np.eye(2)) / area
+    c12 = both / 2.0 - c11
+    assert c12 / c11 == pytest.approx(1.0 / 3.0)
+    assert c66 == pytest.approx((c11 - c12) / 2.0)
+    assert c11 - c12**2 / c11 == pytest.approx(2.0 * 3.0 / np.sqrt(3.0))
+
+
+# Bodies of hexagons as spring networks.
+
+LOAD = {"cell": [3, 4], "force": [0.0, -0.5]}
+
+
+def body(load=LOAD, cells=(6, 5), ratio=1.0 / 3.0, **changes):
+    """Hexagons of rubber on rigid ground, as a network."""
+    rubber = {"youngs_modulus": 1e6, "poissons_ratio": ratio}
+    usual = {"material": "rubber", "materials": {"rubber": rubber}, "thickness": 0.002}
+    scene = loaded(list(cells), load, lattice="hexagon", **usual | changes)
+    return hexagon_body(scene)
+
+
+def test_every_cell_is_a_node_and_every_shared_face_a_spring():
+    network = body()
+    cells = 30
+    contacts = 2 * 6  # two lower faces of each cell in the bottom row
+    assert len(network.positions) == cells + contacts
+    assert len(network.springs) == 6 * 5 - 5 + 4 * (2 * 6 - 1) + contacts
+    stiffness = np.sqrt(3.0) / 2.0 * 1e6 * 0.002
+    inner = (network.springs < cells).all(axis=1)
+    assert network.stiffness[inner] == pytest.approx(stiffness)
+    assert network.initial_length[inner] == pytest.approx(0.01)
+    assert network.stiffness[~inner] == pytest.approx(2.0 * stiffness)
+    assert network.initial_length[~inner] == pytest.approx(0.005)
+    assert np.flatnonzero(network.held.all(axis=1)).tolist() == list(range(cells, cells + contacts))
+    assert network.names[0] == (0, 0)
+    assert network.names[cells] == (0, 0, 4)
+    assert network.forces[0, network.node((3, 4))].tolist() == [0.0, -0.5]
+
+
+def test_a_sheet_under_even_pressure_has_the_materials_constants():
+    pressure = 100.0
+    load, sides = {"side": "top", "pressure": pressure}, dict.fromkeys(["bottom", "left"], "roller")
+    network = body(load, (24, 25), sides=sides)
+    result = solve(network, 1)
+    x, y = network.positions.T
+    inner = (np.abs(x - x.mean()) < 0.04) & (np.abs(y - y.mean()) < 0.04)
+    plane = np.stack([x, y, 0 * x + 1], axis=1)[inner]
+    strain = np.linalg.lstsq(plane, result.displacement[-1][inner], rcond=None)[0]
+    assert pressure / -strain[1, 1] == pytest.approx(1e6, rel=0.03)
+    assert -strain[0, 0] / strain[1, 1] == pytest.approx(1.0 / 3.0, rel=0.05)
+
+
+def test_a_wall_that_moves_takes_the_body_along():
+    sides = {"bottom": "rigid", "top": {"displacement": [0.0, -0.001]}}
+    network = body({"cell": [3, 2], "force": [0.0, -1e-9]}, sides=sides)
+    moved = network.displacements[0][:, 1]
+    assert sorted(set(moved.tolist())) == [-0.001, 0.0]
+    assert (moved != 0.0).sum() == 12
+    assert solve(network, 1).reactions()[moved != 0.0, 1].sum() < 0.0
+    steps = body(LOAD | {"steps": 5})
+    assert steps.forces[:, steps.node((3, 4)), 1] == pytest.approx([-0.1, -0.2, -0.3, -0.4, -0.5])
+    stress, strain = (body(plane=plane, ratio=0.25) for plane in ("stress", "strain"))
+    assert strain.stiffness[0] / stress.stiffness[0] == pytest.approx(1.0 / (1.0 - 0.25**2))
+    assert strain.notes == ()
+    assert "ratio 0.25" in stress.notes[0]
+
+
+def test_two_materials_meet_over_half_a_spring_of_each():
+    materials = {
+        name: {"youngs_modulus": modulus, "poissons_ratio": 1.0 / 3.0}
+        for name, modulus in (("steel", 1e6), ("rubber", 3e6))
+    }
+    load, how = {"cell": [1, 1], "force": [0.0, -1.0]}, {"lattice": "hexagon", "thickness": 1.0}
+    scene = loaded("aabb\n====", load, materials=materials, sides={}, **how)
+    network = hexagon_body(scene)
+    soft = np.sqrt(3.0) / 2.0 * 1e6
+    inner = network.stiffness[(network.springs < 4).all(axis=1)]
+    assert inner == pytest.approx([soft, 1.5 * soft, 3.0 * soft])
+
+
+def test_squares_and_elastic_foundations_are_refused():
+    with pytest.raises(SceneError, match='set lattice = "hexagon"'):
+        hexagon_body(loaded([3, 3]))
+    with pytest.raises(SceneError, match=r"sides\.bottom: a spring network has no"):
+        body(sides={"bottom": {"stiffness": 1e6}})

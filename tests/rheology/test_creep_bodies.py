@@ -170,17 +170,6 @@ def test_every_material_of_agents_takes_its_own_time():
     assert result.displacement(1).shape == result.static.displacement.shape
 
 
-def test_agents_of_one_law_follow_the_correspondence_principle():
-    like_soft = replace(SOFT, K_f=1e6, D_f=1.5e6, D_d=2e7)
-    result = creep(scene(SOFT, like_soft, **AGENTS), BITE, times=TIMES, tolerance=1e-5)
-    points = np.array([[0.045, 0.035], [0.02, 0.01]])
-    static = result.static.displacement_at(points)
-    for record, grown in enumerate(2e5 * SOFT.creep(force=BITE, times=TIMES, scheme="exact")):
-        np.testing.assert_allclose(
-            result.displacement_at(points, record), grown * static, atol=2e-5 * np.abs(static).max()
-        )
-
-
 def test_elastic_agents_store_the_energy_of_their_own_squeeze():
     result = creep(scene(None, None, **AGENTS), History.step(), 1.0, times=[1.0])
     modulus = np.array([2e5, 1e6])[result.static.last.material]

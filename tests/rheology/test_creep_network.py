@@ -116,24 +116,17 @@ def test_a_chain_without_stiffness_across_is_named():
         creep(chain, History.step(), 3.0, rheology=ELEMENT)
 
 
-def test_forces_from_outside_are_loads_and_reactions():
+def test_moments_are_records_of_a_loaded_network():
     result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
     outside = result.outside_forces(record=1)
     np.testing.assert_allclose(outside[2], [0.01, -0.3], rtol=1e-9)
     np.testing.assert_allclose(outside.sum(axis=0), 0.0, atol=1e-12)
-
-
-def test_moments_are_records_of_a_loaded_network():
-    result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
+    with pytest.raises(ParameterError, match="rheology: a spring network says nothing"):
+        creep(truss(), BITE)
+    with pytest.raises(ParameterError, match=r"rheology: .* springs need as many elements"):
+        creep(truss(), BITE, rheology=[ELEMENT])
     records = result.to_network_result()
     assert records.increments == len(TIMES) - 1
     np.testing.assert_array_equal(records.positions(2), truss().positions + result.displacement[2])
     np.testing.assert_array_equal(records.stage, BITE.at(TIMES))
     np.testing.assert_allclose(records.reactions(1)[:2], result.outside_forces(1)[:2])
-
-
-def test_networks_need_a_rheology_that_fits():
-    with pytest.raises(ParameterError, match="rheology: a spring network says nothing"):
-        creep(truss(), BITE)
-    with pytest.raises(ParameterError, match=r"rheology: .* springs need as many elements"):
-        creep(truss(), BITE, rheology=[ELEMENT])

@@ -22,13 +22,8 @@ def test_at_a_jump_the_value_before_it_counts():
     history = History.step(2.0).hold(3.0).release()
     np.testing.assert_array_equal(history.at([0.0, 1e-300, 3.0, 3.1]), [0.0, 2.0, 2.0, 0.0])
     np.testing.assert_array_equal(history.after([0.0, 3.0]), [2.0, 0.0])
-
-
-def test_a_first_factor_is_a_jump_at_the_start():
-    history = History((0.0, 1.0), (1.0, 1.0))
-    assert history.at(0.0) == 0.0
-    assert history.at(0.5) == 1.0
-    assert history.corners()[0].jump == 1.0
+    first = History((0.0, 1.0), (1.0, 1.0))  # a first factor is a jump at the start
+    assert (first.at(0.0), first.at(0.5), first.corners()[0].jump) == (0.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -43,13 +38,6 @@ def test_a_first_factor_is_a_jump_at_the_start():
 def test_impossible_histories_are_refused(times, factors, message):
     with pytest.raises(ParameterError, match=message):
         History(times, factors)
-
-
-def test_negative_durations_and_no_cycles_are_refused():
-    with pytest.raises(ParameterError, match="duration"):
-        History().ramp(1.0, -1.0)
-    with pytest.raises(ParameterError, match="cycles: from 1 to"):
-        History().cycles(0, 1.0)
 
 
 pieces = st.lists(st.tuples(st.integers(0, 5), st.integers(-4, 4)), min_size=1, max_size=6)
@@ -71,6 +59,10 @@ def test_jumps_and_bends_superpose_to_the_history(moves, eighths):
 def test_endless_cycles_are_refused_by_name():
     with pytest.raises(ParameterError, match="cycles: from 1 to 10,000"):
         History().cycles(1_000_000, 1.0)
+    with pytest.raises(ParameterError, match="cycles: from 1 to"):
+        History().cycles(0, 1.0)
+    with pytest.raises(ParameterError, match="duration"):
+        History().ramp(1.0, -1.0)
     many = History().cycles(10_000, 0.5)
     assert many.duration == pytest.approx(5000.0)
     assert many.at([0.25, 0.5, 0.75]).tolist() == [1.0, 0.0, 1.0]

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
 # What options can be, for the shell to complete.
-Strategy = StrEnum("Strategy", "auto uniform spawning")
 Measure = StrEnum("Measure", "force stress strain energy")
 GrowthRule = StrEnum("GrowthRule", "compliance remodelling stress")
 
@@ -206,13 +205,6 @@ def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) ->
 def solve(
     task: Task,
     resolution: Resolution = None,
-    strategy: Annotated[
-        Strategy,
-        typer.Option(
-            help="Equal cells, agents that are small where the error asks for it, or (auto) "
-            "whichever is cheaper."
-        ),
-    ] = Strategy.auto,
     tolerance: Annotated[
         float | None, share("Relative error in the energy norm to keep; 0.01 or 1%.")
     ] = None,
@@ -227,8 +219,9 @@ def solve(
     def answer() -> Result:
         from kaju.model.study.solving import solve as solve_scene
 
-        how: dict[str, Any] = {"resolution": resolution, "strategy": strategy.value}
-        found: Result = solve_scene(task.scene, tolerance, goal=places_of(at), **how)
+        found: Result = solve_scene(
+            task.scene, tolerance, resolution=resolution, goal=places_of(at)
+        )
         task.console.say("solved as linear elasticity")
         return found
 

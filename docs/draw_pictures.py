@@ -80,7 +80,7 @@ def _bracket() -> Figure:
     """Draw how bounds close in on the energy as cells get smaller, and agents of many sizes."""
     figure = new_figure((5.4, 3.6))
     ax = figure.subplots()
-    equal = [solve(_square(), resolution=k, strategy="uniform") for k in (1, 2, 4, 8)]
+    equal = [solve(_square(), resolution=k) for k in (1, 2, 4, 8)]
     spawning = [_spawned(_square(), tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)]
     for answers, colour, name in ((equal, COLOURS[0], "equal cells"), (spawning, COLOURS[1], "")):
         agents = [answer.agents for answer in answers]
@@ -99,7 +99,7 @@ def _bracket() -> Figure:
 
 
 def _spawned(scene: Scene, tolerance: float) -> ElasticResult:
-    return solve(scene, strategy="spawning", tolerance=tolerance)
+    return solve(scene, tolerance=tolerance)
 
 
 def _square() -> Scene:

@@ -46,7 +46,7 @@ class Seen:
     @cached_property
     def elastic(self) -> Any:
         """Return the answer of elasticity on the same cells."""
-        return kaju.solve(self.scene, strategy="uniform")
+        return kaju.solve(self.scene)
 
     @property
     def stage(self) -> Any:

@@ -79,7 +79,7 @@ def bar() -> Scene:
 
 def solved(scene: Scene, resolution: int = 1) -> Callable[[], Result]:
     """Solve a scene on its own cells, or on cells so many times smaller."""
-    return lambda: solve(scene, strategy="uniform", resolution=resolution)
+    return lambda: solve(scene, resolution=resolution)
 
 
 def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Callable[[], Result]:

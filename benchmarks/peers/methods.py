@@ -68,7 +68,7 @@ def equal_cells(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let `kaju.solve` answer on equal cells."""
 
     def job() -> Answer:
-        result: Any = kaju.solve(problem.scene(division), strategy="uniform", resolution=1)
+        result: Any = kaju.solve(problem.scene(division), resolution=1)
         return lambda: result.displacement_at(problem.points)
 
     return job
@@ -78,7 +78,7 @@ def spawning(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let agents spawn to a tolerance that falls as the equal cells' error does."""
 
     def job() -> Answer:
-        result: Any = kaju.solve(problem.scene(1), SPAWNED / division, strategy="spawning")
+        result: Any = kaju.solve(problem.scene(1), SPAWNED / division)
         return Sized(result.agents, result.displacement_at, problem.points)
 
     return job

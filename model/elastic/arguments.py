@@ -27,16 +27,8 @@ def check_numbers(
     if tolerance is not None:
         number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
         if not (number and isfinite(tolerance) and least <= tolerance < 1.0):
-            remedy = (
-                ""
-                if least < SMALLEST_TOLERANCE
-                else (
-                    "; equal cells at a resolution (strategy='uniform', resolution=4) solve their "
-                    "equations to less"
-                )
-            )
             raise ParameterError(
-                f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}{remedy}"
+                f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}"
             )
     whole = {"resolution": resolution, "stage": stage, "most_agents": most_agents}
     for name, value in whole.items():

@@ -28,7 +28,7 @@ def solve(
     previous: ElasticResult | None = None,
     stiffness: ArrayLike | None = None,
 ) -> ElasticResult:
-    """Solve a scene as linear elasticity, on equal cells: `kaju.solve` with strategy "uniform".
+    """Solve a scene as linear elasticity, on equal cells: `kaju.solve` without a tolerance.
 
     The equations are solved to `tolerance` in the energy norm: see `solve_problem`. There are
     `resolution` cells per cell of the scene along every axis, by default as many as in the previous
@@ -74,7 +74,7 @@ def _grid(
     if not isinstance(found, CellAgents):
         raise ParameterError(
             "previous: equal cells continue from equal cells, and its agents are of many sizes; "
-            "take strategy='spawning', or leave `previous` out"
+            "leave `previous` out"
         )
     division = resolution or previous.subdivision
     grid = grid_of(scene, stage, division, found.problem, stiffness)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from kaju.errors import OutOfMemoryError, ParameterError
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
@@ -21,24 +21,21 @@ if TYPE_CHECKING:
     from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.transfer.load_model import LoadModel
 
-Strategy = Literal["auto", "uniform", "spawning"]
-STRATEGIES = ("auto", "uniform", "spawning")
-
 _OUTLINES = (
     "{name}: is not known of true outlines, whose agents %s; leave it out, or take regions with "
     'outline = "cells"'
 )
 _TAKEN = {
     "plane with outlines": (
-        "tolerance previous goal strategy=spawning stage=1",
+        "tolerance previous goal stage=1",
         _OUTLINES % "spawn where the tolerance asks for it",
     ),
     "solid with outlines": (
-        "resolution strategy=uniform stage=1",
+        "resolution stage=1",
         _OUTLINES % "are equal cells in space, as many as `resolution` says",
     ),
     "stiffness": (
-        "tolerance resolution previous stage stiffness strategy=uniform",
+        "tolerance resolution previous stage stiffness",
         "stiffness: a field of it belongs to equal cells, which know no {name}; leave the one or "
         "the other out",
     ),
@@ -51,7 +48,6 @@ def solve(
     tolerance: float | None = None,
     *,
     resolution: int | None = None,
-    strategy: Strategy = "auto",
     goal: ToleranceAt | None = None,
     stage: int | None = None,
     previous: ElasticResult | OutlineResult | None = None,
@@ -65,19 +61,15 @@ def solve(
         What is solved; of a model its scene is, of a path the scene in it. Networks of springs
         are solved by `kaju.model.network.solve`.
     tolerance : float, optional
-        Relative error of the answer: in the energy norm, or in the `goal`; where forces alone
-        act, or moved sides alone, its square is that of the energy. Without one the scene's own
-        cells are solved, or `resolution` times as many along every axis; agents that spawn take
-        0.01.
+        Agents spawn until the relative error of the answer is below it: in the energy norm, or
+        in the `goal`; where forces alone act, or moved sides alone, its square is that of the
+        energy. Without one the scene's own cells are solved, or `resolution` times as many along
+        every axis.
     resolution : int, optional
         Cells per cell of the scene, along every axis. Regions are asked again, so that round
-        shapes become rounder. No agent is smaller; with "uniform" all are as small.
-    strategy : {"auto", "uniform", "spawning"}
-        Where agents may be small: "uniform" everywhere alike, "spawning" only where the
-        tolerance asks for it, "auto" by whichever is expected to be done first. The answer's
-        notes say what was chosen, and why.
+        shapes become rounder. No agent is smaller.
     goal : optional
-        What the tolerance is about instead of the energy norm; agents spawn for it.
+        What the tolerance is about instead of the energy norm; 0.01 unless one is given.
         "displacement" is the largest displacement error anywhere, relative to the largest
         displacement. A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
         quantity: its error is relative to itself, or to a hundredth of the largest
@@ -139,7 +131,6 @@ def solve(
     options: dict[str, Any] = {
         "tolerance": tolerance,
         "resolution": resolution,
-        "strategy": None if strategy == "auto" else strategy,
         "goal": goal,
         "stage": stage,
         "previous": previous,
@@ -196,17 +187,15 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
 
 
 def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
-    """Solve a scene's cells by the strategy asked for, or the one that suits the options."""
+    """Solve a scene by agents that spawn if there is a tolerance or a goal, else by its cells."""
     from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.solve import solve as solve_uniform
+    from kaju.model.elastic.refine.solve_spawning import solve_spawning
+    from kaju.model.elastic.solve import solve as solve_cells
 
-    strategy, previous = given.get("strategy", "auto"), given.get("previous")
-    tolerance, resolution, stage, goal = map(
-        given.get, ("tolerance", "resolution", "stage", "goal")
+    tolerance, resolution, stage, goal, previous = map(
+        given.get, ("tolerance", "resolution", "stage", "goal", "previous")
     )
-    if strategy not in STRATEGIES:
-        raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
     if previous is not None and not isinstance(previous, ElasticResult):
         raise ParameterError(
             f"previous: an ElasticResult is needed to start from, got {type(previous).__name__}"
@@ -215,23 +204,15 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     kept: dict[str, Any] = {"stage": stage, "previous": previous}
     if "stiffness" in given:
         _refuse_others("stiffness", given)
-        return solve_uniform(scene, tolerance, resolution, stiffness=given["stiffness"], **kept)
-    spawned = previous is not None and previous.found.storage == "tree"
-    if strategy == "auto" and (goal is not None or spawned):
-        strategy = "spawning"
+        return solve_cells(scene, tolerance, resolution, stiffness=given["stiffness"], **kept)
+    spawned = previous is not None and previous.found.storage != "cells"
+    if tolerance is None and goal is None and not spawned:
+        return solve_cells(scene, None, resolution, **kept)
+    if previous is not None and not spawned:
+        raise ParameterError(
+            "previous: was found on equal cells, which keep no tolerance; leave previous, or "
+            "tolerance and goal, out"
+        )
     if goal is not None:
         refuse_singular(scene, goal, stage)
-    if strategy == "spawning":
-        from kaju.model.elastic.refine.solve_spawning import solve_spawning
-
-        kept["tolerance_at"] = goal
-        return solve_spawning(scene, tolerance, resolution, **kept)
-    if goal is not None:
-        raise ParameterError("goal: equal cells have no error to choose; take strategy='spawning'")
-    if tolerance is None:
-        return solve_uniform(scene, None, resolution, **kept)
-    from kaju.model.elastic.refine.choice import solve_cheaply, solve_equal
-
-    if strategy == "uniform":
-        return solve_equal(scene, tolerance, resolution, **kept)
-    return solve_cheaply(scene, tolerance, resolution, **kept)
+    return solve_spawning(scene, tolerance, resolution, tolerance_at=goal, **kept)

@@ -7,6 +7,7 @@ from spawning_bodies import STEEL, drawn
 
 from kaju import Scene, solve
 from kaju.errors import KajuError
+from kaju.model.elastic.solve import solve as solve_cells
 
 PRECISE = 2e-6
 """Share of its energy that a truth by graded elements may be off."""
@@ -49,15 +50,13 @@ def random_body(seed):
 
 def holds(scene, truth, **how):
     """Solve, and tell whether the truth is inside the bounds; return the result."""
-    result = solve(scene, strategy="uniform", **how)
+    result = solve_cells(scene, **how)
     lower, upper = result.energy_bounds
     assert lower * (1 - PRECISE) <= truth <= upper * (1 + PRECISE), (lower, truth, upper)
     return result
 
 
-@pytest.mark.parametrize(
-    "how", [{"strategy": "uniform"}, {"tolerance": 0.05}, {"tolerance": 0.3, "strategy": "uniform"}]
-)
+@pytest.mark.parametrize("how", [{}, {"tolerance": 0.05}])
 def test_the_energy_lies_between_its_bounds(how):
     codes = np.ones((6, 6), dtype=int)
     codes[3:, 3:], codes[:2, 3] = 0, 2
@@ -121,7 +120,7 @@ def test_random_bodies_lie_within(seed, order, levels):
     except KajuError:
         pytest.skip("not held, or a load inside")
     for resolution in (2, 4):
-        result = solve(scene, strategy="uniform", resolution=resolution, tolerance=1e-10)
+        result = solve_cells(scene, 1e-10, resolution)
         if result.no_bound:
             assert result.energy_bounds is None
             assert result.error_bound is None
@@ -143,7 +142,7 @@ def test_a_cube_lies_within():
     gaps = []
     for n in (8, 16):
         # Quadratic elements on 24³ give 1.67885 from below, bilinear ones 1.65296.
-        lower, upper = solve(cube(n), strategy="uniform").energy_bounds
+        lower, upper = solve(cube(n)).energy_bounds
         assert lower < 1.6789 < upper
         gaps.append((upper - lower) / upper)
     assert gaps[1] < 0.55 * gaps[0]
@@ -163,7 +162,7 @@ def test_the_estimate_of_a_moved_side_falls_with_its_bound(sides, hole):
     regions = [{"material": "air", "box": [[0.06, 0.06], [0.1, 0.12]]}] if hole else []
     body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "a"}
     scene = plate(20, body={**body, "regions": regions}, sides=sides, loads=[])
-    coarse, fine = (solve(scene, strategy="uniform", resolution=k) for k in (1, 4))
+    coarse, fine = (solve(scene, resolution=k) for k in (1, 4))
     for result in (coarse, fine):
         assert result.error_bound < result.error_estimate < 20 * result.error_bound
     assert fine.error_estimate < 0.55 * coarse.error_estimate
@@ -177,7 +176,7 @@ def test_a_row_of_cells_between_two_moved_sides_is_solved():
     sides = {"bottom": "rigid", "top": moved, "left": "roller", "right": "roller"}
     soft = {"a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3}}
     scene = plate(1, body=body, materials=soft, loads=[], sides=sides)
-    result = solve(scene, strategy="uniform")
+    result = solve(scene)
     stiff = 1e9 / (1 - 0.3**2)
     assert result.strain_energy == pytest.approx(0.5 * stiff * (2e-4) ** 2 * 0.06 * 0.01 * 0.01)
     lower, upper = result.energy_bounds
@@ -186,7 +185,7 @@ def test_a_row_of_cells_between_two_moved_sides_is_solved():
 
 def test_where_supports_contradict_each_other_there_is_no_bound_and_it_says_why():
     scene = plate(8, sides={"bottom": "rigid", "left": {"displacement": [1e-5, 0.0]}})
-    result = solve(scene, strategy="uniform")
+    result = solve(scene)
     assert result.error_bound is None
     assert result.energy_bounds is None
     assert "two displacements at once" in result.no_bound
@@ -196,7 +195,7 @@ def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
     from kaju.model.elastic.bounds import energy_bounds as bracket
 
     monkeypatch.setattr(bracket, "BALANCED", 1e-20)
-    result = solve(plate(8), strategy="uniform")
+    result = solve(plate(8))
     assert result.error_bound is None
     assert "does not balance" in result.no_bound
 
@@ -211,7 +210,7 @@ def test_nobody_passes_on_what_an_answer_is_left_with_all_over(monkeypatch):
     monkeypatch.setattr(nested, "DIRECT", {2: 20, 3: 20})
     monkeypatch.setattr(balanced, "MOST_UNBALANCED", 10)
     monkeypatch.setattr(balanced, "equilibrate", None)
-    result = solve(auxetic, strategy="spawning", tolerance=0.3)
+    result = solve(auxetic, tolerance=0.3)
     assert result.error_bound is None
     assert "does not balance" in result.no_bound
     assert result.tolerance_kept == "estimated"
@@ -219,8 +218,8 @@ def test_nobody_passes_on_what_an_answer_is_left_with_all_over(monkeypatch):
 
 def test_the_mean_stress_is_better_than_either(plate_energy):
     # Against the stress of a grid four times as fine, averaged over the cells.
-    coarse = solve(plate(20), strategy="uniform")
-    fine = solve(plate(20), strategy="uniform", resolution=8)
+    coarse = solve(plate(20))
+    fine = solve(plate(20), resolution=8)
     truth = fine.cells().stress.reshape(20, 8, 20, 8, 2, 2).mean(axis=(1, 3)).reshape(-1, 2, 2)
     off = np.linalg.norm(coarse.mean_stress - truth) / np.linalg.norm(truth)
     plain = np.linalg.norm(coarse.stress - truth) / np.linalg.norm(truth)
@@ -231,7 +230,7 @@ def test_the_mean_stress_is_better_than_either(plate_energy):
 def test_bounds_are_the_same_for_a_mirrored_body():
     scene = plate(16, loads=[{"region": {"box": [[0.02, 0.2], [0.06, 0.2]]}, "force": [0.0, -2.0]}])
     other = plate(16, loads=[{"region": {"box": [[0.14, 0.2], [0.18, 0.2]]}, "force": [0.0, -2.0]}])
-    bounds = [solve(s, strategy="uniform").energy_bounds for s in (scene, other)]
+    bounds = [solve(s).energy_bounds for s in (scene, other)]
     assert bounds[0] == pytest.approx(bounds[1], rel=1e-9)
 
 
@@ -240,7 +239,7 @@ def test_loads_that_meet_on_a_face_are_bounded_as_their_sum():
 
     def pressed(*forces):
         loads = [{"cell": [5, 9], "side": "top", "force": list(force)} for force in forces]
-        return solve(plate(10, loads=loads), strategy="uniform")
+        return solve(plate(10, loads=loads))
 
     one, two = pressed((0.5, -3.0)), pressed((0.5, -1.0), (0.0, -2.0))
     np.testing.assert_allclose(two.energy_bounds, one.energy_bounds, rtol=1e-9)
@@ -254,8 +253,8 @@ def test_loads_that_meet_on_a_face_are_bounded_as_their_sum():
 def test_an_answer_of_few_iterations_settles_until_its_bound_is_hardly_wider(sides, monkeypatch):
     monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})  # by iterations
     scene = plate(40, sides=sides)
-    rough = solve(scene, strategy="uniform", resolution=1, tolerance=0.05)
-    exact = solve(scene, strategy="uniform")
+    rough = solve_cells(scene, 0.05, 1)
+    exact = solve(scene)
     assert rough.found.solution.algebraic > 1e-3
     assert exact.error_bound < rough.error_bound < 1.06 * exact.error_bound
     rough, exact = rough.found.bracket, exact.found.bracket

@@ -39,9 +39,9 @@ def test_a_cut_is_the_squeeze_of_its_row():
 @pytest.mark.parametrize(
     "how",
     [
-        {"strategy": "uniform"},
-        {"strategy": "uniform", "resolution": 2},
-        {"strategy": "spawning", "tolerance": 0.2},
+        {},
+        {"resolution": 2},
+        {"tolerance": 0.2},
     ],
 )
 def test_elasticity_carries_all_of_it_at_every_cut(how):
@@ -52,7 +52,7 @@ def test_elasticity_carries_all_of_it_at_every_cut(how):
 
 
 def test_no_layer_ends_within_an_agent():
-    answer = solve(pressed([64, 64], [32, 63]), strategy="spawning", tolerance=0.3)
+    answer = solve(pressed([64, 64], [32, 63]), tolerance=0.3)
     assert answer.size.max() == pytest.approx(0.08)
     assert answer.cuts().at == pytest.approx(0.08 * np.arange(8) + 0.04)
 

@@ -19,7 +19,7 @@ def plate(**body):
     "answer",
     [
         lambda scene: solve(scene, resolution=2),
-        lambda scene: solve(scene, strategy="spawning", tolerance=0.2),
+        lambda scene: solve(scene, tolerance=0.2),
         lambda scene: LoadModel(scene).run(),
     ],
 )
@@ -36,7 +36,7 @@ def test_every_answer_has_profiles(answer):
         np.testing.assert_array_equal(table[f"stress_{name} (Pa)"], stress[:, a, b])
 
 
-@pytest.mark.parametrize("how", [{}, {"strategy": "spawning", "tolerance": 0.3}])
+@pytest.mark.parametrize("how", [{}, {"tolerance": 0.3}])
 def test_points_outside_of_the_body_are_left_out(how):
     table = solve(plate(regions=[HOLE]), **how).profile([0.0, 0.04], [0.08, 0.04], count=17)
     np.testing.assert_allclose(

@@ -2,19 +2,16 @@
 
 import gc
 import weakref
-from functools import partial
 
 import numpy as np
 import pytest
 from plates import plate as pressed
 from spawning_bodies import STEEL, drawn
 
-import kaju
 from kaju import ElasticResult, Scene
 from kaju.errors import SupportError
 from kaju.model.elastic.equal import direct
-
-solve = partial(kaju.solve, strategy="uniform")
+from kaju.model.elastic.solve import solve
 
 BODY = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}
 

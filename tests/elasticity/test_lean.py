@@ -16,9 +16,7 @@ scene = kaju.Scene(
 """
 
 
-@pytest.mark.parametrize(
-    "how", ["", "resolution=5", "tolerance=0.05", "tolerance=0.05, strategy='spawning'"]
-)
+@pytest.mark.parametrize("how", ["", "resolution=5", "tolerance=0.05"])
 def test_a_small_answer_and_its_bounds_take_no_compiled_loop(how):
     script = PLATE + (
         f"result = kaju.solve(scene, {how})\n"

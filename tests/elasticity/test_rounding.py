@@ -26,7 +26,7 @@ def block(side, material=None, plane="stress", **sides):
 @pytest.mark.parametrize(("ratio", "said"), [(0.499999999, False), (0.49999999999, True)])
 def test_a_pressure_that_eats_digits_is_noted(ratio, said):
     gum = {"youngs_modulus": 1e9, "poissons_ratio": ratio}
-    result = kaju.solve(block("rigid", gum, "strain"), strategy="uniform")
+    result = kaju.solve(block("rigid", gum, "strain"))
     assert result.reactions["bottom"][1] == pytest.approx(1.0, abs=1e-5)
     assert any("rounding leaves" in note for note in result.summary()["notes"]) == said
 
@@ -39,7 +39,7 @@ def test_a_hinge_that_hardly_resists_is_refused():
     load = {"cell": [5, 1], "force": [-1.0, 0.0]}
     scene = drawn(rows, [soft, stiff], [load], sides=sides, cell_size=2e-4)
     with pytest.raises(kaju.KajuError, match="resists its loads so little"):
-        kaju.solve(scene, strategy="uniform")
+        kaju.solve(scene)
 
 
 def test_compiling_is_said_once(tmp_path):

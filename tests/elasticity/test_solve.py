@@ -1,20 +1,16 @@
 """`kaju.solve`: from scenes to results, and what is refused."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from elastic_cases import make_problem
 from plates import PLATE
 from spawning_bodies import STEEL, drawn
 
-import kaju
 from kaju import ElasticResult, Scene
 from kaju.errors import ConvergenceError, SupportError
 from kaju.model.elastic.equal.grid import problem_of_scene
 from kaju.model.elastic.equal.supports import check_supports, slender_cell
-
-solve = partial(kaju.solve, strategy="uniform")
+from kaju.model.elastic.solve import solve
 
 
 def bar(**changes):

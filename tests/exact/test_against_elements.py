@@ -66,7 +66,7 @@ def as_scene(kinds, materials=MATERIALS, plane=None):
 
 
 def cells_of(scene, resolution):
-    return solve(scene, strategy="uniform", tolerance=1e-8, resolution=resolution)
+    return solve(scene, resolution=resolution)
 
 
 def boxes(scene, split, order=2):

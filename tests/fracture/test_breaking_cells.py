@@ -30,7 +30,7 @@ def test_what_cells_bear_is_what_solve_says(moved):
     scene = plate(moved=moved)
     model = kaju.FractureModel(scene, strength=1e8, scatter=0.0)
     broken = model.run(1)
-    truth = kaju.solve(scene, strategy="uniform", resolution=1)
+    truth = kaju.solve(scene, resolution=1)
     stress = truth.cells(resolution=1).stress[scene.rasterise() >= 0]
     largest = np.linalg.eigvalsh(stress)[:, -1]
     assert broken.load_factor[0] == pytest.approx(1e8 / largest.max(), rel=1e-9)

@@ -237,9 +237,7 @@ def test_what_is_not_proved_is_refused_by_name(key: str, change: dict[str, Any])
         kaju.solve(kaju.Scene(materials=STEEL, **parts))
 
 
-@pytest.mark.parametrize(
-    "given", [{"tolerance": 0.01}, {"strategy": "spawning"}, {"stiffness": 1.0}], ids=str
-)
+@pytest.mark.parametrize("given", [{"tolerance": 0.01}, {"stiffness": 1.0}], ids=str)
 def test_what_only_cells_know_is_refused(given: dict[str, Any]) -> None:
     with pytest.raises(kaju.KajuError, match=rf"^{next(iter(given))}:"):
         kaju.solve(block(6, BALL), **given)

@@ -98,7 +98,7 @@ def scenes(seed, count):
 
 
 def compare(scene, answer, within):
-    result = kaju.solve(scene, tolerance=1e-13, strategy="uniform")
+    result = kaju.solve(scene)
     assert answer.get("error") is None, answer
     k = result.subdivision
     assert answer["subdivision"] == k

@@ -72,7 +72,7 @@ def fields(result):
 
 
 def test_the_ruler_reads_what_python_reads(twin, scene):
-    rows = {"rule": LoadModel(scene).run(), "elastic": solve(scene, strategy="uniform")}
+    rows = {"rule": LoadModel(scene).run(), "elastic": solve(scene)}
     for name, result in rows.items():
         cells, wanted = fields(result)
         for show in ("along", "across", "stress"):
@@ -200,7 +200,7 @@ def test_cuts_are_those_of_python(name, shown):
     page.until("page.elastic.answer")
     rows = read_csv(page, "CSV")
     numbers = {k: np.array([float(row[k] or "nan") for row in rows]) for k in rows[0]}
-    rule, elastic = (a.cuts() for a in (LoadModel(scene).run(), solve(scene, strategy="uniform")))
+    rule, elastic = (a.cuts() for a in (LoadModel(scene).run(), solve(scene)))
     load = abs(rule.load)
     np.testing.assert_allclose(numbers[f"{rule.axis} (m)"], rule.at, rtol=1e-12)
     np.testing.assert_allclose(numbers["rule (N)"], rule.carried, atol=1e-12 * load)

@@ -10,7 +10,6 @@ from spawning_bodies import STEEL, drawn
 
 from kaju import Scene, solve
 from kaju.errors import SceneError, SupportError
-from kaju.model.elastic.refine.choice import same_loads
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
@@ -54,44 +53,10 @@ def test_small_patch_of_load_makes_agents_spawn():
     assert result.notes == result.caveats, "there is no choice to be told of"
 
 
-def test_bent_bar_needs_fewer_agents_than_equal_cells_however_many_cells_it_has():
-    result, of_many_cells = (solve(bar(cells), tolerance=0.005) for cells in (4, 64))
-    assert spawned_agents(result)
-    assert result.error_bound <= 0.005
-    equal = solve(bar(4), tolerance=0.005, strategy="uniform")
-    assert equal.error_bound <= 0.005
-    assert result.agents < 0.4 * equal.agents
-    ends = (*result.energy_bounds, *equal.energy_bounds)
-    assert max(ends[::2]) <= min(ends[1::2]), "both hold the true energy"
-    np.testing.assert_allclose(result.lower, of_many_cells.lower, atol=1e-15)
-    assert result.strain_energy == pytest.approx(of_many_cells.strain_energy, rel=1e-9)
-
-
-def test_without_a_tolerance_the_own_cells_are_solved():
-    result, own = solve(plate()), solve(plate(), strategy="uniform")
-    assert not spawned_agents(result)
-    assert result.notes == result.caveats
-    assert_same_faces(result, own)
-
-
 def test_body_of_a_million_million_cells_is_never_rasterised():
     load = {"region": {"box": [[0.5, 1.0], [0.5625, 1.0]]}, "force": [0.0, -1.0]}
     scene = plate(loads=[load], size=[1.0, 1.0], cells=[2**20, 2**20])
     assert spawned_agents(solve(scene, tolerance=0.1))
-
-
-def test_loads_are_the_same_on_smaller_cells_if_they_fill_cells():
-    face = {"cell": [3, 19], "side": "top", "force": [1.0, -2.0]}
-    inside = {"region": {"box": [[0.02, 0.02], [0.05, 0.06]]}, "force": [1.0, 1.0]}
-    filling = plate(loads=[plate().loads[0], face, inside, {"side": "top", "pressure": 1e4}])
-    assert same_loads(filling, filling.refine(3), 3, None)
-    for load in (
-        {"point": [0.1, 0.2], "force": [0.0, -2.0]},
-        {"region": {"box": [[0.1, 0.2], [0.114, 0.2]]}, "force": [0.0, -2.0]},
-        {"region": {"box": [[0.02, 0.02], [0.055, 0.06]]}, "force": [0.0, -2.0]},
-    ):
-        scene = plate(loads=[load])
-        assert not same_loads(scene, scene.refine(4), 4, None)
 
 
 def test_agents_go_where_members_are_too_thin_for_equal_cells():

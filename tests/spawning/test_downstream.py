@@ -78,7 +78,7 @@ def test_large_bodies_are_compared_in_the_middles_of_agents():
 
 def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     before = Path(PLATE).read_bytes()
-    spawning_words = ("--strategy", "spawning", "--tolerance", "0.1", "--pictures", "all")
+    spawning_words = ("--tolerance", "0.1", "--pictures", "all")
     code, out, _ = kaju("solve", PLATE, "--out", "agents", *spawning_words)
     assert code == 0
     summary = json.loads(Path("agents/summary.json").read_text())
@@ -89,7 +89,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     assert spawned_agents(load_answer("agents"))
     assert Path(PLATE).read_bytes() == before
 
-    assert kaju("solve", PLATE, "--out", "cells", "--no-pictures", "--strategy", "uniform")[0] == 0
+    assert kaju("solve", PLATE, "--out", "cells", "--no-pictures")[0] == 0
     code, out, _ = kaju("compare", "agents", "cells", "--out", "errors")
     assert code == 0
     assert "spawned agents against elasticity, 400 points" in out
@@ -103,7 +103,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
 
 def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
     monkeypatch.setattr(loop, "MOST_AGENTS", 300)
-    words = ("--strategy", "spawning", "--tolerance", "0.001", "--out", "here")
+    words = ("--tolerance", "0.001", "--out", "here")
     code, out, err = kaju("solve", PLATE, *words)
     assert code == 2
     assert "more than the 300 allowed" in err

@@ -103,7 +103,7 @@ def test_an_agent_takes_as_much_off_the_displacement_as_one_that_the_energy_asks
 def test_finer_cells_of_one_size_agree():
     """The largest difference from 320² equal cells is within the estimate."""
     result = spawned_by(plate(), tolerance=0.01, goal="displacement")
-    uniform = solve(plate(), resolution=16, strategy="uniform")
+    uniform = solve(plate(), resolution=16)
     rng = np.random.default_rng(2)
     points = rng.uniform(0.0, 0.2, size=(500, 2))
     off = result.displacement_at(points) - uniform.displacement_at(points)
@@ -134,9 +134,7 @@ def test_estimate_survives_being_stored(tmp_path):
     np.testing.assert_array_equal(again.error_share, aimed.error_share)
 
 
-def test_spawning_is_the_strategy_of_an_aim():
+def test_agents_spawn_for_an_aim():
     assert solve(plate(), tolerance=0.3, goal="displacement").tolerance == 0.3
-    with pytest.raises(ParameterError, match="goal: equal cells"):
-        solve(plate(), goal="displacement", strategy="uniform")
     with pytest.raises(ParameterError, match=r"no side 'stress'.*'displacement'"):
         solve(plate(), goal="stress")

@@ -65,7 +65,7 @@ def test_point_on_a_face_has_one_displacement():
 
 def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
     scene = plate()
-    fine = solve(scene, resolution=32, strategy="uniform")
+    fine = solve(scene, resolution=32)
     result = spawned_by(scene, tolerance=0.003)
     x = np.linspace(0.08, 0.12, 81)
     top = np.stack([x, np.full(81, 0.2)], axis=1)

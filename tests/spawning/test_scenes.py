@@ -9,6 +9,7 @@ from spawning_bodies import STEEL, by_themselves, drawn, settled_energy
 
 from kaju import Scene, solve
 from kaju.errors import ConvergenceError, SceneError, SupportError
+from kaju.model.elastic.solve import solve as solve_cells
 
 SOME_ARE_LOOSE = [HealthCheck.filter_too_much, HealthCheck.too_slow]
 LETTERS, COLOURS = ".ab=", [(255, 255, 255), (255, 0, 0), (0, 0, 255), (0, 0, 0)]
@@ -113,13 +114,13 @@ def random_scene(rng, folder):
 def check_same(scene, resolution, stage):
     how = {"resolution": resolution, "stage": stage}
     try:
-        equal = solve(scene, strategy="uniform", tolerance=1e-12, **how)
+        equal = solve_cells(scene, 1e-12, **how)
     except (SceneError, SupportError, ConvergenceError):
         reject()
     with pytest.MonkeyPatch.context() as patch:
         # Else agents end where the smallest ones keep a bound from falling, and some stay larger.
         patch.setattr("kaju.model.elastic.refine.refine_loop.STALLED", np.inf)
-        agents = solve(scene, strategy="spawning", tolerance=1e-6, **how)
+        agents = solve(scene, tolerance=1e-6, **how)
     assume(equal.subdivision == resolution and equal.strain_energy > 0.0)
     # Equal cells of rubber are iterated with their pressures, and end with fewer digits.
     digits = 1e-4 if equal.summary()["method"] == "mixed form" else 1e-6
@@ -157,11 +158,11 @@ def pinned(cells):
 
 
 def test_single_rigid_cell_is_a_pin_until_the_cells_beside_are_halved():
-    for how in ({"strategy": "uniform"}, {"strategy": "spawning", "tolerance": 0.1}):
+    for how in ({}, {"tolerance": 0.1}):
         result = solve(pinned(1), **how)
         assert any("single rigid cell" in note for note in result.summary()["notes"])
         np.testing.assert_allclose(result.reactions["rigid"], [0.0, 1.0], atol=1e-9)
-    assert solve(pinned(2), strategy="uniform").reactions["rigid"][1] == pytest.approx(1.0)
+    assert solve(pinned(2)).reactions["rigid"][1] == pytest.approx(1.0)
 
 
 def test_cells_held_all_round_are_no_loose_part():
@@ -169,5 +170,5 @@ def test_cells_held_all_round_are_no_loose_part():
     load = {"cell": [2, 0], "side": "bottom", "force": [0.0, 1.0]}
     rows = ["=====", "=aa==", "=====", ".aaa."]
     scene = drawn(rows, [STEEL], [load], sides={}, cell_size=0.1)
-    result = solve(scene, strategy="spawning", tolerance=0.2)
+    result = solve(scene, tolerance=0.2)
     np.testing.assert_allclose(result.reactions["rigid"], [0.0, -1.0], atol=1e-9)

@@ -145,7 +145,7 @@ def samples(folder):
     answers = {
         "transfer": LoadModel(plate()).run(),
         "cells": kaju.solve(plate()),
-        "tree": kaju.solve(plate(), tolerance=0.3, strategy="spawning"),
+        "tree": kaju.solve(plate(), tolerance=0.3),
         "pushes": ElasticModel(plate(**elastic)).run(),
         "network": solve_network(net),
         "element in time": crept(soft),

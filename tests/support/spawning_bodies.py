@@ -159,7 +159,7 @@ def middles(scene):
 
 def spawned_by(scene, **how):
     """The answer of agents that spawn."""
-    return solve(scene, strategy="spawning", **how)
+    return solve(scene, **how)
 
 
 def by_themselves(result):

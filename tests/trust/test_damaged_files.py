@@ -66,7 +66,7 @@ def test_answers_in_time_that_hold_no_time_are_refused_by_name(tmp_path, change)
 
 @pytest.mark.parametrize("value", [{}, float("nan"), "a", [1.0]])
 def test_values_of_another_kind_are_refused_by_name(tmp_path, value):
-    answer = kaju.solve(PLATE, tolerance=0.5, strategy="spawning")
+    answer = kaju.solve(PLATE, tolerance=0.5)
     path = answer.save(tmp_path / "e.npz")
     rewritten(path, lambda arrays, about: about.update(tolerance=value))
     with pytest.raises(kaju.KajuError, match="'tolerance' must"):

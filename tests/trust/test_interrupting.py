@@ -51,7 +51,7 @@ def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, kind, capfd):
 
 
 def test_agents_that_spawn_keep_their_generation(monkeypatch):
-    whole = solve(plate(), tolerance=0.03, strategy="spawning")
+    whole = solve(plate(), tolerance=0.03)
     run = SpawningModel(plate(), tolerance=0.03)
     interrupting(monkeypatch, SpawningModel, "_note", 2)
     with pytest.raises(Interrupted) as stop:
@@ -63,9 +63,8 @@ def test_agents_that_spawn_keep_their_generation(monkeypatch):
     ("asked", "answer"),
     [
         ({}, "cells"),
-        ({"tolerance": 0.02, "strategy": "uniform"}, "cells"),
-        ({"tolerance": 0.02, "strategy": "spawning"}, "tree"),
-        ({"tolerance": 0.02, "strategy": "spawning", "goal": "displacement"}, "tree"),
+        ({"tolerance": 0.02}, "tree"),
+        ({"tolerance": 0.02, "goal": "displacement"}, "tree"),
     ],
 )
 def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):
@@ -115,7 +114,7 @@ def test_only_who_is_in_charge_of_signals_listens():
 
 RUNS = {
     "run": (200, {"threshold": 1e-9}, []),
-    "solve": (40, {"kind": "elastic"}, ["--tolerance", "0.003", "--strategy", "spawning"]),
+    "solve": (40, {"kind": "elastic"}, ["--tolerance", "0.003"]),
     "creep": (60, {"threshold": 1e-5}, ["--hold", "10"]),
 }
 

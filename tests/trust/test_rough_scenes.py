@@ -9,7 +9,7 @@ from kaju import Scene, factors, solve
 from kaju.errors import ConvergenceError, KajuError, OutOfMemoryError, SceneError
 from kaju.model.elastic import posed_body
 
-EVERY_WAY = [{}, {"tolerance": 0.05}, {"strategy": "spawning", "tolerance": 0.02}]
+EVERY_WAY = [{}, {"tolerance": 0.05}, {"tolerance": 0.02}]
 
 
 def material(youngs_modulus, ratio=0.3):
@@ -53,7 +53,7 @@ def test_factors_that_do_not_fit_are_refused_by_name(monkeypatch, end):
 
     monkeypatch.setattr(factors, "splu", full)
     with pytest.raises(OutOfMemoryError, match="do not fit in memory; take fewer cells") as error:
-        solve(block(), strategy="spawning", tolerance=0.1)
+        solve(block(), tolerance=0.1)
     assert isinstance(error.value, MemoryError)
     assert isinstance(error.value, KajuError)
 
@@ -64,7 +64,7 @@ def test_arrays_that_do_not_fit_are_refused_by_name(monkeypatch):
 
     monkeypatch.setattr(posed_body.PosedBody, "_scale", full)
     with pytest.raises(OutOfMemoryError, match="1 TiB; take a smaller resolution"):
-        solve(block(), strategy="spawning")
+        solve(block(), 0.1)
 
 
 @pytest.mark.parametrize("how", EVERY_WAY)
@@ -76,7 +76,7 @@ def test_a_force_on_a_held_face_goes_straight_into_the_ground(force, how):
     assert result.reactions["bottom"] == pytest.approx(-np.array(force), abs=1e-12)
 
 
-BOTH_WAYS = [{"strategy": "uniform"}, {"strategy": "spawning", "tolerance": 0.05}]
+BOTH_WAYS = [{}, {"tolerance": 0.05}]
 
 
 @pytest.mark.parametrize("how", BOTH_WAYS)
@@ -119,7 +119,7 @@ def test_supports_bear_what_slow_iterations_leave():
         sides={"bottom": "rigid"},
         loads=[{"side": "top", "pressure": 80.0}],
     )
-    result = kaju.solve(scene, strategy="uniform", resolution=48)
+    result = kaju.solve(scene, resolution=48)
     assert result.error_estimate > 0.05
     assert missing(scene, result) < 1e-2 * result.error_estimate
 
@@ -153,7 +153,7 @@ def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours(size, most):
     load = {"side": "top", "force": [0.0] * (len(size) - 1) + [-1.0]}
     scene = plate([4] * len(size), None, size=size, loads=[load])
     with pytest.raises(ConvergenceError, match=r"needs more than the [45]0+ allowed") as error:
-        solve(scene, tolerance=1e-6, strategy="spawning")
+        solve(scene, tolerance=1e-6)
     assert error.value.best.agents < most
     assert error.value.best.error_estimate < 0.5
 

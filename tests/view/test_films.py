@@ -202,7 +202,7 @@ def test_an_elastic_body_has_one_target(tmp_path) -> None:
 
 
 def test_agents_of_many_sizes_are_a_mesh_too(tmp_path) -> None:
-    result = kaju.solve(block(), tolerance=0.05, strategy="spawning")
+    result = kaju.solve(block(), tolerance=0.05)
     glb = Glb(kaju.animate(result, tmp_path / "spawned.glb"))
     assert len(glb.corners()) == 6 * result.agents
 

@@ -157,7 +157,7 @@ def factorised(problem: ElasticProblem, discretisation: float) -> Solution:
     except RuntimeError as error:
         raise SceneError(
             "body: some of its cells hang together by single faces, about which they turn freely; "
-            "give a larger resolution (2 halves the cells), or strategy='spawning'"
+            "give a larger resolution (2 halves the cells), or a tolerance, so that agents spawn"
         ) from error
     system = System(problem, factors.numbering)
     run = _solve_direct(factors, system.right)

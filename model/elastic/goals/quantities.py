@@ -87,7 +87,7 @@ class Stress(_Parsed):
     ...     sides={"bottom": "rigid"},
     ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
     ... )
-    >>> answer = solve(scene, tolerance=0.1, strategy="spawning")
+    >>> answer = solve(scene, tolerance=0.1)
     >>> middle = Stress({"box": [[0.02, 0.02], [0.03, 0.03]]}, "yy")
     >>> round(answer.value_of(middle) / 1e2)  # hPa
     -1
@@ -116,7 +116,7 @@ class Reaction(_Parsed):
     ...     sides={"bottom": "rigid"},
     ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
     ... )
-    >>> answer = solve(scene, tolerance=0.1, strategy="spawning")
+    >>> answer = solve(scene, tolerance=0.1)
     >>> round(answer.value_of(Reaction("bottom", "y")), 6)  # N
     2.0
     """

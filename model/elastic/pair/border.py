@@ -129,7 +129,7 @@ def check_held(body: PosedBody, mesh: LeafMesh, sides: Sides) -> None:
         raise SupportError(
             f"sides: the supports give the corner at ({at[0]:.4g}, {at[1]:.4g}) m two "
             "displacements at once, which takes energy without limit; let one of the two "
-            "sides be a roller, or take equal cells (strategy='uniform'), whose answer depends "
+            "sides be a roller, or take equal cells (no tolerance), whose answer depends "
             "on their size"
         )
 

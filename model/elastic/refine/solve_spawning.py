@@ -42,7 +42,7 @@ def solve_spawning(
     previous: ElasticResult | None = None,
     note: str = "",
 ) -> ElasticResult:
-    """Solve a scene by agents of many sizes: `kaju.solve` with the strategy "spawning".
+    """Solve a scene by agents of many sizes: `kaju.solve` with a tolerance.
 
     The first agents are as large as the body, its materials, supports and loads let them
     be. Those that leave most load unbalanced spawn 4 (in three dimensions 8) children of
@@ -91,7 +91,7 @@ def solve_spawning(
         raise ConvergenceError(
             f"solve: {max(len(result.residuals) - 1, 0)} iterations leave a relative residual "
             f"of {result.residuals[-1]:.2g}; take materials of a smaller contrast, a larger "
-            "tolerance, or strategy='uniform'. The error's `best` holds the result so far",
+            "tolerance, or equal cells (none). The error's `best` holds the result so far",
             result.residuals,
             result,
         )
@@ -195,7 +195,7 @@ def _spawning_of(previous: ElasticResult) -> Spawning | None:
     if not isinstance(previous.found, Spawning):
         raise ParameterError(
             "previous: spawning agents continue from agents that have spawned, and its cells are "
-            "all equal; take strategy='uniform', or leave `previous` out"
+            "all equal; leave `previous`, or tolerance and goal, out"
         )
     return previous.found
 

@@ -72,18 +72,6 @@ class StateCourse:
         return found.astype(type(self.default))
 
 
-class News(NamedTuple):
-    """What has happened since a generation: loads taken (first four), and new agents."""
-
-    generation: Ints
-    key: Ints  # cell of the agent, as `Lattice.key` counts
-    channel: Ints  # state of the load: its direction, pulls counted after all directions
-    load: Floats  # sum of the loads taken then (N)
-    born: Ints  # cells of the new agents
-    spawn_step: Ints
-    woken_by: Ints
-
-
 class Totals(NamedTuple):
     """What each agent has done by now; the columns are those of `Stage`."""
 

@@ -1,12 +1,12 @@
 """Objects and arrays are two tellings of one story."""
 
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from plates import loaded, plate
+from plates import plate
 from strategies import Triangles, scenes
 from transfer_answers import assert_same
 
@@ -97,19 +97,16 @@ def test_a_wrong_engine_is_refused():
 
 
 @pytest.mark.parametrize("accumulate", [False, True])
-def test_pieces_and_bisection_change_nothing(monkeypatch, accumulate):
-    rule = {"threshold": 1e-3, "accumulate": accumulate, "alpha": [0.5, 0.4, 0.15]}
-    scene = loaded([8, 8], {"side": "top", "force": [0.3, -2.0]}, rule=rule)
-    usual = LoadModel(scene, engine="arrays").run().last
-    monkeypatch.setattr(array_engine, "PIECE", 3)
-    monkeypatch.setattr(array_engine, "MOST_INDEXED", 0)
-    pieces = LoadModel(scene, engine="arrays").run().last
-    for field in fields(usual):
-        one, other = getattr(usual, field.name), getattr(pieces, field.name)
-        if isinstance(one, np.ndarray):
-            np.testing.assert_array_equal(one, other, err_msg=field.name)
-    np.testing.assert_array_equal(usual.history.load, pieces.history.load)
-    assert pieces.ledger.imbalance < 1e-12
+@pytest.mark.parametrize("lattice", ["square", "hexagon", Triangles])
+def test_the_compiled_loop_for_many_loads_gives_the_same(monkeypatch, accumulate, lattice):
+    rule = {"threshold": 1e-3, "accumulate": accumulate, "alpha": [0.5, 0.4, 0.1], "sense": True}
+    sides = {"bottom": "rigid", "left": "roller"}
+    scene = plate([8, 6], [3, 5], [0.3, -2.0], lattice=lattice, sides=sides, rule=rule)
+    few = LoadModel(scene, engine="arrays").run().last
+    monkeypatch.setattr(array_engine, "MANY_ROWS", 0)
+    many = LoadModel(scene, engine="arrays").run().last
+    assert_same_stage(few, many)
+    assert many.ledger.imbalance < 1e-12
 
 
 @pytest.mark.parametrize("accumulate", [False, True])

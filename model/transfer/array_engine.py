@@ -260,8 +260,8 @@ class ArrayEngine:
             rows.copies, sent.column, sent.kind, sent.copies, sent.number, self.leaving,
             self.next_state, back, turned, self.accumulate, self.states, len(self.values),
         )  # fmt: skip
-        state, number = np.divmod(slot, len(self.values))
-        return Arrivals(target[which], state, number, copies, bits)
+        state, number = np.divmod(slot.astype(np.int64), len(self.values))
+        return Arrivals(target[which], state, number, copies, bits.astype(np.int64))
 
     def _merged(self, rows: Arrivals) -> Arrivals:
         """Let equal loads wait together, in order."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats
 from kaju.compiling import njit
 
 
@@ -40,7 +41,7 @@ def handed_over(  # type: ignore[no-untyped-def]
 def gathered(  # type: ignore[no-untyped-def]
     source, own, opposite, start, beyond, copies, column, kind, per_copy, number, over, next_state,
     back, turned, accumulate, states, values,
-) -> tuple[Ints, Ints, Floats, Ints]:  # fmt: skip
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats, NDArray[np.int16]]:  # fmt: skip
     """Return what comes to cells, in order: cell, state and magnitude in one, copies, and arms.
 
     ``source[t, arm]`` is the active agent over an arm of the cell t, ``own[t]`` the one in it; -1

@@ -1,7 +1,10 @@
 """Agents written in the page: the same code does the same in the page and in kaju."""
 
+import ast
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 from page_scenes import Leaky
 from plates import PLATE
@@ -57,15 +60,23 @@ SCENES = {
 READY = written.header({})["python"]["ready"]
 
 
-def in_kaju(code, scene, **given):
-    """Run the last class of a code in kaju."""
-    names = {"__name__": "agent"}
+EXAMPLES = sorted((Path(kaju.__file__).parents[2] / "examples" / "own_agents").glob("*.py"))
+
+
+def in_kaju(code, scene):
+    """Run the last class of a code, or its order, in kaju."""
+    names, given = {"__name__": "agent"}, {}
     exec(compile(code, "agent", "exec"), names)
-    cls = [c for c in names.values() if isinstance(c, type) and c.__module__ == "agent"][-1]
-    if issubclass(cls, MaterialAgent):
-        given["material_agent"] = cls
+    own = [value for value in names.values() if getattr(value, "__module__", "") == "agent"]
+    classes = [value for value in own if isinstance(value, type)]
+    if not classes:
+        given["order"] = next(
+            f for f in reversed(own) if f.__code__.co_varnames[:1] == ("waiting",)
+        )
+    elif issubclass(classes[-1], MaterialAgent):
+        given["material_agent"] = classes[-1]
     else:
-        given["boundary_agents"] = {cls.name: cls}
+        given["boundary_agents"] = {classes[-1].name: classes[-1]}
     return LoadModel(scene, seed=1, engine="agents", max_generations=4000, **given).run().last
 
 
@@ -74,13 +85,30 @@ def as_page_says(stage):
     return {
         "agents": len(stage.cells),
         "generations": stage.generations,
-        "taken": ledger.taken,
-        "kept": ledger.kept,
         "passed": float(stage.passed.sum()),
         "arrived": float(stage.arrived.sum()),
-        "absorbed": ledger.absorbed,
-        "pending": ledger.pending,
+    } | {
+        n: getattr(ledger, n)
+        for n in ("taken", "kept", "returned", "dropped", "absorbed", "pending")
     }
+
+
+CELLS = """(() => {
+  const { run } = page, sums = (log, size) => { const s = new Float64Array(size);
+    for (let i = 0; i < log.n; i++) s[log.index[i]] += log.value[i]; return s; };
+  const { size, D } = run.lattice, keys = [...run.spawn.keys()].filter((k) => run.spawn[k]);
+  const taken = sums(run.taken, size * run.C), passed = sums(run.passed, size * D);
+  return keys.map((k) => [k, run.spawn[k], run.woken[k],
+    ...Array.from({ length: D }, (_, d) => taken[k * run.C + d]
+      + (run.C > D ? taken[k * run.C + D + d] : 0)),
+    ...passed.subarray(k * D, (k + 1) * D)]);
+})()"""
+
+
+def cells_of(scene, stage):
+    key = scene.lattice.key(stage.cells)
+    rows = np.column_stack([key, stage.spawn_step, stage.woken_by, stage.taken, stage.passed])
+    return rows[np.argsort(key)]
 
 
 @pytest.fixture(scope="module")
@@ -96,61 +124,192 @@ def runs(page, code):
     return page.js(f"window.kaju.runAgent({code!r})")
 
 
+def check_alike(page, name, title, code):
+    """The page's run is kaju's: its sums, and every cell of it."""
+    found, stage = runs(page, code), in_kaju(code, SCENES[name])
+    assert "error" not in found, (title, found)
+    for what, value in as_page_says(stage).items():
+        assert found[what] == pytest.approx(value, rel=1e-12, abs=1e-12), (title, what)
+    np.testing.assert_allclose(
+        page.js(CELLS), cells_of(SCENES[name], stage), rtol=1e-12, atol=1e-12, err_msg=title
+    )
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_ready_agents_do_in_the_page_what_they_do_in_kaju(opened, pages, name):
     page = opened(pages[name])
     for title, agent in READY.items():
-        found = runs(page, agent["code"])
-        assert "error" not in found, (title, found)
-        for what, value in as_page_says(in_kaju(agent["code"], SCENES[name])).items():
-            assert found[what] == pytest.approx(value, rel=1e-12, abs=1e-12), (title, what)
+        check_alike(page, name, title, agent["code"])
 
 
-MISTAKES = {
-    "MaterialAgnt": ("from kaju import MaterialAgnt", "line 1: `kaju` has no `MaterialAgnt`"),
-    "attribute": (
-        "self.kept += load.magnitud",
-        "`Load` has no `magnitud`; did you mean `magnitude`?",
-    ),
-    "name": ("self.kept += lod.total", "`lod` is not known; did you mean `load`?"),
-    "division": ("self.kept += 1 / 0", "division by zero"),
-    "recursion": ("self.take(load)", "calls itself without end"),
-    "text": ("self.kept = 'much'", "line 6"),
-    "infinite": ("self.kept = float('inf')", "take: Mine at cell"),
-    "colon": ("if True\n            pass", "not Python"),
-    "bracket": ("print('a'", "not Python"),
-    "print": ("for i in range(1000000): print(i)", "more than 1000 lines printed"),
-    "loop": ("while True: pass", "two seconds"),
-    "key": ("{}[1]", "nothing under"),
-    "index": ("[][1]", "not so long"),
-    "set": ("load.magnitude = 1", "no setter"),
-    "call": ("super().take()", "line 6"),
-}
-HEAD = """from kaju import MaterialAgent
+def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
+    page = opened(pages["sides"])
+    lacks = {"lattice_in_the_plane": "`numpy` is not in the page", "lattice_in_space": "no `Cubes`"}
+    for file in EXAMPLES:
+        code = file.read_text()
+        if file.stem in lacks:
+            found = runs(page, code)
+            assert (lacks[file.stem] in found["error"], found["line"]) == (True, 3), file
+        else:
+            check_alike(page, "sides", file.stem, code)
+    assert len(EXAMPLES) - len(lacks) >= 8
+
+
+TAKE = """from kaju import MaterialAgent
 
 
 class Mine(MaterialAgent):
     def take(self, load):
+        super().take(load)
         """
-ATTACKS = (
-    "import os", "import browser", "from browser import window", "from javascript import fetch",
-    "eval('1')", "exec('1')", "open('/etc/passwd')", "window.location", "document.body",
-    "().__class__.__bases__", "__import__('os')", "globals()",
-)  # fmt: skip
+SEND = TAKE.replace("take(self", "emissions(self").replace(
+    "super().take", "rows = super().emissions"
+)
+CLASS = "from kaju import MaterialAgent, Parameter, State\nclass Mine(MaterialAgent):\n    "
+KIND, VALUE, PYTHON, INDENT = "dieser Art passt", "dieser Wert passt", "kein Python", "Leerzeichen"
+MISTAKES = [  # what comes before, what is written, the line, and words of the sentence
+    (TAKE, "self.kept += load.magnitud", 7, "kein `magnitud`; meinst du `magnitude`?"),
+    (TAKE, "self.kept += lod.total", 7, "`lod` ist nicht bekannt; meinst du `load`?"),
+    (TAKE, "self.kep += 1", 7, "kein `kep`; meinst du `kept`?"),
+    (TAKE, "self.model.treshold", 7, "meinst du `threshold`?"),
+    (TAKE, "x == 1", 7, "`x` ist nicht bekannt"),
+    (TAKE, "true", 7, "meinst du `True`?"),
+    (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
+    (TAKE, "import math\n        math.sqroot(2)", 8, "kein `sqroot`"),
+    (TAKE, "import numpy", 7, "`numpy` gibt es in der Seite nicht"),
+    (TAKE, "self.kept.append(1)", 7, "kein `append`"),
+    (TAKE, "1 / 0", 7, "Division durch null"),
+    (TAKE, "self.take(load)", 6, "ohne Ende selbst"),
+    (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
+    (TAKE, "for i in range(1000000): print(i)", 7, "mehr als 1000 Zeilen"),
+    (TAKE, "self.kept = 'much'", 7, KIND),
+    (TAKE, "self.kept = None", 7, KIND),
+    (TAKE, "self.kept += '1'", 7, KIND),
+    (TAKE, "self.kept = float('inf')", 7, "has kept inf N"),
+    (TAKE, "super().take()", 7, KIND),
+    (TAKE, "load.total()", 7, KIND),
+    (TAKE, "len(5)", 7, KIND),
+    (TAKE, "for x in 5: pass", 7, KIND),
+    (TAKE, "load.magnitude = 1", 7, "ging etwas schief"),
+    (TAKE, "raise Exception('no')", 7, "ging etwas schief"),
+    (TAKE, "load[7]", 7, "so lang ist die Liste nicht"),
+    (TAKE, "[][1]", 7, "so lang ist die Liste nicht"),
+    (TAKE, "{}[1]", 7, "unter 1 gibt es nichts"),
+    (TAKE, "int('a')", 7, VALUE),
+    (TAKE, "a, b = load", 7, VALUE),
+    (TAKE, "self.random.choice([])", 7, VALUE),
+    (TAKE, "if True\n            pass", 7, PYTHON),
+    (TAKE, "if self.kept = 1: pass", 7, PYTHON),
+    (TAKE, "print('a'", 7, PYTHON),
+    (TAKE, "x = [1, 2", 7, PYTHON),
+    (TAKE, "return self.kept +", 7, PYTHON),
+    (TAKE, "x = 1\n          y = 2", 8, INDENT),
+    (TAKE, "\tx = 1", 7, INDENT),
+    (SEND, "return None", 7, "returned None, which is no Emission"),
+    (SEND, "return [1]", 7, "returned 1, which is no Emission"),
+    (SEND, "return rows[0]", 7, "which is no Emission"),
+    (SEND, "return rows * 500", 7, "more than 1000 for a load"),
+    (SEND, "return [row._replace(share=-1) for row in rows]", 7, "not negative"),
+    (SEND, "return [row._replace(arm=7) for row in rows]", 7, "it has an arm of (0, 1, 2, 3)"),
+    (SEND, "return [row.replace(share=1) for row in rows]", 7, "kein `replace`"),
+    ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
+    ("", "class Mine(MaterialAgent): pass", 1, "`MaterialAgent` ist nicht bekannt"),
+    ("", "from kaju import MaterialAgent\nclass Mine(MaterialAgent)\n    pass", 2, PYTHON),
+    ("", CLASS.strip() + "\npass", 3, INDENT),
+    ("", "x = 1", 1, "there is no class of agents"),
+    (CLASS, "def tak(self, load): pass", 3, "niemand ruft `tak` auf; meinst du `take`?"),
+    (CLASS, "def take(load): pass", 3, KIND),
+    (CLASS, "def __init__(self):\n        self.x = 1", 3, KIND),
+    (CLASS, "def __init__(self, *start):\n        self.x = 1", 4, "must call super().__init__"),
+    (CLASS, "part = Parameter(1.0)", 3, "a Parameter needs both bounds"),
+    (CLASS, "state = State('x')", 3, "its default must be a number"),
+]
 
 
 def test_mistakes_are_named_with_their_line_and_the_page_lives_on(opened, pages):
-    page = opened(pages["sides"])
-    for mistake, (line, words) in MISTAKES.items():
-        code = line if mistake == "MaterialAgnt" else HEAD + line + "\n"
-        found = runs(page, code)
-        assert words in found["error"], (mistake, found)
-        assert found["line"] == (1 if mistake == "MaterialAgnt" else 6), (mistake, found)
+    page = opened(pages["sides"], language="de-DE")
+    for before, line, number, words in MISTAKES:
+        found = runs(page, before + line + "\n")
+        assert (found.get("line"), words in found.get("error", "")) == (number, True), (line, found)
+        assert found["error"].startswith(f"Zeile {number}: ")
+    assert runs(page, READY["standard"]["code"])["agents"] > 30
+
+
+def test_shares_above_1_end_when_the_loads_have_grown(opened, pages):
+    page = opened(pages["two materials"])
+    code = SEND + "return [row._replace(share=3 * row.share) for row in rows]\n"
+    assert runs(page, code)["pending"] > 1000 * 2.0
+    assert page.js("page.run.grown") is True
+
+
+ATTACKS = (
+    "import os", "import browser", "from browser import window", "from javascript import fetch",
+    "eval('1')", "exec('1')", "open('/etc/passwd')", "window.location", "document.body",
+    "().__class__.__bases__", "__import__('os')", "globals()", "from kaju import _page",
+    "import kaju; kaju._page", "getattr(1, 'a')", "vars()", "compile('1', '', 'eval')",
+)  # fmt: skip
+TOUCHES = """(async () => {
+  const names = ["fetch", "XMLHttpRequest", "WebSocket", "importScripts", "indexedDB"];
+  const touch = async () => {
+    const found = names.map((name) => typeof globalThis[name]);
+    try { await import("https://kaju.invalid/a.js"); found.push("came"); }
+    catch { found.push("shut"); }
+    postMessage(found);
+  };
+  const begin = page.studio.blob.replace(/onmessage = [^]*$/, "");
+  const text = `${begin}\\n${"const names = "}${JSON.stringify(names)};onmessage = ${touch};`;
+  const worker = new Worker(URL.createObjectURL(new Blob([text])));
+  return new Promise((done) => {
+    worker.onmessage = ({ data }) => { if (data.ready) worker.postMessage(0); else done(data); };
+  });
+})()"""
+
+
+def test_nothing_reaches_out_of_an_agent(opened, pages):
+    page, why = opened(pages["sides"]), []
+    page.tab.on("requestfailed", lambda request: why.append(request.failure))
     for attack in ATTACKS:
         found = runs(page, f"x = 1\n{attack}\n")
-        if attack != "().__class__.__bases__" or "error" in found:
-            assert found["line"] == 2, (attack, found)
-    assert runs(page, READY["standard"]["code"])["agents"] > 30
+        assert found.get("line") == 2, (attack, found)
+    assert page.js(TOUCHES) == ["undefined"] * 5 + ["shut"]
+    assert why == ["csp"]
+    policy = page.tab.locator("meta[http-equiv]").get_attribute("content")
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "connect-src" not in policy
+    page.messages.clear()  # the browser says that its policy has shut the import out
+    page.requests.remove("https://kaju.invalid/a.js")
+
+
+def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
+    """A link's code is shown; names of a scene and texts of a file are words, nothing else."""
+    bad = "<img src=x onerror='document.title=1'>"
+    scene = Scene(
+        **PLATE
+        | {
+            "body": PLATE["body"] | {"material": "x"},
+            "materials": {"x": {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
+        }
+    )
+    path = kaju.export_page(scene, tmp_path / "page.html", title=bad, text=bad, python=True)
+    page = opened(path)
+    code = "from kaju import MaterialAgent\nclass A(MaterialAgent): pass\nprint('has run')\n"
+    page.js(f"page.studio.code = {code!r}")
+    page.js("page.studio.best = 0.25")
+    page.press("Copy link")
+    page.until("location.hash.includes('s=')")
+    other = opened(path)
+    other.tab.goto(page.tab.url)
+    other.tab.reload()
+    other.until("page?.drawn > 0 && page.studio.foreign")
+    assert other.js("[page.studio.active, page.studio.printed, page.studio.code]") == [
+        False,
+        "",
+        code,
+    ]
+    assert "somebody else" in other.text(".body")
+    assert "best of the class 0.25 N" in other.text("header")
+    assert other.tab.title() == bad
+    assert bad in other.text("h1")
 
 
 def test_own_answers_are_judged_by_kajus_sentences(opened, pages):
@@ -162,27 +321,44 @@ def test_own_answers_are_judged_by_kajus_sentences(opened, pages):
         "5",
         "[1]",
     ):
-        code = HEAD.replace("take", "emissions") + f"return {answer}\n"
+        code = SEND + f"return {answer}\n"
         with pytest.raises(kaju.KajuError) as wrong:
             in_kaju(code, SCENES["sides"])
-        assert runs(page, code) == {"error": f"line 6: {wrong.value}", "line": 6}
+        assert runs(page, code) == {"error": f"line 7: {wrong.value}", "line": 7}
 
 
-def test_states_are_colours_and_step_back(opened, pages):
+def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     page = opened(pages["sides"])
     runs(page, READY["tired"]["code"])
-    assert "state loads" in page.js("page.colours")
+    stage = in_kaju(READY["tired"]["code"], SCENES["sides"])
+    (course,) = stage.states
     most = "page.look.colour = 'state loads', Math.max(...page.values().filter((v) => v >= 0))"
-    last = page.js(most)
-    page.js("page.seek(1)")
-    assert (page.js(most), last > 1) == (2, True)  # of a force along two axes
+    for generation in (stage.generations, 3, 1):
+        page.js(f"page.seek({generation})")
+        assert page.js(most) == max(course.values(stage.spawn_step, generation))
+    page.js("page.seek(Infinity)")
+    page.js(f"page.pick(page.run.lattice.key({[int(i) for i in stage.cells[0]]}))")
+    page.js("page.draw()")
+    assert f"loads taken so far\n{course.values(stage.spawn_step)[0]:g}" in page.text(".story")
 
 
-def test_code_of_a_link_is_shown_and_runs_when_asked(opened, pages):
+def test_the_challenge_counts_five_lines_and_what_the_ground_gets(opened, pages):
     page = opened(pages["sides"])
-    page.js("page.studio.offer('print(1)')")
-    assert "somebody else" in page.text(".body")
-    assert page.js("page.studio.active") is False
+    runs(page, READY["leaking"]["code"].replace("0.3, 0.0", "1.0, 0.0"))
+    assert "left foot" in page.text("header")
+    assert "the ground has" in page.text("header")
+    runs(page, READY["arch"]["code"])
+    assert "lines; five count" in page.text("header")
+    runs(page, READY["pillar"]["code"])
+    assert "best of the class" not in page.text("header")
+    code = (
+        "from kaju import Emission, MaterialAgent\nclass Straight(MaterialAgent):\n"
+        "    def emissions(self, load):\n        ground = load.direction == 3\n"
+        "        return [] if ground else [Emission(2 if self.index[0] < 10 else 0, 2, 1.0)]\n"
+    )
+    found = runs(page, code)
+    assert found["arrived"] >= 1.9
+    assert "best of the class" in page.text("header")
 
 
 def test_what_is_saved_runs_in_kaju(opened, pages, tmp_path, capsys):
@@ -199,16 +375,33 @@ def test_what_is_saved_runs_in_kaju(opened, pages, tmp_path, capsys):
     assert taken == pytest.approx(found["taken"], rel=1e-12)
 
 
-def test_an_own_agent_opens_with_its_class_and_the_page_without_python_stays_small(
-    tmp_path, opened
-):
+class Helped(MaterialAgent):
+    def take(self, load):
+        super().take(load)
+        self.kept = float(np.round(self.kept, HELP))
+
+
+HELP = 3
+
+
+def test_an_own_agent_opens_with_its_class_and_says_what_it_needs(tmp_path, opened):
     path = kaju.export_page(
         LoadModel(Scene(**PLATE), material_agent=Leaky), tmp_path / "own.html", python=True
     )
     assert path.stat().st_size < 700_000
     page = opened(path)
-    assert "class Leaky" in page.js("page.studio.code")
-    assert kaju.export_page(Scene(**PLATE), tmp_path / "a.html").stat().st_size < 130_000
+    code = page.js("page.studio.code")
+    assert "class Leaky" in code
+    ast.parse(code)
+    assert runs(page, code)["agents"] > 5
+    other = opened(
+        kaju.export_page(
+            LoadModel(Scene(**PLATE), material_agent=Helped), tmp_path / "b.html", python=True
+        )
+    )
+    other.tab.get_by_role("tab", name="Agent").click()
+    assert "`HELP`, `np` is not in the page" in other.text(".body")
+    assert kaju.export_page(Scene(**PLATE), tmp_path / "a.html").stat().st_size < 125_000
 
 
 def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):

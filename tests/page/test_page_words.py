@@ -29,8 +29,9 @@ def test_the_certificate_says_what_stability_says(node, share):
     assert sum("grow" in verdict for verdict in expected) > 10 / share
 
 
-def test_every_language_has_every_word_and_its_gaps():
-    words = json.loads((PAGE / "words.json").read_text("utf-8"))
+@pytest.mark.parametrize("file", ["words.json", "python/words.json"])
+def test_every_language_has_every_word_and_its_gaps(file):
+    words = json.loads((PAGE / file).read_text("utf-8"))
     assert set(words) == {"en", "de", "ja"}
     for language in ("de", "ja"):
         assert words[language].keys() == words["en"].keys()

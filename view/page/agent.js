@@ -1,11 +1,12 @@
 // Agents written in the page: an editor, a worker that runs their Python, and the run that comes of it.
 import { button, choice, make, slider, tick } from "./controls.js";
 import { Recorded } from "./history.js";
+import { appliedLoads } from "./rule.js";
 import { hand } from "./save.js";
 import { tomlOf } from "./scene.js";
 import { general } from "./words.js";
 
-const SILENCE = 2000, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000;   // ms without a word; at most so many cells, and lines that are shown
+const SILENCE = 2000, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000, LINES = 5;   // ms without a word; at most so many cells, and lines that are shown
 
 // ------------------------------------------------------------------- what went wrong, in words
 
@@ -54,8 +55,8 @@ export function told(t, { error, args = [], line }, code) {
 // ------------------------------------------------------------------------------- the workshop
 
 export class Workshop {
-  constructor(page, { code, ready, blob, licence }) {
-    Object.assign(this, { page, code, ready, blob, licence, first: code, states: [], parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
+  constructor(page, { code, needs, ready, blob, licence }) {
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, states: [], parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -148,16 +149,31 @@ export class Workshop {
     const asks = this.ready[this.chosen] && this.ready[this.chosen].code === this.code ? [make("p", { className: "soft", textContent: page.say(this.ready[this.chosen].question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(p.label, p.value, (on) => this.turn(p, on))
       : slider(p.label, { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : (p.high - p.low) / 100, show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
-    const words = this.problem ? this.problem.error : this.foreign ? t("foreign") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
+    const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
+    const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
     const out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
+    const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) });
     return [choose, ...asks, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => this.run(), { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
-      out, ...bars, ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
+      out, ...bars, game, ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
     const { agents, generations, taken, arrived } = this.result, n = (x) => general(x, 4);
     return this.page.t("codeScore", { a: agents, g: generations, t: n(taken), r: n(arrived), f: n(this.foot()) });
   }
+  /** The challenge, for the header: with five lines most of the load to the left foot, nearly all of it to the ground. */
+  challenge() {
+    const { page: { t }, result, code } = this, n = (x) => general(x, 3);
+    let why = "";
+    if (this.active && result?.agents) {
+      const lines = bare(code).split("\n").filter((line) => line.trim() && !/^\s*(from|import|class|def|@)/.test(line)).length, foot = this.foot(), least = 0.95 * this.applied();
+      why = `${t("leftFoot", { f: n(foot) })}${lines > LINES ? t("tooLong", { n: lines }) : result.arrived < least ? t("tooLittle", { r: n(result.arrived), w: n(least) }) : ""}`;
+      if (lines <= LINES && result.arrived >= least) this.best = Math.max(foot, this.best ?? 0);
+    }
+    return [why, this.best ? t("classBest", { b: n(this.best) }) : ""].filter(Boolean).join(" · ");
+  }
+  /** All that is applied (N). */
+  applied() { const { scene, run, stage } = this.page; return appliedLoads(scene, run.lattice, run.kinds, stage).reduce((sum, [, , load]) => sum + load, 0); }
   /** What has reached the ground below the left half (N). */
   foot() {
     const { run } = this.page, { lattice: L, kinds } = run, last = run.passed;

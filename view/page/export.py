@@ -324,7 +324,9 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     parts = [folder.joinpath(name).read_text("utf-8") for name in modules]
     constants: dict[str, Any] = {}
     if "words.js" in modules:
-        constants["WORDS"] = json.loads(folder.joinpath("words.json").read_text("utf-8"))
+        words = json.loads(folder.joinpath("words.json").read_text("utf-8"))
+        more = written.words() if "agent.js" in modules else {}
+        constants["WORDS"] = {key: texts | more.get(key, {}) for key, texts in words.items()}
     if "page.js" in modules:
         style = folder.joinpath("page.css").read_text("utf-8")
         constants |= {"STYLE": re.sub(r"\n *", "\n", style), "ELASTIC": worker()}

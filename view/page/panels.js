@@ -20,12 +20,13 @@ export function buildHeader(page) {
   parts.undo = iconButton("undo", t("undo"), () => page.past.undo(), { disabled: !page.past?.can(-1) });
   parts.redo = iconButton("redo", t("redo"), () => page.past.redo(), { disabled: !page.past?.can(1) });
   parts.mode = make("span", { className: page.own ? "mode own" : "mode", textContent: page.whose });
+  const score = page.studio ? [make("output", { className: "mode", textContent: page.studio.challenge() })] : [];
   const right = make("div", { className: "right" }, ...(page.touchable || lesson ? [parts.undo, parts.redo] : []),
     labelled("link", t("copyLink"), () => copyLink(page)), menu, language,
     iconButton("theme", t("theme"), () => page.dress(!page.dark), { className: "icon theme", ariaPressed: String(page.dark) }));
   const more = iconButton("more", t("more"), () => { more.ariaExpanded = String(right.classList.toggle("open")); }, { className: "icon more", ariaExpanded: "false" });
   const back = lesson?.index ? [make("a", { className: "lessons", href: lesson.index, title: t("lessons"), ariaLabel: t("lessons") }, icon("lessons"), make("span", { className: "wide", textContent: t("lessons") }))] : [];
-  return make("header", {}, ...back, make("h1", { textContent: page.say(page.title) || "kaju" }), parts.mode, more, right);
+  return make("header", {}, ...back, make("h1", { textContent: page.say(page.title) || "kaju" }), parts.mode, ...score, more, right);
 }
 
 function saves(page) {

@@ -58,7 +58,7 @@ const coded = (bytes) => btoa(Array.from(bytes, (b) => String.fromCharCode(b)).j
 export async function hashOf(page) {
   const { scene, cells, stage, factor, look } = stateOf(page), { g, picked, start, language, dark } = page;
   const own = page.touchable && cells.some((c, i) => c !== start.cells[i]) ? Array.from(cells) : undefined;
-  const told = { look, g, picked, code: page.studio && page.studio.code !== page.studio.first ? page.studio.code : undefined, ...(page.touchable ? { scene, stage, factor, cells: own } : {}) };
+  const told = { look, g, picked, code: page.studio && page.studio.code !== page.studio.first ? page.studio.code : undefined, best: page.studio?.best, ...(page.touchable ? { scene, stage, factor, cells: own } : {}) };
   const text = new TextEncoder().encode(JSON.stringify(told));
   return `#${new URLSearchParams({ lang: language, theme: dark ? "dark" : "light", s: coded(await through(text, new CompressionStream("deflate-raw"))) })}`;
 }
@@ -79,6 +79,7 @@ export async function follow(page, packed) {
     }
     Object.assign(page.look, told.look, { camera: page.look.camera, speed: page.look.speed });
     page.picked = told.picked;
+    if (page.studio && told.best > 0) page.studio.best = Number(told.best);
     if (typeof told.code === "string" && page.studio) page.studio.offer(told.code);
     if (told.scene && page.kind === "runnable") page.renew(told.g); else page.seek(told.g);
     page.setMode(page.look.mode ?? "body", true);

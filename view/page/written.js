@@ -31,14 +31,14 @@ export class Written extends Recorded {
     if (change) this[name].push(place, change);
   }
   step() {
-    const { lattice: { D, axes, h }, C, states, along } = this, A = axes.length, [taken, back, done, known, pending] = this.python.generation(), sums = new Map();
+    const { lattice: { D, axes, h }, C, states, along } = this, A = axes.length, [born, taken, back, done, known, pending] = this.python.generation(), sums = new Map();
     this.generation++;
     for (const [k, state, load] of taken) sums.set(k * C + state, (sums.get(k * C + state) ?? 0) + load);
     for (const [place, load] of sums) this.taken.push(place, load);
     for (const [k, load] of back) this.returned.push(k, load);
-    for (const [k, woken, dropped, ...rest] of done) {
+    for (const [k, woken] of born) { this.spawn[k] = this.generation; this.woken[k] = woken; this.agents++; }
+    for (const [k, dropped, ...rest] of done) {
       const passed = rest.splice(0, D), kept = rest.splice(0, A), short = rest.splice(0, A), [wide] = rest;
-      if (woken !== false) { this.spawn[k] = this.generation; this.woken[k] = woken; this.agents++; }
       this.book("dropped", k, dropped);
       passed.forEach((load, arm) => this.book("passed", k * D + arm, load));
       kept.forEach((load, a) => this.book("kept", k * A + a, load));

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
 import json
-import re
 import zlib
 from base64 import b64encode
 from functools import cache
@@ -43,17 +44,37 @@ def _text(name: str) -> str:
     return files(__package__).joinpath(name).read_text("utf-8")
 
 
+def words() -> dict[str, dict[str, str]]:
+    """Return what the tab *Agent* says, by language."""
+    told: dict[str, dict[str, str]] = json.loads(_text("words.json"))
+    return told
+
+
 def header(own: dict[str, Any]) -> dict[str, Any]:
     """Return what a page's header says: the code it opens with, and the agents to begin from."""
     ready = json.loads(_text("ready/ready.json"))
     for name, agent in ready.items():
         agent["code"] = _text(f"ready/{name}.py")
-    code = ready["standard"]["code"]
+    code, needs = ready["standard"]["code"], []
     if own:
         source = own["own"]["source"]
-        names = [name for name in OFFERED if re.search(rf"\b{name}\b", source)]
-        code = f"from kaju import {', '.join(names)}\n\n\n{source}\n"
-    return {"python": {"code": code, "ready": ready, "licence": LICENCE}}
+        needs = _unknown(source)
+        modules = [name for name in needs if name in ("math", "random")]
+        offered = [name for name in needs if name in OFFERED]
+        needs = [name for name in needs if name not in modules + offered]
+        head = [f"import {name}" for name in modules] + [f"from kaju import {', '.join(offered)}"]
+        code = "\n".join(head) + f"\n\n\n{source}\n"
+    return {"python": {"code": code, "needs": needs, "ready": ready, "licence": LICENCE}}
+
+
+def _unknown(source: str) -> list[str]:
+    """Return the names that a source uses and neither it nor Python defines."""
+    nodes = list(ast.walk(ast.parse(source)))
+    names = [node for node in nodes if isinstance(node, ast.Name)]
+    known = {node.id for node in names if not isinstance(node.ctx, ast.Load)} | set(dir(builtins))
+    known |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    known |= {n.name for n in nodes if isinstance(n, (ast.ClassDef, ast.FunctionDef, ast.alias))}
+    return sorted({node.id for node in names} - known)
 
 
 @cache

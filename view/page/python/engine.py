@@ -1,7 +1,6 @@
 """What kaju's agents and engine need in a page, in plain Python that Brython runs.
 
-Their own sources, without annotations and docstrings, stand between the two parts of this file: see
-heart.py. The page calls the functions at the end.
+Their sources stand between its two parts, see heart.py. The page calls the functions at the end.
 """
 
 from math import inf, isfinite  # noqa: F401
@@ -121,7 +120,7 @@ class PageEngine(AgentEngine):
 
     def __init__(self, model, agent, walls):
         super().__init__(model, model.transfer, agent, walls)
-        model.engine, self.back = self, []
+        model.engine, self.back, self.told = self, [], 0
         self._clear()
         for cell, state, size in model.loads:
             place, sense = tuple(cell), SENSES[state // self.lattice.directions]
@@ -165,6 +164,8 @@ def begin(names, told):
 def generation():
     """Let a generation act; tell what was taken, given back, done and known, and who awoke."""
     engine.begin()
+    born = [[a.key, engine._arms_to_wakers(a)] for a in list(engine.agents.values())[engine.told :]]
+    engine.told = len(engine.agents)
     engine.act(order)
     engine.end()
     every, axes = range(engine.lattice.directions), range(len(engine.lattice.along))
@@ -173,16 +174,15 @@ def generation():
         for (d, size, sense), copies in inbox.items():
             taken.append([agent.key, d + len(every) * (sense == "pull"), size * copies])
         done.append([
-            agent.key, agent.spawn_step == engine.generation and engine._arms_to_wakers(agent), agent.dropped,
-            *[agent.passed[arm] for arm in every], *[agent.squeezed[axis] for axis in axes],
-            *[engine.guard.shortening(agent, axis) for axis in axes], agent.shares.widening,
+            agent.key, agent.dropped, *[agent.passed[arm] for arm in every],
+            *[agent.squeezed[axis] for axis in axes], *[engine.guard.shortening(agent, axis) for axis in axes], agent.shares.widening,
         ])
     agents = list(engine.agents.values())
     for n, changes in enumerate(engine.changes.values()):
         states += [[n, agents[number].key, value] for _, number, value in changes]
         changes.clear()
     back, engine.back, engine.acts = engine.back, [], []
-    return [taken, back, done, states, engine.pending]
+    return [born, taken, back, done, states, engine.pending]
 
 def totals():
     """What all have done so far."""

@@ -57,10 +57,8 @@ class FractureModel(Stepper[FractureResult]):
 
     Attributes
     ----------
-    running : bool
-        Whether a step is left.
     outcome : str
-        Why there is none; "" while there is.
+        Why no step is left; "" while one is.
     load_factor : float
         Share of the load at which the last one broke.
 
@@ -73,10 +71,6 @@ class FractureModel(Stepper[FractureResult]):
         stages of a network's load, forces beside given displacements, weight, true outlines.
     MechanismError
         If the body resists the load not even unbroken.
-
-    See Also
-    --------
-    kaju.NetworkModel : the same networks under large displacements, unbroken.
 
     Notes
     -----

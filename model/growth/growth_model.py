@@ -68,10 +68,8 @@ class GrowthModel(Stepper[GrowthResult]):
 
     Attributes
     ----------
-    running : bool
-        Whether a step is left.
     outcome : str
-        Why there is none; "" while there is.
+        Why no step is left; "" while one is.
     density : (n,) floats
         Of the cells of material, row by row.
     compliance : float
@@ -84,10 +82,6 @@ class GrowthModel(Stepper[GrowthResult]):
         If an argument breaks its rule.
     SceneError
         If the scene is nothing that can grow: moved sides, weight, no forces.
-
-    See Also
-    --------
-    kaju.solve : the same mechanics for any field of stiffness, with bounds of the error.
 
     Examples
     --------
@@ -119,7 +113,7 @@ class GrowthModel(Stepper[GrowthResult]):
         keep: bool = True,
     ) -> None:
         scene_needed(scene)
-        known = isinstance(rule, GrowthRule) or rule in RULES
+        known = isinstance(rule, GrowthRule) or (isinstance(rule, str) and rule in RULES)
         require(known, f"rule: a GrowthRule, or {', '.join(map(repr, RULES))}, got {rule!r:.80}")
         require(0.0 < volume <= 1.0, f"volume: a share above 0, at most 1, got {volume}")
         across = max(scene.lattice.shape)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ParameterError, ResultError, require
 from kaju.model.elastic.solve import solve
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.scene import Scene
@@ -100,15 +100,9 @@ def creep(  # type: ignore[misc]
 
     Returns
     -------
-    CreepResult
-        Of an element.
-    NetworkCreepResult
-        Of a network.
-    TransferCreepResult
-        Of a scene with a prescribed rule.
-    ElasticCreepResult
-        Of a scene with an elastic rule. Large bodies of several materials keep arrays for
-        every time asked for, so ask for few.
+    CreepResult, NetworkCreepResult, TransferCreepResult or ElasticCreepResult
+        Of an element, of a network, and of scenes with a prescribed or an elastic rule. Large
+        bodies of several materials keep arrays for every time asked for, so ask for few.
 
     Raises
     ------
@@ -150,20 +144,9 @@ class _Moment(NamedTuple):
 class CreepModel(Stepper[AnyTimeResult]):
     """What creeps, step by step in time.
 
-    Every step goes on to the next of the times asked for; on the way there, as many time steps
-    are made as the tolerance needs. The numbers are those of `creep`, which takes the same.
-
-    Attributes
-    ----------
-    moment : float
-        The time reached (s).
-    running : bool
-        Whether a time is left.
-
-    Raises
-    ------
-    ParameterError
-        If an argument is outside its rule.
+    Every step goes on to the next of the times asked for, to the `moment` (s); on the way there,
+    as many time steps are made as the tolerance needs. Parameters, errors and numbers are those
+    of `creep`.
 
     Examples
     --------
@@ -188,19 +171,17 @@ class CreepModel(Stepper[AnyTimeResult]):
         rheology: Rheology = None,
         most_steps: int = 100_000,
     ) -> None:
-        if not isinstance(subject, (Scene, SpringNetwork, ThreeElement)):
-            raise ParameterError(
-                "subject: a Scene, a SpringNetwork or a ThreeElement is needed, "
-                f"got {subject!r:.80}"
-            )
+        known = isinstance(subject, Scene | SpringNetwork | ThreeElement)
+        asked = "subject: a Scene, a SpringNetwork or a ThreeElement is needed"
+        require(known, f"{asked}, got {subject!r:.80}")
         if history is None and isinstance(subject, Scene):
             history = subject.history
         if not isinstance(history, History):
             raise ParameterError(
-                f"history: a History is needed, got {history!r}; such as "
-                "History.step().hold(10.0). A scene may bring its own, as [history] with times "
-                "and factors"
+                f"history: a History is needed, got {history!r}; such as History.step().hold(10.0)."
+                " A scene may bring its own, as [history] with times and factors"
             )
+        require(0.0 < tolerance < 1.0, f"tolerance: must lie between 0 and 1, got {tolerance}")
         self.subject, self.history = subject, history
         self.scene = subject if isinstance(subject, Scene) else None
         self.network = subject if isinstance(subject, SpringNetwork) else None
@@ -296,10 +277,8 @@ def _system(subject: Subject, rheology: Rheology) -> Creeping:
                 "rheology: a spring network says nothing about time; give a ThreeElement"
             )
         return CreepingNetwork(subject, rheology)
-    if rheology is not None:
-        raise ParameterError(
-            "rheology: is for spring networks; the cells of a scene have that of their material"
-        )
+    mine = "rheology: is for spring networks; the cells of a scene have that of their material"
+    require(rheology is None, mine)
     if isinstance(subject, ThreeElement):
         return Elements(laws_of([subject]), np.ones(1))
     if subject.rule.kind == "prescribed":
@@ -309,17 +288,17 @@ def _system(subject: Subject, rheology: Rheology) -> Creeping:
 
 def _asked_times(history: History, last: float, times: ArrayLike | None) -> Floats:
     """Return the times at which the result is wanted."""
-    if not (isfinite(last) and last > 0.0):
-        raise ParameterError(
-            f"duration: must be above 0 s, got {last}; a history that only jumps needs a duration"
-        )
+    require(
+        isfinite(last) and last > 0.0,
+        f"duration: must be above 0 s, got {last}; a history that only jumps needs a duration",
+    )
     if times is None:
         corners = [time for time in history.times if time <= last]
         return np.union1d(np.linspace(0.0, last, _TIMES), corners)
     asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    fits = asked.ndim == 1 and asked.size and np.all(np.isfinite(asked))
-    if not (fits and asked[0] >= 0.0 and asked[-1] <= last and np.all(np.diff(asked) > 0.0)):
-        raise ParameterError(
-            f"times: must rise from 0 s upwards to {last} s (the duration) at most"
-        )
+    inside = bool(asked.size) and bool(np.all((asked >= 0.0) & (asked <= last)))
+    rises = asked.ndim == 1 and bool(np.all(np.diff(asked) > 0.0))
+    require(
+        inside and rises, f"times: must rise from 0 s upwards to {last} s (the duration) at most"
+    )
     return asked

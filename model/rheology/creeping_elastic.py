@@ -53,9 +53,6 @@ from .creeping_elements import Elements, law_of, sized
 from .creeping_step import Borne, Creeping, Fields
 from .element import Laws, ThreeElement, laws_of
 
-_FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
-"""Faces up to which factors, which serve many steps, are worth their making, by dimension."""
-
 _UNBALANCED = 1e-9
 """Unbalanced force, as a share of the load, at which an elastic problem counts as solved."""
 
@@ -201,14 +198,13 @@ class CreepingBody(Creeping):
             )
         ]
         self.laws = Laws(*map(np.concatenate, parts))
-        self._needs_factors = problem.needs_mixed_form
         self._prepared: tuple[Floats, Callable[[Floats], Floats]] | None = None
 
     def start(self) -> Fields:
         """Return the state at time 0: nothing stretched."""
         elements = np.zeros_like(self.laws.K_f)
         faces, strains = np.zeros(self.numbering.size), np.zeros(self.rows.shape[0])
-        cells, edges, _ = self._part(strains)
+        cells, edges, _ = self._rows(strains)
         return (elements, elements, faces, cells, edges)
 
     def solve(self, stiffness: Floats, rest: Floats, factor: float, before: Fields) -> Borne:
@@ -221,13 +217,13 @@ class CreepingBody(Creeping):
         free = factor * self.given - rests
 
         def stress(strain: Floats) -> Floats:
-            cells, edges, faces = self._part(strain)
+            cells, edges, faces = self._rows(strain)
             normal = normal_stress(self.moduli_of_cells, cell_modulus * cells)
             return _join(normal, edge_modulus * edges, bed * faces)
 
         load = factor * self.load - self.columns @ stress(free)
         after = self._solve(stress, at_edges[:, 0], load, before[0])
-        cells, edges, faces = self._part(self.rows @ after + free)
+        cells, edges, faces = self._rows(self.rows @ after + free)
         borne, shear = cell_modulus * cells, edge_modulus * edges
         force = _join(borne, shear / self.shear, bed * faces)
         return Borne(force, (after, normal_stress(self.moduli_of_cells, borne), shear))
@@ -245,9 +241,9 @@ class CreepingBody(Creeping):
     def _elements(self, values: Floats) -> tuple[Floats, Floats, Floats]:
         """Split values of elements: cells (axes, cells), edges (materials, edges), and the bed."""
         cells, edges, bed = np.split(values, np.cumsum([self.counted.stop, self.share.size]))
-        return (cells.reshape(self.problem.dimension, -1), edges.reshape(self.share.shape), bed)
+        return cells.reshape(self.problem.dimension, -1), edges.reshape(self.share.shape), bed
 
-    def _part(self, values: Floats) -> tuple[Floats, Floats, Floats]:
+    def _rows(self, values: Floats) -> tuple[Floats, Floats, Floats]:
         """Split values of rows: cells (axes, cells), edges, and the bed."""
         cells, edges, bed = np.split(values, np.cumsum([self.counted.stop, self.share.shape[1]]))
         return cells.reshape(self.problem.dimension, -1), edges, bed
@@ -263,16 +259,13 @@ class CreepingBody(Creeping):
         def done(run: Iteration) -> bool:
             return run.residuals[-1] <= _UNBALANCED
 
-        for _ in range(2):
-            precondition = self._precondition(modulus)
-            run = conjugate_gradients(apply, precondition, load, start.copy(), done)
-            if run.converged:
-                return run.solution
-            # Thin members and near incompressibility are beyond geometric multigrid.
-            self._needs_factors, self._prepared = True, None
+        run = conjugate_gradients(apply, self._precondition(modulus), load, start.copy(), done)
+        if run.converged:
+            return run.solution
         raise ConvergenceError(
             f"creep: after {run.iterations} iterations {run.residuals[-1]:.3g} of the load are "
-            "still unbalanced; the materials may be too far apart or too nearly incompressible",
+            "still unbalanced; members may be too thin, or materials too far apart or too nearly "
+            "incompressible for so large a body",
             tuple(run.residuals),
         )
 
@@ -289,9 +282,8 @@ class CreepingBody(Creeping):
         return solver
 
     def _solver(self, moduli: Moduli) -> Callable[[Floats], Floats]:
-        """Return the factors of the matrix, or a multigrid cycle, by its size and difficulty."""
-        limit = DIRECT_LIMIT if self._needs_factors else _FACTORISED_UP_TO
-        if self.numbering.size <= limit[self.problem.dimension]:
+        """Return the factors of the matrix if they fit in memory, or else a multigrid cycle."""
+        if self.numbering.size <= DIRECT_LIMIT[self.problem.dimension]:
             problem = replace(self.problem, moduli=moduli)
             factors = factors_of(stiffness_matrix(problem, self.numbering))
             return lambda load: np.asarray(factors.solve(load))

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from kaju.arrays import Floats, first_largest
-from kaju.errors import ConvergenceError, ParameterError
+from kaju.errors import ConvergenceError, require
 from kaju.model.network.assembler import Assembler, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import find_balance, tangent_error
 from kaju.model.network.linear import DirectSolver, SingularTangentError
@@ -96,9 +96,7 @@ class CreepingNetwork(Creeping):
     result = NetworkCreepResult
 
     def __init__(
-        self,
-        network: SpringNetwork,
-        rheology: ThreeElement | Sequence[ThreeElement],
+        self, network: SpringNetwork, rheology: ThreeElement | Sequence[ThreeElement]
     ) -> None:
         self.network = network
         self.parts: dict[str, Any] = {"network": network}
@@ -179,15 +177,13 @@ def _spring_laws(network: SpringNetwork, rheology: ThreeElement | Sequence[Three
     spring its own element, as it is.
     """
     if isinstance(rheology, ThreeElement):
-        if rheology.K_f == 0.0:
-            raise ParameterError(
-                "rheology: an element without a spring (K_f = 0) cannot be scaled to the "
-                "stiffness of each spring; give a sequence with one element for each"
-            )
+        require(
+            rheology.K_f > 0.0,
+            "rheology: an element without a spring (K_f = 0) cannot be scaled to the stiffness of "
+            "each spring; give a sequence with one element for each",
+        )
         times = network.stiffness / rheology.K_f
         return Laws(network.stiffness, rheology.D_f * times, rheology.D_d * times)
-    if len(rheology) != len(network.springs):
-        raise ParameterError(
-            f"rheology: {len(network.springs)} springs need as many elements, got {len(rheology)}"
-        )
+    count, given = len(network.springs), len(rheology)
+    require(given == count, f"rheology: {count} springs need as many elements, got {given}")
     return laws_of(rheology)

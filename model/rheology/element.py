@@ -23,9 +23,10 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import exprel
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import require
 
 from .load_history import History
 
@@ -67,21 +68,20 @@ class ThreeElement:
     D_d: float = inf
 
     def __post_init__(self) -> None:
+        span = f"from {_LEAST:g} to {_MOST:g}"
         for name, value in (("K_f", self.K_f), ("D_f", self.D_f)):
-            if not (value == 0.0 or _LEAST <= value <= _MOST):
-                raise ParameterError(
-                    f"{name}: must be 0, or from {_LEAST:g} to {_MOST:g}, got {value}"
-                )
-        if not (_LEAST <= self.D_d <= _MOST or self.D_d == inf):
-            raise ParameterError(
-                f"D_d: must be from {_LEAST:g} to {_MOST:g}, or infinite (nothing flows), got "
-                f"{self.D_d}; a damper of 0 would carry no force at all"
-            )
-        if self.K_f == 0.0 and self.D_f == 0.0:
-            raise ParameterError(
-                "K_f and D_f: both are 0, so the element would carry no force at all; "
-                "give it a spring (K_f) or a damper (D_f)"
-            )
+            right = value == 0.0 or _LEAST <= value <= _MOST
+            require(right, f"{name}: must be 0, or {span}, got {value}")
+        require(
+            _LEAST <= self.D_d <= _MOST or self.D_d == inf,
+            f"D_d: must be {span}, or infinite (nothing flows), got {self.D_d}; a damper of 0 "
+            "would carry no force at all",
+        )
+        require(
+            self.K_f + self.D_f > 0.0,
+            "K_f and D_f: both are 0, so the element would carry no force at all; give it a spring "
+            "(K_f) or a damper (D_f)",
+        )
 
     @classmethod
     def spring(cls, stiffness: float) -> ThreeElement:
@@ -119,7 +119,7 @@ class ThreeElement:
         if self.D_f == 0.0:
             given = np.where(t > 0.0, 1.0 / self.K_f, 0.0)
         else:
-            given = t / self.D_f * _decay_mean(t * self.K_f / self.D_f)
+            given = t / self.D_f * exprel(-t * self.K_f / self.D_f)
         return np.asarray(given + t / self.D_d)
 
     def ramp_compliance(self, times: ArrayLike) -> Floats:
@@ -141,7 +141,7 @@ class ThreeElement:
         """Return force per speed of a displacement that has grown since time 0 (N s/m)."""
         t = _since(times)
         share, pace = self._series_share, t / self.relaxation_time
-        spring = share * self.K_f * t * _decay_mean(pace)
+        spring = share * self.K_f * t * exprel(-pace)
         return np.asarray(np.where(t > 0.0, spring + share * self.D_f * np.exp(-pace), 0.0))
 
     @property
@@ -197,11 +197,11 @@ class ThreeElement:
             If the displacement jumps while both dampers act: a jump would need an impulse.
         """
         t, history = _rising(times), _history(displacement)
-        if self.D_f > 0.0 and any(corner.jump for corner in history.corners()):
-            raise ParameterError(
-                f"displacement: a jump would need an infinite force, because D_f = {self.D_f} "
-                "resists every rate; give a ramp, History().ramp(to, duration)"
-            )
+        require(
+            self.D_f == 0.0 or not any(corner.jump for corner in history.corners()),
+            f"displacement: a jump would need an infinite force, because D_f = {self.D_f} resists "
+            "every rate; give a ramp, History().ramp(to, duration)",
+        )
         if _is_exact(scheme):
             return _superpose(history, t, self.relaxation_modulus, self.ramp_force)
         return self._step_along(history, t, stretched=True)
@@ -245,17 +245,15 @@ def laws_of(elements: Iterable[ThreeElement]) -> Laws:
 
 def _is_exact(scheme: str) -> bool:
     """Tell which of the two schemes is asked for."""
-    if scheme not in get_args(SchemeName):
-        known = ", ".join(get_args(SchemeName))
-        raise ParameterError(f"scheme: {scheme!r} is unknown; there are {known}")
+    known = get_args(SchemeName)
+    require(scheme in known, f"scheme: {scheme!r} is unknown; there are {', '.join(known)}")
     return scheme == "exact"
 
 
 def _history(driver: float | History) -> History:
     if isinstance(driver, History):
         return driver
-    if not isfinite(driver):
-        raise ParameterError(f"force or displacement: must be a finite number, got {driver}")
+    require(isfinite(driver), f"force or displacement: must be a finite number, got {driver}")
     return History.step(float(driver))
 
 
@@ -265,16 +263,9 @@ def _since(times: ArrayLike) -> Floats:
 
 def _rising(times: ArrayLike) -> Floats:
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    if t.ndim != 1 or not np.all(np.isfinite(t)) or np.any(t < 0.0) or np.any(np.diff(t) < 0.0):
-        raise ParameterError(
-            "times: must be one row of finite times from 0 upwards that do not fall"
-        )
+    right = t.ndim == 1 and np.isfinite(t).all() and np.all(np.diff(t, prepend=0.0) >= 0.0)
+    require(bool(right), "times: must be one row of finite times from 0 upwards that do not fall")
     return t
-
-
-def _decay_mean(x: Floats) -> Floats:
-    """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x."""
-    return np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0)
 
 
 def _decay_mean_twice(x: Floats) -> Floats:

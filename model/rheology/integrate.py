@@ -19,12 +19,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isfinite
-from typing import NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.errors import ConvergenceError, KajuError, ParameterError, TangentError
+from kaju.errors import ConvergenceError, KajuError, TangentError
 from kaju.stopping import interrupt_requested
 
 from .creeping_step import ORDER, STAGES, Creeping, Fields
@@ -65,15 +64,6 @@ class State:
     rejected: int = 0  # steps that were made again because they missed the tolerance
 
 
-class _Doubled(NamedTuple):
-    """A step that was made as two halves, and how far it is off."""
-
-    middle: State
-    end: State
-    error: float
-    trouble: KajuError | None = None
-
-
 @dataclass(frozen=True)
 class Integrator:
     """Takes a body through time under its history, to an end (s)."""
@@ -83,10 +73,6 @@ class Integrator:
     end: float
     tolerance: float
     most_steps: int
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise ParameterError(f"tolerance: must lie between 0 and 1, got {self.tolerance}")
 
     @cached_property
     def _corners(self) -> Floats:
@@ -204,19 +190,18 @@ class Integrator:
                     "reached; allow a larger tolerance, or more steps (most_steps=)"
                 )
 
-    def _doubled(self, state: State, end: float) -> _Doubled:
-        """Make a step whole and in halves."""
+    def _doubled(self, state: State, end: float) -> tuple[State, State, float, KajuError | None]:
+        """Make a step whole and in halves; return middle and end of these, error, and trouble."""
         middle, half = 0.5 * (state.time + end), 0.5 * (end - state.time)
         try:
             whole, _ = self.take_step(state.fields, state.time, end, 2.0 * half)
             first = self._advance(state, middle, half)
             halves = self._advance(first, end, half)
         except (ConvergenceError, TangentError) as trouble:
-            # A shorter step may find what a long one does not.
-            return _Doubled(state, state, inf, trouble)
+            return state, state, inf, trouble  # a shorter step may find what a long one does not
         apart = [a - b for a, b in zip(whole[:2], halves.fields[:2], strict=True)]
         error = self.system.largest_stretch(apart) / (2**ORDER - 1)
-        return _Doubled(first, halves, error if isfinite(error) else inf)
+        return first, halves, error if isfinite(error) else inf, None
 
     def _expected_scale(self, state: State, end: float) -> float:
         """Estimate the stretches to come by one step to the end of the first piece.

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import require
 
 _MOST_CYCLES = 10_000
 """Each takes some 50 steps: so many of a spring network of 23 nodes take minutes."""
@@ -67,18 +67,18 @@ class History:
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", tuple(float(time) for time in self.times))
         object.__setattr__(self, "factors", tuple(float(factor) for factor in self.factors))
-        if len(self.times) != len(self.factors) or not self.times:
-            raise ParameterError(
-                f"history: {len(self.times)} times need as many factors (at least one), "
-                f"got {len(self.factors)}"
-            )
-        if not all(isfinite(number) for number in (*self.times, *self.factors)):
-            raise ParameterError("history: every time and factor must be a finite number")
-        if self.times[0] != 0.0 or any(np.diff(self.times) < 0.0):
-            raise ParameterError(
-                f"history: times must start at 0 and never fall, got {self.times}; "
-                "a jump is written as the same time twice"
-            )
+        count = len(self.times)
+        require(
+            0 < count == len(self.factors),
+            f"history: {count} times need as many factors (at least one), got {len(self.factors)}",
+        )
+        finite = all(isfinite(number) for number in (*self.times, *self.factors))
+        require(finite, "history: every time and factor must be a finite number")
+        require(
+            self.times[0] == 0.0 and bool(np.all(np.diff(self.times) >= 0.0)),
+            f"history: times must start at 0 and never fall, got {self.times}; a jump is written "
+            "as the same time twice",
+        )
 
     @classmethod
     def step(cls, factor: float = 1.0) -> History:
@@ -92,8 +92,8 @@ class History:
 
     def ramp(self, to: float, duration: float) -> History:
         """Go on in a straight line to the factor `to`; duration 0 is a jump."""
-        if not (isfinite(duration) and duration >= 0.0):
-            raise ParameterError(f"duration: must be a time from 0 s upwards, got {duration}")
+        lasts = isfinite(duration) and duration >= 0.0
+        require(lasts, f"duration: must be a time from 0 s upwards, got {duration}")
         return History((*self.times, self.duration + duration), (*self.factors, float(to)))
 
     def hold(self, duration: float) -> History:
@@ -106,12 +106,10 @@ class History:
 
     def cycles(self, count: int, period: float, high: float = 1.0, low: float = 0.0) -> History:
         """Rise to `high` and fall to `low`, `count` times, half a period each way."""
-        if not 1 <= count <= _MOST_CYCLES:
-            raise ParameterError(
-                f"cycles: from 1 to {_MOST_CYCLES:,} can be followed, got {count}; ask for fewer"
-            )
-        if not (isfinite(period) and period >= 0.0):
-            raise ParameterError(f"period: must be a time from 0 s upwards, got {period}")
+        few = 1 <= count <= _MOST_CYCLES
+        require(few, f"cycles: from 1 to {_MOST_CYCLES:,} can be followed, got {count}")
+        lasts = isfinite(period) and period >= 0.0
+        require(lasts, f"period: must be a time from 0 s upwards, got {period}")
         turns = self.duration + 0.5 * period * np.arange(1, 2 * count + 1)
         return History((*self.times, *turns.tolist()), (*self.factors, *((high, low) * count)))
 

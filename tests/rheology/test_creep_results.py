@@ -76,8 +76,10 @@ def test_a_stored_course_is_the_same(course, tmp_path):
         )
 
 
-def test_it_is_drawn_and_filmed(course, tmp_path, coarse):
-    assert len(plot(course).axes) == 4
+def test_it_is_drawn_and_filmed(tmp_path, coarse):
+    for make in COURSES.values():
+        assert len(plot(make()).axes) == 4
+    course = COURSES["layers"]()
     with Image.open(animate(course, tmp_path / "film.gif", fps=20.0)) as film:
         assert film.n_frames == len(course.times)
 

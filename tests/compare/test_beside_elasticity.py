@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plates import plate as pressed
 
-from kaju import ElasticModel, ElasticRule, LoadModel, compare, load_scene, solve
+from kaju import LoadModel, compare, solve
 from kaju.errors import KajuError
 from kaju.model.study.rule_study import CHOSEN, DERIVED, FITTED, beside_elasticity
 from kaju.view.comparison import pictures_beside, words_beside
@@ -40,29 +40,6 @@ def test_ways_lie_in_the_column_of_the_load_and_across_it(study):
     assert [round(row.depth, 9) for row in rows] == [0.005, 0.025, 0.045]
     np.testing.assert_allclose(rows[1].start, [0.0, 0.055])
     np.testing.assert_allclose(rows[1].end, [0.1, 0.055])
-
-
-def test_a_load_from_the_left_is_looked_at_from_the_left():
-    scene = plate(
-        sides={"right": "rigid"}, loads=[{"cell": [0, 3], "force": [5.0, 0.0]}],
-        rule=ElasticRule(tolerance=1e-4),
-    )  # fmt: skip
-    study = beside_elasticity(scene, resolution=2)
-    assert study.axis == 0
-    np.testing.assert_allclose(study.down.start, [0.0, 0.035])
-    np.testing.assert_allclose(study.down.end, [0.1, 0.035])
-    np.testing.assert_allclose(study.rows()[0].end, [0.005, 0.08])
-    assert study.pressure == pytest.approx(5.0 / (0.01 * 0.002))
-
-
-def test_an_elastic_rule_is_run_as_it_is():
-    rule = ElasticRule(order="wave", threshold=0.05)
-    study = beside_elasticity(plate(rule=rule), resolution=2)
-    assert list(study.comparisons) == [DERIVED]
-    assert study.fit is None
-    run = ElasticModel(plate(rule=rule)).run()
-    expected = compare(run, study.believed).displacement.misfit
-    assert study.comparisons[DERIVED].displacement.misfit == pytest.approx(expected)
 
 
 def test_where_the_error_lies(study):
@@ -120,19 +97,6 @@ def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
     found = json.loads(told.output)
     expected = study.summary() | {"seconds": found["seconds"]}
     assert found == expected == json.loads((out / "comparison.json").read_text())
-
-
-def test_settings_change_the_scene_and_without_a_fit_there_is_none(scene, tmp_path, typed):
-    words = ("--fit", 0, "--resolution", 2, "--no-pictures", "--json")
-    done = typed("compare", scene, "--out", tmp_path / "x", "--set", "rule.threshold=0.001", *words)
-    found = json.loads(done.output)
-    assert found["fit"] is None
-    assert list(found["answers"]) == [CHOSEN, DERIVED]
-    finer = LoadModel(load_scene(scene, {"rule.threshold": 0.001})).run()
-    expected = compare(finer, solve(plate(), resolution=2))
-    assert found["answers"][CHOSEN]["displacement"]["misfit"] == pytest.approx(
-        expected.displacement.misfit
-    )
 
 
 @pytest.mark.parametrize(

@@ -119,11 +119,6 @@ def test_blocks_of_several_materials_are_bracketed(seed, plane):
     assert limit(above) == pytest.approx(limit(below), rel=1e-3)
 
 
-def test_a_solid_body_agrees_with_elements():
-    below, above = bracket(random_body(8, (3, 2, 3)), None, (1, 2), (2, 4, 8), close=0.05)
-    assert above[-1] > below[-1]
-
-
 def test_rubber_does_not_lock():
     rubber = [(1.0, 0.499)]
     kinds = np.zeros((6, 5), int)

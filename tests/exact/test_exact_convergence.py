@@ -5,14 +5,11 @@ import pytest
 
 from exact import (
     CONVERGING_PROBLEMS,
-    BrazilianDisk,
     Cerruti,
     LCorner,
-    SaintVenantDecay,
     TimoshenkoCantilever,
     convergence,
 )
-from exact.eigenfields import DECAY
 
 STEP = 1e-5
 PROBLEMS = [kind() for kind in CONVERGING_PROBLEMS]
@@ -61,18 +58,3 @@ def test_the_cantilever_converges_for_any_ratio_and_plane(ratio):
         study = convergence(problem, (8, 16))["displacement"]
         assert 1.7 < study.order < 2.4
         assert study.errors[-1] < 0.01
-
-
-def test_end_loads_die_away_at_the_rate_of_papkovich_and_fadle():
-    assert abs(np.sin(2 * DECAY) + 2 * DECAY) < 1e-8
-    problem = SaintVenantDecay()
-    errors = [abs(problem.decay(problem.solve(n)) - DECAY) for n in (16, 32, 64)]
-    assert np.polyfit(np.log([16, 32, 64]), np.log(errors), 1)[0] < -1.5
-    assert errors[-1] < 1e-3 * abs(DECAY)
-
-
-def test_the_disks_centre():
-    problem = BrazilianDisk()
-    centre = np.zeros((1, 2))
-    stress = problem.solve(64).stress_at(centre)[0] * np.pi / problem.load
-    np.testing.assert_allclose(stress, [[1.0, 0.0], [0.0, -3.0]], atol=0.01)

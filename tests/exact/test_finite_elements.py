@@ -24,18 +24,6 @@ def test_worked_plate_is_that_of_the_benchmark():
     assert np.abs(away).max() < 1e-8 * np.abs(truth.displacement).max()
 
 
-def test_column_under_its_own_weight():
-    """u = −ρg(Hy − y²/2)/E, U = ρ²g²H³Wt/6E; ν = 0, so that the ground holds nothing back."""
-    body = {"size": [0.2, 0.4], "cells": [2, 4], "material": "stuff", "gravity": [0.0, -10.0]}
-    scene = Scene(body=body, materials=STUFF, sides={"bottom": "rigid", "left": "roller"})
-    answer = finite_elements(scene)
-    assert answer.strain_energy == pytest.approx(1e4**2 * 0.4**3 * 0.2 / (6 * 2e6), rel=1e-9)
-    points = np.array([[0.1, 0.4], [0.03, 0.17]])
-    x, y = points.T
-    expected = np.stack([0 * x, -1e4 * (0.4 * y - y**2 / 2) / 2e6], axis=1)
-    np.testing.assert_allclose(answer.displacement_at(points), expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("shape", [[4, 2], [4, 2, 2]])
 def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
     """Their energy is that of the load on the whole side."""
@@ -118,11 +106,3 @@ def test_boxes_that_touch_at_a_corner_are_apart():
         moved = answer.displacement_at([[0.5, 0.99], [1.5, 1.01]])
         assert abs(moved[0, 0]) > 1e-12
         assert not moved[1].any()
-
-
-@pytest.mark.parametrize(
-    ("key", "given"), [("order", 5), ("split", 0), ("split", 0.5), ("split", 1000)]
-)
-def test_arguments_outside_their_rule_are_named(key, given):
-    with pytest.raises(ParameterError, match=key):
-        finite_elements(PLATE.scene(1), **{key: given})

@@ -8,14 +8,13 @@ import pytest
 import sweep_work
 from hypothesis import given
 from hypothesis import strategies as st
-from plates import PLATE, plate
+from plates import PLATE
 from scipy import stats
 
 import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
 from kaju.model.network import triangular
 from kaju.model.study.sweep_points import points_of
-from kaju.model.study.sweep_store import load_sweep
 from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
 SCENE = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.01})
@@ -46,14 +45,6 @@ def test_a_row_is_the_run_that_it_stands_for():
         result = LoadModel(SCENE.with_overrides(changed)).run()
         assert row["load_taken"] == result.summary()["load_taken"]
         assert row["last.ledger.dropped"] == result.last.ledger.dropped
-
-
-def test_all_figures_of_the_summary_unless_told_otherwise():
-    table = alone(SCENE, {"rule.threshold": [0.01]})
-    summary = LoadModel(SCENE).run().summary()
-    for name in ("generations", "load_taken", "spectral_radius", "max_displacement", "rule"):
-        assert table[name][0] == summary[name]
-    assert "seconds" not in table  # the same sweep is the same table
 
 
 def test_what_is_varied_need_not_be_a_number():
@@ -89,21 +80,6 @@ def test_every_model_and_agents_of_ones_own():
     assert radius["spectral_radius"].round(6).tolist() == [0.75, 1.15]
     model = alone(SCENE, {"rule.threshold": [0.01]}, "load_taken", run=LoadModel)
     assert model["load_taken"].round(6).tolist() == [12.879375]
-
-
-def growing(volume=0.4):
-    arm = plate([12, 6], [11, 3], [0.0, -1.0], sides={"left": "rigid"})
-    return kaju.GrowthModel(arm, volume=volume, filter_radius=1.0, most_steps=4)
-
-
-def test_bodies_that_grow_are_swept_as_a_class_and_as_models():
-    points = {"run.volume": [0.3, 0.6], "run.most_steps": [4]}
-    run = {"run": kaju.GrowthModel}
-    one = alone(growing().scene, points | {"run.filter_radius": [1.0]}, "compliance_J", **run)
-    other = alone(growing, {"volume": [0.3, 0.6]}, "compliance_J")
-    assert one["error"].tolist() == other["error"].tolist() == ["", ""]
-    assert one["compliance_J"].tolist() == other["compliance_J"].tolist()
-    assert one["compliance_J"][0] > one["compliance_J"][1]
 
 
 def own_agents(subject):
@@ -142,37 +118,12 @@ def test_seeds_are_independent_and_repeatable():
     assert not set(first) & set(alone(sweep_work.drawn, points, seed=1)["value"])
 
 
-def test_the_number_of_processes_changes_nothing():
-    vary = {"x": stats.norm(2.0, 0.1), "y": [1.0, 2.0, 3.0]}
-    options = {"samples": 300, "method": "lhs", "progress": False}
-    one, two = (sweep(sweep_work.square, vary, workers=n, **options) for n in (1, 2))
-    assert one.equals(two)
-
-
 @given(st.integers(1, 5), st.integers(1, 4), st.integers(1, 3))
 def test_a_grid_has_every_combination_once(a, b, c):
     vary = {"a": list(range(a)), "b": list(range(b)), "c": list(range(c))}
     points = points_of(vary, "grid", None, 0)
     every = [(p["a"], p["b"], p["c"]) for p in (points[k] for k in range(len(points)))]
     assert every == [(i, j, k) for i in range(a) for j in range(b) for k in range(c)]
-
-
-def test_samples_follow_their_distributions():
-    vary = {"x": stats.uniform(2.0, 3.0), "y": ["a", "b", "c", "d"]}
-    for method in ("lhs", "sobol"):
-        table = alone(both, vary, samples=64, method=method)
-        assert ((table["x"] - 2.0) // (3.0 / 64)).nunique() == 64  # one in every 64th
-        assert table["y"].value_counts().tolist() == [16] * 4
-
-
-def both(x, y):
-    return {"same": f"{y}{x:.0f}"}
-
-
-def test_points_that_are_given_and_lists_that_go_together():
-    together = alone(sweep_work.square, {"x": [1.0, 2.0], "y": [3.0, 4.0]}, method="list")
-    given_ones = alone(sweep_work.square, {}, method=[{"x": 1.0, "y": 3.0}, {"x": 2.0, "y": 4.0}])
-    assert together["square"].tolist() == given_ones["square"].tolist() == [4.0, 8.0]
 
 
 BETA = {"rule.beta": [1.0]}
@@ -209,17 +160,6 @@ def test_a_measure_that_is_not_there_names_those_that_are():
     assert "the result has no 'load_takn'; its summary has" in table["error"][0]
     table = alone(SCENE, {"rule.threshold": [0.01]}, lambda result: np.zeros(3))
     assert "must be one number" in table["error"][0]
-
-
-def test_tables_without_a_sweep_are_named(tmp_path):
-    table = alone(sweep_work.square, {"x": [1.0, 2.0]})
-    with pytest.raises(kaju.KajuError, match="no column 'cube'"):
-        plot_effects(table, "cube")
-    table.attrs = {}
-    with pytest.raises(kaju.KajuError, match="is not of a sweep"):
-        plot_effects(table, "x")
-    with pytest.raises(kaju.KajuError, match="is no folder of a sweep"):
-        load_sweep(tmp_path)
 
 
 def test_pictures_show_what_was_swept(tmp_path):

@@ -35,30 +35,6 @@ def test_a_sweep_from_the_command(swept):
     assert swept(*words)[1].output == done.output  # nothing is computed again
 
 
-def test_a_map_of_stability(swept):
-    out, done = swept(
-        *("--vary", "rule.alpha[1]=0.1:0.9", "--vary", "rule.alpha[2]=0.01:0.9:log"),
-        *("--run", "stability", "--measure", "spectral_radius"),
-        *("--method", "sobol", "--samples", 32),
-    )
-    assert done.exit_code == 0, done.output
-    assert "... and 12 more" in done.output
-    table = table_of(out)
-    forward, beside = table["rule.alpha[1]"], table["rule.alpha[2]"]
-    assert forward.between(0.1, 0.9).all()
-    assert beside.between(0.01, 0.9).all()
-    # α₂ + 2 α₃ + 2 (1 − β) ν α₁, a bound that the plate comes close to
-    bound = forward + 2 * beside + 2 * 0.5 * 0.3 * 0.5
-    assert (table["spectral_radius"] <= bound * (1 + 1e-9)).all()
-    assert (out / "map.png").stat().st_size > 10_000
-
-
-def test_words_are_values_too(swept):
-    out, done = swept("--vary", "sides.left=rigid,free", "--no-pictures")
-    assert done.exit_code == 0, done.output
-    assert table_of(out)["sides.left"].tolist() == ["rigid", "free"]
-
-
 def test_a_sweep_of_nothing_but_failures_fails(swept):
     _, done = swept("--vary", "rule.alpha[1]=2,3")
     assert done.exit_code == 1

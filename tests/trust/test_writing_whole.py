@@ -5,18 +5,14 @@ import os
 import shutil
 import signal
 import sys
-import zlib
 from pathlib import Path
-from time import process_time
 
-import numpy as np
 import pytest
 from plates import plate as pressed
 
 from kaju import LoadModel, load_result
 from kaju.cli.output import Folder
 from kaju.errors import ResultFileError
-from kaju.model.results.archive import write_archive
 
 EVENTS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "shutil.rmtree")
 
@@ -143,20 +139,6 @@ def test_who_comes_second_is_refused_and_changes_nothing(old, new):
     assert names_here() == ["here"]
 
 
-def test_an_empty_folder_may_be_filled(new):
-    Path("here").mkdir()
-    assert [path.name for path in write(new)] == ["result.npz", "summary.json"]
-
-
-def test_folders_of_ones_own_inside_a_replaced_run_stay(old, new):
-    write(old)
-    Path("here/films/of mine").mkdir(parents=True)
-    Path("here/films/of mine/one.txt").write_text("kept")
-    write(new, force=True)
-    assert Path("here/films/of mine/one.txt").read_text() == "kept"
-    assert taken(Path("here")) == new.summary()["load_taken"]
-
-
 @pytest.mark.parametrize(
     ("place", "message"),
     [
@@ -171,18 +153,3 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(p
     Path("a file").write_text("")
     with pytest.raises(ResultFileError, match=message):
         Folder(Path(place))
-
-
-def test_large_results_are_packed_quickly(tmp_path):
-    """A run of a million agents is stored in seconds, also when Ctrl-C has ended it."""
-    rng = np.random.default_rng(1)
-    many = {"load": rng.normal(size=200_000), "agent": rng.integers(0, 90_000, 200_000)}
-    began = process_time()
-    path = write_archive(tmp_path / "many", "trial", many, {})
-    spent = process_time() - began
-    began = process_time()
-    for array in many.values():
-        zlib.compress(array.tobytes())
-    assert spent < 0.75 * (process_time() - began)
-    with np.load(path) as stored:
-        np.testing.assert_array_equal(stored["agent"], many["agent"])

@@ -21,7 +21,7 @@ import numpy as np
 
 from kaju import __version__
 from kaju.arrays import Ints
-from kaju.errors import ParameterError, SceneError, WorkerError
+from kaju.errors import ParameterError, SceneError, WorkerError, needing
 from kaju.model.scene import Scene, load_scene
 from kaju.progress import progress_line
 
@@ -171,7 +171,8 @@ def _try_scenes(runs: SweepRun, points: SweepPoints) -> None:
 
 def _described(runs: SweepRun, points: SweepPoints) -> dict[str, Any]:
     """Return what is asked, and a digest by which the same sweep is recognised."""
-    from joblib import hash as digest
+    with needing("sweep: joblib hands out its runs, which a browser's Python has not"):
+        from joblib import hash as digest
 
     measure: Any = runs.measure
     if isinstance(measure, str) or callable(measure):

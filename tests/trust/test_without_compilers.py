@@ -25,10 +25,16 @@ kaju.solve(elastic, tolerance=0.1)
 kaju.plot(run)
 kaju.animate(run, folder / "film.gif")
 kaju.export_page(plate, folder / "page.html")
-try:
-    kaju.GrowthModel(elastic, volume=0.5).run()
-except kaju.KajuError as refusal:
-    print(refusal)
+large = elastic.replace(body={"cell_size": 0.01, "cells": [230, 230], "material": "steel"})
+for refused in (
+    lambda: kaju.GrowthModel(elastic, volume=0.5).run(),
+    lambda: kaju.solve(large.replace(loads=[{"cell": [9, 229], "force": [0.0, -2.0]}])),
+    lambda: kaju.sweep(plate, {"rule.threshold": [0.01, 0.02]}),
+):
+    try:
+        refused()
+    except kaju.KajuError as refusal:
+        print(refusal)
 """
 
 
@@ -37,4 +43,7 @@ def test_agents_answers_pictures_and_pages_need_no_compiler():
         [sys.executable, "-W", "ignore", "-c", TAKEN_AWAY], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    assert "growth and bodies of more than 50,000 cells" in done.stdout
+    growth, large, sweep = done.stdout.splitlines()
+    assert "growth and bodies of more than 50,000 cells" in growth
+    assert growth == large
+    assert sweep.startswith("sweep: joblib")

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize, SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
 
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
@@ -28,7 +26,6 @@ from .maps import Quantity, draw_map
 from .section import Section, section_of
 from .style import (
     COLOURS,
-    DIVERGING,
     FAINT,
     INK,
     SIZE,
@@ -38,7 +35,7 @@ from .style import (
     new_axes,
     new_figure,
 )
-from .units import quantity, round_down, scale_for, times
+from .units import quantity, round_down, times
 from .units import quantity as with_unit
 
 if TYPE_CHECKING:
@@ -61,20 +58,6 @@ class Line(NamedTuple):
     title: str
     start: Sequence[float]
     end: Sequence[float]
-
-
-def plot_profiles(
-    comparisons: Comparisons,
-    lines: Sequence[Line],
-    quantity: str,
-    component: str,
-    *,
-    believed: str = "reference",
-    per: float | None = None,
-    symbol: str = "",
-) -> Figure:
-    """Draw a component along lines, a panel each, as it is or as shares of `per`."""
-    return _profiles(comparisons, lines, {(quantity, component): symbol}, believed, per)
 
 
 def _profiles(
@@ -260,46 +243,6 @@ def _explain(figure: Figure, handles: list[Line2D], **more: Any) -> None:
 _PALE = "#c2c2c2"
 
 
-def plot_maps(
-    comparisons: Comparisons,
-    quantity: str,
-    component: str,
-    *,
-    believed: str = "reference",
-    symbol: str = "",
-    cut: Mapping[str, float] | None = None,
-) -> Figure:
-    """Draw a component over the cells in the same colours; stresses partly on a log scale."""
-    check_count(comparisons)
-    first = next(iter(comparisons.values()))
-    fields = {name: pair_of(c, quantity, component).values for name, c in comparisons.items()}
-    fields[believed] = pair_of(first, quantity, component).reference
-    unit = pair_of(first, quantity, component).unit
-    largest = max(float(np.abs(values).max()) for values in fields.values())
-    norm, ticks = _scale(largest, logarithmic=quantity == "stress")
-    section = section_of(first.result.scene, None, cut, False)
-    figure = new_figure((2.75 * len(fields) + 1.0, 3.3))
-    axes = figure.subplots(1, len(fields), sharey=True)
-    cells = first.result.scene.lattice.locate(first.points)
-    for ax, (name, values) in zip(axes, fields.items(), strict=True):
-        draw_body(ax, section)
-        shown = Quantity(values, name, unit, signed=True)
-        drawn = draw_map(ax, section, cells, shown)
-        drawn.set_norm(norm)
-        drawn.set_cmap(DIVERGING)
-        draw_forces(ax, section)
-        _place(ax, section, name)
-    bar = figure.colorbar(drawn, ax=list(axes), shrink=0.9, aspect=24, pad=0.01)
-    scale = scale_for([largest], unit)
-    bar.set_ticks(ticks)
-    bar.minorticks_off()
-    bar.formatter = FuncFormatter(scale.text)
-    bar.set_label(f"{symbol} ({scale.unit})", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
-    bar.outline.set_linewidth(0.5)
-    return figure
-
-
 def plot_shapes(
     answers: Mapping[str, Any],
     believed: Any,
@@ -360,16 +303,6 @@ def plot_error(
     return ax
 
 
-def _scale(largest: float, logarithmic: bool) -> tuple[Normalize, list[float]]:
-    """Return colours from -largest to largest, and the values to mark."""
-    if not logarithmic:
-        return Normalize(-largest, largest), [-largest, -0.5 * largest, 0.0, 0.5 * largest, largest]
-    top = 10.0 ** np.ceil(np.log10(0.999 * largest))
-    marks = [top, 0.1 * top, 0.01 * top]
-    norm = SymLogNorm(0.01 * top, linscale=0.5, vmin=-top, vmax=top)
-    return norm, [*(-mark for mark in marks), 0.0, *marks[::-1]]
-
-
 def _place(ax: Axes, section: Section, title: str) -> None:
     lower, upper = section.box
     for drawn in ax.collections:
@@ -409,9 +342,8 @@ def pictures_beside(study: RuleStudy) -> dict[str, Figure]:
     if study.scene.lattice.dimension == 2:
         shapes = {name: comparison.result for name, comparison in found.items()}
         figures["deformed"] = plot_shapes(shapes, study.believed, name=BELIEVED)
-    figures["displacement"] = plot_profiles(
-        found, [down, *rows], "displacement", along, believed=BELIEVED, symbol=f"$u_{along}$"
-    )
+    moved = {("displacement", along): f"$u_{along}$"}
+    figures["displacement"] = _profiles(found, [down, *rows], moved, BELIEVED)
     figures["cuts"] = _cuts_beside(study)
     return figures
 

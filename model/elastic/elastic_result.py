@@ -285,13 +285,21 @@ class ElasticResult(BodyResult):
     def energy_bounds(self) -> tuple[float, float] | None:
         """Energies (J) below and above the true one; None where there are none (`no_bound`).
 
-        From a stress that balances and a displacement without gaps (Prager and Synge 1947); of
-        equal cells worked out when they are first asked for.
+        From a stress that balances and a displacement without gaps (Prager and Synge 1947). For
+        equal cells in the plane agents of two minds find them on the same body, as close as
+        `error_estimate`, when they are first asked for; the cells' own energy may lie outside.
         """
         bounds, unit = self._bounds, self.found.scales.energy
         if bounds is None:
-            return getattr(self.found, "energy_bounds", None)
+            return None if isinstance(self._energies_round, str) else self._energies_round
         return bounds.lower * unit, bounds.upper * unit
+
+    @cached_property
+    def _energies_round(self) -> tuple[float, float] | str:
+        """Bounds (J) of the energy of a body of equal cells, or why there are none."""
+        from .bounds_of_cells import energies_round
+
+        return self.no_bound if self.found.storage != "cells" else energies_round(self.found)
 
     @property
     def error_bound(self) -> float | None:
@@ -332,7 +340,7 @@ class ElasticResult(BodyResult):
 
     @property
     def no_bound(self) -> str:
-        """Why there are no bounds, in words; empty if there are."""
+        """Why there is no `error_bound`, in words; empty if there is one."""
         return self.found.bracket if isinstance(self.found.bracket, str) else ""
 
     def balanced_stress_at(self, points: Floats) -> Floats:

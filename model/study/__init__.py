@@ -2,6 +2,6 @@
 
 In come scenes and answers; out go comparisons, coefficients and tables.
 Read `solving` (which solver a scene takes), `compare` (what is asked of an answer), `reference`
-and `finite_elements` (what may be believed), `fitting` and `rule_study`, then `sweep` with
-`sweep_points`, `sweep_runs` and `sweep_store`.
+and `finite_elements` (what may be believed), `fitting` and `rule_study`, then `sweep_runs` and
+`sweep`.
 """

@@ -27,7 +27,7 @@ from kaju.errors import KajuError
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
 from kaju.model.scale.pieces import Piece, PiecedResult
-from kaju.model.study.sweep_store import load_sweep
+from kaju.model.study.sweep import load_sweep
 
 SECONDS = 20
 HISTORY = kaju.History.step()

@@ -14,7 +14,7 @@ from scipy import stats
 import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
 from kaju.model.network import triangular
-from kaju.model.study.sweep_points import points_of
+from kaju.model.study.sweep_runs import points_of
 from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
 SCENE = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.01})

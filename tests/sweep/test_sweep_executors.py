@@ -6,7 +6,7 @@ import sweep_work
 
 import kaju
 from kaju import sweep
-from kaju.model.study.sweep_store import load_sweep
+from kaju.model.study.sweep import load_sweep
 
 
 def own(**options):

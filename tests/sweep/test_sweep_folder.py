@@ -12,7 +12,7 @@ import sweep_work
 
 import kaju
 from kaju import sweep
-from kaju.model.study.sweep_store import load_sweep
+from kaju.model.study.sweep import load_sweep
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 

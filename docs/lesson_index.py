@@ -19,6 +19,7 @@ from kaju import LoadModel, plot
 
 SHOWN = {
     "find-its-way": ("0", "agents"),
+    "write-the-rule": ("0", "agents"),
     "walls-and-air": ("0", "agents"),
     "blow-up": ("1", "agents"),
     "arching": ("1", "agents"),

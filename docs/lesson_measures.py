@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import kaju
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
+from kaju.view.page.python import header
 
 Words = dict[str, Callable[..., Any]]
 DOWN = 2  # place of the downward direction among the four of a square cell
@@ -89,6 +90,23 @@ class Seen:
         return half_width(pressure)
 
 
+class SeenUnder(Seen):
+    """The scene under agents that pages begin with in the tab *Agent*."""
+
+    def __init__(self, scene: kaju.Scene, name: str, numbers: dict[str, float]) -> None:
+        super().__init__(scene)
+        names: dict[str, Any] = {"__name__": name}
+        exec(header({})["python"]["ready"][name]["code"], names)  # noqa: S102
+        own = (value for value in names.values() if isinstance(value, type))
+        self.agent = next(value for value in own if value.__module__ == name)
+        self.numbers = numbers
+
+    @cached_property
+    def run(self) -> kaju.TransferResult:
+        """Return what becomes of the scene."""
+        return kaju.LoadModel(self.scene, material_agent=self.agent, seed=1, **self.numbers).run()
+
+
 def half_width(profile: NDArray[Any]) -> float:
     """Return the distance (cells) at which a profile falls to half of its largest value.
 
@@ -148,6 +166,8 @@ PLANE: Words = {
     "with_": lambda seen, **rule: Seen(
         seen.scene.with_overrides({f"rule.{name}": value for name, value in rule.items()})
     ),
+    "ready": lambda seen, name, **numbers: SeenUnder(seen.scene, name, numbers),
+    "broken": lambda seen: int(seen.run.states["broken"].values().sum()),
     "stable": lambda seen: seen.certificate.stable,
     "verdict": lambda seen: seen.certificate.verdict,
     "radius": lambda seen: seen.certificate.upper,  # growth of the load in a generation, at most

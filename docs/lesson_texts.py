@@ -23,6 +23,7 @@ import kaju
 LESSONS = Path(__file__).parent / "lessons"
 ORDER = (
     "find-its-way",
+    "write-the-rule",
     "walls-and-air",
     "blow-up",
     "arching",
@@ -109,11 +110,13 @@ class Lesson:
     """A lesson in all its languages, with what they share.
 
     `scenes` belong to the presets, the start first; there are none where the page
-    shows a recorded run. `kinds` says of each question what the page has to know.
+    shows a recorded run. With `python` agents are written in the page. `kinds` says of each
+    question what the page has to know.
     """
 
     name: str
     age: int
+    python: bool
     texts: dict[str, Text]
     scenes: tuple[kaju.Scene, ...]
     kinds: tuple[dict[str, Any], ...]
@@ -142,8 +145,9 @@ def lesson(name: str) -> Lesson:
             changes = _flat(tomllib.loads(own["toml try"]))
             scenes.append(scene.with_overrides(changes) if changes else scene)
     kinds = tomllib.loads(blocks["toml questions"])["question"]
-    age = tomllib.loads(blocks["toml lesson"])["age"]
-    return Lesson(name, age, texts, tuple(scenes), tuple(kinds))
+    told = tomllib.loads(blocks["toml lesson"])
+    age, python = told["age"], told.get("python", False)
+    return Lesson(name, age, python, texts, tuple(scenes), tuple(kinds))
 
 
 def _text(source: str, language: str) -> Text:

@@ -108,7 +108,8 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
             for scene, (name, note) in zip(others, of.texts["en"].presets[1:], strict=True)
         }
         target = folder / f"{of.name}.html"
-        return [export_page(first, target, title=title, text=words, presets=presets, lesson=told)]
+        options = {"presets": presets, "lesson": told, "python": of.python}
+        return [export_page(first, target, title=title, text=words, **options)]
     made = []
     for name in lesson_runs.PAGES[of.name]:
         part = f": {name.replace('-', ' ')}" if name else ""

@@ -19,6 +19,8 @@ import lesson_runs  # noqa: E402
 import make_pages  # noqa: E402
 from lesson_texts import HEADINGS, LESSONS, ORDER, lesson  # noqa: E402
 
+from kaju.view.page.python import header  # noqa: E402
+
 STEPS = ["predict", "step", "explain", "try"]
 
 
@@ -177,6 +179,7 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
 
 
 WORDS = json.loads((DOCS.parent / "view" / "page" / "words.json").read_text("utf-8"))
+READY = header({})["python"]["ready"]
 
 
 @pytest.mark.parametrize("name", ORDER)
@@ -186,6 +189,7 @@ def test_what_a_lesson_tells_to_press_is_there(name):
     for language, text in of.texts.items():
         known = {preset for preset, _ in text.presets} | set(WORDS[language].values())
         known |= {lesson(other).texts[language].title for other in ORDER}
+        known |= {agent["name"][language] for agent in READY.values()}
         known |= {word for heading in HEADINGS.values() for word in heading}
         for question in text.questions:
             told = f"{question.note}\n{question.hint}"

@@ -296,12 +296,12 @@ function guessCards(lesson, q) {
 function stepCards(page) {
   const { lesson, t, parts, touchable } = page, panels = panelsOf(page), fold = (word, list, open = false) => make("details", { className: "card", open }, make("summary", { textContent: word }), ...list);
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
-  const free = page.limit === Infinity, story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
+  const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
     make("div", {}, button(page.nameOf(preset), () => lesson.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  if (lesson.step === "step") return [...tries, ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
-  if (lesson.step === "explain") return [...tries, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
+  if (lesson.step === "step") return [...tries, ...code, ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
+  if (lesson.step === "explain") return [...tries, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
-  return [...tries, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
+  return [...tries, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
 }

@@ -80,7 +80,7 @@ def bearing(result: FractureResult, count: int) -> int:
     """
     force = result.force
     loaded = 1 + np.flatnonzero(force >= 0.02 * force.max(initial=0.0))
-    return min(count, result.standing, int(loaded.max(initial=0)))
+    return min(count, result.breaks_resisted, int(loaded.max(initial=0)))
 
 
 def _scale(result: FractureResult, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def _text(result: FractureResult, count: int) -> str:
     """Return how much is broken, and the load factor."""
     at = max(count - 1, 0)
     factor = float(result.load_factor[at]) if result.breaks else 1.0
-    parted = "; parted" if count > result.standing else ""
+    parted = "; parted" if count > result.breaks_resisted else ""
     load = f"{counted(count, result.parts)} broken{parted}; load factor {factor:.4g}"
     return f"{load}, largest so far {result.load_factor[: at + 1].max(initial=0.0):.4g}"
 

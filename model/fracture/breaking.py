@@ -114,10 +114,10 @@ class WeakeningBody:
 
     @abstractmethod
     def break_part(self, place: int) -> tuple[int, float]:
-        """Break the part at a place of the shares; return its number and the energy (J) freed."""
+        """Break the part at an index of the shares; return its number and the energy (J) freed."""
 
-    def place_of(self, part: int) -> int:
-        """Return the place among the shares that stands for a part."""
+    def index_of(self, part: int) -> int:
+        """Return the index among the shares that stands for a part."""
         return part
 
     @property
@@ -258,7 +258,7 @@ class BreakingNetwork(WeakeningBody):
         left = 0.0 if emptied else self._left[first + 1]
         return spring, self.weaken(np.array([place]), np.array([left]))
 
-    def place_of(self, spring: int) -> int:
+    def index_of(self, spring: int) -> int:
         """Return the joint of a spring."""
         return int(self._joint[spring])
 

@@ -225,13 +225,13 @@ class FractureResult(Result):
         Parameters
         ----------
         counts : iterable of int
-            Numbers of breaks, rising, up to `standing`.
+            Numbers of breaks, rising, up to `breaks_resisted`.
         """
         body = body_of(self.subject, self.strengths, self.measure)
         for count in counts:
             self._counted(count)
             while len(body.broken) < count:
-                body.break_part(body.place_of(int(self.broken[len(body.broken)])))
+                body.break_part(body.index_of(int(self.broken[len(body.broken)])))
             yield body
 
     def moments(self, counts: Iterable[int]) -> Iterator[tuple[Floats, Floats]]:
@@ -240,8 +240,8 @@ class FractureResult(Result):
         A body that has parted stays as it was before its last break, and bears nothing.
         """
         asked = list(counts)
-        standing = [min(count, self.standing) for count in asked]
-        for count, at, body in zip(asked, standing, self.replayed(standing), strict=True):
+        at_most = [min(count, self.breaks_resisted) for count in asked]
+        for count, at, body in zip(asked, at_most, self.replayed(at_most), strict=True):
             factor = self.factor_after(at)
             borne = factor * body.borne()
             yield factor * body.displacement(), borne if at == count else np.zeros_like(borne)
@@ -251,13 +251,13 @@ class FractureResult(Result):
         return float(self.load_factor[max(count - 1, 0)]) if self.breaks else 1.0
 
     @property
-    def standing(self) -> int:
+    def breaks_resisted(self) -> int:
         """Number of breaks after which the body still resisted."""
         return self.breaks - (1 if self.outcome.startswith("parted") else 0)
 
     def _counted(self, breaks: int | None) -> int:
         """Return a number of breaks after which the body still resisted."""
-        last = self.standing
+        last = self.breaks_resisted
         count = last if breaks is None else breaks
         if not 0 <= count <= last:
             parted = " (with the next one it parted)" if last < self.breaks else ""

@@ -42,7 +42,7 @@ def test_what_cells_bear_is_what_solve_says(moved):
 
 def test_every_break_is_what_the_body_left_says():
     broken = kaju.FractureModel(plate(), strength=1e8, scatter=0.4, seed=2).run()
-    counts = [0, 1, 4, broken.standing]
+    counts = [0, 1, 4, broken.breaks_resisted]
     for count, body in zip(counts, broken.replayed(counts), strict=True):
         left = broken.state(count)
         assert body.stored == pytest.approx(left.strain_energy, rel=1e-6)
@@ -111,8 +111,8 @@ def test_a_plate_parts_by_its_last_break(tmp_path):
     summary = broken.summary()
     assert summary["largest_load_factor"] == broken.load_factor.max()
     assert "cells of this size" in summary["notes"][-1]
-    (before, borne), (after, nothing) = broken.moments([broken.standing, broken.breaks])
-    assert broken.standing == broken.breaks - 1
+    (before, borne), (after, nothing) = broken.moments([broken.breaks_resisted, broken.breaks])
+    assert broken.breaks_resisted == broken.breaks - 1
     assert np.array_equal(before, after)
     assert np.abs(borne).max() > 0.0
     assert not nothing.any()

@@ -426,7 +426,11 @@ def breaks(result: FractureResult) -> Pictures:
     for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):
         factor = result.factor_after(at) if count else 0.0
         moved.append(_steps_of(factor * body.displacement(), 128))
-        bears = factor * body.borne() if count <= result.standing else np.zeros(len(body.borne()))
+        bears = (
+            factor * body.borne()
+            if count <= result.breaks_resisted
+            else np.zeros(len(body.borne()))
+        )
         borne.append(_steps_of(bears, 128))
     points, parts = body.points
     gone = np.full(len(parts), result.breaks + 1)

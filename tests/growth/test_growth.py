@@ -101,6 +101,12 @@ def test_compliance_falls_by_what_cells_feel():
     assert slope == pytest.approx(felt.slope.min(), rel=2e-3)
 
 
+@pytest.mark.parametrize(("start", "volume", "then"), [(0.1, 0.9, 0.3), (1.0, 0.1, 0.8)])
+def test_a_volume_out_of_reach_is_come_nearer_to(start, volume, then):
+    grown = small(start=np.full((24, 16), start), volume=volume, filter_radius=0.0).run(1)
+    np.testing.assert_allclose(grown.cells, then, rtol=1e-12)
+
+
 def test_runs_are_the_same_bit_by_bit_and_may_end_early(monkeypatch):
     model = small()
     model.run(6, progress=False)

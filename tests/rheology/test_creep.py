@@ -10,7 +10,7 @@ from kaju.model.network import triangular
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 DOUGH = ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
 BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)
-PUSH = History().ramp(1.0, 0.5).hold(1.5).release(0.5).hold(1.5)
+PUSH = History().ramp(0.9, 0.7).hold(1.3).release(0.6).hold(1.4)
 TIMES = np.array([0.1, 0.2, 1.0, 3.0, 5.2, 5.3, 6.0, 10.0, 25.3])
 
 

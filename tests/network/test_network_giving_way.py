@@ -47,8 +47,6 @@ def test_a_braced_chain_buckles_at_its_critical_force():
     reached = e.value.result
     assert reached.stage[-1] == pytest.approx(0.5, abs=1e-3)
     assert reached.tension[-1, 0] == pytest.approx(-critical, rel=3e-3)
-    with pytest.raises(BucklingError):  # at the end of the only increment
-        solve(chain(-1.2 * critical, braced=True), 1)
 
 
 def test_what_was_computed_before_a_lattice_gave_way_is_handed_over():

@@ -17,7 +17,7 @@ from kaju.errors import SingularPlaceError
 from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
 from kaju.model.elastic.equal.cell_loads import portions_of_cells
-from kaju.model.elastic.goals.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
+from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.scene import Scene
 from kaju.model.scene.box_kinds import relation
 from kaju.model.scene.cell_types import AIR
@@ -50,14 +50,10 @@ class Caveat(NamedTuple):
     full: str
 
 
-def refuse_singular(
-    scene: Scene, tolerance_at: ToleranceAt, stage: int | None, name: str = "goal"
-) -> None:
+def refuse_singular(scene: Scene, goal: AskedFor, stage: int | None, name: str = "goal") -> None:
     """Refuse to look for a stress at a point where it has no limit."""
-    if isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT:
-        return
     h = scene.lattice.cell_size
-    for quantity in quantities_of(tolerance_at):
+    for quantity in quantities_of(goal):
         if not isinstance(quantity, Stress) or not isinstance(quantity.at, tuple):
             continue
         point = np.asarray(quantity.at)
@@ -122,7 +118,7 @@ def _rough(result: ElasticResult) -> list[Caveat]:
     error = result.error_estimate
     # What is said of goals is about their own error, and a proof says more than an estimate.
     kept = result.tolerance_kept
-    if result.tolerance_at is not None or kept == "proved" or not error > ROUGH:
+    if result.goal or kept == "proved" or not error > ROUGH:
         return []
     if not isfinite(error):
         said = "the energy is bounded by 0 from below, so its error cannot be told as a share: "

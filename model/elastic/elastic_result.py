@@ -13,6 +13,15 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic.goals.quantities import (
+    Goal,
+    Quantity,
+    goals_in,
+    plain,
+    quantities_of,
+    told,
+    unit_of,
+)
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.results.archive import Archive
@@ -35,14 +44,12 @@ if TYPE_CHECKING:
     from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
     from kaju.model.elastic.equal.cell_agents import CellAgents
     from kaju.model.elastic.equal.equal_arrays import EqualArrays
-    from kaju.model.elastic.goals.goals import Asked, Goal
-    from kaju.model.elastic.goals.quantities import Place, Quantity
+    from kaju.model.elastic.goals.quantities import Place
     from kaju.model.elastic.pair.gap import Bounds
     from kaju.model.elastic.pair.history import Generation
     from kaju.model.elastic.pair.octree import BrickAgents
     from kaju.model.elastic.refine.family import Family
     from kaju.model.elastic.refine.generations import Spawning
-    from kaju.model.elastic.refine.targets import Aimed
 
     from .intensity import Intensity
 
@@ -75,11 +82,11 @@ class ElasticResult(BodyResult):
         The agents and what they have found, in the solver's units.
     seconds : float
     tolerance : float or None
-        Relative error that was asked for: in the energy norm, unless `tolerance_at` says else.
+        Relative error that was asked for: in the energy norm, or in the `goal`.
     resolution : int or None
         Smallest agents allowed, per cell of the scene; None is no limit.
-    tolerance_at : str or tuple of Deflection, Stress and Reaction, or None
-        What the tolerance is about, if not the energy norm.
+    goal : tuple of Deflection, Stress and Reaction
+        What the tolerance is about; empty if it is the energy norm.
 
     Examples
     --------
@@ -103,7 +110,7 @@ class ElasticResult(BodyResult):
     seconds: float
     tolerance: float | None = None
     resolution: int | None = None
-    tolerance_at: Asked = None
+    goal: tuple[Quantity, ...] = ()
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -326,8 +333,8 @@ class ElasticResult(BodyResult):
         """Whether the tolerance is kept; None without one.
 
         "proved": `error_bound` is within it; "estimated": there is no bound (`no_bound`), and the
-        estimated error is within it; "missed": the one or the other is above it. Of goals the
-        bound may be above it, too, where their error is "estimated".
+        estimated error is within it; "missed": the one or the other is above it. With a `goal`
+        it is the error of this that counts.
         """
         if self.tolerance is None:
             return None
@@ -336,7 +343,7 @@ class ElasticResult(BodyResult):
         bound = self.error_bound if self.spawned and not self.goals else None
         if bound is not None:
             return "proved" if bound <= self.tolerance else "missed"
-        return "estimated" if self.goal_error_estimate <= self.tolerance else "missed"
+        return "estimated" if self.goal_error <= self.tolerance else "missed"
 
     @property
     def no_bound(self) -> str:
@@ -393,51 +400,20 @@ class ElasticResult(BodyResult):
         unit = self.found.scales.stress
         return unit * balanced, unit * fitted
 
-    @cached_property
-    def displacement_error_estimate(self) -> float:
-        """Estimated largest displacement error anywhere, relative to the largest displacement.
-
-        Rather too large than too small. Worked out when
-        it is asked for, by one more solution with the children of all agents.
-        """
-        from kaju.model.elastic.goals.displacement_error import told_error
-        from kaju.model.elastic.goals.quantities import DISPLACEMENT
-        from kaju.model.elastic.pair.octree import BrickAgents
-
-        if self.tolerance_at == DISPLACEMENT:
-            return self.goal_error_estimate
-        spawning = self._spawning
-        if isinstance(spawning, (BrickAgents, PairAgents)):
-            raise ResultError(
-                "displacement_error_estimate: agents have none; `error_estimate` is that of their "
-                "energy norm"
-            )
-        state = (spawning.balance, spawning.displacement, spawning.indicator)
-        return told_error(*state, spawning.bracket)
-
     @property
-    def goal_error_estimate(self) -> float:
-        """Estimated error that the tolerance is about, relative: see `tolerance_at`."""
-        return self.error_estimate if self.tolerance_at is None else self._aimed.error
+    def goal_error(self) -> float:
+        """Error that the tolerance is about, relative: the largest of its goals."""
+        if not self.goals:
+            return self.error_estimate
+        return max(goal.relative_error for goal in self.goals)
 
     @property
     def goals(self) -> tuple[Goal, ...]:
         """What has been found of every quantity that the tolerance is about."""
-        from kaju.model.elastic.goals.functionals import plain, unit_of
-        from kaju.model.elastic.goals.goals import Goal
-
-        if not isinstance(self.tolerance_at, tuple):
+        if not self.goal:
             return ()
-        found = []
-        for quantity, answer in zip(self.tolerance_at, self._aimed.answers, strict=True):
-            unit = unit_of(quantity, self.found.scales)
-            value = plain(unit * answer.value)
-            goal = Goal(quantity, value, unit * answer.error, answer.relative_error)
-            if answer.bound is not None:
-                off, share = unit * answer.bound, answer.bound / answer.scale
-                goal = goal._replace(error_bound=off, relative_bound=share)
-            found.append(goal._replace(no_bound=answer.no_bound))
-        return tuple(found)
+        answers, scales = self.found.answers, self.found.scales  # type: ignore[union-attr]
+        return tuple(Goal.of(*one, scales) for one in zip(self.goal, answers, strict=True))
 
     @property
     def goal_values(self) -> tuple[float | Floats, ...]:
@@ -627,22 +603,25 @@ class ElasticResult(BodyResult):
         SingularPlaceError
             If it is a stress where stresses have no limit.
         """
-        from kaju.model.elastic.goals.functionals import functional_of, plain, unit_of
-        from kaju.model.elastic.goals.quantities import quantities_of
-        from kaju.model.elastic.pair.octree import BrickAgents
+        from kaju.model.elastic.goals.duals import Read, goal_of
 
         from .caveats import refuse_singular
 
-        tree = self.found.tree
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
             if goal.quantity == asked:
                 return goal.value
         refuse_singular(self.scene, asked, self.stage, "value_of")
-        if isinstance(tree, (BrickAgents, PairAgents)):
-            return plain(unit_of(asked, tree.scales) * tree.value_of(asked))
-        value = functional_of(asked, tree.ground).of(tree.fields).value
-        return plain(unit_of(asked, tree.scales) * value)
+        found, metre = self.found, self.grid.lattice.cell_size
+        read = Read(
+            lambda points: found.displacement_at(metre * points.place, points.cell),
+            lambda points: found.stress_at(metre * points.place, points.cell),
+            lambda points: found.law_at(metre * points.place, points.cell),
+            found.moduli,
+            found.reactions,
+        )
+        value = goal_of(asked, self.grid).read(read, found.lower, found.size)
+        return plain(unit_of(asked, found.scales) * value)
 
     def cells(self, resolution: int | None = None) -> EqualArrays:
         """Return the answer as arrays over equal cells.
@@ -678,8 +657,6 @@ class ElasticResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        from kaju.model.elastic.goals.goals import told
-
         size = self.size
         figures: dict[str, Any] = {
             "rule": "elastic",
@@ -701,12 +678,12 @@ class ElasticResult(BodyResult):
             "subdivision": self.subdivision,
         }
         if self.tolerance is not None:
-            figures |= {"tolerance": self.tolerance, "tolerance_at": told(self.tolerance_at)}
+            figures |= {"tolerance": self.tolerance, "goal": told(self.goal)}
             figures["tolerance_kept"] = self.tolerance_kept
-            if self.tolerance_at is None and self.spawned:
+            if not self.goal and self.spawned:
                 bound = finite(self.error_bound)
                 figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
-            figures["goal_error_estimate"] = finite(self.goal_error_estimate)
+            figures["goal_error"] = finite(self.goal_error)
         if self.goals:
             figures["goals"] = [goal.figures() for goal in self.goals]
         figures |= self.found.history()
@@ -748,14 +725,6 @@ class ElasticResult(BodyResult):
 
         return write_mesh(self, path)
 
-    @property
-    def _aimed(self) -> Aimed:
-        return self._spawning.aimed  # type: ignore[union-attr]
-
-    @property
-    def _spawning(self) -> Spawning | BrickAgents | PairAgents:
-        return self.found.tree
-
     def _located(self, points: Floats) -> tuple[Floats, Ints]:
         return cells_of_points(self.grid, points)
 
@@ -768,13 +737,11 @@ class ElasticResult(BodyResult):
         return (cls.kind, *_EARLIER)
 
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        from kaju.model.elastic.goals.goals import told
-
         arrays, about = self.found.archive()
         asked = {
             "stage": self.stage,
             "tolerance": self.tolerance,
-            "tolerance_at": told(self.tolerance_at),
+            "goal": told(self.goal),
             "resolution": self.resolution,
             "subdivision": self.subdivision,
         }
@@ -783,7 +750,6 @@ class ElasticResult(BodyResult):
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         from kaju.model.elastic.equal.cell_agents import CellAgents
-        from kaju.model.elastic.goals.goals import asked_again
         from kaju.model.elastic.refine.generations import Spawning
 
         about = archive.about
@@ -810,7 +776,7 @@ class ElasticResult(BodyResult):
             archive.value("seconds", float),
             archive.value("tolerance", float | None) if "tolerance" in about else None,
             archive.value("resolution", int | None) if "resolution" in about else None,
-            asked_again(archive.value("tolerance_at", Any) if "tolerance_at" in about else None),
+            goals_in(archive) if "goal" in about else (),
         )
 
 

@@ -10,10 +10,9 @@ from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SingularPlaceError
 from kaju.model.elastic.goals.quantities import (
-    DISPLACEMENT,
     HOOP,
+    AskedFor,
     Stress,
-    ToleranceAt,
     quantities_of,
 )
 from kaju.model.scene import Scene
@@ -31,7 +30,7 @@ LEAST = 0.01  # share of the largest stress below which a peak's error is relati
 KINK = radians(0.5)  # angle from which on a corner counts as one
 
 
-def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, ...] | None:
+def peak_asked(scene: Scene, tolerance_at: AskedFor | None) -> tuple[Stress, ...] | None:
     """Return the peak that `goal` asks for within true outlines.
 
     Raises
@@ -43,7 +42,7 @@ def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, 
         return None
     named = [region.name for region in scene.body.regions if region.name is not None]
     one = tolerance_at[0] if isinstance(tolerance_at, list) and tolerance_at else tolerance_at
-    if isinstance(one, str) and one != DISPLACEMENT and tolerance_at in (one, [one]):
+    if isinstance(one, str) and tolerance_at in (one, [one]):
         tolerance_at = Stress(one, HOOP)
     asked = quantities_of(tolerance_at)
     if len(asked) > 1 or not isinstance(asked[0], Stress) or asked[0].component != HOOP:

@@ -32,7 +32,7 @@ from .square_leaves import SquareLeaves
 if TYPE_CHECKING:
     import pandas
 
-    from kaju.model.elastic.goals.goals import Goal
+    from kaju.model.elastic.goals.quantities import Goal
 
     from .true_shapes import HeldLeaves
 
@@ -288,7 +288,7 @@ class OutlineResult(Result, CutAgents):
     @property
     def goals(self) -> tuple[Goal, ...]:
         """What has been found of the peak that the tolerance is about."""
-        from kaju.model.elastic.goals.goals import Goal
+        from kaju.model.elastic.goals.quantities import Goal
 
         if self.tolerance_at is None or self.peak is None or not np.isfinite(self.peak[0]):
             return ()
@@ -407,7 +407,7 @@ class OutlineResult(Result, CutAgents):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        from kaju.model.elastic.goals.goals import told
+        from kaju.model.elastic.goals.quantities import told
 
         size = self.size
         return {
@@ -421,7 +421,7 @@ class OutlineResult(Result, CutAgents):
             "strain_energy": self.strain_energy,
             "max_displacement": float(np.hypot(*self.corner_displacement.reshape(-1, 2).T).max()),
             "tolerance": self.tolerance,
-            "tolerance_at": told(self.tolerance_at),
+            "tolerance_at": told(self.tolerance_at or ()),
             "tolerance_kept": self.tolerance_kept,
             "error_bound": finite(self.error_bound),
             "energy_bounds": self.energy_bounds,

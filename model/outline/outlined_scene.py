@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from kaju.errors import ConvergenceError, SceneError, SupportError
-from kaju.model.elastic.goals.quantities import ToleranceAt
+from kaju.model.elastic.goals.quantities import AskedFor
 from kaju.model.elastic.refine.solve_spawning import check_previous
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
@@ -39,7 +39,7 @@ def solve_outlined(
     tolerance: float | None,
     most_agents: int | None,
     previous: OutlineResult | None = None,
-    tolerance_at: ToleranceAt | None = None,
+    tolerance_at: AskedFor | None = None,
 ) -> OutlineResult:
     """Return the answer to a scene with true outlines, proved to a tolerance; see `kaju.solve`."""
     start = perf_counter()

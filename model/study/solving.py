@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.goals.quantities import ToleranceAt
+    from kaju.model.elastic.goals.quantities import AskedFor
     from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.transfer.load_model import LoadModel
 
@@ -48,7 +48,7 @@ def solve(
     tolerance: float | None = None,
     *,
     resolution: int | None = None,
-    goal: ToleranceAt | None = None,
+    goal: AskedFor | None = None,
     stage: int | None = None,
     previous: ElasticResult | OutlineResult | None = None,
     stiffness: ArrayLike | None = None,
@@ -70,8 +70,7 @@ def solve(
         shapes become rounder. No agent is smaller.
     goal : optional
         What the tolerance is about instead of the energy norm; 0.01 unless one is given.
-        "displacement" is the largest displacement error anywhere, relative to the largest
-        displacement. A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
+        A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
         quantity: its error is relative to itself, or to a hundredth of the largest
         displacement, stress or reaction if that is more; of several the worst counts. A
         point, a region or a side stands for its `Deflection`. Within true outlines it is the
@@ -215,4 +214,4 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
         )
     if goal is not None:
         refuse_singular(scene, goal, stage)
-    return solve_spawning(scene, tolerance, resolution, tolerance_at=goal, **kept)
+    return solve_spawning(scene, tolerance, resolution, goal=goal, **kept)

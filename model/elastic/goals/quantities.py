@@ -18,12 +18,14 @@ import numpy as np
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.model.elastic.scales import Scales
+from kaju.model.results.archive import Archive
+from kaju.model.results.result import finite
 from kaju.model.scene.cell_types import INSIDE
 
 Place = tuple[float, ...] | dict[str, Any] | str
 AXES = "xyz"
-DISPLACEMENT = "displacement"
-"""The displacement, wherever it is furthest off."""
+MOST = 50  # Quantities at a time
 HOOP = "hoop"
 """The largest stress along a true outline."""
 
@@ -142,24 +144,111 @@ class Answer(NamedTuple):
         return self.error / (self.scale or 1.0)
 
 
+class Goal(NamedTuple):
+    """What has been found of a quantity."""
+
+    quantity: Quantity
+    value: float | Floats  # In m, Pa or N; a vector has shape (dimension,)
+    error_estimate: float  # Error of the value, of a vector in length; proved if there is a bound
+    # The same relative to the value or, where that is smaller, to a hundredth of the largest
+    # displacement, stress or reaction of all
+    relative_error: float
+    error_bound: float | None = None  # What the error of the value is at most; a theorem
+    no_bound: str = ""  # Why there is none; empty if there is
+
+    @classmethod
+    def of(cls, quantity: Quantity, answer: Answer, scales: Scales) -> Goal:
+        """Return what has been found, in units."""
+        unit = unit_of(quantity, scales)
+        error = unit * answer.error
+        bound = None if answer.no_bound else error
+        value = plain(unit * answer.value)
+        return cls(quantity, value, error, answer.relative_error, bound, answer.no_bound)
+
+    def figures(self) -> dict[str, Any]:
+        """Return its entry in a summary."""
+        return {
+            "value": np.asarray(self.value).tolist(),
+            "error_estimate": finite(self.error_estimate),
+            "relative_error": finite(self.relative_error),
+            "error_bound": self.error_bound,
+        }
+
+    def doubt(self, tolerance: float) -> str:
+        """Say what is not proved of it; empty if it is within the tolerance for certain."""
+        error = f"{named(self.quantity)}: the error is"
+        if self.no_bound:
+            return (
+                f"{error} estimated as {self.relative_error:.2g}, without a proof: {self.no_bound}"
+            )
+        return (
+            f"{error} {self.relative_error:.2g} at most" if self.relative_error > tolerance else ""
+        )
+
+
+def goals_in(archive: Archive) -> tuple[Quantity, ...]:
+    """Return the goals of a stored result."""
+    plain_ones = archive.value("goal", list[dict[str, Any]] | None) or ()
+    return tuple(quantity_from(values) for values in plain_ones)
+
+
+def answers_in(archive: Archive) -> list[Answer]:
+    """Return the answers of a stored result to its goals."""
+    records = archive.value("answers", list[tuple[list[float], float, float, str]])
+    return [Answer(np.array(value, dtype=np.float64), *rest) for value, *rest in records]
+
+
+def unit_of(quantity: Quantity, scales: Scales) -> float:
+    """Return the unit of a quantity's scaled value: m, Pa or N."""
+    units = {Deflection: scales.displacement, Stress: scales.stress, Reaction: scales.force}
+    return units[type(quantity)]
+
+
+def plain(value: Floats) -> float | Floats:
+    """Return a single component as a number."""
+    return value if len(value) > 1 else float(value[0])
+
+
 _KINDS: dict[str, type[Quantity]] = {k.__name__: k for k in (Deflection, Stress, Reaction)}
-ToleranceAt = str | Quantity | Mapping[str, Any] | Sequence[Any]
+AskedFor = str | Quantity | Mapping[str, Any] | Sequence[Any]
 """What `goal` may be."""
 
 
-def quantities_of(tolerance_at: ToleranceAt) -> tuple[Quantity, ...]:
+def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
     """Return the quantities that `goal` asks for: of places the displacement."""
-    if isinstance(tolerance_at, Quantity):
-        return (tolerance_at,)
-    if isinstance(tolerance_at, (str, Mapping)) or _is_point(tolerance_at):
-        return (Deflection(tolerance_at),)  # type: ignore[arg-type]
-    if isinstance(tolerance_at, (Sequence, np.ndarray)) and len(tolerance_at):
-        return tuple(quantity for item in tolerance_at for quantity in quantities_of(item))
+    if isinstance(goal, Quantity):
+        return (goal,)
+    if isinstance(goal, (str, Mapping)) or _is_point(goal):
+        return (Deflection(goal),)  # type: ignore[arg-type]
+    if isinstance(goal, (Sequence, np.ndarray)) and len(goal):
+        return tuple(quantity for item in goal for quantity in quantities_of(item))
     raise ParameterError(
-        'goal: a point, a region such as {"box": [[0, 0], [0.1, 0.2]]}, a side, '
-        f"{DISPLACEMENT!r}, a Deflection, Stress or Reaction, or a list of these is needed, got "
-        f"{tolerance_at!r}"
+        'goal: a point, a region such as {"box": [[0, 0], [0.1, 0.2]]}, a side, a Deflection, '
+        f"Stress or Reaction, or a list of these is needed, got {goal!r}"
     )
+
+
+def asked(goal: AskedFor | None) -> tuple[Quantity, ...]:
+    """Return the quantities that a tolerance is about, none if it is about the energy norm."""
+    if goal is None:
+        return ()
+    quantities = quantities_of(goal)
+    if any(isinstance(one, Stress) and one.component == HOOP for one in quantities):
+        raise ParameterError(
+            f"goal: {HOOP!r} is the stress along a true outline; give the region one "
+            '(outline = "true")'
+        )
+    if len(quantities) > MOST:
+        raise ParameterError(
+            f"goal: {len(quantities)} quantities are more than {MOST}, and each takes a solution "
+            "of its own; ask for the mean of a region"
+        )
+    return quantities
+
+
+def told(goals: Sequence[Quantity]) -> list[dict[str, Any]] | None:
+    """Return quantities as plain values, None for none."""
+    return [described(quantity) for quantity in goals] or None
 
 
 def described(quantity: Quantity) -> dict[str, Any]:

@@ -9,24 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError
-from kaju.model.elastic.goals.goal_regions import QuadraturePoints, region_of
-from kaju.model.elastic.goals.quantities import (
-    Deflection,
-    Quantity,
-    Reaction,
-    component_of,
-    directions_of,
-)
+from kaju.model.elastic.goals.duals import aligned, goal_of
+from kaju.model.elastic.goals.quantities import Answer, answers_in, goals_in
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
-from kaju.model.elastic.pair.elements import SIDE_OF_EDGE, rule, strains, stresses
+from kaju.model.elastic.pair.elements import rule, strains, stresses
 from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
 from kaju.model.elastic.pair.history import (
     Generation,
@@ -45,15 +37,6 @@ from kaju.model.scene import Scene
 METHOD = "agents of two minds"
 
 
-class Places(NamedTuple):
-    """What regions of goals need to know of agents."""
-
-    leaves: LeafCells
-    ground: PosedBody
-    beside: Ints  # -1 where there is nothing beyond a side
-    dimension: int
-
-
 @dataclass(eq=False)
 class PairAgents:
     """Agents of a plane body along a space-filling curve, and their generations; scaled."""
@@ -64,6 +47,7 @@ class PairAgents:
     ground: PosedBody
     trees: list[LeafCells] = field(repr=False)  # The agents of every generation
     generations: list[Generation]
+    answers: list[Answer] = field(default_factory=list)  # Of the goals
     stopped: str = ""
     """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
     notes: list[str] = field(default_factory=list)
@@ -224,52 +208,24 @@ class PairAgents:
         """Return the index of the moduli of the agents in or on which points lie."""
         return self.leaves.kind[placed(self.ground, self.leaves, points, cells)[0]]
 
-    def value_of(self, quantity: Quantity) -> Floats:
-        """Return a quantity: of regions the mean of what is read at their points."""
-        if isinstance(quantity, Reaction):
-            reactions = self.reactions()
-            if quantity.side not in reactions:
-                raise ParameterError(
-                    f"value_of: nothing holds the body at {quantity.side!r}"
-                    f"{suggestion(quantity.side, reactions)}; supports are "
-                    f"{', '.join(reactions) or 'missing'}"
-                )
-            return np.asarray(directions_of(quantity.along, 2) @ reactions[quantity.side])
-        leaves, mesh = self.leaves, self.opinions.mesh
-        beside = np.zeros((len(leaves), 4), dtype=np.int64)
-        beside[mesh.owner, SIDE_OF_EDGE[mesh.side]] = -1
-        grid: Any = Places(leaves, self.ground, beside, 2)
-        points = spread(region_of(quantity.at, self.ground).points(grid))
-        inside = (points.place - leaves.lower[points.leaf]) / leaves.size[points.leaf, None]
-        inside = np.clip(inside, 0.0, 1.0)
-        if isinstance(quantity, Deflection):
-            moved = self.opinions.displacement_at(points.leaf, inside)
-            return np.asarray(directions_of(quantity.along, 2) @ (points.weight @ moved))
-        stress = self._stress(points.leaf, inside)
-        axes = component_of(quantity.component, 2)
-        if axes is None:
-            law, plane = leaves.kind[points.leaf], self.grid.plane
-            own = equivalent_stress(stress, self.moduli, law, plane)
-        else:
-            own = stress[:, axes[0], axes[1]]
-        return np.array([points.weight @ own])
-
     def history(self) -> dict[str, Any]:
         """Return the figures of their generations."""
         return {"generations": len(self.generations)}
 
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: the agents of every generation, of which the fields follow."""
-        return stored(self.generations), {"stopped": self.stopped, "remarks": self.notes}
+        about = {"stopped": self.stopped, "remarks": self.notes}
+        return stored(self.generations), about | {"answers": [list(a) for a in self.answers]}
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> PairAgents:
         """Return the agents of a stored result."""
         ground = ground_of(scene, stage, archive.value("resolution", int | None))
         generations = generations_of(archive)
-        trees = trees_of(archive, ground.start(), generations)
+        goals = [goal_of(quantity, ground) for quantity in goals_in(archive)]
+        trees = trees_of(archive, aligned(goals, ground.start()), generations)
         stopped, notes = archive.value("stopped", str), archive.value("remarks", list[str])
-        return cls(ground, trees, generations, stopped, notes)
+        return cls(ground, trees, generations, answers_in(archive), stopped, notes)
 
 
 def generation_of(found: Opinions, chosen: Flags) -> Generation:
@@ -296,24 +252,3 @@ def means_of(found: Opinions) -> tuple[Floats, Floats]:
 def tensors(three: Floats) -> Floats:
     """Return stresses xx, yy, xy as tensors, shape (n, 2, 2)."""
     return np.asarray(three[:, [[0, 2], [2, 1]]])
-
-
-def spread(points: QuadraturePoints) -> QuadraturePoints:
-    """Return points that stand for a region's parts as the points of a rule in each part."""
-    # Of a whole agent the rule is exact for both opinions; it has three points on a side.
-    line, share = np.polynomial.legendre.leggauss(3)
-    flat = (points.span > 0.0).sum(axis=1)
-    found = []
-    for count in np.unique(flat).tolist():
-        own = np.flatnonzero(flat == count)
-        place, weights = {
-            0: (np.zeros((1, 2)), np.ones(1)),
-            1: (0.5 * np.stack([line, line], axis=1), 0.5 * share),
-            2: (rule()[0] - 0.5, rule()[1]),
-        }[count]
-        at = points.place[own, None] + place * points.span[own, None]
-        many, span = len(weights), np.zeros((len(own) * len(weights), 2))
-        weight = (points.weight[own, None] * weights).ravel()
-        one = (at.reshape(-1, 2), np.repeat(points.leaf[own], many), weight, span)
-        found.append(one)
-    return QuadraturePoints(*(np.concatenate(column) for column in zip(*found, strict=True)))

@@ -67,6 +67,7 @@ class BrickMesh:
         owner = self._largest(self.place)
         off = (self.place - self.leaves.lower[owner]) % self.leaves.size[owner, None]
         hanging = np.flatnonzero(off.any(axis=1))
+        self.hanging = hanging, owner[hanging]  # Vertices on leaves that do not have them
         weights = [self._values(self.place[hanging], owner[hanging])]
         masters = [self.node[owner[hanging]]]
         # A bulge follows where the edge is shorter than those of a leaf that it lies in or on.
@@ -245,16 +246,16 @@ class BrickMesh:
         found = np.zeros((self.nodes, 3))
         inside = forces.direction < 0
         share = np.where(inside[:, None], bricks.means(), bricks.side_loads()[forces.direction, 0])
-        self._add(found, forces.leaf, share[:, :, None] * forces.force[:, None])
+        self.add(found, forces.leaf, share[:, :, None] * forces.force[:, None])
         uneven = forces.uneven
         if uneven is not None and len(uneven.box):
             # A linear traction of the same moment; it has no force.
             slope = 12.0 * uneven.moment / self.edge[uneven.box, None, None]
             growing = bricks.side_loads()[uneven.side, 1:]
-            self._add(found, uneven.box, np.einsum("nkj,nik->nji", growing, slope))
+            self.add(found, uneven.box, np.einsum("nkj,nik->nji", growing, slope))
         return found
 
-    def _add(self, found: Floats, leaf: Ints, force: Floats) -> None:
+    def add(self, found: Floats, leaf: Ints, force: Floats) -> None:
         """Add forces (n, 20, 3) on the nodes of leaves."""
         node = self.node[leaf].ravel()
         for axis in range(3):

@@ -14,6 +14,7 @@ Trujillo, *SIAM J. Numer. Anal.* 49, 2011).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import sqrt
@@ -57,15 +58,15 @@ class Judged:
 
 
 class Goals:
-    """The goals of a plane body."""
+    """The goals of a plane body; without any the energy norm is."""
 
-    def __init__(self, quantities: tuple[Quantity, ...], body: PosedBody) -> None:
+    def __init__(self, quantities: Sequence[Quantity], body: PosedBody) -> None:
         self.body = body
         self.goals = [goal_of(quantity, body) for quantity in quantities]
 
-    def aligned(self, leaves: LeafCells) -> LeafCells:
-        """Return the first agents: as small as the places of the goals ask for."""
-        return aligned(self.goals, leaves)
+    def start(self) -> LeafCells:
+        """Return the first agents: as small as the body and the places of the goals ask for."""
+        return aligned(self.goals, self.body.start())
 
     def aims(self, leaves: LeafCells, last: Opinions | None) -> list[Aim]:
         """Return the dual loads of the next generation."""
@@ -77,6 +78,8 @@ class Goals:
 
     def judge(self, found: Opinions, tolerance: float) -> Judged:
         """Return what a generation says of the goals."""
+        if not self.goals:
+            return Judged((), found.bounds.error, found.shares, found.bounds.lost)
         primal, duals = _Primal(found), list(found.duals)
         told = [
             self._told(goal, primal, [duals.pop(0) for _ in goal.directions]) for goal in self.goals

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from math import inf
@@ -9,8 +10,10 @@ from math import inf
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.goals.quantities import Quantity
 from kaju.model.elastic.pair.answer import PairAgents, generation_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
+from kaju.model.elastic.pair.goals import Goals
 from kaju.model.elastic.pair.history import Generation, family_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
@@ -31,13 +34,20 @@ MOST_AGENTS = 1_000_000
 class PairLoop:
     """A body's agents, generation by generation."""
 
-    def __init__(self, body: PosedBody, tolerance: float, most_agents: int | None = None) -> None:
+    def __init__(
+        self,
+        body: PosedBody,
+        tolerance: float,
+        most_agents: int | None = None,
+        quantities: Sequence[Quantity] = (),
+    ) -> None:
         self.body, self.tolerance = body, tolerance
+        self.goals = Goals(quantities, body)
         self.most_agents = most_agents or MOST_AGENTS
         self.last: Opinions | None = None
         self.stopped = ""
         """Why it ended short of the tolerance: "agents", "depth", "stalled", "rounding"."""
-        self.leaves = body.start()
+        self.leaves = self.goals.start()
         self.trees: list[LeafCells] = []
         self.generations: list[Generation] = []
         self._without_gain, self._best = 0, inf
@@ -45,7 +55,7 @@ class PairLoop:
     @property
     def reached(self) -> bool:
         """Whether the tolerance is proved."""
-        return self.last is not None and self.last.bounds.error <= self.tolerance
+        return self.last is not None and self._judged.error <= self.tolerance
 
     @property
     def finished(self) -> bool:
@@ -54,8 +64,12 @@ class PairLoop:
 
     def step(self) -> Opinions:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
-        last = self.last
-        self.last = first(self.body, self.leaves) if last is None else following(last, self.leaves)
+        last, aims = self.last, self.goals.aims(self.leaves, self.last)
+        if last is None:
+            self.last = first(self.body, self.leaves, aims)
+        else:
+            self.last = following(last, self.leaves, aims)
+        self._judged = self.goals.judge(self.last, self.tolerance)
         self.trees.append(self.leaves)
         chosen = np.zeros(len(self.leaves), dtype=np.bool_)
         if not self.reached:
@@ -67,20 +81,22 @@ class PairLoop:
         """Return the agents as they are."""
         assert self.last is not None
         found = copy(self.last)
-        object.__setattr__(found, "levels", None)  # which take most of the memory
+        for name, nothing in (("levels", None), ("duals", ())):  # which take most of the memory
+            object.__setattr__(found, name, nothing)
         trees, generations = list(self.trees), list(self.generations)
-        return PairAgents(self.body, trees, generations, self.stopped, [], found)
+        answers = list(self._judged.answers)
+        return PairAgents(self.body, trees, generations, answers, self.stopped, [], found)
 
     def _spawn(self, generation: Opinions) -> Flags:
         """Halve some agents, and return which; or say why there is no further generation."""
-        bounds, leaves = generation.bounds, generation.leaves
-        self._without_gain = self._without_gain + 1 if bounds.error > 0.99 * self._best else 0
-        self._best = min(self._best, bounds.error)
+        judged, leaves = self._judged, generation.leaves
+        self._without_gain = self._without_gain + 1 if judged.error > 0.99 * self._best else 0
+        self._best = min(self._best, judged.error)
         nobody = np.zeros(len(leaves), dtype=np.bool_)
-        if bounds.lost:
+        if judged.lost:
             self.stopped = "rounding"
             return nobody
-        often = self._halvings(generation)
+        often = self._halvings(leaves)
         if not often.any() or self._without_gain >= STALLED:
             self.stopped = "stalled" if often.any() else "depth"
             return nobody
@@ -93,14 +109,17 @@ class PairLoop:
         self.leaves = replace(new, step=step, cause=cause)
         return chosen
 
-    def _halvings(self, generation: Opinions) -> Ints:
+    def _halvings(self, leaves: LeafCells) -> Ints:
         """Return how often each agent halves."""
-        leaves, share, error = generation.leaves, generation.shares, generation.bounds.error
+        share, error = self._judged.shares, self._judged.error
         allowed = np.log2(leaves.size // self.body.smallest).astype(np.int64)
         # What the smallest agents hold stays: the others share the rest of what is wanted, or all
         # of it if the smallest alone hold more.
         free = np.where(allowed > 0, share, 0.0)
-        budget = (AIM * self.tolerance / error) ** 2 * float(share.sum()) if error < inf else 0.0
+        power = 1 if self.goals.goals else 2  # Of the gap: that of one load, or the product of two
+        budget = (
+            (AIM * self.tolerance / error) ** power * float(share.sum()) if error < inf else 0.0
+        )
         frozen = float(share.sum() - free.sum())
         left = budget - frozen if frozen < budget else budget
         if not free.sum() > left:

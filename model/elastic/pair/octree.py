@@ -1,13 +1,12 @@
 """Bodies in space: bricks on an octree that spawn where stresses jump, to an estimated error.
 
 The displacement fits, so that the potential energy is never below the true one: where forces act
-and no side is moved the strain energy is a lower bound. Nothing is proved beyond that. The error is
-that of the stress against its own mean at the corners (Zienkiewicz and Zhu, *Int. J. Numer. Methods
-Eng.* 24, 1987), continued from the points where it is most accurate (Barlow 1976).
+and no side is moved the strain energy is a lower bound. Nothing is proved beyond that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan, sqrt
@@ -18,18 +17,11 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.goals.functionals import functional_of
-from kaju.model.elastic.goals.goal_regions import region_of
-from kaju.model.elastic.goals.quantities import (
-    Deflection,
-    Quantity,
-    Reaction,
-    component_of,
-    directions_of,
-)
-from kaju.model.elastic.moduli import Moduli, von_mises
+from kaju.model.elastic.goals.quantities import Answer, Quantity, answers_in, goals_in
+from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair import bricks
-from kaju.model.elastic.pair.answer import Places
+from kaju.model.elastic.pair.brick_field import NO_BOUND, BrickField
+from kaju.model.elastic.pair.brick_goals import BrickGoals
 from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
 from kaju.model.elastic.pair.history import (
@@ -41,11 +33,9 @@ from kaju.model.elastic.pair.history import (
 )
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.refine.targets import mark_largest
 from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE
 
 ACROSS = 4  # The first leaves are at least this many along the body's longest side
 DORFLER = 0.6  # Share of the squared error that leaves which spawn hold
@@ -53,116 +43,13 @@ SPARE = 0.95  # The last generation aims at this share of the tolerance
 GAIN = 0.8  # Share of a leaf's squared error that its halving is expected to remove
 ENOUGH = 0.01  # Steps end when one gains less than this share of the estimated error's energy
 LAST = 1e-10  # The last generation's steps gain this share of the energy at most
+ALIKE = 0.01
+"""Leaves with a share less than the last one marked only by this part are marked, too, so that
+marks keep the symmetry of the body."""
 MOST_GENERATIONS = 60
 MOST_RATIO = 0.499  # at 0.4999 the true error of a cube was 1.9 times its estimate
 MOST_AGENTS = 400_000
 """Leaves: some 5 kB each, so about 2 GB."""
-NO_BOUND = "in space errors are estimated, not proved"
-
-
-class BrickField:
-    """The displacement of one generation, and what is read off it; scaled."""
-
-    def __init__(self, level: BrickLevel, moduli: Moduli, master: Floats) -> None:
-        self.level, self.mesh, self.moduli = level, level.mesh, moduli
-        self.master = master
-        self.moved = level.gathered(master)  # Less the common shift. Shape (leaves, 20, 3)
-
-    @cached_property
-    def force(self) -> Floats:
-        """Forces on the nodes of leaves. Shape (leaves, 20, 3)."""
-        return self.level.force(self.moved)
-
-    def energy(self, work: float) -> float:
-        """Return the strain energy, by the loads' work where that is the more accurate.
-
-        Where no side is moved, work less energy is off by the square of what the iteration left.
-        """
-        own = 0.5 * float(np.vdot(self.moved, self.force))
-        return own if self.mesh.given.any() else work - own
-
-    def stresses(self, places: Floats) -> Floats:
-        """Return the stresses at places from 0 to 1 in all leaves, shape (leaves, n, 6)."""
-        strain = np.einsum(
-            "pai,ni->npa", bricks.strain_rows(places), self.moved.reshape(-1, 60), optimize=True
-        )
-        strain /= self.mesh.edge[:, None, None]
-        kind = self.mesh.leaves.kind
-        lateral, shear = self.moduli.lateral[kind, None], self.moduli.shear[kind, None]
-        volume = lateral * strain[..., :3].sum(axis=2)
-        strain *= shear[..., None]
-        strain[..., :3] *= 2.0
-        strain[..., :3] += volume[..., None]
-        return np.asarray(strain)
-
-    def equivalent(self) -> Floats:
-        """Return the equivalent stress in the middle of every leaf."""
-        middles = np.arange(len(self.moved)), np.full((len(self.moved), 3), 0.5)
-        return von_mises(self.stress_at(*middles))
-
-    @cached_property
-    def corner_stress(self) -> Floats:
-        """Stress at the corners of leaves: the mean of those of one material round each.
-
-        Shape (leaves, 8, 6).
-        """
-        points, _ = bricks.gauss(2)
-        own = np.einsum("cg,nga->nca", bricks.from_gauss(), self.stresses(points))
-        kinds = int(self.mesh.leaves.kind.max()) + 1
-        key = self.mesh.vertex * kinds + self.mesh.leaves.kind[:, None]
-        _, at = np.unique(key, return_inverse=True)
-        at = at.ravel()
-        count = np.bincount(at)
-        total = [np.bincount(at, own[..., a].ravel()) / count for a in range(6)]
-        return np.asarray(np.stack(total, axis=1)[at].reshape(own.shape))
-
-    @cached_property
-    def shares(self) -> Floats:
-        """Estimated squared error of every leaf in the energy norm."""
-        points, weights = bricks.gauss(3)
-        off = np.einsum("gc,nca->nga", bricks.trilinear(points), self.corner_stress)
-        off -= self.stresses(points)
-        kind = self.mesh.leaves.kind
-        lateral, shear = self.moduli.lateral[kind, None], self.moduli.shear[kind, None]
-        square = (off[..., :3] ** 2).sum(axis=2) + 2.0 * (off[..., 3:] ** 2).sum(axis=2)
-        trace = off[..., :3].sum(axis=2)
-        density = (square - lateral / (3.0 * lateral + 2.0 * shear) * trace**2) / (2.0 * shear)
-        return np.asarray((density @ weights) * self.mesh.edge**3)
-
-    def displacement_at(self, leaf: Ints, inside: Floats) -> Floats:
-        """Return the displacement at places from 0 to 1 in leaves."""
-        found = np.einsum("nk,nka->na", bricks.values(inside), self.moved[leaf])
-        return np.asarray(found + self.mesh.shift)
-
-    def stress_at(self, leaf: Ints, inside: Floats) -> Floats:
-        """Return stress tensors at places from 0 to 1 in leaves."""
-        return tensors(np.einsum("nc,nca->na", bricks.trilinear(inside), self.corner_stress[leaf]))
-
-    def reactions(self, load: Floats) -> dict[str, Floats]:
-        """Return the force of every support on the body, by the loads on the masters."""
-        mesh, names = self.mesh, self.mesh.ground.scene.lattice.sides
-        # What several sides hold together each of them holds to the same share.
-        holders = np.zeros((len(load), 3))
-        for holder in mesh.holders:
-            holders[holder.masters, holder.axis] += 1.0
-        pull = np.where(holders > 0.0, self.level.summed(self.force) - load, 0.0)
-        pull /= np.maximum(holders, 1.0)
-        found: dict[str, Floats] = {}
-        for holder in mesh.holders:
-            name = INSIDE if holder.number < 0 else names[holder.number]
-            total = found.setdefault(name, np.zeros(3))
-            # A shift of a side moves its corners, and leaves the bulges at 0.
-            total[holder.axis] += pull[holder.masters & mesh.at_corner, holder.axis].sum()
-        for leaf, side, area in self.level.beds:
-            axis = side // 2
-            given = self.moved[leaf, :, axis] @ bricks.side_loads()[side, 0]
-            found.setdefault(names[side], np.zeros(3))[axis] -= float(area[:, 0] @ given)
-        return found
-
-
-def tensors(six: Floats) -> Floats:
-    """Return stresses of six numbers as tensors, shape (n, 3, 3)."""
-    return np.asarray(six[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
 
 
 @dataclass
@@ -179,6 +66,7 @@ class BrickAgents:
     energy: float
     error: float  # Estimated, in the energy norm, relative
     generations: list[Generation]
+    answers: list[Answer]  # Of the goals
     residuals: list[float]
     levels: int
     reached: bool
@@ -301,29 +189,6 @@ class BrickAgents:
         inside = (place - self.leaves.lower[leaf]) / self.leaves.size[leaf, None]
         return np.asarray(np.clip(inside, 0.0, 1.0))
 
-    def value_of(self, quantity: Quantity) -> Floats:
-        """Return a quantity: means are taken at the middles of the agents' parts of a region."""
-        if isinstance(quantity, Reaction):
-            functional_of(quantity, self.ground)  # which refuses unknown names
-            reactions = self.reactions()
-            if quantity.side not in reactions:
-                raise ParameterError(
-                    f"value_of: nothing holds the body at {quantity.side!r}; supports are "
-                    f"{', '.join(reactions) or 'missing'}"
-                )
-            return np.asarray(directions_of(quantity.along, 3) @ reactions[quantity.side])
-        mesh = self.field.mesh
-        grid: Any = Places(self.leaves, self.ground, mesh.beside, 3)
-        points = region_of(quantity.at, self.ground).points(grid)
-        inside = self._inside(points.place, points.leaf)
-        if isinstance(quantity, Deflection):
-            moved = self.field.displacement_at(points.leaf, inside)
-            return np.asarray(directions_of(quantity.along, 3) @ (points.weight @ moved))
-        stress = self.field.stress_at(points.leaf, inside)
-        axes = component_of(quantity.component, 3)
-        own = von_mises(stress) if axes is None else stress[:, axes[0], axes[1]]
-        return np.array([points.weight @ own])
-
     def history(self) -> dict[str, Any]:
         """Return the figures of their generations."""
         return {"generations": len(self.generations)}
@@ -331,14 +196,15 @@ class BrickAgents:
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: the agents of every generation, and the last displacement."""
         arrays = stored(self.generations) | {"master": self.field.master}
-        return arrays, {"bricks": plain_of(self)}
+        return arrays, {"bricks": plain_of(self), "answers": [list(a) for a in self.answers]}
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> BrickAgents:
         """Return the agents of a stored result."""
         ground = ground_of(scene, stage, archive.value("resolution", int | None))
         generations = generations_of(archive)
-        leaves = trees_of(archive, ground.start(ACROSS), generations)[-1]
+        start = BrickGoals(goals_in(archive), ground, ACROSS).start
+        leaves = trees_of(archive, start, generations)[-1]
         level = BrickLevel(BrickMesh(ground, leaves), ground.moduli)
         mesh = level.mesh
         field = BrickField(
@@ -346,7 +212,8 @@ class BrickAgents:
         )
         about = archive.record("bricks", BrickAgents)
         load = np.asarray(mesh.ties.T @ mesh.loads())
-        return cls(field, load, generations=generations, **about)
+        answers = answers_in(archive)
+        return cls(field, load, generations=generations, answers=answers, **about)
 
 
 class BrickLoop:
@@ -356,7 +223,13 @@ class BrickLoop:
     spawn: "depth" or "agents".
     """
 
-    def __init__(self, ground: PosedBody, tolerance: float, most_agents: int | None) -> None:
+    def __init__(
+        self,
+        ground: PosedBody,
+        tolerance: float,
+        most_agents: int | None,
+        quantities: Sequence[Quantity] = (),
+    ) -> None:
         for material in ground.scene.cell_materials:
             if material.poissons_ratio > MOST_RATIO:
                 raise ParameterError(
@@ -366,7 +239,8 @@ class BrickLoop:
                 )
         self.ground, self.tolerance = ground, tolerance
         self.most_agents = most_agents or MOST_AGENTS
-        self.leaves = ground.start(ACROSS)
+        self.goals = BrickGoals(quantities, ground, ACROSS)
+        self.leaves, self.answers = self.goals.start, list[Answer]()
         self.finished, self.stopped = False, ""
         self.generations: list[Generation] = []
         self.notes: list[str] = []
@@ -405,6 +279,7 @@ class BrickLoop:
         left = self._load - level.summed(level.force(level.gathered(master)))
         change, self.residuals, last = level.solve(left, enough)
         self._field = BrickField(level, self.ground.moduli, master + change)
+        self.goals.solve(self._field, self._load, ENOUGH)
         self._judge(last)
         if self.finished and level.below is not None:
             # What is read has its forces in balance; the mesh would not need it.
@@ -427,9 +302,15 @@ class BrickLoop:
         scale = 2.0 * abs(self.energy) or 1.0
         self.error = sqrt(total / scale)
         smallest = leaves.size <= self.ground.smallest
-        allowed = scale * (SPARE * self.tolerance) ** 2 * float(field.shares.sum()) / (total or 1.0)
-        marked = mark_largest(field.shares, allowed, smallest, DORFLER, GAIN)
-        if self.error <= self.tolerance:
+        error, part = self.error, field.shares
+        if self.goals.goals:
+            wanting = sqrt(total / (float(field.shares.sum()) or 1.0))
+            self.answers, part = self.goals.judge(field, self._load, max(wanting, 1.0))
+            error = max(answer.relative_error for answer in self.answers)
+        power = 1 if self.goals.goals else 2
+        allowed = (SPARE * self.tolerance / (error or 1.0)) ** power * float(part.sum())
+        marked = mark_largest(part, allowed, smallest)
+        if error <= self.tolerance:
             self.finished = True
         elif not marked.any() or len(self.generations) + 1 == MOST_GENERATIONS:
             self.finished, self.stopped = True, "depth"
@@ -466,9 +347,10 @@ class BrickLoop:
             self.energy,
             self.error,
             list(self.generations),
+            list(self.answers),
             list(self.residuals),
             len(self.generations),
-            self.error <= self.tolerance,
+            self.finished and not self.stopped,
             self.stopped,
             list(self.notes),
         )
@@ -482,3 +364,18 @@ def descent_of(before: LeafCells, after: LeafCells) -> tuple[Ints, Ints]:
     level = np.rint(np.log2(many)).astype(np.int64)
     child = (offset[:, 2] * many + offset[:, 1]) * many + offset[:, 0]
     return parent, np.asarray(bricks.FIRST_OF_LEVEL[level] + child)
+
+
+def mark_largest(part: Floats, allowed: float, smallest: Flags) -> Flags:
+    """Mark the leaves with the largest shares, but none of the smallest (Doerfler 1996)."""
+    # The smallest keep their shares: the others have what is left of the sum that is allowed, or
+    # all of it where the smallest alone exceed it.
+    fixed = float(part[smallest].sum())
+    part = np.where(smallest, 0.0, part)
+    total = float(part.sum())
+    excess = total - (allowed - fixed if fixed < allowed else allowed)
+    wanted = max(min(DORFLER * total, excess / GAIN), 0.0)
+    order = np.argsort(-part, kind="stable")
+    count = int(np.searchsorted(np.cumsum(part[order]), wanted)) + 1
+    threshold = part[order[count - 1]] if count <= len(part) else 0.0
+    return (part >= (1.0 - ALIKE) * threshold) & (part > 0.0) & (excess > 0.0)

@@ -24,7 +24,6 @@ from kaju.model.elastic.cells.cell_fields import (
 )
 from kaju.model.elastic.cells.composite_grid import CompositeGrid
 from kaju.model.elastic.equal.system import Solution
-from kaju.model.elastic.goals.goal_regions import located
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.multigrid.nested import relative_error
 from kaju.model.elastic.pair.leaves import LeafCells
@@ -252,7 +251,9 @@ class Spawning:
 
     def _located(self, points: Floats, cells: Ints) -> tuple[Floats, Ints]:
         """Return points in units, and the agent that each lies in or on."""
-        place, unit = located(self.ground, points, cells)
+        first, cell = cells * self.ground.cell, self.ground.cell
+        place = np.clip(points / self.grid.lattice.cell_size * cell, first, first + cell)
+        unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
         return place, self.leaves.find(unit)
 
     def history(self) -> dict[str, Any]:

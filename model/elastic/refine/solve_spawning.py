@@ -4,31 +4,20 @@ from __future__ import annotations
 
 from time import perf_counter
 
-import numpy as np
-
 from kaju.arrays import first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
 from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.corners import singular_at
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.goals.goals import Asked, aim_of, asked
-from kaju.model.elastic.goals.quantities import ToleranceAt
+from kaju.model.elastic.goals.quantities import AskedFor, Quantity, asked
 from kaju.model.elastic.pair.answer import PairAgents
-from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.refine.generations import Spawning
-from kaju.model.elastic.refine.refine_loop import LeafLoop, RefineLoop, Target
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import Lattice
 from kaju.stopping import NOTE, interrupt_requested
-
-MOST_AGENTS = 400_000
-"""Of goals: what fits in some 14 GB, at 10 to 30 kB an agent."""
-CONTRAST = 1e4
-"""Contrast of materials from which on error estimates of goals were seen to fail."""
 
 
 def solve_spawning(
@@ -36,7 +25,7 @@ def solve_spawning(
     tolerance: float | None = None,
     resolution: int | None = None,
     *,
-    tolerance_at: ToleranceAt | None = None,
+    goal: AskedFor | None = None,
     stage: int | None = None,
     most_agents: int | None = None,
     previous: ElasticResult | None = None,
@@ -54,26 +43,21 @@ def solve_spawning(
     added to the answer's notes.
     """
     start = perf_counter()
-    before = None if previous is None else _spawning_of(previous)
     if previous is not None:
+        _check_spawned(previous)
         tolerance = previous.tolerance if tolerance is None else tolerance
         resolution = previous.resolution if resolution is None else resolution
-        tolerance_at = previous.tolerance_at if tolerance_at is None else tolerance_at
+        goal = previous.goal or None if goal is None else goal
     tolerance = TOLERANCE if tolerance is None else tolerance
-    goals = asked(tolerance_at)
+    goals = asked(goal)
     check_numbers(tolerance, resolution, stage, most_agents)
     ground = ground_of(scene, stage, resolution)
-    restart = None
-    if previous is not None and before is not None:
-        check_previous(before.ground.scene.lattice, ground.scene.lattice)
-        as_strict = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
-        restart = before if as_strict and _can_restart(before, ground) else None
-    spawner = spawner_of(ground, tolerance, most_agents, aim_of(goals, ground), restart)
+    if previous is not None:
+        check_previous(previous.grid.lattice, ground.scene.lattice)
+    spawner = spawner_of(ground, tolerance, most_agents, goals)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
-    if before is not None and isinstance(spawning, Spawning):
-        spawning.retired = _coarsened(before.leaves, spawning.leaves)
     spawning.notes += [note] if note else []
     spawning.notes += [NOTE] if interrupt_requested() else []
     seconds = perf_counter() - start
@@ -87,14 +71,6 @@ def solve_spawning(
             result.residuals,
             result,
         )
-    if spawning.stopped == "iteration":
-        raise ConvergenceError(
-            f"solve: {max(len(result.residuals) - 1, 0)} iterations leave a relative residual "
-            f"of {result.residuals[-1]:.2g}; take materials of a smaller contrast, a larger "
-            "tolerance, or equal cells (none). The error's `best` holds the result so far",
-            result.residuals,
-            result,
-        )
     return result
 
 
@@ -102,51 +78,39 @@ def spawner_of(
     ground: PosedBody,
     tolerance: float,
     most_agents: int | None,
-    aim: Target | None = None,
-    previous: Spawning | None = None,
-) -> RefineLoop | BrickLoop | PairLoop:
+    goals: tuple[Quantity, ...] = (),
+) -> BrickLoop | PairLoop:
     """Return the loop that agents spawn in: of two minds in the plane, of bricks in space."""
-    if aim is not None:
-        return LeafLoop(ground, tolerance, most_agents or MOST_AGENTS, aim, previous)
     loop = BrickLoop if ground.dimension == 3 else PairLoop
-    return loop(ground, tolerance, most_agents)
+    return loop(ground, tolerance, most_agents, goals)
 
 
 def answer_of(
-    spawning: Spawning | BrickAgents | PairAgents,
+    spawning: BrickAgents | PairAgents,
     scene: Scene,
     stage: int | None,
     tolerance: float,
     resolution: int | None,
-    tolerance_at: Asked,
+    goal: tuple[Quantity, ...],
     seconds: float,
 ) -> ElasticResult:
     """Return the agents of a refinement, finished or not, as a result with its notes."""
     missed = missed_note(spawning, tolerance, resolution)
     spawning.notes += [missed] if missed else []
-    shear = spawning.ground.moduli.shear
-    contrast = float(shear.max() / shear.min())
-    if tolerance_at is not None and contrast >= CONTRAST:
-        spawning.notes.append(
-            f"materials differ by a factor of {contrast:.1g} in stiffness: where stiff parts touch "
-            "at corners only, the estimated error may be far from the true one"
-        )
-    return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, tolerance_at)
+    return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, goal)
 
 
 def missed_note(
-    spawning: Spawning | BrickAgents | PairAgents, tolerance: float, resolution: int | None
+    spawning: BrickAgents | PairAgents, tolerance: float, resolution: int | None
 ) -> str:
     """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
     error, stopped = error_of(spawning), spawning.stopped
-    if error <= tolerance or stopped in ("agents", "iteration"):
+    if error <= tolerance or stopped == "agents":
         return ""
     kind = "a proved" if isinstance(spawning, PairAgents) else "an estimated"
     above = f"{kind} error of {error:.2g}, above the tolerance of {tolerance:g}"
     if not stopped:
         return f"looked at after {len(spawning.generations)} steps, which leave {above}"
-    if stopped == "blind":
-        return f"bounds far above what agents see of their errors leave {above}"
     if stopped == "rounding":
         return f"rounding hides what the two opinions differ in, and leaves {above}"
     if resolution is not None:
@@ -157,12 +121,12 @@ def missed_note(
     return f"the smallest agents that can be counted leave {above}; most of it lies {where}"
 
 
-def error_of(spawning: Spawning | BrickAgents | PairAgents) -> float:
+def error_of(spawning: BrickAgents | PairAgents) -> float:
     """Return the error that the tolerance limits."""
-    return spawning.aimed.error if isinstance(spawning, Spawning) else spawning.error
+    return max((one.relative_error for one in spawning.answers), default=spawning.error)
 
 
-def most_at(spawning: Spawning | BrickAgents | PairAgents) -> str:
+def most_at(spawning: BrickAgents | PairAgents) -> str:
     """Say where most of the error lies, and why."""
     leaves, ground = spawning.leaves, spawning.ground
     agent, scene = first_largest(spawning.generations[-1].gap), spawning.ground.scene
@@ -188,36 +152,10 @@ def check_previous(previous: Lattice, lattice: Lattice) -> None:
         )
 
 
-def _spawning_of(previous: ElasticResult) -> Spawning | None:
-    """Return the agents of a previous answer; refuse equal cells."""
-    if isinstance(previous.found, (BrickAgents, PairAgents)):
-        return None  # Generations start anew
-    if not isinstance(previous.found, Spawning):
+def _check_spawned(previous: ElasticResult) -> None:
+    """Refuse a previous answer of equal cells."""
+    if not isinstance(previous.found, (BrickAgents, PairAgents)):
         raise ParameterError(
             "previous: spawning agents continue from agents that have spawned, and its cells are "
             "all equal; leave `previous`, or tolerance and goal, out"
         )
-    return previous.found
-
-
-def _can_restart(previous: Spawning, ground: PosedBody) -> bool:
-    """Tell whether the last agents of a previous answer may be the first ones of this."""
-    # Elsewhere a new refinement is as quick, and ends with fewer agents.
-    before, leaves, scene = previous.ground, previous.leaves, ground.scene
-    sides = [scene.side_condition(name) for name in scene.lattice.sides]
-    prescribed = any(side.displacement is not None for side in sides)
-    return (
-        scene.same_body(before.scene)
-        and ground.loaded_where(before)
-        and not (prescribed and ground.scales != before.scales)
-        and int(leaves.size.min()) >= ground.smallest
-        and not ground.unevenly_loaded(leaves).any()
-    )
-
-
-def _coarsened(before: LeafCells, now: LeafCells) -> int:
-    """Return how many cells lie in a larger one now."""
-    at = np.maximum(np.searchsorted(now.code, before.code, side="right") - 1, 0)
-    offset = before.lower - now.lower[at]
-    inside = np.all((offset >= 0) & (offset < now.size[at, None]), axis=1)
-    return int(np.count_nonzero(inside & (now.size[at] > before.size)))

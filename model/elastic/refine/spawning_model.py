@@ -9,8 +9,7 @@ from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.goals.goals import aim_of, asked
-from kaju.model.elastic.goals.quantities import ToleranceAt
+from kaju.model.elastic.goals.quantities import AskedFor, asked
 from kaju.model.elastic.posed_body import ground_of
 from kaju.model.elastic.refine.family import Family
 from kaju.model.elastic.refine.solve_spawning import answer_of, error_of, missed_note, spawner_of
@@ -45,8 +44,8 @@ class SpawningModel(SteppedModel):
     scene : Scene
         Of square or cubic cells.
     tolerance : float
-        Relative error: in the energy norm, unless `tolerance_at` asks for another.
-    resolution, stage, most_agents, tolerance_at
+        Relative error: in the energy norm, or in the `goal`.
+    resolution, stage, most_agents, goal
         As of `kaju.solve`.
     rng : int, optional
         Seed for Mesa; the agents draw no random numbers.
@@ -91,7 +90,7 @@ class SpawningModel(SteppedModel):
         resolution: int | None = None,
         stage: int | None = None,
         most_agents: int | None = None,
-        tolerance_at: ToleranceAt | None = None,
+        goal: AskedFor | None = None,
         rng: Any = None,
         seed: int | None = None,
     ) -> None:
@@ -102,7 +101,7 @@ class SpawningModel(SteppedModel):
         self.tolerance, self.resolution = tolerance, resolution
         self.ground = ground_of(scene, stage, resolution)
         self.most_agents: int | None = most_agents
-        self._tolerance_at, self.tolerance_at = tolerance_at, asked(tolerance_at)
+        self._asked, self.goal = goal, asked(goal)
         self._objects: list[SpawningAgent] = []
         self.reset()
 
@@ -113,8 +112,7 @@ class SpawningModel(SteppedModel):
         for agent in self._objects:
             agent.remove()
         self._objects = []
-        aim = aim_of(self.tolerance_at, self.ground)
-        self.spawner = spawner_of(self.ground, self.tolerance, self.most_agents, aim)
+        self.spawner = spawner_of(self.ground, self.tolerance, self.most_agents, self.goal)
         self.most_agents = self.spawner.most_agents
         metre = self.ground.scene.lattice.cell_size / self.ground.cell
         self.family = Family(self.ground.dimension, metre)
@@ -204,18 +202,15 @@ class SpawningModel(SteppedModel):
         spawning = self.spawner.outcome()
         if error_of(spawning) <= self.tolerance:
             return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
-        reasons = {
-            "agents": f"more than the {self.most_agents} agents allowed would be needed",
-            "iteration": "the agents do not settle",
-        }
+        agents = f"more than the {self.most_agents} agents allowed would be needed"
         missed = missed_note(spawning, self.tolerance, self.resolution)
-        return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or missed}"
+        return f"stopped after {self.generation} steps: {missed or agents}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of one's own."""
         names = ("tolerance", "resolution", "stage", "most_agents")
         options = {name: getattr(self, name) for name in names}
-        return options, {"tolerance_at": self._tolerance_at}
+        return options, {"goal": self._asked}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""
@@ -240,5 +235,5 @@ class SpawningModel(SteppedModel):
         if not self.generation:
             raise ResultError("result: no agent has an opinion yet; take a step first")
         spawning = self.spawner.outcome()
-        how = (self.scene, self.stage, self.tolerance, self.resolution, self.tolerance_at)
+        how = (self.scene, self.stage, self.tolerance, self.resolution, self.goal)
         return answer_of(spawning, *how, self.seconds)

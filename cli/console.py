@@ -16,7 +16,7 @@ _FORCES = ("threshold", "load_taken", "load_dropped", "load_applied", "reaction"
 _LENGTHS = ("max_displacement", "smallest_agent", "largest_agent", "displacement_that_stays")
 UNITS = {
     **dict.fromkeys(_FORCES, "N"),
-    **dict.fromkeys((*_LENGTHS, "displacement_error_estimate"), "m"),
+    **dict.fromkeys(_LENGTHS, "m"),
     **dict.fromkeys(("potential_energy", "strain_energy", "energy_bounds"), "J"),
     **dict.fromkeys(("duration", "seconds"), "s"),
 }

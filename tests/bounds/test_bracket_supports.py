@@ -47,7 +47,7 @@ def test_goals_of_a_slender_bar_are_proved():
     goal = solve(scene, tolerance=0.2, goal=Deflection("right", "y")).goals[0]
     timoshenko = -(4.0 * 100.0**3 + 1.2 * 100.0 * 2.0) / 1e9
     assert abs(goal.value - timoshenko) <= goal.error_bound
-    assert goal.relative_bound <= 0.2
+    assert goal.relative_error <= 0.2
 
 
 def moved(loads=()):

@@ -133,7 +133,7 @@ def test_what_is_certain_of_a_goal_holds_for_the_load_described(seed):
         answer = solve(square(load, cells), tolerance=0.1, goal=Deflection("top", "y"))
         (goal,) = answer.goals
         assert abs(goal.value - top[:, 1].mean()) <= goal.error_bound
-        assert (answer.tolerance_kept == "proved") == (goal.relative_bound <= 0.1)
+        assert (answer.tolerance_kept == "proved") == (goal.relative_error <= 0.1)
 
 
 SOLID = [

@@ -1,166 +1,197 @@
 """The tolerance where it matters: deflections, stresses and reactions of places."""
 
 import json
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from goal_bodies import (
-    GROUND,
-    STEEL,
-    angle,
-    beam,
-    cantilever,
-    cube,
-    inclusion,
-    pierced,
-    plate,
-    rubber,
-    sheared,
-)
-from spawning_bodies import PLANE, by_themselves, spawned_by
+from exact.graded_elements import graded_elements
+from goal_bodies import STEEL, beam, cube, pierced, plate
+from plane_bodies import plane_body
+from spawning_bodies import drawn as coded
 
-from kaju import Deflection, Reaction, Reference, Scene, Stress, load_result, material, solve
-from kaju.errors import ParameterError
-from kaju.model.elastic.cells.cell_fields import CellFields
-from kaju.model.elastic.goals.functionals import functional_of
-from kaju.model.elastic.goals.quantities import quantities_of
+from kaju import Deflection, Reaction, Scene, SpawningModel, Stress, load_result, material, solve
+from kaju.errors import KajuError, ParameterError
 
-DATA = Path(__file__).parents[1] / "data" / "spawning"
-CASES = [
-    (plate, Deflection((0.105, 0.2), "y")),
-    (plate, Stress({"box": [[0.0, 0.0], [0.02, 0.02]]}, "yy")),
-    (angle, Deflection((0.2, 0.8), "x")),
-    (angle, Stress({"box": [[0.3, 0.4], [0.4, 0.5]]}, "yy")),
-    (pierced, Stress({"box": [[0.15, 0.0875], [0.1625, 0.1125]]}, "yy")),
-    (cantilever, Deflection((0.4, 0.025))),
-    (cantilever, Stress({"box": [[0.0, 0.0375], [0.025, 0.05]]}, "xx")),
-    (inclusion, Stress((0.1, 0.1), "von_mises")),
-    (rubber, Stress({"box": [[0.075, 0.075], [0.125, 0.125]]}, "yy")),
-    (sheared, Reaction("top", "x")),
-    (cube, Deflection((0.5, 0.5, 1.0), "z")),
-    (beam, Stress({"box": [[0.0, 0.0, 0.1875], [0.125, 0.25, 0.25]]}, "xx")),
-]
+CELL = 0.05
+LAWS = {
+    "a": {"youngs_modulus": 200e9, "poissons_ratio": 0.3},
+    "b": {"youngs_modulus": 20e9, "poissons_ratio": 0.1},
+}
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(40)
 
 
-def by_agents(result, quantity):
-    """Return what the agents say by themselves of a quantity that was asked for."""
-    return replace(result, tolerance_at=None).value_of(quantity)
+def drawn(rows, loads=None, sides=None, materials=LAWS, **about):
+    loads = [{"cell": [1, 3], "side": "top", "force": [1e3, -3e3]}] if loads is None else loads
+    described = {"cell_size": CELL, "plane": "strain", "sides": sides or {"bottom": "rigid"}}
+    return coded(rows, [*materials.values()], loads, **described | about)
 
 
-@pytest.mark.parametrize("number", range(len(CASES)))
-def test_estimates_are_within_their_factors_of_the_true_errors(number):
-    """On the mean of some tolerances, for a single error may vanish by chance.
-
-    Where a value has bounds their middle is nearer than what the agents say by themselves; of
-    rubber these are far too wide.
-    """
-    body, quantity = CASES[number]
-    tolerances = np.array([0.03, 0.016]) * (6 if body in (cube, beam) else 1)
-    truth = spawned_by(body(), tolerance=tolerances[-1] / 6, goal=quantity).goals[0]
-    scale = truth.error_estimate / truth.relative_error
-    factors, gains = [], []
-    for tolerance in tolerances:
-        result = spawned_by(body(), tolerance=tolerance, goal=quantity)
-        assert result.goal_error_estimate <= tolerance
-        off = np.linalg.norm(result.goal_values[0] - truth.value) / scale
-        own = np.linalg.norm(by_agents(result, quantity) - truth.value) / scale
-        bounded = result.goals[0].error_bound is not None and body is not rubber
-        assert body is not rubber or off == own
-        assert off < (1.0 if bounded else 2.0) * tolerance
-        factors.append(result.goal_error_estimate / own)
-        gains.append(own / off)
-    assert 0.5 < np.exp(np.log(factors).mean()) < 3.0
-    assert np.exp(np.log(gains).mean()) > (1.3 if bounded else 0.99)
+def random_body(seed):
+    """Pixels of two materials, dragged and pressed on, with a quantity of one of them each."""
+    rng = np.random.default_rng([14, seed])
+    codes = rng.choice(["a", "b", "."], (4, 4), p=[0.55, 0.3, 0.15])
+    codes[-1], codes[:, 1] = "a", "b"
+    cell = [1, int(rng.integers(3))]
+    side = ["left", "right"][seed % 2]
+    return drawn(["".join(row) for row in codes], sides={"bottom": "rigid", side: "roller"}), cell
 
 
-def test_few_agents_keep_a_tolerance():
-    """What they say by themselves is twice as far off."""
-    stress = Stress({"box": [[0.05, 0.05], [0.15, 0.15]]}, "xy")
-    truth = spawned_by(sheared(), tolerance=1e-3, goal=stress).goal_values[0]
-    result = spawned_by(sheared(), tolerance=0.02, goal=stress)
-    assert abs(by_agents(result, stress) / truth - 1) > 0.035
-    assert abs(result.goal_values[0] / truth - 1) < 0.018
+def box_of(cell):
+    return {"box": [[CELL * i for i in cell], [CELL * (i + 1) for i in cell]]}
 
 
-@pytest.mark.parametrize("name", [*PLANE][::2])
-def test_finite_elements_agree_where_it_matters(name):
-    """Where they are displaced most."""
-    truth = Reference.load(DATA / f"{name}.npz")
-    most = np.linalg.norm(truth.displacement, axis=1).argmax()
-    result = spawned_by(PLANE[name](), tolerance=0.01, goal=truth.points[most])
-    off = np.linalg.norm(result.goal_values[0] - truth.displacement[most])
-    assert off < 2 * 0.01 * np.linalg.norm(truth.displacement[most])
+def means(answer, cell):
+    """Return the mean displacement and strain of a cell by finite elements."""
+    low, half = CELL * np.array(cell), 0.5 * CELL
+    line = half * (POINTS + 1.0)
+    grid = np.stack([g.ravel() for g in np.meshgrid(line, line, indexing="ij")], axis=1)
+    weight = np.outer(WEIGHTS, WEIGHTS).ravel() / 4.0
+    moved = weight @ answer.displacement_at(low + grid)
+    slope = np.empty((2, 2))
+    for axis in (0, 1):
+        ends = []
+        for end in (0.0, CELL):
+            points = np.empty((len(line), 2))
+            points[:, axis], points[:, 1 - axis] = end, line
+            ends.append(0.5 * WEIGHTS @ answer.displacement_at(low + points))
+        slope[:, axis] = (ends[1] - ends[0]) / CELL
+    return moved, 0.5 * (slope + slope.T)
 
 
-def many_loads():
-    loads = [
-        {"region": {"box": [[x, 0.2], [x + 0.01, 0.2]]}, "force": [0.0, -2.0]}
-        for x in (0.02, 0.12, 0.32, 0.37)
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_truths_of_random_bodies_lie_within(seed):
+    """Those of elements of order 3, graded into every corner."""
+    scene, cell = random_body(seed)
+    moved, strain = means(graded_elements(scene, order=3, levels=8), cell)
+    youngs, ratio = LAWS["b"].values()
+    shear = youngs / (2 * (1 + ratio))
+    stress = 2 * shear * (strain + ratio / (1 - 2 * ratio) * np.trace(strain) * np.eye(2))
+    asked = [
+        (Deflection(box_of(cell)), moved),
+        (Stress(box_of(cell), "xx"), stress[0, 0]),
+        (Stress(box_of(cell), "xy"), stress[0, 1]),
     ]
-    body = {"size": [0.4, 0.2], "cells": [40, 20], "thickness": 2e-3, **STEEL}
-    return Scene(body=body, sides=GROUND, loads=loads)
+    result = solve(scene, tolerance=0.05, goal=[quantity for quantity, _ in asked])
+    for goal, (_, truth) in zip(result.goals, asked, strict=True):
+        off = np.linalg.norm(goal.value - truth)
+        assert off <= goal.error_bound + 1e-4 * np.linalg.norm(truth)
+        assert goal.relative_error <= 0.05
+    assert result.tolerance_kept == "proved"
+    assert result.agents < 1500
+
+
+def places_of(scene, seed):
+    """Return quantities of a random cell of a body, and of its sides."""
+    rng, h = np.random.default_rng(seed), scene.lattice.cell_size
+    cells = np.argwhere(scene.rasterise() >= 0)
+    low = cells[rng.integers(len(cells))]
+    high = np.minimum(low + rng.integers(1, 3, 2), scene.lattice.shape)
+    box = {"box": [(h * low).tolist(), (h * high).tolist()]}
+    inner = {"box": [(h * (low + 0.25)).tolist(), (h * (low + 0.75)).tolist()]}
+    section = {"box": [(h * low).tolist(), (h * np.array([high[0], low[1]])).tolist()]}
+    held = [name for name in scene.lattice.sides if scene.side_condition(name).kind != "free"]
+    asked = [Deflection(box), Deflection(section, "y"), Stress(box, "xx"), Stress(inner, "xy")]
+    return [*asked, *map(Reaction, held)]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 5, 6, 20, 25])
+def test_intervals_of_few_agents_hold_those_of_more(seed):
+    try:
+        scene = plane_body(seed)
+        coarse = solve(scene, tolerance=0.2, goal=places_of(scene, seed))
+    except KajuError:
+        pytest.skip("no body, one that moves freely, or a hinge")
+    fine = solve(scene, tolerance=0.05, goal=places_of(scene, seed))
+    for first, second in zip(coarse.goals, fine.goals, strict=True):
+        if first.error_bound is None:
+            assert "meets another" in first.no_bound
+            continue
+        off = np.linalg.norm(np.asarray(first.value) - second.value)
+        assert off <= first.error_bound + second.error_bound
+
+
+def test_what_is_uniform_is_certain():
+    """Of a bar that is pulled everything is known."""
+    bar = drawn(
+        ["aaaa", "aaaa"],
+        plane="stress",
+        thickness=0.01,
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"side": "right", "pressure": -1e6}],
+    )
+    asked = [
+        Deflection("right", "x"),
+        Deflection({"box": [[0.1, 0.0], [0.1, 0.1]]}, "x"),
+        Deflection({"box": [[0.05, 0.025], [0.15, 0.075]]}, (0.0, 1.0)),
+        Stress({"box": [[0.05, 0.025], [0.15, 0.075]]}, "xx"),
+        Stress({"box": [[0.05, 0.025], [0.15, 0.075]]}, "xy"),
+        Reaction("left", "x"),
+    ]
+    result = solve(bar, tolerance=1e-4, goal=asked)
+    strain = 1e6 / 200e9
+    exact = [0.2 * strain, 0.1 * strain, -0.3 * strain * 0.05, 1e6, 0.0, -1e6 * 0.1 * 0.01]
+    for goal, truth, size in zip(result.goals, exact, [1, 1, 1, 1e6, 1e6, 1e3], strict=True):
+        assert abs(goal.value - truth) <= goal.error_bound + 1e-9 * size
+    assert result.tolerance_kept == "proved"
+    assert not result.notes
 
 
 @pytest.mark.parametrize(
-    ("body", "place"),
+    ("sides", "at"),
     [
-        (many_loads, {"box": [[0.0, 0.0], [0.05, 0.0]]}),
-        (angle, {"box": [[0.4, 0.0], [0.5, 0.0]]}),
+        ({"bottom": "rigid", "top": {"displacement": [1e-5, -1e-5]}}, "xy"),
+        ({"bottom": "rigid", "top": {"displacement": ["free", -1e-5]}}, "yy"),
+        ({"bottom": {"stiffness": 1e11}, "left": "roller"}, "yy"),
     ],
 )
-def test_fewer_agents_do_than_for_the_energy_norm(body, place):
-    """Half as many or fewer for the same error: errors fall like one over the agents."""
-    stress = Stress(place, "yy")
-    truth = spawned_by(body(), tolerance=5e-4, goal=stress).goal_values[0]
-
-    def cost(result):
-        return np.log(result.agents * abs(by_agents(result, stress) - truth))
-
-    aimed = [cost(spawned_by(body(), tolerance=t, goal=stress)) for t in (0.01, 0.005)]
-    by_energy = [cost(spawned_by(body(), tolerance=t)) for t in (0.03, 0.015, 0.007)]
-    assert np.exp(np.mean(aimed) - np.mean(by_energy)) < 0.5
+def test_moved_sides_and_beds_have_intervals_that_close_in(sides, at):
+    loads = [] if "top" in sides else [{"side": "top", "pressure": 1e6}]
+    scene = drawn(["aaaa", "a.bb", "aabb", "aaaa"], sides=sides, loads=loads)
+    asked = [Stress(box_of([2, 1]), at), Deflection(box_of([2, 2]), "y"), Reaction("bottom", "y")]
+    coarse, fine = (solve(scene, tolerance=t, goal=asked) for t in (0.05, 0.005))
+    for first, second in zip(coarse.goals, fine.goals, strict=True):
+        assert abs(first.value - second.value) <= first.error_bound + second.error_bound
+        assert second.error_bound <= max(0.5 * first.error_bound, 1e-9 * abs(second.value))
 
 
-def test_values_are_what_the_result_tells_of_these_places():
-    quantities = [
-        (0.1, 0.15),
-        Deflection((0.1, 0.15), (0.0, -2.0)),
-        Stress((0.03, 0.11), "xy"),
-        Reaction("bottom"),
-        Deflection("top", "y"),
-    ]
-    result = spawned_by(plate(), tolerance=0.05, goal=quantities)
-    vector, along, stress, force, mean = result.goal_values
-    # Of points there are no bounds: goals are what the agents say. Proved fields differ by less
-    # than their estimated errors.
-    at, inside = np.array([[0.1, 0.15]]), np.array([[0.03, 0.11]])
-    agents = by_themselves(result)
-    np.testing.assert_allclose(vector, agents.displacement_at(at)[0])
-    assert along == pytest.approx(-vector[1])
-    assert stress == pytest.approx(agents.stress_at(inside)[0, 0, 1])
-    off = np.linalg.norm(result.displacement_at(at)[0] - vector)
-    assert 0.0 < off < result.goals[0].error_estimate
-    assert abs(result.stress_at(inside)[0, 0, 1] - stress) < result.goals[2].error_estimate
-    np.testing.assert_allclose(force, result.reactions["bottom"])
-    across = np.stack([np.linspace(0, 0.2, 2001), np.full(2001, 0.2)], axis=1)
-    assert mean == pytest.approx(result.displacement_at(across)[:, 1].mean(), rel=0.03)
-    assert [goal.quantity for goal in result.goals] == list(quantities_of(quantities))
+def cantilever():
+    body = {"size": [0.4, 0.05], "cells": [16, 2], "thickness": 0.01, "material": "steel"}
+    load = {"side": "right", "force": [0.0, -100.0]}
+    return Scene(body=body, sides={"left": "rigid"}, loads=[load])
 
 
-def test_places_without_more_stand_for_their_deflections():
-    box = {"box": [[0, 0], [0.1, 0.1]]}
-    asked = [(0.1, 0.2), box, "top", np.array([[0.0, 0.2], [0.2, 0.2]])]
-    assert quantities_of(asked) == (
-        Deflection((0.1, 0.2)),
-        Deflection(box),
-        Deflection("top"),
-        Deflection((0.0, 0.2)),
-        Deflection((0.2, 0.2)),
-    )
-    assert quantities_of(np.array([0.1, 0.2])) == quantities_of([0.1, 0.2])
-    assert Deflection([0.1, 0.2], [3.0, 4.0]).along == (0.6, 0.8)
+@pytest.mark.parametrize("how", [{"tolerance": 0.05}, {"resolution": 4}])
+def test_a_quantity_is_one_number_however_it_is_asked_for(how):
+    result, end = solve(cantilever(), **how), (0.4, 0.025)
+    assert result.value_of(Deflection(end, "y")) == result.displacement_at([end])[0, 1]
+    assert result.value_of(Stress((0.2, 0.05), "xx")) == result.stress_at([(0.2, 0.05)])[0, 0, 0]
+    assert result.value_of(Reaction("left", "y")) == result.reactions["left"][1]
+    work = -100.0 * result.value_of(Deflection("right", "y"))
+    assert work / 2 == pytest.approx(result.strain_energy, rel=0.01)
+
+
+def test_one_agent_of_a_goal_is_worth_many_of_the_energy_norm():
+    tip = Deflection("right", "y")
+    goal = solve(cantilever(), tolerance=0.01, goal=tip)
+    fine = solve(cantilever(), tolerance=1e-3)
+    off = abs(goal.goals[0].value - fine.value_of(tip))
+    assert off <= 0.01 * abs(fine.value_of(tip))
+    assert goal.agents < 0.1 * fine.agents
+
+
+def test_points_and_round_places_are_estimated_and_said_so():
+    disk = {"disk": {"centre": [0.043, 0.061], "radius": 0.004}}
+    places = [Deflection((0.105, 0.2)), Stress((0.05, 0.05), "yy"), Stress(disk, "von_mises")]
+    result, fine = (solve(plate(), tolerance=t, goal=places) for t in (0.1, 0.02))
+    assert result.tolerance_kept == "estimated"
+    for goal, truth, why in zip(
+        result.goals, fine.goals, ["nearest box", "nearest box", "no linear"], strict=True
+    ):
+        assert goal.error_bound is None
+        assert why in goal.no_bound
+        assert goal.relative_error <= 0.1
+        off = np.linalg.norm(np.asarray(goal.value) - truth.value)
+        assert off <= 2.0 * (goal.error_estimate + truth.error_estimate)
 
 
 def bar(dimension):
@@ -176,9 +207,7 @@ def bar(dimension):
     [
         ((0.4, 0.03, 0.0), (0.4, 0.03, 0.0)),
         ({"box": [[0.11, 0.02, 0.01], [0.23, 0.07, 0.07]]}, (0.17, 0.045, 0.04)),
-        ({"box": [[0.11, 0.02, 0.01], [0.23, 0.07, 0.01]]}, (0.17, 0.045, 0.01)),
         ({"box": [[0.1, 0.0, 0.0], [0.1, 0.1, 0.1]]}, (0.1, 0.05, 0.05)),
-        ({"ball": {"centre": [0.2, 0.05, 0.04], "radius": 0.03}}, (0.2, 0.05, 0.04)),
         ("right", (0.4, 0.05, 0.05)),
         ("bottom", (0.2, 0.0, 0.0)),
     ],
@@ -186,126 +215,83 @@ def bar(dimension):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_mean_of_a_linear_field_is_its_value_in_the_middle(at, middle, dimension):
     middle = middle[:dimension]
-    if dimension == 2:
-        if isinstance(at, tuple):
-            at = at[:2]
-        elif "ball" in at:
-            at = {"disk": at["ball"] | {"centre": list(middle)}}
-        elif "box" in at:
-            at = {"box": [corner[:2] for corner in at["box"]]}
-    elif at == "bottom":
+    if dimension == 2 and not isinstance(at, str):
+        at = at[:2] if isinstance(at, tuple) else {"box": [corner[:2] for corner in at["box"]]}
+    elif dimension == 3 and at == "bottom":
         middle = (0.2, 0.05, 0.0)
     steel = material("steel")
     ratio = np.array([1.0, -steel.poissons_ratio, -steel.poissons_ratio])[:dimension]
     quantities = [Deflection(at), Stress(at, "xx"), Stress(at, "von_mises"), Stress(at, "xy")]
-    result = spawned_by(bar(dimension), tolerance=1e-4, goal=quantities)
+    result = solve(bar(dimension), tolerance=1e-4, goal=quantities)
     moved, stress, equivalent, shear = result.goal_values
     exact = 1e6 / steel.youngs_modulus * ratio * np.array(middle)
-    np.testing.assert_allclose(moved, exact, atol=1e-3 * np.abs(exact).max())
-    assert stress == pytest.approx(1e6, rel=1e-9)
-    assert equivalent == pytest.approx(1e6, rel=1e-9)
-    assert abs(shear) < 1.0
-    assert result.goal_error_estimate < 1e-9
+    np.testing.assert_allclose(moved, exact, atol=1e-8 * np.abs(exact).max())
+    assert [stress, equivalent] == pytest.approx([1e6, 1e6], rel=1e-8)
+    assert abs(shear) < 1e-2
+    assert result.goal_error < 1e-4
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_derivatives_tell_how_quantities_change(plane):
-    """With every displacement for a reaction, with linear ones for all; by differences."""
-    scene = rubber().with_overrides({"body.plane": plane})
-    result = spawned_by(scene, tolerance=0.2)
-    balance, u = result.found.balance, result.found.displacement
-    grid, ground = balance.grid, balance.grid.ground
-    place = grid.place / ground.cell
-    rng = np.random.default_rng(1)
-    slope, some = rng.normal(size=(2, 2)), rng.normal(size=len(u))
-    linear = np.where(grid.axis == 0, place @ slope[0], place @ slope[1])
-    free = np.isin(np.arange(len(u)), balance.free)
-    box = {"box": [[0.07, 0.06], [0.11, 0.13]]}
-    for quantity, step in [
-        (Deflection((0.12, 0.17)), linear),
-        (Deflection(box, (1.0, 1.0)), linear),
-        (Stress(box, "xy"), linear),
-        (Stress((0.1, 0.1), "von_mises"), linear),
-        (Reaction("bottom"), np.where(free, some, 0.0)),
-    ]:
-        functional = functional_of(quantity, ground)
-        # About the linear field, for a von Mises stress depends on where one stands.
-        start = u if isinstance(quantity, Reaction) else linear
-        before, after = (functional.of(CellFields(balance, start + s * step)) for s in (0, 1e-6))
-        rise = (after.value - before.value) / 1e-6
-        found = before.derivatives @ step
-        np.testing.assert_allclose(found, rise, rtol=1e-5, atol=1e-5 * np.abs(rise).max())
+def test_reactions_of_a_bed_and_a_wall_share_a_load():
+    sides = {"bottom": {"stiffness": 1e11}, "left": "roller", "right": "rigid"}
+    scene = plate(sides=sides)
+    fine = solve(scene, tolerance=1e-3, goal=Reaction("bottom", "y")).goals[0]
+    result = solve(scene, tolerance=0.02, goal=[Reaction("bottom", "y"), Reaction("right", "y")])
+    bed, wall = result.goals
+    assert abs(bed.value - fine.value) <= bed.error_bound + fine.error_bound
+    assert bed.value + wall.value == pytest.approx(2.0, rel=0.05)
 
 
 def test_small_values_are_compared_with_the_largest():
     """On the axis of a symmetric plate nothing moves aside."""
     scene = plate(loads=[{"side": "top", "pressure": 1e6}])
-    result = spawned_by(scene, tolerance=0.05, goal=Deflection((0.1, 0.1), "x"))
-    goal = result.goals[0]
-    assert abs(goal.value) < 1e-6 * result.max_displacement
-    hundredth = 0.01 * by_themselves(result).max_displacement
-    assert goal.relative_error == pytest.approx(goal.error_estimate / hundredth)
+    box = {"box": [[0.09, 0.09], [0.11, 0.11]]}
+    goal = solve(scene, tolerance=0.05, goal=Deflection(box, "x")).goals[0]
+    most = np.abs(solve(scene, tolerance=0.01).displacement_at([(0.0, 0.2), (0.1, 0.2)])).max()
+    assert abs(goal.value) <= 1e-6 * most
+    assert goal.error_estimate == pytest.approx(0.01 * most * goal.relative_error, rel=0.05)
 
 
-def test_of_several_quantities_the_worst_counts():
-    both = [Deflection((0.105, 0.2), "y"), Stress((0.1, 0.05), "xx")]
-    result = spawned_by(plate(), tolerance=0.02, goal=both)
-    assert result.goal_error_estimate == max(goal.relative_error for goal in result.goals) <= 0.02
-    assert result.error_share.sum() == pytest.approx(1.0)
-    alone = [spawned_by(plate(), tolerance=0.02, goal=one).agents for one in both]
-    assert max(alone) <= 1.1 * result.agents
-
-
-def test_reaction_of_the_only_support_needs_no_more_agents():
-    result = spawned_by(plate(), tolerance=1e-4, goal=Reaction("bottom"))
-    assert len(result.generations) == 1
-    np.testing.assert_allclose(result.goal_values[0], [0.0, 2.0], atol=1e-8)
-
-
-def test_reactions_of_springs_and_walls_share_a_load():
-    scene = plate(sides={"bottom": {"stiffness": 1e11}, "left": "rigid"})
-    fine = spawned_by(scene, tolerance=2e-4, goal=Reaction("bottom", "y"))
-    for tolerance in (0.02, 0.005):
-        result = spawned_by(scene, tolerance=tolerance, goal=Reaction("bottom", "y"))
-        off = abs(result.goal_values[0] / fine.goal_values[0] - 1)
-        assert 0.3 * off < result.goal_error_estimate <= tolerance
-
-
-def test_small_round_regions_are_seen_by_small_agents():
-    disk = {"disk": {"centre": [0.043, 0.061], "radius": 0.002}}
-    result = spawned_by(plate(), tolerance=0.3, goal=Stress(disk, "yy"))
-    inside = np.linalg.norm(result.middle - [0.043, 0.061], axis=1) < 0.002
-    assert result.size[inside].max() <= 0.001
-    at_point = result.stress_at(np.array([[0.043, 0.061]]))[0, 1, 1]
-    assert result.goal_values[0] == pytest.approx(at_point, rel=0.05)
-
-
-def test_everything_is_stored(tmp_path):
-    asked = ["top", Stress({"box": [[0, 0], [0.02, 0.02]]}, "yy"), Reaction("bottom", "y")]
-    result = spawned_by(plate(), tolerance=0.05, goal=asked)
-    again = load_result(result.save(tmp_path / "plate"))
-    assert again.tolerance_at == result.tolerance_at
+@pytest.mark.parametrize("make", [plate, cube])
+def test_everything_is_stored(tmp_path, make):
+    low = [0.25, 0.25, 0.5] if make is cube else [0.05, 0.05]
+    box = {"box": [low, [x + 0.25 if make is cube else x + 0.03 for x in low]]}
+    result = solve(make(), tolerance=0.1, goal=["top", Stress(box, "xx"), Reaction("bottom", "y")])
+    again = load_result(result.save(tmp_path / "answer"))
+    assert again.goal == result.goal
     assert again.summary() == result.summary()
     assert again.goals[1:] == result.goals[1:]
-    np.testing.assert_array_equal(again.goal_values[0], result.goal_values[0])
-    np.testing.assert_array_equal(again.error_share, result.error_share)
     told = json.loads(json.dumps(result.summary()))
-    quantities = [entry["quantity"] for entry in told["tolerance_at"]]
-    assert quantities == ["Deflection", "Stress", "Reaction"]
+    assert [entry["quantity"] for entry in told["goal"]] == ["Deflection", "Stress", "Reaction"]
     errors = [entry["relative_error"] for entry in told["goals"]]
     assert errors == [goal.relative_error for goal in result.goals]
+    assert result.goal_error == max(errors)
 
 
-def test_previous_agents_aim_at_the_same():
-    asked = Deflection((0.105, 0.2), "y")
-    first = spawned_by(plate(), tolerance=0.01, goal=asked)
-    load = {"region": {"box": [[0.05, 0.2], [0.06, 0.2]]}, "force": [0.0, -2.0]}
-    moved = plate(loads=[load])
-    result = spawned_by(moved, previous=first)
-    assert result.tolerance_at == (asked,)
-    assert result.goal_error_estimate <= 0.01
-    fresh = spawned_by(moved, tolerance=0.01, goal=asked)
-    assert result.goal_values[0] == pytest.approx(fresh.goal_values[0], rel=0.02)
+@pytest.mark.parametrize(
+    ("make", "quantity"),
+    [
+        (cube, Deflection({"box": [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]]}, "z")),
+        (cube, Stress({"box": [[0.375, 0.375, 0.5], [0.625, 0.625, 0.75]]}, "zz")),
+        (beam, Deflection("right", "z")),
+        (beam, Reaction("left")),
+    ],
+)
+def test_goals_in_space_are_estimated(make, quantity):
+    result = solve(make(), tolerance=0.05, goal=quantity)
+    truth = solve(make(), tolerance=0.01).value_of(quantity)
+    off = np.linalg.norm(np.asarray(result.goals[0].value) - truth) / np.linalg.norm(truth)
+    assert off <= 1.5 * result.goal_error + 1e-3
+    assert result.tolerance_kept == "estimated"
+    assert result.goals[0].error_bound is None
+    assert "in space" in result.goals[0].no_bound
+
+
+def test_models_spawn_for_a_goal():
+    tip = Deflection("right", "y")
+    model = SpawningModel(cantilever(), tolerance=0.02, goal=tip)
+    result = model.run()
+    assert "within the tolerance" in model.outcome
+    assert result.goals == solve(cantilever(), tolerance=0.02, goal=tip).goals
 
 
 @pytest.mark.parametrize(
@@ -315,17 +301,15 @@ def test_previous_agents_aim_at_the_same():
         ((0.1, float("nan")), "outside the body"),
         ((0.1, 0.1, 0.1), "should have 2 coordinates"),
         ("botom", "no side 'botom'.*did you mean 'bottom'"),
+        ("displacement", "no side"),
         ([], "a point, a region .* is needed"),
         (7, "a point, a region .* is needed"),
         ({"box": [[0.3, 0.3], [0.4, 0.4]]}, "box: lies outside the array"),
-        ({"box": [[0.1, 0.1], [0.0, 0.2]]}, "box: goes from"),
         ({"square": 1}, "square"),
         ({"ball": {"centre": [0, 0, 0], "radius": 1.0}}, "ball: .* use disk"),
         (Deflection((0.1, 0.1), "z"), "along must be x, y or a direction of 2 numbers, got 'z'"),
         (Deflection((0.1, 0.1), (1.0, 0.0, 0.0)), "a direction of 2 numbers, got"),
-        (Deflection((0.1, 0.1), "xy"), "along must be x, y or a direction"),
         (Stress((0.1, 0.1), "zz"), "no stress 'zz'; there is xx, xy, yy, von_mises"),
-        (Stress("front", "xx"), "no side 'front'"),
         (Reaction("floor"), "no support 'floor'"),
         (Reaction("left"), "nothing holds the body at 'left'; supports are bottom"),
         ([(0.1, 0.1)] * 51, "51 quantities are more than 50"),
@@ -336,14 +320,6 @@ def test_what_cannot_be_asked_is_told_in_one_line(asked, match):
         solve(plate(), tolerance=0.1, goal=asked)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("goal")
-
-
-def test_contrasts_that_estimates_cannot_follow_are_noted():
-    soft = inclusion().with_overrides({"materials.soft.youngs_modulus": 1e4})
-    result = spawned_by(soft, tolerance=0.2, goal=(0.075, 0.2))
-    assert any("differ by a factor of 1e+05" in note for note in result.summary()["notes"])
-    notes = spawned_by(inclusion(), tolerance=0.2, goal="top").notes
-    assert not any("differ by a factor" in note for note in notes)
 
 
 def test_air_and_empty_regions_are_outside():

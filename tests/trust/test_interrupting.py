@@ -145,7 +145,7 @@ def assert_whole_or_none(place, told):
 
 STEPS = {
     "run": "kaju.model.transfer.load_transfer.LoadTransfer.step",
-    "solve": "kaju.model.elastic.refine.refine_loop.RefineLoop.step",
+    "solve": "kaju.model.elastic.pair.loop.PairLoop.step",
     "creep": "kaju.model.rheology.integrate.Integrator.take_step",
 }
 

@@ -1,20 +1,15 @@
 """Lines whose change no other test noticed (see mutants.py): each would be wrong in silence."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from plates import plate as pressed
 
 import kaju
-from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
+from kaju import ElasticModel, LoadModel, PrescribedRule, Scene
 from kaju.model.elastic.caveats import stepped_cells
-from kaju.model.elastic.cells.interpolation import slope_weights
 from kaju.model.elastic.equal.grid import problem_of_scene
 from kaju.model.elastic.equal.staggered import compact
-from kaju.model.elastic.goals.displacement_error import DisplacementError, _follows_badly
 from kaju.model.elastic.moduli import moduli_of
-from kaju.model.elastic.refine import refine_loop as spawner
 from kaju.view.space import box_around
 
 
@@ -54,34 +49,6 @@ def test_a_drag_turns_the_body_about_its_own_surface(drawing, pull):
     unit = abs(total[0])
     np.testing.assert_allclose(total, [np.sign(pull) * unit, 0.0], atol=1e-12 * unit)
     assert turning == pytest.approx(3.0 * total[0])  # the surface lies three cells above ground
-
-
-def test_agents_that_have_not_settled_are_as_far_off_as_that(monkeypatch):
-    usual = spawner.settle
-
-    def settle(*args):
-        run = usual(*args)
-        run.errors[-1] = 0.5
-        return run
-
-    def estimate():
-        model = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
-        model.step()
-        return model.result().error_estimate
-
-    calm = estimate()
-    monkeypatch.setattr(spawner, "settle", settle)
-    assert estimate() == pytest.approx(np.hypot(calm, 0.5), rel=0.05)
-
-
-@pytest.mark.parametrize("stiffer", [1.0, 10.0, 1e-3])
-def test_where_materials_change_along_both_axes_a_turn_strains_no_agent(stiffer):
-    """A turn has opposite slopes, and stays; a shear is shared out by the moduli."""
-    both = SimpleNamespace(jump=np.array([True]), valid=np.array([True]), one_sided=np.array([1.0]))
-    edges = SimpleNamespace(modulus=np.array([stiffer]))
-    first, second = slope_weights(edges, (both, both), np.array([0]), np.array([1.0]))
-    assert first - second == pytest.approx(1.0)
-    assert first + second == pytest.approx(stiffer)
 
 
 def test_shares_that_a_rule_leaves_to_the_dimension():
@@ -263,10 +230,3 @@ def test_the_largest_arrow_in_space_is_as_long_as_a_share_of_the_box():
     shaft = np.asarray(arrows._segments3d[0])
     assert np.linalg.norm(shaft[1] - shaft[0]) == pytest.approx(0.28 * 0.05)
     assert shaft[:, 2].min() == pytest.approx(0.05)  # it pushes from outside, up to the face
-
-
-def test_agents_follow_badly_whose_own_part_is_more_than_is_left_to_it():
-    """What the far part leaves of the tolerance, but half of it at least, is left to their own."""
-    far, local = np.array([0.0, 0.4, 0.9, 0.0]), np.array([0.9, 0.7, 0.55, 0.45])
-    told = _follows_badly(DisplacementError(far, local), 1.0)
-    assert told.tolist() == [False, True, True, False]

@@ -22,7 +22,8 @@ from kaju.model.scene import Region, Scene, body_cells
 from kaju.model.scene.shapes import Box, Shape
 
 NEAR = 1e-6  # A plane that is nearer to a face than this part of a cell lies on it
-PARTED = 16  # Agents can end at multiples of this part of a cell, should a goal ask for it
+PARTED = {2: 16, 3: 2}
+"""Agents can end at multiples of this part of a cell, should a goal ask for it."""
 RULE = 3  # Points along an axis of an agent: exact for quadratics
 SAMPLES = {2: 8, 3: 4}  # Points along an axis by which round shapes are measured in an agent
 
@@ -123,7 +124,7 @@ class GoalBox:
     @classmethod
     def of(cls, where: Where, body: PosedBody, flat: bool) -> GoalBox:
         """Return the smallest box round a place; `flat` says whether it may be a section."""
-        step = max(body.cell // PARTED, body.smallest)
+        step = max(body.cell // PARTED[body.dimension], body.smallest)
         low, high = where.lower * (body.cell / step), where.upper * (body.cell / step)
         near = NEAR * body.cell / step
         first, last = np.floor(low + near), np.ceil(high - near)

@@ -143,6 +143,10 @@ class Answer(NamedTuple):
         """The error as a share of the scale."""
         return self.error / (self.scale or 1.0)
 
+    def stored(self) -> list[Any]:
+        """Return plain values, which `answers_in` reads."""
+        return [self.value.tolist(), *self[1:]]
+
 
 class Goal(NamedTuple):
     """What has been found of a quantity."""

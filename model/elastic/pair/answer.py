@@ -215,7 +215,7 @@ class PairAgents:
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: the agents of every generation, of which the fields follow."""
         about = {"stopped": self.stopped, "remarks": self.notes}
-        return stored(self.generations), about | {"answers": [list(a) for a in self.answers]}
+        return stored(self.generations), about | {"answers": [one.stored() for one in self.answers]}
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> PairAgents:

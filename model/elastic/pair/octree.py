@@ -196,7 +196,7 @@ class BrickAgents:
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: the agents of every generation, and the last displacement."""
         arrays = stored(self.generations) | {"master": self.field.master}
-        return arrays, {"bricks": plain_of(self), "answers": [list(a) for a in self.answers]}
+        return arrays, {"bricks": plain_of(self), "answers": [one.stored() for one in self.answers]}
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> BrickAgents:

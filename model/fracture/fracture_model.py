@@ -14,7 +14,7 @@ from kaju.model.network.linear import SingularTangentError
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
 
-from .breaking import Measure, check_breakable
+from .breaking_bodies import Measure, check_breakable
 from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
 
 PARTED = "parted: what is left hardly resists the load, or not at all"

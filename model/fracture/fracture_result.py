@@ -18,7 +18,7 @@ from kaju.model.results.result import Check, Result
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
-from .breaking import KEPT, BreakingCells, BreakingNetwork, Measure, WeakeningBody
+from .breaking_bodies import KEPT, BreakingCells, BreakingNetwork, Measure, WeakeningBody
 
 if TYPE_CHECKING:
     import pandas

@@ -31,7 +31,7 @@ from .creeping_elements import CreepingAgents, Elements, TransferCreepResult
 from .creeping_network import CreepingNetwork, NetworkCreepResult
 from .creeping_step import Creeping
 from .element import ThreeElement, laws_of
-from .integrate import Integrator, State
+from .integrate import Integrator, Reached
 from .load_history import History
 
 Subject = ThreeElement | SpringNetwork | Scene
@@ -190,7 +190,7 @@ class CreepModel(Stepper[AnyTimeResult]):
         self._system = _system(subject, rheology)
         start = self._system.start()
         self._stored_first = self._system.stored(start)
-        self._state, self._moments = State(start), list[_Moment]()
+        self._state, self._moments = Reached(start), list[_Moment]()
         integrator = Integrator(self._system, history, last, tolerance, most_steps)
         self._ahead = integrator.states(self._state, self._asked)
         if self._asked[0] == 0.0:
@@ -207,7 +207,7 @@ class CreepModel(Stepper[AnyTimeResult]):
         self._see(next(self._ahead))
         self.running = self.moment < self._asked[-1]
 
-    def _see(self, state: State) -> None:
+    def _see(self, state: Reached) -> None:
         """Keep what the result has of a moment."""
         self._state = state
         stored = self._system.stored(state.fields) - self._stored_first

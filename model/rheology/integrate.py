@@ -46,8 +46,8 @@ imperfection grows by more than there are digits."""
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """Where a run stands."""
+class Reached:
+    """What a run has reached."""
 
     fields: Fields  # stretches of the parts of every element, and what follows from them
     time: float = 0.0  # (s)
@@ -89,7 +89,7 @@ class Integrator:
     def _jumps(self) -> set[float]:
         return {corner.time for corner in self.history.corners() if corner.jump}
 
-    def states(self, state: State, asked: Floats) -> Iterator[State]:
+    def states(self, state: Reached, asked: Floats) -> Iterator[Reached]:
         """Yield the state at each time `asked`, and where an interrupt ends the run.
 
         Each is reached by a step of its own from the last half step before it.
@@ -116,7 +116,7 @@ class Integrator:
         if left:
             yield state  # interrupted
 
-    def _read(self, before: State, middle: State, after: State, time: float) -> State:
+    def _read(self, before: Reached, middle: Reached, after: Reached, time: float) -> Reached:
         """Return the state at a time within a step, of which start, middle and end are known."""
         if time == after.time:
             return after
@@ -136,7 +136,7 @@ class Integrator:
             energies += energy
         return fields, energies
 
-    def _advance(self, state: State, end: float, step: float) -> State:
+    def _advance(self, state: Reached, end: float, step: float) -> Reached:
         """Return the state one step (s) later."""
         fields, energies = self.take_step(state.fields, state.time, end, step)
         work, dissipated, numerical = energies.tolist()
@@ -153,8 +153,8 @@ class Integrator:
         )
 
     def _keep_tolerance(
-        self, state: State, node: float, corner: float
-    ) -> Iterator[tuple[State, State, State]]:
+        self, state: Reached, node: float, corner: float
+    ) -> Iterator[tuple[Reached, Reached, Reached]]:
         """Go on to `node` in steps whose estimated error keeps the tolerance.
 
         Yield the states before, in the middle and at the end of each.
@@ -190,7 +190,9 @@ class Integrator:
                     "reached; allow a larger tolerance, or more steps (most_steps=)"
                 )
 
-    def _doubled(self, state: State, end: float) -> tuple[State, State, float, KajuError | None]:
+    def _doubled(
+        self, state: Reached, end: float
+    ) -> tuple[Reached, Reached, float, KajuError | None]:
         """Make a step whole and in halves; return middle and end of these, error, and trouble."""
         middle, half = 0.5 * (state.time + end), 0.5 * (end - state.time)
         try:
@@ -203,7 +205,7 @@ class Integrator:
         error = self.system.largest_stretch(apart) / (2**ORDER - 1)
         return first, halves, error if isfinite(error) else inf, None
 
-    def _expected_scale(self, state: State, end: float) -> float:
+    def _expected_scale(self, state: Reached, end: float) -> float:
         """Estimate the stretches to come by one step to the end of the first piece.
 
         In the first steps of a ramp stretch and error grow alike, and a tolerance that refers to
@@ -215,7 +217,7 @@ class Integrator:
             return float(np.finfo(np.float64).tiny)
         return self.system.largest_stretch(fields)
 
-    def _refuse(self, state: State, trouble: KajuError | None) -> None:
+    def _refuse(self, state: Reached, trouble: KajuError | None) -> None:
         """Say why no step is short enough."""
         if isinstance(trouble, TangentError):
             text = f"creep: at {state.time:.6g} s, in every step but the shortest: {trouble}"

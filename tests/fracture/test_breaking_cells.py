@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kaju
-from kaju.model.fracture import breaking
+from kaju.model.fracture import breaking_bodies
 
 
 def plate(cells=(12, 12), moved=False, notch=3, **body):
@@ -57,7 +57,7 @@ def test_every_break_is_what_the_body_left_says():
 def test_corrected_factors_give_the_same_breaks_as_new_ones(monkeypatch):
     scene = plate((14, 10))
     corrected = kaju.FractureModel(scene, strength=1.0, scatter=0.3, seed=5).run()
-    monkeypatch.setattr(breaking, "CELLS_CORRECTED", 0)
+    monkeypatch.setattr(breaking_bodies, "CELLS_CORRECTED", 0)
     anew = kaju.FractureModel(scene, strength=1.0, scatter=0.3, seed=5).run()
     assert anew.broken.tolist() == corrected.broken.tolist()
     np.testing.assert_allclose(corrected.load_factor, anew.load_factor, rtol=1e-7)

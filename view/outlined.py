@@ -27,7 +27,7 @@ def plot_cut_agents(
     """Draw what each agent holds of the body, in the colour of its equivalent stress."""
     ax = new_axes(ax)
     if generation is not None:
-        last = len(result.earlier)
+        last = len(result.leaves) - 1
         if not 0 <= generation <= last:
             raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
         result = result.generations[generation]
@@ -54,12 +54,12 @@ def plot_cut_agents(
     label_axis(ax.yaxis, "y", [0.0, extent[1]], "m")
     colour_bar(ax, squares, "equivalent stress", "Pa")
     cut = int(result.cut.sum())
-    error = f"{100 * result.error_bound:.2g} %"
+    error = f"{'at most' if result.proof else 'about'} {100 * result.error_estimate:.2g} %"
     if result.tolerance_at is None:
         error += f", {result.tolerance_kept}"
     notes = [
         f"{result.agents} agents, {cut} cut by an outline; largest mean "
-        f"{quantity(float(value.max()), 'Pa')}; error at most {error}"
+        f"{quantity(float(value.max()), 'Pa')}; error {error}"
     ]
     notes += [
         f"largest {named(goal.quantity)}: {quantity(float(goal.value), 'Pa')}, "

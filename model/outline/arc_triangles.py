@@ -12,6 +12,7 @@ WIDEST = np.pi / 8.0  # largest angle by which an arc turns
 STRAIGHT = 1e-7
 """Arcs that turn by less are lines: they leave it by an eighth of that and of their length."""
 CLOSE = 1e-7  # lines nearer than this (in edges of the first agents) touch
+APART = 1e-3  # arcs shorter than this (in edges of the first agents) are not halved to keep apart
 _MOST_HALVINGS = 40
 
 
@@ -113,6 +114,22 @@ def keep_apart(one: Floats, other: Floats) -> bool:
         if short or len(one) + len(other) > 20_000:
             return False
         one, other = halved(one, split), halved(other, beside)
+
+
+def kept_apart(lines: list[Floats]) -> list[Floats]:
+    """Return arcs of lines, halved until triangles of two lines overlap only where these meet."""
+    while len(lines) > 1:
+        owner = np.repeat(np.arange(len(lines)), [len(arcs) for arcs in lines])
+        frames = ArcFrames(np.concatenate(lines))
+        first, second = overlapping(frames.triangles, frames.triangles, 0.0)
+        other = owner[first] != owner[second]
+        wide = np.zeros(len(owner), dtype=np.bool_)
+        wide[first[other]] = True
+        wide &= (frames.turn != 0.0) & (frames.length > APART)
+        if not wide.any():
+            break
+        lines = [halved(arcs, wide[owner == k]) for k, arcs in enumerate(lines)]
+    return lines
 
 
 def overlapping(a: Floats, b: Floats, margin: float) -> tuple[Ints, Ints]:

@@ -10,6 +10,8 @@ from math import atan2, hypot
 
 from kaju.model.scene.curves import Point
 
+from .laws import AIR, Law
+
 Corners = list[Point]  # corners of a polygon, counter-clockwise
 HalfPlane = tuple[float, float, float]
 """a, b, c: all points with a x + b y <= c; (a, b) has length 1."""
@@ -216,6 +218,40 @@ def _chained(points: list[Point], sides: Iterable[tuple[int, int]]) -> list[list
             ring.append(following)
         rings.append(ring)
     return rings
+
+
+def painted(
+    square: Corners,
+    law: Law,
+    layers: list[tuple[Law, list[Corners] | bool, bool]],
+    stiffer: bool,
+) -> dict[Law, list[Corners]]:
+    """Return the polygons of each law in a square that regions cover one after the other.
+
+    A layer is a region's law, what it covers (all, nothing, polygons), and whether the law taken
+    near its outline is one no softer (or no stiffer) than both.
+    """
+    pieces = [(law, square)]
+    for over, covers, mixed in layers:
+        if isinstance(covers, bool):
+            pieces = [(over, square)] if covers else pieces
+            continue
+        parts: Parts = [
+            (list(triangle), None) for ring in covers for triangle in triangles_of(ring)[0]
+        ]
+        after = []
+        for before, piece in pieces:
+            inside, outside = split([piece], parts)
+            either = before.with_other(over, stiffer) if mixed else None
+            within = either if stiffer and either else over
+            beyond = either if not stiffer and either and before != AIR else before
+            after += [(within, part) for part in inside] + [(beyond, part) for part in outside]
+        pieces = after
+    found: dict[Law, list[Corners]] = {}
+    for of, piece in pieces:
+        if of != AIR:
+            found.setdefault(of, []).append(piece)
+    return dict(zip(found, rings_of(list(found.values()), square), strict=True))
 
 
 def triangles_of(at: Sequence[Point]) -> tuple[list[tuple[Point, Point, Point]], float]:

@@ -7,7 +7,7 @@ from math import inf, radians
 import numpy as np
 
 from kaju.agents.materials import suggestion
-from kaju.arrays import Floats
+from kaju.arrays import Ints
 from kaju.errors import ParameterError, SingularPlaceError
 from kaju.model.elastic.goals.quantities import (
     HOOP,
@@ -15,17 +15,18 @@ from kaju.model.elastic.goals.quantities import (
     Stress,
     quantities_of,
 )
+from kaju.model.elastic.pair.cut_pair import CutPair
 from kaju.model.scene import Scene
 
 from .arc_triangles import ArcFrames, angle
 from .hoop_stress import HoopStress
-from .outline_bracket import OutlineBracket
-from .outline_problem import SIDES, OutlineProblem, UnlikeError, within_array
+from .outline_loop import STRESSED, Aimed, coarse_along
+from .outline_problem import SIDES, OutlineProblem, UnlikeError, along
 
 STEP = 0.25  # share of its error that a generation aims at
 OF_CHANGE = 1.0 / 3.0
 """Error after a generation, over what it changed: squares of edges are a fourth."""
-NEAR = 0.6  # share of the reach of a peak's agents below which all are as near
+NEAR = 1.5  # edges of the agent at a peak within which all agents are as near
 LEAST = 0.01  # share of the largest stress below which a peak's error is relative to that share
 KINK = radians(0.5)  # angle from which on a corner counts as one
 
@@ -67,28 +68,30 @@ class OutlinePeak:
     Its estimated error is the larger of how far both fields differ there, and of a third of what
     the last generation changed. An agent's part in it is about √(its part of the gap) h² / r³ at
     a distance r from the peak: the influence of a stress falls off as 1/r², its error as h/r³.
+    There is no estimate before agents where the stress is large are as small as the body is thin.
     """
 
     def __init__(
         self, which: int, name: str, problem: OutlineProblem, edge: float, tolerance: float
     ):
-        self._region, self._problem = problem.body.regions[which], problem
+        self._which, self._region, self._problem = which, problem.body.regions[which], problem
         self._name, self._tolerance = name, tolerance
         self.value = self.off = self.error = inf
         """The stress, its estimated error (in units of the problem), and the same relative."""
         no_limit = f"goal: the stress along {name!r} has no limit, since it"
-        frames = ArcFrames(self._region.shape.arcs)
-        kink = angle(frames.last, np.roll(frames.first, -1, axis=0))
-        if not self._region.solid:
-            kink = -kink
-        elif len(problem.body.laws) > 1:
-            kink = -np.abs(kink)
-        within = ((frames.end > 0.0) & (frames.end < problem.shape)).all(axis=1)
-        for x, y in edge * frames.end[within & (kink < -KINK)][:1]:
-            raise SingularPlaceError(
-                f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
-            )
-        ends = within_array(self._region.shape.border(False), problem.shape)
+        for line, inward in zip(self._region.lines, self._region.inward, strict=True):
+            frames = ArcFrames(line.arcs)
+            kink = angle(frames.last, np.roll(frames.first, -1, axis=0))
+            if inward == self._region.solid:
+                kink = -kink
+            if self._region.solid and len(problem.body.laws) > 1:
+                kink = -np.abs(kink)
+            within = ((frames.end > 0.0) & (frames.end < problem.shape)).all(axis=1)
+            for x, y in edge * frames.end[within & (kink < -KINK)][:1]:
+                raise SingularPlaceError(
+                    f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
+                )
+        ends = along(self._region, problem.shape)
         for side, axes in problem.held.items():
             axis, upper = SIDES[side]
             if len(axes) > 1 and (ends[..., axis] == upper * problem.shape[axis]).any():
@@ -96,23 +99,52 @@ class OutlinePeak:
                     f"{no_limit} meets the rigid side {side!r}; a roller leaves it one"
                 )
 
-    def aim(self, found: OutlineBracket) -> tuple[float, Floats, float]:
+    def aim(self, pair: CutPair) -> Aimed:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
-        before, along = self.value, HoopStress.along(self._region, self._problem, found)
+        before, along = self.value, HoopStress.along(pair, self._which)
+        nothing = np.zeros(len(pair.leaves))
         if not len(along.place):
-            if not found.coarse(self._problem.body, self._tolerance).any():
+            often = coarse_along(pair, self._tolerance)
+            if not often.any():
                 raise UnlikeError(f"no agent lies along {self._name!r}")
-            return inf, np.zeros(len(found.leaves)), STEP
-        at = np.abs(along.balanced).argmax()
-        self.value = float(along.balanced[at])
-        largest = max(abs(self.value), LEAST * float(np.abs(found.balanced.mean_stress).max()))
-        apart = abs(float(along.moved[at]) - self.value)
+            return Aimed(inf, nothing, STEP, often)
+        at = int(np.abs(along.moved).argmax())
+        self.value = float(along.moved[at])
+        often = self._too_thick(pair, along)
+        if often.any():
+            self.off = self.error = inf
+            return Aimed(inf, nothing, STEP, often)
+        largest = max(abs(self.value), LEAST * float(np.abs(pair.mean_stress).max()))
+        apart = along.apart(at)
         # where it was within the tolerance, the last agents spawned for something else
         kept = self.off if self.error <= self._tolerance else 0.0
         self.off = max(OF_CHANGE * abs(self.value - before), apart, kept)
         self.error = self.off / largest
-        size = found.leaves.size * found.leaves.unit
-        away = np.hypot(*(found.leaves.lower() + 0.5 * size[:, None] - along.place[at]).T)
-        away = np.maximum(away, NEAR * along.reach[at])
-        part = np.sqrt(np.maximum(found.share, 0.0)) * size**2 / away**3
-        return self.error, part, STEP
+        size = pair.leaves.size * pair.leaves.unit
+        away = np.hypot(*(pair.leaves.lower() + 0.5 * size[:, None] - along.place[at]).T)
+        away = np.maximum(away, NEAR * size[along.leaf[at]])
+        part = np.sqrt(np.maximum(pair.share, 0.0)) * size**2 / away**3
+        return Aimed(self.error, part, STEP, np.zeros(len(size), dtype=np.int64))
+
+    def _too_thick(self, pair: CutPair, along: HoopStress) -> Ints:
+        """Return how often to halve leaves larger than the stressed body there is thick."""
+        stress = np.abs(along.moved)
+        rows = np.flatnonzero(stress > STRESSED * stress.max())
+        border = pair.borders[1]
+        ends = pair.balancing.mesh.place[border.ends]
+        ways_out = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)
+        size = (pair.leaves.size * pair.leaves.unit)[along.leaf]
+        inward = -along.outward if self._region.solid else along.outward
+        often = np.zeros(len(pair.leaves), dtype=np.int64)
+        for row in rows.tolist():
+            # where a line across the body meets the border next
+            away, n = ends - along.place[row], inward[row]
+            depth, side = away @ n, away @ [-n[1], n[0]]
+            meets = ((side[:, 0] > 0.0) != (side[:, 1] > 0.0)) & (ways_out @ n > 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = side[:, 0] / (side[:, 0] - side[:, 1])
+            at = (depth[:, 0] + share * (depth[:, 1] - depth[:, 0]))[meets]
+            at = at[at > 0.0]
+            if len(at) and size[row] > at.min():
+                often[along.leaf[row]] = min(int(np.ceil(np.log2(size[row] / at.min()))), 3)
+        return often

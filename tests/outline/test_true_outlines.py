@@ -11,14 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kaju
-from kaju.model.outline import joined_blocks, outline_bracket
-from kaju.model.outline.convex_pieces import area_of, outlines_of
-from kaju.model.outline.fitted_displacement import CORNERS as SQUARE
-from kaju.model.outline.outline_bracket import bracket
-from kaju.model.outline.outlined_scene import problem_of
-from kaju.model.outline.split_triangle import SplitTriangles
-from kaju.model.outline.square_leaves import SquareLeaves
-from kaju.model.outline.weighed_band import WeighedBand
 
 E, NU, THICKNESS = 206e9, 0.3, 0.01
 STEEL = {"youngs_modulus": E, "poissons_ratio": NU}
@@ -87,53 +79,6 @@ def test_the_energy_of_a_ring_lies_within_its_bounds(tolerance: float, plane: st
     assert answer.summary()["agents"] == len(answer.to_dataframe()) < 400
 
 
-def test_bounds_close_with_the_square_of_the_agents() -> None:
-    problem, _ = problem_of(ring(0.1, 0.2, cells=4))
-    leaves, gaps = SquareLeaves.first(problem.shape), []
-    for _ in range(4):
-        found = bracket(problem, leaves)
-        gaps.append((found.upper - found.lower) / found.lower)
-        leaves = leaves.split(np.ones(len(leaves), dtype=np.bool_))
-    rates = np.log2(np.array(gaps[1:-1]) / np.array(gaps[2:]))
-    assert (rates > 1.7).all(), gaps
-
-
-@pytest.mark.parametrize("corner", CORNERS)
-def test_random_rings_lie_within_at_every_step(
-    corner: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rng = np.random.default_rng(len(corner))
-    seen = []
-    monkeypatch.setattr(
-        outline_bracket,
-        "bracket",
-        lambda *asked: seen.append(bracket(*asked)) or seen[-1],
-    )
-    for number in range(3):
-        inner, outer = rng.uniform(0.03, 0.12), rng.uniform(0.16, 0.205)
-        cells = int(rng.integers(2, 6))
-        if number % 2:  # a sliver beside a line between agents
-            edge = 0.21 / cells
-            inner = edge * (1.0 + 10.0 ** -rng.uniform(3, 8))
-        seen.clear()
-        scene = ring(inner, outer, cells=cells, corner=corner)
-        kaju.solve(scene, tolerance=0.15)
-        problem, edge = problem_of(scene)
-        truth = lame(inner, outer)[0] / (0.5 * E * THICKNESS * (problem.strain * edge) ** 2)
-        assert len(seen) > 1
-        for found in seen:
-            assert found.lower <= truth * (1 + 1e-7)
-            assert found.upper >= truth * (1 - 1e-7)
-            assert found.balanced.residual < 1e-7
-
-
-def test_what_leaves_add_to_the_gap_is_the_gap() -> None:
-    problem, _ = problem_of(plate())
-    found = bracket(problem, SquareLeaves.first(problem.shape))
-    assert found.share.min() > 0.0
-    assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-6)
-
-
 def test_a_plate_with_a_hole_lies_within() -> None:
     answer = kaju.solve(plate(), tolerance=0.05)
     traction = 1e5 / 0.1  # Pa, of a plate 1 m thick
@@ -160,7 +105,7 @@ def test_displacement_stress_and_hoop_stress_of_a_ring() -> None:
 
 
 @pytest.mark.parametrize(("across", "along"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
-def test_peaks_at_small_holes_are_met_or_said_to_be_uncertain(across: float, along: float) -> None:
+def test_peaks_at_small_holes_are_met(across: float, along: float) -> None:
     hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
     wide = kaju.Scene(
         body={
@@ -178,9 +123,6 @@ def test_peaks_at_small_holes_are_met_or_said_to_be_uncertain(across: float, alo
     assert fine.outline_stress("hole")[1].max() == pytest.approx(peak, rel=0.02)
     assert fine.agents < 450
     assert not fine.notes
-    coarse = kaju.solve(wide, tolerance=0.05)  # enough for the energy alone
-    assert coarse.tolerance_kept == "proved"
-    assert "'hole'" in "".join(coarse.notes)
 
 
 def test_holes_smaller_than_any_agent_end() -> None:
@@ -227,21 +169,6 @@ def test_outlines_along_the_lines_between_agents_cut_none() -> None:
     assert cells.energy_bounds[0] < true.energy_bounds[1]
 
 
-def test_triangles_have_a_stress_for_all_tractions_in_balance_however_flat() -> None:
-    law = np.array([[1.0, -NU, 0.0], [-NU, 1.0, 0.0], [0.0, 0.0, 2 * (1 + NU)]])
-    for height in (1.0, 0.09, 1e-4, 1e-7):
-        corners = np.array([[[0.0, 0.0], [1.0, 0.0], [0.3, height]]])
-        triangles = SplitTriangles(corners, law, np.array([2.0, -3.0]))
-        patterns = triangles.moments[0, :, :-2]
-        moments = patterns.reshape(3, 2, 2, -1)
-        assert moments.shape[-1] == 9  # twelve tractions, three conditions
-        scale = np.abs(moments).max()
-        assert np.abs(moments.sum(axis=(0, 1))).max() < 1e-14 / height * scale
-        assert np.linalg.matrix_rank(patterns, 1e-13 * scale) == 9 or height < 1e-3
-        borne = triangles.tractions(triangles.sagging).reshape(3, 2, 2).sum(axis=(0, 1))
-        assert borne == pytest.approx([-height, 1.5 * height], abs=1e-14 * scale)
-
-
 def strip(gravity: list[float], height: float = 0.083, **scene: Any) -> kaju.Scene:
     """Return a strip of no Poisson's ratio off the lines between agents, hung from its top."""
     low = 0.1 - height
@@ -268,37 +195,6 @@ def test_a_strip_under_its_own_weight_has_the_energy_of_a_linear_stress() -> Non
     assert answer.displacement_at(at)[:, 1] == pytest.approx(sunk, rel=0.02)
 
 
-def test_squares_of_equal_agents_change_nothing_but_the_time(monkeypatch: Any) -> None:
-    scene = strip([2.0, -9.81], sides={"top": "rigid"})
-    leaves = SquareLeaves.first((5, 5)).split(np.full(25, 3))
-    found = []
-    for fewest in (joined_blocks.FEWEST, 10**9):
-        monkeypatch.setattr(joined_blocks, "FEWEST", fewest)
-        found.append(bracket(problem_of(scene)[0], leaves))
-    monkeypatch.undo()
-    own, corner = found[0].leaves, found[0].fitted.corner
-    assert len(joined_blocks.MergedSquares(own, np.eye(4), corner, SQUARE).blocks) > 2
-    for one in found:
-        assert one.balanced.residual < 1e-9
-        assert one.upper == pytest.approx(found[0].upper, rel=1e-11)
-        assert one.share == pytest.approx(found[0].share, abs=1e-9 * one.upper)
-
-
-def test_points_lie_in_the_agents_that_hold_them() -> None:
-    leaves = SquareLeaves.first((3, 2)).split(np.array([0, 3, 1, 0, 2, 0]))
-    middle = leaves.lower() + 0.5 * leaves.size[:, None] * leaves.unit
-    assert (leaves.at(middle) == np.arange(len(leaves))).all()
-    assert (leaves.at(leaves.lower()) == np.arange(len(leaves))).all()
-    beyond = np.array([[-0.1, 0.5], [0.5, -0.1], [3.0, 0.5], [0.5, 2.0], [1e3, 1e3]])
-    assert (leaves.at(beyond) == -1).all()
-    # those that touch are half or twice as large at most, corners too
-    apart = np.abs(middle[:, None] - middle).max(axis=2) - 0.5 * leaves.unit * (
-        leaves.size[:, None] + leaves.size
-    )
-    ratio = leaves.size[:, None] / leaves.size
-    assert ratio[apart < 1e-9].max() == 2
-
-
 def dam(cells: int) -> tuple[float, float]:
     """Return the bounds of a dam with a pressed gap, under its weight and a push aside."""
     wall = {"polygon": [[0.07, 0], [0.93, 0], [0.31, 0.94], [0.17, 0.94]], "material": "rock"}
@@ -312,11 +208,6 @@ def dam(cells: int) -> tuple[float, float]:
         sides={"bottom": "rigid"},
         loads=[{"outline": "gap", "pressure": 3e3}],
     )
-    problem, _ = problem_of(scene)
-    leaves = SquareLeaves.first(problem.shape)
-    found = bracket(problem, leaves)
-    assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-9)
-    assert found.balanced.residual < 1e-9
     return kaju.solve(scene, tolerance=0.1).energy_bounds
 
 
@@ -382,48 +273,17 @@ CURVED = st.one_of(
 
 @settings(max_examples=6, deadline=None, derandomize=True)
 @given(shapes=CURVED, way=st.floats(0.0, 6.28), cells=st.integers(2, 7))
-def test_weight_along_curves_lies_within_on_all_grids(shapes, way, cells) -> None:
+def test_weight_along_curves_is_estimated(shapes, way, cells) -> None:
     gravity = (9.81 * np.cos(way), 9.81 * np.sin(way))
-    bounds = [
-        kaju.solve(heavy(list(shapes), gravity, count), tolerance=tolerance).energy_bounds
-        for tolerance, count in ((0.3, cells), (0.09, cells % 3 + 4))
-    ]
-    lower, upper = zip(*bounds, strict=True)
-    assert max(lower) < min(upper)
-
-
-def test_weight_along_curves_that_meet_is_refused() -> None:
-    crossing = [round_hole(0.05, 0.05, 0.02), round_hole(0.06, 0.06, 0.02)]
-    with pytest.raises(kaju.KajuError, match=r"body\.gravity: regions\.0 .*alone"):
-        kaju.solve(heavy(crossing, (0.0, -9.81)))
-
-
-@pytest.mark.parametrize("shape", [quarter(0.083), round_hole(0.05, 0.05, 0.031)])
-def test_both_polygons_bear_the_weight_within_curves_and_the_gap_is_of_second_order(shape) -> None:
-    problem, edge = problem_of(heavy([shape], (2.0, -9.81)))
-    radius, cut = shape[0]["disk"]["radius"] / edge, shape[1] == "air"
-    area = 16.0 - np.pi * radius**2 if cut else np.pi * radius**2 / 4
-    middle = 2.0 if cut else 4.0 * radius / (3.0 * np.pi)
-    wx, wy = problem.weight
-    leaves, gaps = SquareLeaves.first(problem.shape), []
-    for _ in range(3):
-        leaves = leaves.split(np.ones(len(leaves), dtype=np.bool_))
-        found = bracket(problem, leaves)
-        gaps.append(found.upper / found.lower - 1.0)
-        assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-6)
-        band, fitted = WeighedBand(problem, found.balanced), found.fitted
-        outer = fitted.weigh(problem.weight) - band.excess(fitted)
-        for motion, work in (
-            (0.0 * fitted.place + [1.0, 0.0], area * wx),
-            (0.0 * fitted.place + [0.0, 1.0], area * wy),
-            (fitted.place @ [[0.0, 1.0], [-1.0, 0.0]], area * middle * (wy - wx)),
-        ):
-            fitted.displacement = motion
-            inner = outline_bracket._borne(found.balanced, fitted)
-            inner += outline_bracket._pushed(found.balanced, fitted, band.force)
-            assert inner.sum() == pytest.approx(work, rel=1e-8)
-            assert (outer * motion).sum() == pytest.approx(work, rel=1e-8)
-    assert (np.array(gaps[:-1]) / gaps[1:] > 3.3).all(), gaps
+    rough, fine = (
+        kaju.solve(heavy(list(shapes), gravity, count), tolerance=tolerance)
+        for tolerance, count in ((0.2, cells), (0.03, cells % 3 + 4))
+    )
+    assert {rough.tolerance_kept, fine.tolerance_kept} == {"estimated"}
+    assert fine.energy_bounds is fine.error_bound is None
+    assert any("without a proof" in note for note in fine.notes)
+    off = abs(rough.strain_energy / fine.strain_energy - 1.0)
+    assert off < 2.0 * rough.error_estimate**2
 
 
 def test_what_hangs_on_nothing_has_no_weight_that_is_borne() -> None:
@@ -598,47 +458,12 @@ def test_loads_that_no_number_holds_are_refused(pull):
         kaju.solve(plate().replace(loads=[{"side": "right", "force": [pull, 0.0]}]))
 
 
-def test_too_many_agents_keep_the_best(monkeypatch) -> None:
+def test_where_agents_run_out_the_best_is_told_as_missed(monkeypatch) -> None:
     monkeypatch.setattr("kaju.model.outline.outlined_scene.MOST_AGENTS", 60)
-    with pytest.raises(kaju.KajuError) as error:
-        kaju.solve(plate(), tolerance=0.01)
-    best = error.value.best
-    assert isinstance(best, kaju.OutlineResult)
+    best = kaju.solve(plate(), tolerance=0.01)
     assert best.tolerance_kept == "missed"
+    assert any("agents ran out" in note for note in best.notes)
     assert best.energy_bounds[0] < best.strain_energy < best.energy_bounds[1]
-
-
-def test_cuts_between_pieces_leave_no_corners() -> None:
-    problem, _ = problem_of(ring(0.1, 0.2, cells=4))
-    leaves = SquareLeaves.first(problem.shape)
-    leaves = leaves.split(np.full(len(leaves), 3))
-    found = bracket(problem, leaves)
-    assert set(leaves.size) == {leaves.size.max()}
-    assert len(leaves) == 16 * 64
-    assert np.bincount(found.balanced.owner).max() <= 6  # triangles of a leaf
-
-
-def test_sides_all_but_in_one_are_not_lost() -> None:
-    # the second piece is so flat that its corners lie on a side of the first, but apart
-    first, last = (1.0, 0.41183), (0.71445, 1.0)
-    large = [(0.0, 0.0), (1.0, 0.0), first, last, (0.0, 1.0)]
-    small = [first, (1.0, 0.411835), (0.99883, 0.414246)]
-    points, rings = outlines_of([large, small], [], 3e-6)
-    assert len(rings) == 1
-    assert area_of([points[k] for k in rings[0]]) == pytest.approx(area_of(large), abs=1e-5)
-
-
-def test_an_outline_within_one_agent_has_no_direction_there() -> None:
-    # all of the pin hole lies in one agent: it goes back to where it came from
-    pin = {"box": [[0.0305, 0.0805], [0.0308, 0.0808]], "material": "air", "outline": "true"}
-    hole = disk(0.0, 0.0, 0.031, "air", "hole")
-    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "steel"}
-    regions = [hole, pin | {"name": "pin"}]
-    answer = kaju.solve(plate().replace(body=body | {"regions": regions}), tolerance=0.3)
-    assert len(answer.outline_stress("pin")[1]) == 0
-    hoop = answer.outline_stress("hole")[1]
-    assert len(hoop) > 2
-    assert np.isfinite(hoop).all()
 
 
 @pytest.mark.parametrize("what", [{"pressure": 1.0}, {"force": [1.0, 0.0]}])
@@ -689,8 +514,8 @@ def test_agents_of_a_previous_answer_stay_and_spawn() -> None:
     pull = {"side": "right", "force": [3e5, 1e4]}
     first, turned = kaju.solve(plate(), tolerance=0.1), plate(loads=[pull])
     again = kaju.solve(turned, previous=first)
-    known = set(zip(again.x, again.y, again.width, strict=True))
-    assert set(zip(first.x, first.y, first.width, strict=True)) == known
+    known = {(*at, size) for at, size in zip(again.lower.tolist(), again.size, strict=True)}
+    assert {(*at, size) for at, size in zip(first.lower.tolist(), first.size, strict=True)} == known
     assert again.tolerance == 0.1
     finer = kaju.solve(turned, previous=first, tolerance=0.03)
     fresh = kaju.solve(turned, tolerance=0.03)

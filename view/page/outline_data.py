@@ -10,11 +10,10 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Floats
 from kaju.errors import SceneError
 from kaju.model.outline.arc_triangles import ArcFrames, halved
-from kaju.model.outline.fitted_displacement import shapes_at
+from kaju.model.outline.laws import AIR
 from kaju.model.outline.outline_problem import SIDES
-from kaju.model.outline.outlined_scene import problem_of
+from kaju.model.outline.posed_outlines import problem_of
 from kaju.model.outline.square_leaves import SquareLeaves
-from kaju.model.outline.true_shapes import TrueBody, TrueShape
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Curves
 from kaju.model.scene.curves import flattened
@@ -58,7 +57,10 @@ class DrawnOutlines(NamedTuple):
 def cut_agents(result: OutlineResult) -> Pictures:
     """Agents as whole squares that the outlines cut, generation by generation."""
     generations = result.generations
-    squares = [np.stack([one.x, one.y, one.width], axis=1) for one in generations]
+    squares = []
+    for one in generations:
+        stood = one.leaves[-1].only(one.kept)
+        squares.append(np.stack([stood.x, stood.y, stood.size], axis=1))
     family, own = np.unique(np.concatenate(squares), axis=0, return_inverse=True)
     rows = np.split(own.ravel(), np.cumsum([len(square) for square in squares])[:-1])
     corners = family[:, None, :2] + family[:, None, 2:] * corner_order(2).astype(np.int64)
@@ -72,9 +74,10 @@ def cut_agents(result: OutlineResult) -> Pictures:
         moved[number, parts[row]] = one.corner_displacement
         stress[number, row] = one.von_mises
     drawn = drawn_outlines(result)
+    most = "at most" if result.proof else "about"
     over = ("generation", "", np.arange(float(count)))
     agents = {"agents": np.array([float(one.agents) for one in generations])}
-    errors = {"error": np.array([100.0 * one.error_bound for one in generations])}
+    errors = {"error": 100.0 * np.array(result.errors)}
     curves = [Curves("Agents", *over, agents, ""), Curves("Error", *over, errors, "%", True)]
     for name, (x, y, hoop) in ((name, rows.T) for name, rows in result.hoops.items()):
         along = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
@@ -91,7 +94,7 @@ def cut_agents(result: OutlineResult) -> Pictures:
         gone=gone,
         curves=curves,
         forces=[arrow for load in result.scene.loads for arrow in _arrows_of(result, load)],
-        outcome=f"{result.agents} agents, error at most {100.0 * result.error_bound:.2g} %",
+        outcome=f"{result.agents} agents, error {most} {100.0 * result.error_estimate:.2g} %",
         outlines=drawn.regions,
     )
 
@@ -99,17 +102,16 @@ def cut_agents(result: OutlineResult) -> Pictures:
 def drawn_outlines(result: OutlineResult) -> DrawnOutlines:
     """Return the outlines of a body, as its agents move them."""
     problem, edge = problem_of(result.scene)
-    leaves = SquareLeaves(result.x, result.y, result.width, problem.shape)
+    leaves = result.leaves[-1]
     points: list[Floats] = []
-    regions: list[dict[str, Any]] = [{"solid": problem.body.solid, "lines": []}]
+    regions: list[dict[str, Any]] = [{"solid": problem.body.law != AIR, "lines": []}]
     for region in problem.body.regions:
-        lines = [flattened(_as_fine(arcs, leaves), 3) for arcs in _lines(region.shape)]
+        lines = [flattened(_as_fine(line.arcs, leaves), 3) for line in region.lines]
         regions.append({"solid": region.solid, "lines": [len(at) + 1 for at in lines]})
         points += lines
     moved = []
     for one in result.generations:
-        stood = SquareLeaves(one.x, one.y, one.width, problem.shape)
-        moved.append(np.concatenate([_as_curves(_moved(one, stood, at)) for at in points]))
+        moved.append(np.concatenate([_as_curves(_moved(one, at)) for at in points]))
     places = np.concatenate([edge * _as_curves(at) for at in points])
     return DrawnOutlines(places, np.stack(moved), regions)
 
@@ -119,13 +121,6 @@ def _as_curves(points: Floats) -> Floats:
     of = np.stack([points[0::3], points[1::3], points[2::3], np.roll(points[0::3], -1, 0)], 1)
     controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
     return np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)])
-
-
-def _lines(shape: TrueShape) -> list[Floats]:
-    """Return the closed lines of a shape; every second one within another is a hole."""
-    if isinstance(shape, TrueBody):
-        return [arcs for region in shape.regions for arcs in _lines(region.shape)]
-    return [shape.arcs]
 
 
 def _as_fine(arcs: Floats, leaves: SquareLeaves) -> Floats:
@@ -142,13 +137,15 @@ def _as_fine(arcs: Floats, leaves: SquareLeaves) -> Floats:
         arcs = halved(arcs, long)
 
 
-def _moved(result: OutlineResult, leaves: SquareLeaves, at: Floats) -> Floats:
+def _moved(result: OutlineResult, at: Floats) -> Floats:
     """Return how points (in edges of the first agents) move; beyond the body with what is near."""
-    leaf, low, size = leaves.at(at), leaves.lower(), leaves.size * leaves.unit
+    own = result.leaves[-1].only(result.kept)
+    leaf = own.at(at)
     beyond = leaf < 0
-    leaf[beyond] = cKDTree(low + 0.5 * size[:, None]).query(at[beyond])[1]
-    local = np.clip((at - low[leaf]) / size[leaf, None], 0.0, 1.0)
-    return np.asarray(np.einsum("nk,nkd->nd", shapes_at(local), result.corner_displacement[leaf]))
+    middle = own.lower() + 0.5 * (own.size * own.unit)[:, None]
+    leaf[beyond] = cKDTree(middle).query(at[beyond])[1]
+    scale = result.first_edge * result.pair.problem.strain
+    return np.asarray(scale * result.pair.displacement_at(result.kept[leaf], at))
 
 
 def _arrows_of(result: OutlineResult, load: LoadTable) -> list[tuple[list[float], list[float]]]:
@@ -170,7 +167,7 @@ def _arrows_of(result: OutlineResult, load: LoadTable) -> list[tuple[list[float]
     problem, edge = problem_of(scene)
     which = [region.name for region in scene.body.regions].index(load.outline)
     region = problem.body.regions[which]
-    ring = np.concatenate([edge * flattened(arcs, 8) for arcs in _lines(region.shape)[:1]])
+    ring = np.concatenate([edge * flattened(arcs, 8) for arcs in [region.lines[0].arcs]])
     if load.force is not None:
         return [(ring.mean(axis=0).tolist(), list(load.force))]
     assert load.pressure is not None

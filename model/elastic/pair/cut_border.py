@@ -1,0 +1,337 @@
+"""Where bodies within outlines end: supports and loads there, and what of φ they make known.
+
+Tractions add up along the border to φ and its slopes, but for a linear function on each free part
+of it. Round a hole that bears a force or a couple φ grows by a linear function, which is known:
+beyond a ray from the hole it jumps by that. A hole is never held, for supports are sides of the
+array.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.outline.outline_problem import SIDES, OutlineProblem, UnlikeError
+
+from .cut_mesh import CutMesh
+
+ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
+REACH = 0.5  # of the way to other parts of the border
+LEVEL = 1e-9  # sine of the angle to a force below which an edge is along it
+BALANCED = 1e-9
+"""Of the sum of all forces: by so much the loads of a part that nothing holds may not balance."""
+Entries = list[tuple[Ints, Ints, Floats | float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """Edges beyond which there is no body, and what is known there."""
+
+    edge: Ints
+    ends: Ints  # vertices, the body to the left, shape (n, 2)
+    run: Floats  # from one to the other
+    traction: Floats  # shape (n, 2)
+    held: Flags  # components of the displacement, shape (n, 2)
+    side: Ints  # number of the array's side, -1 on an outline
+    outline: Ints  # region whose outline it lies on, -1 for none
+
+    @classmethod
+    def of(cls, mesh: CutMesh, problem: OutlineProblem, along: list[Floats]) -> Border:
+        """Return the border of a mesh under the loads and supports of a problem."""
+        edge, ends = mesh.border
+        at = mesh.place[ends]
+        run = at[:, 1] - at[:, 0]
+        length = np.hypot(*run.T)
+        traction, held = np.zeros((len(edge), 2)), np.zeros((len(edge), 2), dtype=np.bool_)
+        side = np.full(len(edge), -1)
+        for number, (name, (axis, upper)) in enumerate(SIDES.items()):
+            on = (at[:, :, axis] == (problem.shape[axis] if upper else 0.0)).all(axis=1)
+            side[on] = number
+            held[np.ix_(on, problem.held.get(name, ()))] = True
+            if name in problem.forces:
+                if not on.any():
+                    raise UnlikeError(f"{name} has no body to be loaded")
+                traction[on] = problem.tractions[name] + problem.forces[name] / length[on].sum()
+        outline = _outline_of(at, side < 0, along)
+        outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
+        for one in problem.outlines:
+            on = outline == one.region
+            if one.facing is not None:
+                on &= outward @ one.facing < -LEVEL
+            traction[on] = outward[on] @ one.stress
+        return cls(edge, ends, run, traction, held, side, outline)
+
+    def forces(self, mesh: CutMesh) -> Floats:
+        """Return the work of the tractions on the unknowns of a displacement."""
+        out = np.zeros((len(mesh.place) + len(mesh.ends), 2))
+        total = self.traction * np.hypot(*self.run.T)[:, None]
+        for k in (0, 1):
+            np.add.at(out, self.ends[:, k], 0.5 * total)
+        out[len(mesh.place) + self.edge] += total * (2.0 / 3.0)
+        return out
+
+
+def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:
+    """Return the region on whose outline edges lie, by the straight pieces of each; -1 for none."""
+    lines = np.concatenate([np.empty((0, 2, 2)), *along])
+    region = np.repeat(np.arange(len(along)), [len(one) for one in along])
+    outline = np.full(len(at), -1)
+    if not len(lines):
+        return outline
+    away, near = map(np.asarray, cKDTree(lines[:, 0]).query(at))
+    on = inner & (away < ALONG).all(axis=1)
+    outline[on] = region[near[on, 0]]
+    # others lie along the sides of leaves, or stand for slivers that were left out
+    start, run = lines[:, 0], lines[:, 1] - lines[:, 0]
+    for row in np.flatnonzero(inner & (outline < 0)).tolist():
+        middle = at[row].mean(axis=0) - start
+        t = np.clip((middle * run).sum(axis=1) / (run**2).sum(axis=1), 0.0, 1.0)
+        outline[row] = region[((middle - t[:, None] * run) ** 2).sum(axis=1).argmin()]
+    return outline
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A ray to the right, beyond which φ is another one: it has grown by a linear function."""
+
+    start: Floats
+    base: Floats
+    growth: Floats  # value and slopes at the base, by which φ grows counter-clockwise
+
+    def passed(self, start: Floats, end: Floats) -> Ints:
+        """Return how often (1, 0, -1) ways between points cross the ray upwards."""
+        (x0, y0), (x1, y1) = np.moveaxis(start, -1, 0), np.moveaxis(end, -1, 0)
+        up = (y1 > self.start[1]).astype(np.int64) - (y0 > self.start[1])
+        height = np.where(up == 0, 1.0, y1 - y0)
+        x = x0 + (self.start[1] - y0) / height * (x1 - x0)
+        return np.where(x > self.start[0], up, 0)
+
+    def at(self, points: Floats) -> Floats:
+        """Return by how much φ and its slopes grow at points, shape (n, 3)."""
+        value, slope = self.growth[0], self.growth[1:]
+        own = np.broadcast_to(self.growth, (*points.shape[:-1], 3)).copy()
+        own[..., 0] = value + (points - self.base) @ slope
+        return own
+
+
+class Known:
+    """φ and its slopes along the border, but for a linear function on each free part.
+
+    A support that slips leaves one constant: the slope across its side.
+    """
+
+    def __init__(self, mesh: CutMesh, border: Border, weight: Floats):
+        self.mesh, self.border = mesh, border
+        nodes = len(mesh.place)
+        self.count = 3 * nodes + len(mesh.ends)
+        self.value, self.fixed = np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
+        self.rays: list[Ray] = []
+        self._columns: Entries = []
+        kind = border.held.sum(axis=1)  # 0 free, 1 slips, 2 held
+        # tractions that φ makes good: those asked for less those of what bears the weight
+        normal = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)  # times length
+        force = border.traction * np.hypot(*border.run.T)[:, None]
+        ends = force[:, None] + mesh.place[border.ends] * weight * normal[:, None]
+        turn = np.stack([-ends[..., 1], ends[..., 0]], axis=2)
+        self._step = turn.mean(axis=1)  # of the slopes
+        self._bulge = -(turn[:, 1] - turn[:, 0]) / 8.0
+        self._size = float(np.abs(self._step).sum()) or 1.0
+        arcs = self._arcs(kind)
+        free = [arc for arc in arcs if kind[arc[0]] == 0]
+        self._walk(free)
+        self._join(free, [arc for arc in arcs if kind[arc[0]] == 1])
+
+    def _arcs(self, kind: Ints) -> list[Ints]:
+        """Return the rows of free edges, or of those that slip along one side, in order."""
+        border = self.border
+        start = np.full(len(self.mesh.place), -1)
+        start[border.ends[:, 0]] = np.arange(len(border.edge))
+        onward = start[border.ends[:, 1]]
+        same = (kind[onward] == kind) & ((border.side[onward] == border.side) | (kind == 0))
+        first = np.ones(len(kind), dtype=np.bool_)
+        first[onward[same]] = False
+        begins = [*np.flatnonzero(first & (kind < 2)).tolist(), *np.flatnonzero(kind == 0).tolist()]
+        todo, following, goes_on = (kind < 2).tolist(), onward.tolist(), same.tolist()
+        arcs = []
+        for k in begins:
+            arc = []
+            while todo[k]:
+                todo[k] = False
+                arc.append(k)
+                if not goes_on[k]:
+                    break
+                k = following[k]
+            if arc:
+                arcs.append(np.array(arc))
+        return arcs
+
+    def _walk(self, arcs: list[Ints]) -> None:
+        """Add tractions up along free parts of the border: first round holes, which cast rays."""
+        border, mesh = self.border, self.mesh
+        walks = []
+        for arc in arcs:
+            vertices = np.append(border.ends[arc, 0], border.ends[arc[-1], 1])
+            at = mesh.place[vertices]
+            slope = np.concatenate([np.zeros((1, 2)), np.cumsum(self._step[arc], axis=0)])
+            mean = 0.5 * (slope[1:] + slope[:-1]) + self._bulge[arc] * (2.0 / 3.0)
+            phi = np.concatenate([[0.0], np.cumsum((mean * border.run[arc]).sum(axis=1))])
+            walks.append((arc, vertices, np.column_stack([phi, slope])))
+            closed = vertices[0] == vertices[-1]
+            x, y = (at[:-1] - at[0]).T
+            hole = closed and float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) < 0.0
+            if hole and np.abs(walks[-1][2][-1]).max() > 1e-11 * self._size:
+                self.rays.append(Ray(_beside(at, mesh.place), at[0], -walks[-1][2][-1]))
+        nodes = len(mesh.place)
+        for arc, vertices, field in walks:
+            at = mesh.place[vertices]
+            for ray in self.rays:
+                passed = np.append(0, np.cumsum(ray.passed(at[:-1], at[1:])))
+                field = field - passed[:, None] * ray.at(at)
+            if vertices[0] == vertices[-1] and np.abs(field[-1]).max() > BALANCED * self._size:
+                raise UnlikeError("a part of the body that bears loads hangs on nothing")
+            unknown = 3 * vertices[::-1, None] + [0, 1, 2]
+            self.value[unknown], self.fixed[unknown] = field[::-1], True
+            edge = border.edge[arc]
+            self.value[3 * nodes + edge] = (self._bulge[arc] * mesh.normal[edge]).sum(axis=1)
+            self.fixed[3 * nodes + edge] = True
+
+    def _join(self, free: list[Ints], slips: list[Ints]) -> None:
+        """Say which constants of the parts of the border are unknown, and what is known of them."""
+        border, mesh, part = self.border, self.mesh, self.mesh.parts
+        width = 3 * len(free) + len(slips)
+        given = np.zeros(width, dtype=np.bool_)  # a linear function on each part bears no stress
+        owner = np.full((len(mesh.place), 2), -1)
+        largest: dict[int, int] = {}
+        groups = []
+        for k, arc in enumerate(free):
+            vertices = np.unique(border.ends[arc])
+            groups.append(vertices)
+            own = int(part[vertices[0]])
+            if own not in largest or len(arc) > len(free[largest[own]]):
+                largest[own] = k
+            owner[vertices] = 3 * k + np.array([1, 2])
+        for k in largest.values():
+            given[3 * k : 3 * k + 3] = True
+        ties, known = [], []
+        for k, arc in enumerate(slips, 3 * len(free)):
+            axis = int(np.flatnonzero(border.held[arc[0]])[0])
+            vertices = np.unique(border.ends[arc])
+            for vertex in vertices[owner[vertices, axis] >= 0].tolist():
+                tie = np.zeros(width)
+                tie[k], tie[owner[vertex, axis]] = 1.0, -1.0
+                ties.append(tie)
+                known.append(self.value[3 * vertex + 1 + axis])
+            own = vertices[owner[vertices, axis] < 0]
+            owner[own, axis] = k
+            self._columns.append((3 * own + 1 + axis, np.full(len(own), k), 1.0))
+            self.fixed[3 * own + 1 + axis] = True
+            self.fixed[3 * len(mesh.place) + border.edge[arc]] = True
+        self._anchor(np.setdiff1d(part, list(largest)), owner, ties, known, width)
+        for k, vertices in enumerate(groups):
+            self._plane(k, vertices, vertices)
+        self._spread(groups)
+        self._solve(np.array(ties).reshape(-1, width), np.array(known), given)
+
+    def _anchor(
+        self, parts: Ints, owner: Ints, ties: list[Floats], known: list[float], width: int
+    ) -> None:
+        """Hold φ and its slopes somewhere in parts without a free border."""
+        for own in parts.tolist():
+            inner = np.flatnonzero(self.mesh.parts == own)
+            loose = inner[(owner[inner] < 0).all(axis=1)]
+            vertex = int(loose[0] if len(loose) else inner[0])
+            self.fixed[3 * vertex] = True
+            for axis in (0, 1):
+                column = np.unique(owner[inner, axis])
+                column = column[column >= 0]
+                if len(column):
+                    tie = np.zeros(width)
+                    tie[column[0]] = 1.0
+                    ties.append(tie)
+                    known.append(0.0)
+                else:
+                    self.fixed[3 * vertex + 1 + axis] = True
+
+    def _plane(self, k: int, of: Ints, vertices: Ints) -> None:
+        """Give vertices the linear function of a part of the border."""
+        middle = self.mesh.place[of].mean(axis=0)
+        x, y = (self.mesh.place[vertices] - middle).T
+        own = np.full(len(vertices), 3 * k)
+        self._columns += [
+            (3 * vertices, own, 1.0), (3 * vertices, own + 1, x), (3 * vertices, own + 2, y),
+            (3 * vertices + 1, own + 1, 1.0), (3 * vertices + 2, own + 2, 1.0),
+        ]  # fmt: skip
+
+    def _spread(self, groups: list[Ints]) -> None:
+        """Let what is known of φ on a free part of the border hold in agents near to it, too.
+
+        Small agents there would else have all of a plane's fall to bear, in which rounding drowns
+        what they have to say.
+        """
+        if not groups:
+            return
+        mesh, ends = self.mesh, self.border.ends
+        rest = np.setdiff1d(ends.ravel(), np.concatenate(groups))
+        arcs, groups = len(groups), groups + ([rest] if len(rest) else [])
+        inner = np.setdiff1d(np.arange(len(mesh.place)), ends.ravel())
+        inner = inner[~self.fixed[3 * inner]]
+        owner = np.repeat(np.arange(len(groups)), [len(one) for one in groups])
+        every = np.concatenate(groups)
+        if not len(inner):
+            return
+        # the nearest vertices of the border; of another part only if among a few of them
+        few = min(8, len(every))
+        found = cKDTree(mesh.place[every]).query(mesh.place[inner], few)
+        away, near = (np.asarray(one).reshape(len(inner), few) for one in found)
+        mine = owner[near[:, 0]]
+        other = np.where(owner[near] != mine[:, None], away, np.inf).min(axis=1)
+        close = (mine < arcs) & (away[:, 0] < REACH * other)
+        to, of, mine = inner[close], every[near[close, 0]], mine[close]
+        for k in np.unique(mine).tolist():
+            self._plane(k, groups[k], to[mine == k])
+        run = mesh.place[to] - mesh.place[of]
+        field = self.value[3 * of[:, None] + [0, 1, 2]]
+        field[:, 0] += (field[:, 1:] * run).sum(axis=1)
+        for ray in self.rays:
+            field -= ray.passed(mesh.place[of], mesh.place[to])[:, None] * ray.at(mesh.place[to])
+        self.value[3 * to[:, None] + [0, 1, 2]] = field
+
+    def _solve(self, ties: Floats, known: Floats, given: Flags) -> None:
+        """Set `free`, columns of what is not known, and add what is."""
+        width = len(given)
+        every = coo(self._columns, (self.count, width)) if width else sp.csr_array((self.count, 0))
+        tied = np.flatnonzero(np.abs(ties).any(axis=0) & ~given) if len(ties) else np.empty(0, int)
+        alone = np.setdiff1d(np.flatnonzero(~given), tied)
+        parts = [every[:, alone]]
+        if len(ties):
+            a = ties[:, tied]
+            some = np.linalg.lstsq(a, known, rcond=None)[0] if len(tied) else np.zeros(0)
+            if np.abs(a @ some - known).max() > BALANCED * self._size:
+                raise UnlikeError("a part of the body that bears loads could move")
+            _, size, right = np.linalg.svd(a, full_matrices=True)
+            self.value = self.value + every[:, tied] @ some
+            parts.append(every[:, tied] @ sp.csr_array(right[int((size > 1e-10).sum()) :].T))
+        self.free = sp.csr_array(sp.hstack(parts))
+
+
+def _beside(ring: Floats, places: Floats) -> Floats:
+    """Return a point within a hole, at a height that no vertex has, that sees its border once."""
+    low, high = ring[:, 1].min(), ring[:, 1].max()
+    heights = np.unique(np.clip(places[:, 1], low, high))
+    k = int(np.diff(heights).argmax())
+    y = 0.5 * (heights[k] + heights[k + 1])
+    (x0, y0), (x1, y1) = ring[:-1].T, ring[1:].T
+    on = (y0 > y) != (y1 > y)
+    x = np.sort(x0[on] + (y - y0[on]) / (y1[on] - y0[on]) * (x1[on] - x0[on]))
+    return np.array([0.5 * (x[-1] + x[-2]), y])
+
+
+def coo(entries: Entries, shape: tuple[int, int]) -> sp.csr_array:
+    """Return a sparse matrix of rows, columns and values."""
+    rows, columns = (np.concatenate([one[k] for one in entries]) for k in (0, 1))
+    values = np.concatenate([np.broadcast_to(one[2], len(one[0])) for one in entries])
+    return sp.csr_array((values, (rows, columns)), shape=shape)

@@ -1,0 +1,347 @@
+"""Squares and triangles that fill what leaves hold of a body, side to side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from kaju.arrays import Floats, Ints
+from kaju.model.outline.leaf_polygons import Rings, VagueError
+from kaju.model.outline.square_leaves import SquareLeaves
+
+from .cut_elements import slopes
+
+CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)], dtype=np.float64)
+SIDES = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])
+"""Corners at the ends of a square's sides: lower, upper, left, right."""
+ROUND = np.array([0, 2, 3, 1])  # corners of a square, counter-clockwise
+
+
+@dataclass(frozen=True, eq=False)
+class CutMesh:
+    """Squares that are whole leaves, and triangles that fill polygons in the others.
+
+    The unknowns of both fields sit at vertices and edges. Where a square's side is met by two
+    halves, these follow the whole. A point in which parts of the body only touch is several
+    vertices.
+    """
+
+    place: Floats  # of vertices, shape (n, 2)
+    square: Ints  # vertices, in the order of CORNERS, shape (squares, 4)
+    square_leaf: Ints
+    square_law: Ints
+    triangle: Ints  # vertices, counter-clockwise, shape (triangles, 3)
+    triangle_leaf: Ints
+    triangle_law: Ints
+
+    @cached_property
+    def _sides(self) -> tuple[Ints, Ints]:
+        pairs = [self.square[:, SIDES].reshape(-1, 2)]
+        pairs.append(
+            np.stack([self.triangle, np.roll(self.triangle, -1, axis=1)], 2).reshape(-1, 2)
+        )
+        both = np.sort(np.concatenate(pairs), axis=1)
+        key, edge = np.unique(both[:, 0] * len(self.place) + both[:, 1], return_inverse=True)
+        return key, edge
+
+    @cached_property
+    def ends(self) -> Ints:
+        """Vertices of each edge, the smaller coordinate first, shape (edges, 2)."""
+        return np.stack(np.divmod(self._sides[0], len(self.place)), axis=1)
+
+    @property
+    def square_edge(self) -> Ints:
+        """Edges of squares, in the order of SIDES, shape (squares, 4)."""
+        return self._sides[1][: 4 * len(self.square)].reshape(-1, 4)
+
+    @property
+    def triangle_edge(self) -> Ints:
+        """Edges of triangles, the first between the first two vertices, shape (triangles, 3)."""
+        return self._sides[1][4 * len(self.square) :].reshape(-1, 3)
+
+    @cached_property
+    def run(self) -> Floats:
+        """From end to end of each edge."""
+        return self.place[self.ends[:, 1]] - self.place[self.ends[:, 0]]
+
+    @cached_property
+    def normal(self) -> Floats:
+        """Unit normals of edges; of those along an axis the other axis."""
+        n = np.stack([-self.run[:, 1], self.run[:, 0]], axis=1)
+        n /= np.hypot(*n.T)[:, None]
+        back = (n[:, 1] < 0.0) | ((n[:, 1] == 0.0) & (n[:, 0] < 0.0))
+        return np.where(back[:, None], -n, n)
+
+    @cached_property
+    def hanging(self) -> tuple[Ints, Ints, Ints]:
+        """Edges of squares met by two halves, the vertex between these, and both, shape (2, n)."""
+        whole = np.unique(self.square_edge)
+        a, b = self.ends[whole].T
+        names = named(self.place)
+        order = np.argsort(names)
+        middle = named(0.5 * (self.place[a] + self.place[b]))
+        first, last = (np.searchsorted(names[order], middle, side) for side in ("left", "right"))
+        found = []
+        # a point may be several vertices: that one counts which has both halves
+        for k in range(int((last - first).max(initial=0))):
+            at = order[np.minimum(first + k, len(order) - 1)]
+            halves = np.stack([self.edge_of(a, at), self.edge_of(at, b)])
+            on = (first + k < last) & (halves >= 0).all(axis=0)
+            found.append((whole[on], at[on], halves[:, on]))
+        if not found:
+            none = np.empty(0, dtype=np.int64)
+            return none, none, np.empty((2, 0), dtype=np.int64)
+        edges, middles, both = ([one[k] for one in found] for k in range(3))
+        return np.concatenate(edges), np.concatenate(middles), np.concatenate(both, axis=1)
+
+    def edge_of(self, a: Ints, b: Ints) -> Ints:
+        """Return the edges between vertices, -1 for none."""
+        key = np.minimum(a, b) * len(self.place) + np.maximum(a, b)
+        keys = self._sides[0]
+        at = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+        return np.where(keys[at] == key, at, -1)
+
+    @cached_property
+    def border(self) -> tuple[Ints, Ints]:
+        """Edges beyond which there is no body, and their vertices, the body to the left."""
+        count = np.bincount(self._sides[1], minlength=len(self.ends))
+        whole, _, halves = self.hanging
+        count[whole] = count[halves] = 2
+        edge = np.flatnonzero(count == 1)
+        middle = np.zeros((len(self.ends), 2))
+        middle[self.square_edge] = self.place[self.square].mean(axis=1)[:, None]
+        middle[self.triangle_edge] = self.place[self.triangle].mean(axis=1)[:, None]
+        ends, away = self.ends[edge], middle[edge] - self.place[self.ends[edge, 0]]
+        run = self.run[edge]
+        right = run[:, 0] * away[:, 1] - run[:, 1] * away[:, 0] < 0.0
+        return edge, np.where(right[:, None], ends[:, ::-1], ends)
+
+    @property
+    def pinned(self) -> Ints:
+        """Leaves of squares with a vertex in the middle of a side that cannot follow the side.
+
+        It is on the border, or beside one half of the side alone there is body.
+        """
+        edges = np.unique(self.square_edge)
+        middle = named(self.place[self.ends[edges]].mean(axis=1))
+        whole, vertex, _ = self.hanging
+        loose = np.setdiff1d(edges[np.isin(middle, named(self.place))], whole)
+        loose = np.union1d(loose, whole[np.isin(vertex, self.border[1])])
+        return self.square_leaf[np.isin(self.square_edge, loose).any(axis=1)]
+
+    @cached_property
+    def parts(self) -> Ints:
+        """The part of the body that each vertex belongs to: elements joined by vertices."""
+        pairs = [self.square[:, [0, 0, 0]].ravel(), self.triangle[:, [0, 0]].ravel()]
+        others = [self.square[:, 1:].ravel(), self.triangle[:, 1:].ravel()]
+        whole, middle, _ = self.hanging
+        a = np.concatenate([*pairs, self.ends[whole, 0]])
+        b = np.concatenate([*others, middle])
+        graph = sp.coo_array((np.ones(len(a)), (a, b)), shape=(len(self.place),) * 2)
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+    def torn(self) -> CutMesh:
+        """Return the mesh, vertices parted where only points of the body touch."""
+        ends = self.border[1]
+        many = np.flatnonzero(np.bincount(ends[:, 0], minlength=len(self.place)) > 1)
+        if not len(many):
+            return self
+        # elements round such a vertex hang together by the edges that they share there
+        corner = np.concatenate([self.square.ravel(), self.triangle.ravel()])
+        owner = np.concatenate([
+            np.repeat(np.arange(len(self.square)), 4),
+            len(self.square) + np.repeat(np.arange(len(self.triangle)), 3),
+        ])  # fmt: skip
+        of_edge = np.concatenate([
+            np.repeat(np.arange(len(self.square)), 4),
+            len(self.square) + np.repeat(np.arange(len(self.triangle)), 3),
+        ])  # fmt: skip
+        at = np.flatnonzero(np.isin(corner, many))
+        rows = {(int(owner[k]), int(corner[k])): n for n, k in enumerate(at)}
+        beside: dict[int, list[int]] = {}
+        for element, edge in zip(of_edge.tolist(), self._sides[1].tolist(), strict=True):
+            if np.isin(self.ends[edge], many).any():
+                beside.setdefault(edge, []).append(element)
+        whole, middle, halves = self.hanging
+        for big, mid, (one, other) in zip(whole, middle, halves.T, strict=True):
+            for edge in (int(one), int(other)):
+                if edge in beside:
+                    beside[edge] += beside.get(int(big), [])
+            del mid
+        links = []
+        for edge, elements in beside.items():
+            for vertex in self.ends[edge].tolist():
+                mine = [rows[e, vertex] for e in elements if (e, vertex) in rows]
+                links += [(mine[0], other) for other in mine[1:]]
+        a, b = np.array(links, dtype=np.int64).reshape(-1, 2).T
+        graph = sp.coo_array((np.ones(len(a)), (a, b)), shape=(len(at), len(at)))
+        label = connected_components(graph, directed=False)[1]
+        first = np.full(len(self.place), -1)
+        corner, extra = corner.copy(), []
+        for k, part in zip(at.tolist(), label.tolist(), strict=True):
+            vertex = int(corner[k])
+            if first[vertex] < 0:
+                first[vertex] = part
+            if first[vertex] != part:
+                if (vertex, part) not in extra:
+                    extra.append((vertex, part))
+                corner[k] = len(self.place) + extra.index((vertex, part))
+        place = np.concatenate([self.place, self.place[[v for v, _ in extra]]])
+        count = 4 * len(self.square)
+        return replace(
+            self, place=place, square=corner[:count].reshape(-1, 4),
+            triangle=corner[count:].reshape(-1, 3),
+        )  # fmt: skip
+
+
+def named(points: Floats) -> np.ndarray:
+    """Return points as numbers that sort by x, then y."""
+    return points[..., 0] + 1j * points[..., 1]
+
+
+class _OnLines:
+    """Vertices on the lines of one axis, in order."""
+
+    def __init__(self, points: Floats, axis: int):
+        self.axis = axis
+        self.names = np.unique(named(points[:, [axis, 1 - axis]]))
+
+    def between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
+        """Return the first vertex strictly between points along the axis' lines, and how many."""
+        a, b = start[:, 1 - self.axis], end[:, 1 - self.axis]
+        line = start[:, self.axis]
+        first = np.searchsorted(self.names, line + 1j * np.minimum(a, b), "right")
+        last = np.searchsorted(self.names, line + 1j * np.maximum(a, b), "left")
+        return first, np.maximum(last - first, 0)
+
+
+def squares_to_cut(whole: Ints, rings: Rings, leaves: SquareLeaves) -> Ints:
+    """Return whole leaves with vertices on their sides that no square can have there."""
+    leaf = np.flatnonzero(whole >= 0)
+    corner = leaves.lower()[leaf, None] + CORNERS * (leaves.size[leaf] * leaves.unit)[:, None, None]
+    points = np.concatenate([corner.reshape(-1, 2), rings.points])
+    bad = np.zeros(len(leaf), dtype=np.bool_)
+    for k, (a, b) in enumerate(SIDES):
+        lines = _OnLines(points, 1 if k < 2 else 0)
+        start, end = corner[:, a], corner[:, b]
+        first, count = lines.between(start, end)
+        at = lines.names[np.minimum(first, len(lines.names) - 1)].imag
+        middle = 0.5 * (start + end)[:, 1 - lines.axis]
+        bad |= (count > 1) | ((count == 1) & (at != middle))
+    return leaf[bad]
+
+
+def with_squares(rings: Rings, chosen: Ints, whole: Ints, leaves: SquareLeaves) -> Rings:
+    """Return polygons, and those of some whole leaves."""
+    at = (
+        leaves.lower()[chosen, None]
+        + CORNERS[ROUND] * (leaves.size[chosen] * leaves.unit)[:, None, None]
+    )
+    return Rings.joined([rings, Rings.of(chosen, whole[chosen], at)])
+
+
+def mesh_of(whole: Ints, rings: Rings, leaves: SquareLeaves) -> CutMesh:
+    """Return squares for whole leaves, and triangles for polygons, side to side."""
+    leaf = np.flatnonzero(whole >= 0)
+    corner = leaves.lower()[leaf, None] + CORNERS * (leaves.size[leaf] * leaves.unit)[:, None, None]
+    rings = _with_vertices(rings, np.concatenate([corner.reshape(-1, 2), rings.points]), leaves)
+    of, triangles = filled(rings)
+    at = rings.points[triangles]
+    three = (at != np.roll(at, -1, axis=1)).any(axis=2).all(axis=1)
+    of, triangles, at = of[three], triangles[three], at[three]
+    bad = np.unique(rings.place[of[slopes(at)[1] <= 0.0]])
+    if len(bad):  # polygons that cut themselves by rounding
+        raise VagueError(bad)
+    points = np.concatenate([corner.reshape(-1, 2), rings.points])
+    _, first, number = np.unique(named(points), return_index=True, return_inverse=True)
+    return CutMesh(
+        points[first],
+        number[: 4 * len(leaf)].reshape(-1, 4),
+        leaf,
+        whole[leaf],
+        number[4 * len(leaf) + triangles],
+        rings.place[of],
+        rings.law[of],
+    ).torn()
+
+
+def _with_vertices(rings: Rings, points: Floats, leaves: SquareLeaves) -> Rings:
+    """Return polygons with the vertices of others that lie on the sides of their leaves."""
+    start, end, row = rings.points, rings.points[rings.following], rings.row
+    low = leaves.lower()[rings.place][row]
+    high = low + (leaves.size[rings.place] * leaves.unit)[row, None]
+    count = np.zeros(len(start), dtype=np.int64)
+    first, along = count.copy(), count.copy()
+    lines = [_OnLines(points, axis) for axis in (0, 1)]
+    for axis in (0, 1):
+        on = (start[:, axis] == end[:, axis]) & (
+            (start[:, axis] == low[:, axis]) | (start[:, axis] == high[:, axis])
+        )
+        first[on], count[on] = lines[axis].between(start[on], end[on])
+        along[on] = axis
+    k = np.arange((count + 1).sum()) - np.repeat(np.cumsum(count + 1) - count - 1, count + 1)
+    at = np.repeat(np.arange(len(start)), count + 1)
+    out = start[at].copy()
+    for axis in (0, 1):
+        new = np.flatnonzero((k > 0) & (along[at] == axis))
+        of = at[new]
+        up = end[of, 1 - axis] > start[of, 1 - axis]
+        n = np.where(up, first[of] + k[new] - 1, first[of] + count[of] - k[new])
+        out[new, 1 - axis] = lines[axis].names[n].imag
+    size = np.bincount(row, count + 1, len(rings.count)).astype(np.int64)
+    return Rings(rings.place, rings.law, size, out)
+
+
+def filled(rings: Rings) -> tuple[Ints, Ints]:
+    """Return triangles that fill polygons: which polygon, and corners among all, shape (n, 3).
+
+    Of all ways those are chosen of which the worst has the best shape (4 √3 area / Σ sides²).
+    Triangles that all run counter-clockwise and end at the polygon's sides cannot overlap.
+    """
+    begin = np.cumsum(rings.count) - rings.count
+    owner, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 3), dtype=np.int64)]
+    for n in np.unique(rings.count).tolist():
+        rows = np.flatnonzero(rings.count == n)
+        at = rings.points[begin[rows, None] + np.arange(n)]
+        for row, corners in _split(at):
+            owner.append(rows[row])
+            found.append(begin[rows[row], None] + corners)
+    return np.concatenate(owner), np.concatenate(found)
+
+
+def _split(at: Floats) -> list[tuple[Ints, Ints]]:
+    """Return the triangles of polygons with equally many corners: rows, and corners."""
+    n = at.shape[1]
+    best = {(i, i + 1): np.full(len(at), 2.0) for i in range(n - 1)}
+    apex: dict[tuple[int, int], Ints] = {}
+    square = ((at[:, :, None] - at[:, None]) ** 2).sum(axis=3)
+    for span in range(2, n):
+        for i in range(n - span):
+            k, shapes = i + span, []
+            for j in range(i + 1, k):
+                (x1, y1), (x2, y2) = (at[:, j] - at[:, i]).T, (at[:, k] - at[:, i]).T
+                sides = square[:, i, j] + square[:, j, k] + square[:, i, k]
+                shape = 12.0**0.5 * (x1 * y2 - x2 * y1) / np.maximum(sides, 1e-300)
+                # corners at one place, where a polygon touches itself, part it there
+                same = (
+                    (square[:, i, j] == 0.0) | (square[:, j, k] == 0.0) | (square[:, i, k] == 0.0)
+                )
+                shape = np.where(same, 2.0, shape)
+                shapes.append(np.minimum(shape, np.minimum(best[i, j], best[j, k])))
+            every = np.array(shapes)
+            apex[i, k] = i + 1 + every.argmax(axis=0)
+            best[i, k] = every.max(axis=0)
+    out, chords = [], [(0, n - 1, np.arange(len(at)))]
+    while chords:
+        i, k, rows = chords.pop()
+        if k - i < 2:
+            continue
+        for j in np.unique(apex[i, k][rows]).tolist():
+            mine = rows[apex[i, k][rows] == j]
+            out.append((mine, np.tile([i, j, k], (len(mine), 1))))
+            chords += [(i, j, mine), (j, k, mine)]
+    return out

@@ -1,0 +1,168 @@
+"""Scenes with true outlines as problems: body, laws, supports and loads, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import gcd
+from typing import cast
+
+import numpy as np
+
+from kaju.errors import SceneError
+from kaju.model.elastic.scales import Scales
+from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import NOT_BODY
+from kaju.model.scene.shapes import OutlinedShape
+
+from .arc_triangles import TouchError, keep_apart
+from .laws import AIR, Law
+from .outline_problem import SIDES, LoadedOutline, OutlineProblem, along
+from .true_shapes import TrueBody, TrueRegion
+
+FIRST = 8  # first agents along the longer side, where the cells' number has such a divisor
+
+
+def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
+    """Return what is solved, and the edge (m) of the first agents."""
+    lattice = scene.lattice
+    nx, ny = lattice.shape
+    common = gcd(nx, ny)
+    wide = [d for d in range(1, common + 1) if common % d == 0 and max(nx, ny) // d >= FIRST]
+    cells = max(wide, default=1)
+    edge = lattice.cell_size * cells
+    shape = (nx // cells, ny // cells)
+    body = _body(scene, edge, shape)
+    modulus = scene.cell_materials[0].youngs_modulus
+    held: dict[str, tuple[int, ...]] = {}
+    for name in SIDES:
+        kind = scene.side_condition(name).kind
+        if kind != "free":
+            held[name] = (0, 1) if kind == "rigid" else (SIDES[name][0],)
+    # stresses as strains of the modulus, forces as such over edges
+    unit = modulus * scene.thickness * edge
+    forces = {str(load.side): np.zeros(2) for load in scene.loads if load.side is not None}
+    tractions = {side: np.zeros(2) for side in forces}
+    outlines: list[LoadedOutline] = []
+    for number, load in enumerate(scene.loads):
+        if load.outline is not None:
+            outlines.append(_outline_load(scene, number, body, shape, unit))
+            if any(one.name == load.outline for one in outlines[:-1]):
+                raise SceneError(
+                    f"loads.{number}.outline: {load.outline!r} is loaded already; give one load"
+                )
+        elif load.pressure is not None:
+            axis, upper = SIDES[str(load.side)]
+            tractions[str(load.side)][axis] -= load.pressure / modulus * (1 if upper else -1)
+        else:
+            forces[str(load.side)] += np.array(load.force) / unit
+    weight = np.zeros(2)
+    if scene.body.gravity is not None and any(scene.body.gravity):
+        density = scene.cell_materials[0].density
+        assert density is not None
+        weight = density * edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
+    stresses = [one.stress for one in outlines]
+    acting = [*forces.values(), *tractions.values(), *stresses, weight]
+    strain = max(float(np.abs(one).max()) for one in acting)
+    if strain == 0.0:
+        raise SceneError(
+            "loads: without a load or gravity, or with loads of sides that cancel, there is no "
+            "energy to bound; give one of them"
+        )
+    # refuses what no number holds
+    Scales.of(modulus, strain * unit, edge, modulus * scene.thickness)
+    problem = OutlineProblem(
+        body,
+        shape,
+        held,
+        {side: force / strain for side, force in forces.items()},
+        {side: traction / strain for side, traction in tractions.items()},
+        tuple(replace(one, stress=one.stress / strain) for one in outlines),
+        weight / strain,
+        strain,
+    )
+    return problem, edge
+
+
+def _outline_load(
+    scene: Scene, number: int, body: TrueBody, shape: tuple[int, int], unit: float
+) -> LoadedOutline:
+    """Return what a load does along an outline; refuse an outline that cannot be loaded."""
+    load, where = scene.loads[number], f"loads.{number}.outline"
+    name = str(load.outline)
+    which = [region.name for region in scene.body.regions].index(name)
+    check_alone(body.regions, which, f"{where}: {name!r}", "load")
+    _check_body_ends(scene, which, where)
+    region = body.regions[which]
+    if load.pressure is not None:
+        stress = -load.pressure / scene.cell_materials[0].youngs_modulus * np.eye(2)
+        found = LoadedOutline(name, which, stress)
+    else:
+        total = np.array(load.force) / unit
+        found = LoadedOutline.pushed(name, which, region, total, shape)
+        if total.any() and not found.stress.any():
+            raise SceneError(f"loads.{number}.force: nothing of {name!r} faces it")
+    if not len(along(region, shape)):
+        raise SceneError(f"{where}: nothing of {name!r} lies within the array")
+    return found
+
+
+def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str) -> None:
+    """Refuse what an outline bears where it meets another one."""
+    for other, beside in enumerate(regions):
+        if other != which and not keep_apart(regions[which].arcs, beside.arcs):
+            raise SceneError(
+                f"{what} meets the outline of regions.{other}; a {borne} is known along outlines "
+                "that are alone: draw both as one path"
+            )
+
+
+def _check_body_ends(scene: Scene, which: int, where: str) -> None:
+    """Refuse a load on an outline, which meets no other, that is not where the body ends."""
+    body = scene.body
+    shapes = [
+        region.shape_in(scene.lattice, f"body.regions.{number}")
+        for number, region in enumerate(body.regions)
+    ]
+    at = cast(OutlinedShape, shapes[which]).outline()[0][:1, 0]
+    place, below, region = at[:, :2] / at[:, 2:], body.material, body.regions[which]
+    for number, other in enumerate(body.regions):
+        if number == which or not shapes[number].contains(place)[0]:
+            continue
+        if number > which:
+            raise SceneError(f"{where}: {region.name!r} is covered by regions.{number}")
+        below = other.material
+    if (region.material in NOT_BODY) == (below in NOT_BODY):
+        raise SceneError(
+            f"{where}: {region.name!r} is {region.material} in {below}; loads act where the body "
+            "ends, not between two materials, or in the air"
+        )
+
+
+def laws_of(scene: Scene) -> dict[str, Law]:
+    """Return the law of each material by name; the first one's Young's modulus is 1."""
+    names = [scene.body.material, *(region.material for region in scene.body.regions)]
+    found = dict.fromkeys(name for name in names if name is not None and name not in NOT_BODY)
+    unit = scene.cell_materials[0].youngs_modulus
+    return {
+        name: Law.of(
+            material.youngs_modulus / unit, material.poissons_ratio, scene.plane or "stress"
+        )
+        for name, material in zip(found, scene.cell_materials, strict=True)
+    }
+
+
+def _body(scene: Scene, edge: float, shape: tuple[int, int]) -> TrueBody:
+    laws = laws_of(scene)
+    regions = []
+    for number, region in enumerate(scene.body.regions):
+        where = f"body.regions.{number}"
+        try:
+            lines = cast(OutlinedShape, region.shape_in(scene.lattice, where)).outline()
+            arcs = [np.asarray(arcs / [edge, edge, 1.0]) for arcs in lines]
+            regions.append(TrueRegion.within(arcs, shape, laws.get(region.material, AIR)))
+        except TouchError:
+            raise SceneError(
+                f"{where}: its outline crosses or touches itself; split it in two"
+            ) from None
+    return TrueBody(laws.get(str(scene.body.material), AIR), tuple(regions))

@@ -54,7 +54,8 @@ class LoadTransfer(Stepper[TransferResult]):
         self.max_generations = max_generations
         self.transfer = Transfer(scene, rule)
         self.certificate: Certificate = not_known(own) if own else certify(scene, self.transfer)
-        if not (own or self.certificate.stable or allow_unstable):
+        refused = self.certificate.known and not self.certificate.stable
+        if refused and not allow_unstable:
             raise StabilityError(
                 f"{self.certificate.verdict}; to watch it grow all the same, "
                 "set allow_unstable=True (`kaju run --allow-unstable`)"

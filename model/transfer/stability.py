@@ -6,6 +6,9 @@ back all they get; so every column of T sums up to what an agent of that cell's 
 emits per newton. Where all agents emit the same, that sum *is* the spectral radius, because
 1ᵀT = c 1ᵀ; where materials differ it lies between the smallest and the largest sum, and
 power iteration narrows it down (bounds of Collatz and Wielandt).
+
+These sums know nothing of γ, up to which loads end. So a scene of which they do not say that its
+loads end is tried: more than its own run tells, nobody can know.
 """
 
 from __future__ import annotations
@@ -19,13 +22,18 @@ import numpy as np
 from kaju.arrays import Floats, first_largest
 from kaju.model.scene import Scene
 
-from .transfer import Transfer, split_force
+from .array_engine import ArrayEngine
+from .transfer import Transfer, split_force, states_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 MOST_CELLS_FOR_OPERATOR = 200_000
 """Above this many cells the operator is bounded but not iterated on."""
+
+MOST_TRIED, MOST_ROWS, GROWN = 1_000, 2_000_000, 1e3
+"""A scene is tried for so many generations, and rows of loads, until its loads are so many times
+the applied ones; the page does the same."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +47,7 @@ class Certificate:
     generations: int | None  # after which every load has ended, at the latest, if known
     stable: bool  # whether the run is sure to end
     verdict: str  # the same in words, with a remedy if the run is unstable
-    known: bool = True  # of agents of one's own nothing is
+    known: bool = True  # not of agents of one's own, nor where a trial has told nothing
 
 
 def not_known(agents: list[str]) -> Certificate:
@@ -96,15 +104,46 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
     else:
         largest = float(applied.max(initial=0.0))
         generations = _generations(largest, largest_share, transfer.rule.threshold)
+    known_to_end = True
     if generations is None:
-        verdict = _grows(transfer, lower, upper)
+        growth, remedy = _grows(transfer, lower, upper)
+        generations, grown = _tried(scene, transfer)
+        known_to_end = grown or generations is not None or not transfer.rule.accumulate
+        verdict = f"{growth}: {remedy}"
+        if generations is not None:
+            verdict = (
+                f"the loads come to rest after {generations} generations, as what is not above the "
+                f"threshold ends; with a much lower one, {growth}"
+            )
+        elif not known_to_end:
+            verdict = f"{growth}, unless the threshold ends them: only the run can tell"
     elif generations == 0:
         verdict = "no load exceeds the threshold: nothing happens"
     else:
         unit = "generation" if generations == 1 else "generations"
         verdict = f"every load ends within {generations} {unit}"
     stable = generations is not None
-    return Certificate(lower, upper, radius, largest_share, generations, stable, verdict)
+    return Certificate(
+        lower, upper, radius, largest_share, generations, stable, verdict, known_to_end
+    )
+
+
+def _tried(scene: Scene, transfer: Transfer) -> tuple[int | None, bool]:
+    """Run a scene for a while; return when it came to rest, if it did, and whether loads grew."""
+    engine, rows, last = ArrayEngine(transfer), 0, 0
+    for stage in range(1, scene.stages + 1):
+        live_on = stage > 1 and scene.loading == "continue"
+        engine.start(*states_of(scene, stage, transfer.rule.sense), live_on=live_on)
+        begun = engine.generation
+        while engine.pending != 0.0:
+            rows += len(engine.waiting.agent)
+            grown = not engine.pending <= GROWN * engine.applied
+            if grown or rows > MOST_ROWS or engine.generation - begun >= MOST_TRIED:
+                return None, grown
+            engine.begin()
+            engine.act()
+        last = max(last, engine.generation - begun)
+    return last, False
 
 
 def _generations(load: float, decay: float, threshold: float) -> int | None:
@@ -118,14 +157,15 @@ def _generations(load: float, decay: float, threshold: float) -> int | None:
     return floor(log(threshold / load) / log(decay) * (1.0 + 1e-12)) + 1
 
 
-def _grows(transfer: Transfer, lower: float, upper: float) -> str:
-    """Say why the run is refused, and which share to lower below what."""
+def _grows(transfer: Transfer, lower: float, upper: float) -> tuple[str, str]:
+    """Say why loads may not end, and which share to lower below what."""
     worst = first_largest(transfer.emitted.max(axis=1)) // transfer.lattice.forms
     shares, name = transfer.shares[worst], transfer.materials[worst].name
     if not transfer.rule.accumulate:
         return (
             f"a load that an agent of {name!r} passes on in one piece is not smaller than the "
-            "load it took, so it never ends: lower forward (α₂), friction (α₃) and α₁ below 1"
+            "load it took, so it never ends",
+            "lower forward (α₂), friction (α₃) and α₁ below 1",
         )
     way = transfer.lattice.way(0, 0).beside
     beside = sum(each.friction for each in way)
@@ -143,7 +183,7 @@ def _grows(transfer: Transfer, lower: float, upper: float) -> str:
         if limit > 0.0
     ]
     remedy = f"lower {' or '.join(remedies)}" if remedies else "lower all shares of it"
-    return f"{growth}: {remedy}, or judge each load by itself (accumulate = false)"
+    return growth, f"{remedy}, or judge each load by itself (accumulate = false)"
 
 
 def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:

@@ -38,7 +38,7 @@ tell(data.map(({ scene, cells, stage }) => {
 def at_stage(scene, stage):
     """Run one stage only, stopped as the twin is."""
     model = LoadModel(scene, engine="arrays", allow_unstable=True, max_generations=40)
-    model._begin_stage(stage)
+    model.course._begin_stage(stage)
     while not model.outcome:
         model.step()
     return model.result()

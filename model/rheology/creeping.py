@@ -23,6 +23,7 @@ from kaju.model.network.springs import SpringNetwork
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
 from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.transfer_result import NO_EQUILIBRIUM
 from kaju.stopping import NOTE, interrupt_requested
 
 from .creep_result import CreepResult
@@ -42,10 +43,6 @@ _STATIC_TOLERANCE = 1e-10
 """Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
 _TIMES = 101
 """Times that a result has unless they are asked for: a curve of so many points looks smooth."""
-_NO_EQUILIBRIUM = (
-    "the prescribed rule keeps no equilibrium: its displacements may be hardly closer to those of "
-    'the body than no answer at all; rule = { kind = "elastic" } gives these'
-)
 _JUMPS_NOTED_FROM = 0.01
 """Share of the work that is set free at jumps from which on a note says so."""
 
@@ -257,7 +254,7 @@ class CreepModel(Stepper[AnyTimeResult]):
     def _notes(self, work: float, at_jumps: float) -> tuple[str, ...]:
         notes = []
         if self.scene is not None and self.scene.rule.kind == "prescribed":
-            notes.append(_NO_EQUILIBRIUM)
+            notes.append(NO_EQUILIBRIUM)
         if interrupt_requested():
             notes.append(NOTE)
         if at_jumps > _JUMPS_NOTED_FROM * work:

@@ -46,6 +46,12 @@ IDLE_GENERATIONS = 10_000
 pictures and films go through all of them. It is what `LoadModel` makes unless it is told more."""
 
 
+NO_EQUILIBRIUM = (
+    "the prescribed rule keeps no equilibrium: its displacements may be hardly closer to those of "
+    'the body than no answer at all; rule = { kind = "elastic" } gives these'
+)
+
+
 @dataclass(frozen=True)
 class AgentState:
     """What the agents of a stage know, after any generation."""
@@ -209,7 +215,8 @@ class TransferResult(BodyResult):
     @cached_property
     def _caveats(self) -> list[tuple[str, str]]:
         """What is approximate, in a few words and in full."""
-        found = [("materials do not creep here", note) for note in idle_rheology(self.scene)]
+        found = [("keeps no equilibrium", NO_EQUILIBRIUM)]
+        found += [("materials do not creep here", note) for note in idle_rheology(self.scene)]
         rule = self.scene.rule
         if isinstance(rule, PrescribedRule) and not rule.sense:
             applied = self.scene.applied(len(self.stages))
@@ -360,7 +367,8 @@ class TransferResult(BodyResult):
             "spectral_radius": self.certificate.spectral_radius,
             "seconds": self.seconds,
             "kaju_version": __version__,
-        } | ({"notes": list(self.notes)} if self.notes else {})
+            "notes": list(self.notes),
+        }
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per material agent of the last stage.

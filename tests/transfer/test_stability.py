@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from plates import PLATE
 from strategies import scenes
 
-from kaju import KajuError, LoadModel, PrescribedRule, Scene, stability
+from kaju import Coefficients, KajuError, LoadModel, PrescribedRule, Scene, stability
 from kaju.errors import StabilityError
 from kaju.model.transfer.stability import transfer_operator
 from kaju.model.transfer.transfer import Transfer
@@ -38,6 +38,29 @@ def test_added_up_the_plate_is_refused_with_a_remedy_that_works():
         mended = Scene(**PLATE, rule=PrescribedRule(alpha=alpha, accumulate=True))
         assert stability(mended).stable
         assert LoadModel(mended, engine="arrays").run().last.ledger.pending == 0.0
+
+
+@pytest.mark.parametrize("accumulate", [True, False])
+def test_what_comes_to_rest_by_its_threshold_is_not_refused(accumulate):
+    """The sums that grow say nothing of γ; a share of 1 in a material that no load reaches, too."""
+    rule = PrescribedRule(alpha=(0.5, 0.4, 0.25), accumulate=True)
+    if not accumulate:
+        rule = PrescribedRule(materials={"rubber": Coefficients(alpha=(0.5, 1.0, 0.25))})
+    far = {"box": [[0.0, 0.0], [0.02, 0.02]], "material": "rubber"}
+    scene = Scene(**PLATE | {"body": PLATE["body"] | {"regions": [far]}}, rule=rule)
+    certificate, last = stability(scene), LoadModel(scene).run().last
+    assert certificate.stable
+    assert certificate.generations == last.generations
+    assert "come to rest after" in certificate.verdict
+    assert last.ledger.pending == 0.0
+
+
+def test_what_a_trial_cannot_tell_runs_and_is_watched(monkeypatch):
+    monkeypatch.setattr("kaju.model.transfer.stability.MOST_TRIED", 3)
+    model = LoadModel(Scene(**PLATE, rule=PrescribedRule(accumulate=True)), engine="arrays")
+    assert not model.certificate.known
+    assert "only the run can tell" in model.certificate.verdict
+    assert 2e3 < model.run().last.ledger.pending < 2.4e3
 
 
 def test_an_unstable_run_on_demand_stops_before_it_overflows():

@@ -66,7 +66,7 @@ def test_the_summary_has_its_keys(result):
     assert list(result.summary()) == [
         *("rule", "generations", "material_agents", "boundary_agents", "free_boundary_agents"),
         *("rigid_boundary_agents", "load_taken", "load_dropped", "reaction", "max_displacement"),
-        *("spectral_radius", "seconds", "kaju_version"),
+        *("spectral_radius", "seconds", "kaju_version", "notes"),
     ]
 
 

@@ -308,7 +308,9 @@ export class Page {
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (!box.w) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
-    this.parts.cap.textContent = this.told || (moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "");
+    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
+    const ruled = this.deformable && (moved || !this.lesson) ? t("keepsNone") : "";
+    this.parts.cap.textContent = this.told || [scaled, ruled].filter(Boolean).join(" · ");
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 MOST_CELLS_FOR_OPERATOR = 200_000
 """Above this many cells the operator is bounded but not iterated on."""
 
-MOST_TRIED, MOST_ROWS, GROWN = 1_000, 2_000_000, 1e3
+MOST_TRIED, MOST_ROWS, GROWN = 300, 300_000, 1e3
 """A scene is tried for so many generations, and rows of loads, until its loads are so many times
 the applied ones; the page does the same."""
 

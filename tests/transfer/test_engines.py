@@ -27,9 +27,11 @@ def assert_same_stage(one, other):
 
 def run_both(scene):
     """Run a scene on both engines: same loads, balanced ledgers, a certificate that is right."""
-    if not stability(scene).stable:
-        with pytest.raises(StabilityError, match="lower"):
-            LoadModel(scene)
+    certificate = stability(scene)
+    if not certificate.stable:
+        if certificate.known:
+            with pytest.raises(StabilityError, match="lower"):
+                LoadModel(scene)
         return
     models = [LoadModel(scene, engine=engine) for engine in ("agents", "arrays")]
     one, other = (model.run() for model in models)

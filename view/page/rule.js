@@ -324,7 +324,7 @@ export function* certifying(scene, cells) {
   for (let rows = 0; !tried.atRest; tried.step()) {
     rows += tried.waiting.n;
     const grown = !(tried.pending <= 1e3 * tried.applied);
-    if (grown || rows > 2e6 || tried.generation >= 1000) return { ...best, stable: grown || !accumulate ? false : null };
+    if (grown || rows > 3e5 || tried.generation >= 300) return { ...best, stable: grown || !accumulate ? false : null };
     if (tried.generation % 20 === 19) yield best;
   }
   return { ...best, generations: tried.generation, stable: true, tried: true };

@@ -86,7 +86,8 @@ class Meal:
             for chew in range(self.chews)
         ]
         over = self.chewing + self.period * self.chews
-        return np.unique(np.concatenate([*parts, over + self.rest * later]).round(9))
+        every = np.unique(np.concatenate([*parts, over + self.rest * later]).round(9))
+        return np.minimum(every, self.history().duration)  # which rounding may exceed
 
 
 @dataclass(frozen=True, eq=False)

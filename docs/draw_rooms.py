@@ -18,8 +18,12 @@ import networkx as nx
 ROOT = Path(__file__).parents[1]
 DRAWING = ROOT / "docs" / "pictures" / "rooms.svg"
 HOMES = {"agents": "agents", "model": "model", "view": "view", "cli": "cli", "": "src/kaju"}
-# Materials and scenes name the law in time, and answers the solids that cells are cut from.
-UPWARDS = {("agents", "rheology"), ("scene", "rheology"), ("elastic", "solid")}
+ORDER = (
+    *("ground", "agents", "model", "scene", "results", "network", "transfer", "elastic"),
+    *("outline", "solid", "rheology", "growth", "fracture", "scale", "study", "view"),
+    *("page", "cli"),
+)
+"""From the ground to the roof: an arrow that leads upwards is dashed."""
 
 
 def files() -> Iterator[tuple[str, Path]]:
@@ -83,10 +87,15 @@ def rooms() -> nx.DiGraph:
     return found
 
 
+def upwards(whole: nx.DiGraph) -> list[tuple[str, str]]:
+    """Return the arrows that lead upwards."""
+    return sorted((a, b) for a, b in whole.edges if ORDER.index(a) < ORDER.index(b))
+
+
 def drawn(whole: nx.DiGraph) -> nx.DiGraph:
-    """Return the arrows that are drawn: those that others imply are left out."""
+    """Return the arrows that lead downwards; those that others imply are left out."""
     down = whole.copy()
-    down.remove_edges_from(UPWARDS)
+    down.remove_edges_from(upwards(whole))
     return nx.transitive_reduction(down)
 
 
@@ -101,7 +110,7 @@ def svg(whole: nx.DiGraph) -> str:
         for number, room in enumerate(names):
             x = width * (number + 0.5) / len(names)
             place[room] = x, step * (len(rows) - height) - 44
-    for one, other in [*sorted(arrows.edges), *sorted(UPWARDS)]:
+    for one, other in [*sorted(arrows.edges), *upwards(whole)]:
         (x, y), (u, v) = place[one], place[other]
         side, dash = (17, "") if v > y else (-17, ' stroke-dasharray="4 3"')
         parts.append(

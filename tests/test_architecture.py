@@ -66,7 +66,7 @@ def test_the_drawing_shows_what_is_imported():
     ids = {node.tag.rpartition("}")[2]: set() for node in drawing.iter()}
     for node in drawing.iter():
         ids[node.tag.rpartition("}")[2]].add(node.get("id"))
-    upwards = {"-".join(pair) for pair in draw_rooms.UPWARDS}
+    upwards = {"-".join(pair) for pair in draw_rooms.upwards(rooms)}
     assert ids["path"] - {None} == arrows | upwards
     assert ids["text"] - {None} == set(rooms)
 

@@ -396,14 +396,14 @@ function multiply({ rows, start, index, value }, x, out) {
 
 /** One symmetric cycle over a grid and its parents, with Gauss-Seidel sweeps. */
 export class Multigrid {
-  constructor(matrix, places, former) {        // `former`: of a matrix on the same places, whose parents it takes
+  constructor(matrix, places) {
     this.levels = [multigridLevel(matrix)];
     for (;;) {
       const fine = this.levels[this.levels.length - 1];
       if (fine.matrix.rows <= COARSEST) break;
-      const known = former?.levels[this.levels.length - 1], { parents, prolong } = known ?? coarsened(places);
-      if (!prolong || prolong.columns > 0.7 * prolong.rows) break;
-      Object.assign(fine, { parents, prolong, restrict: known?.restrict ?? transposed(prolong) });
+      const { parents, prolong } = coarsened(places);
+      if (prolong.columns > 0.7 * prolong.rows) break;
+      Object.assign(fine, { prolong, restrict: transposed(prolong) });
       places = parents;
       this.levels.push(multigridLevel(product(fine.restrict, product(fine.matrix, prolong))));
     }
@@ -463,17 +463,16 @@ function coarsened(places) {
   return { parents, prolong: { ...packed(n, columns, values), columns: parents.length } };
 }
 
-/** From nothing, or from a solution before; to an error in the energy norm, as a share of the solution's. */
-export function conjugateGradients(matrix, load, multigrid, start = null, tolerance = TOLERANCE) {
-  const n = load.length, x = start?.slice() ?? new Float64Array(n), p = new Float64Array(n), q = new Float64Array(n);
-  const r = multiply(matrix, x, q).map((v, i) => load[i] - v);
+/** To an error in the energy norm, as a share of the solution's. */
+export function conjugateGradients(matrix, load, multigrid) {
+  const n = load.length, x = new Float64Array(n), p = new Float64Array(n), q = new Float64Array(n), r = load.slice();
   const dot = (a, b) => { let sum = 0; for (let i = 0; i < n; i++) sum += a[i] * b[i]; return sum; };
   let rho = 0, first = 0, iterations = 0, left = 0;
   for (; iterations <= MOST_ITERATIONS; iterations++) {
     const z = multigrid.precondition(r), next = dot(r, z);
-    if (!iterations) first = start ? dot(x, load) : next;
+    if (!iterations) first = next;
     left = first > 0 ? Math.sqrt(Math.max(next, 0) / first) : 0;
-    if (left <= tolerance || iterations === MOST_ITERATIONS) break;
+    if (left <= TOLERANCE || iterations === MOST_ITERATIONS) break;
     const beta = iterations ? next / rho : 0;
     rho = next;
     for (let i = 0; i < n; i++) p[i] = z[i] + beta * p[i];
@@ -483,6 +482,6 @@ export function conjugateGradients(matrix, load, multigrid, start = null, tolera
     const step = rho / curvature;
     for (let i = 0; i < n; i++) { x[i] += step * p[i]; r[i] -= step * q[i]; }
   }
-  if (!(left <= Math.max(ENOUGH, tolerance))) throw new Error("The elastic answer did not settle: the materials differ too much, or the body is hardly held.");
-  return { x, iterations, left: r };
+  if (!(left <= ENOUGH)) throw new Error("The elastic answer did not settle: the materials differ too much, or the body is hardly held.");
+  return { x, iterations };
 }

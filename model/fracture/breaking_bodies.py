@@ -33,12 +33,10 @@ from kaju.errors import SceneError, require
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.staggered import (
-    Numbering,
     around_edges,
     axis_pairs,
     edge_modulus,
-    strain_matrix,
-    strain_vector,
+    rows_of,
 )
 from kaju.model.elastic.moduli import strain_of
 from kaju.model.network import SpringNetwork
@@ -343,7 +341,7 @@ class BreakingCells(WeakeningBody):
         self._bear = measured(measure, known)
 
         d, solid = problem.dimension, problem.kinds >= 0
-        self._numbering = Numbering(problem.face_states)
+        self._numbering, rows, given, bed, load = rows_of(problem)
         self._kinds = problem.kinds[solid].astype(np.int64)
         self._n = n = len(self._kinds)
         number = np.full(problem.kinds.shape, -1)
@@ -362,24 +360,20 @@ class BreakingCells(WeakeningBody):
 
         # Swelling and distortions: their moduli stand alone, those of the stretches do not.
         modes = sp.kron(helmert(d, full=True), sp.eye_array(n), format="csr")
-        turn = sp.block_diag([modes, sp.eye_array(len(self._total))], format="csr")
+        others = sp.eye_array(len(self._total) + len(bed))
+        turn = sp.block_diag([modes, others], format="csr")
         moduli = problem.moduli
         swelling = (moduli.stretch + (d - 1) * moduli.lateral)[self._kinds]
         distortion = np.tile((moduli.stretch - moduli.lateral)[self._kinds], d - 1)
         shear = [modulus[modulus > 0] for modulus in edges.values()]
-        bed = self._numbering.gather(problem.spring)
-        beds = sp.diags_array(np.ones(len(bed)), format="csr")[bed > 0.0]
-        strain = sp.vstack([turn @ strain_matrix(problem, self._numbering), beds], format="csr")
         unit = problem.scales.energy  # J, of displacements that stay scaled
-        stiffness = unit * np.concatenate([swelling, distortion, *shear, bed[bed > 0.0]])
-        fixed = turn @ strain_vector(problem, problem.fixed)
-        given = np.concatenate([fixed, np.zeros(beds.shape[0])])
+        stiffness = unit * np.concatenate([swelling, distortion, *shear, bed])
         self._unit_stress = problem.scales.stress
         self._tensor = self._to_stress(modes, [len(s) for s in shear]) * (self._unit_stress / unit)
         self._whole = np.ones(n, dtype=bool)
         most = CELLS_CORRECTED * (d + 4 * len(edges))
-        force = unit * self._numbering.gather(problem.force)
-        super().__init__(sp.csr_array(strain), stiffness, given, force, most, "MMD_AT_PLUS_A")
+        strain, given = sp.csr_array(turn @ rows), np.asarray(turn @ given)
+        super().__init__(strain, stiffness, given, unit * load, most, "MMD_AT_PLUS_A")
 
     def _to_stress(self, modes: sp.csr_array, counts: list[int]) -> sp.csr_array:
         """Return the matrix from forces of rows to the cells' normal and mean shear stresses."""

@@ -25,7 +25,6 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ConvergenceError, ResultError
@@ -41,9 +40,8 @@ from kaju.model.elastic.equal.staggered import (
     Strains,
     axis_pairs,
     edge_modulus,
+    rows_of,
     stiffness_matrix,
-    strain_matrix,
-    strain_vector,
 )
 from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
 from kaju.model.results.stored import Column
@@ -171,7 +169,6 @@ class CreepingBody(Creeping):
         problem, materials = cells_of(static).problem, static.grid.cell_materials
         self.problem, self.unit = problem, problem.scales.energy
         self.parts: dict[str, Any] = {"static": static}
-        self.numbering = Numbering(problem.face_states)
         kind = problem.kinds[problem.kinds >= 0]
         ratios = np.array([material.poissons_ratio for material in materials])
         self.unit_moduli = moduli_of(np.ones(len(materials)), ratios, problem.plane)
@@ -179,18 +176,11 @@ class CreepingBody(Creeping):
         self.shear = self.unit_moduli.shear[:, None]
         self.share = _shares_of_edges(problem, len(materials))
         self.counted = slice(problem.dimension * len(kind))
-        # Elongations of rows: of cells, of edges, and of the faces on the bed.
-        bed = self.numbering.gather(problem.spring)
-        on_bed = sp.eye_array(self.numbering.size, format="csr")[bed > 0.0]
-        rows = strain_matrix(problem, self.numbering)
-        self.rows = sp.csr_array(sp.vstack([rows, on_bed], format="csr"))
+        self.numbering, self.rows, self.given, bed, self.load = rows_of(problem)
         self.columns = self.rows.T.tocsr()
-        given = strain_vector(problem, problem.fixed)
-        self.given = np.append(given, np.zeros(on_bed.shape[0]))
-        self.load = self.numbering.gather(problem.force)
         edges = self.share.shape[1]
         of_materials = laws_of([law_of(material) for material in materials])
-        springs = laws_of([ThreeElement.spring(stiffness) for stiffness in bed[bed > 0.0]])
+        springs = laws_of([ThreeElement.spring(stiffness) for stiffness in bed])
         parts = [
             (np.tile(law[kind], problem.dimension), np.repeat(law, edges), own)
             for law, own in zip(

@@ -256,11 +256,28 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
     return sp.csr_array(sp.vstack(blocks, format="csr"))
 
 
-def strain_vector(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return strains of face displacements as `strain_matrix` orders them, rim faces included."""
-    strain, solid = strains(u), problem.kinds >= 0
+class Rows(NamedTuple):
+    """A body as rows of strain, K = Bᵀ k B: cells along each axis, edges, springs of the bed."""
+
+    numbering: Numbering
+    matrix: sp.csr_array  # B: elongation of every row by displacement of the active faces
+    given: Floats  # elongation by what sides are moved by
+    bed: Floats  # stiffness of the bed's springs, which are the last rows
+    load: Floats  # force on the active faces
+
+
+def rows_of(problem: ElasticProblem) -> Rows:
+    """Return the rows of a body whose stiffness, or whose strains at rest, change."""
+    numbering = Numbering(problem.face_states)
+    springs = numbering.gather(problem.spring)
+    on_bed = sp.eye_array(numbering.size, format="csr")[springs > 0.0]
+    matrix = sp.vstack([strain_matrix(problem, numbering), on_bed], format="csr")
+    strain, solid = strains(problem.fixed), problem.kinds >= 0
     edges = [shear[edge_modulus(problem, pair) > 0] for pair, shear in strain.edges.items()]
-    return np.concatenate([*(stretch[solid] for stretch in strain.cells), *edges])
+    cells = (stretch[solid] for stretch in strain.cells)
+    given = np.concatenate([*cells, *edges, np.zeros(on_bed.shape[0])])
+    load = numbering.gather(problem.force)
+    return Rows(numbering, sp.csr_array(matrix), given, springs[springs > 0.0], load)
 
 
 def _differences(columns: int, terms: list[tuple[Ints, float]]) -> sp.csr_array:

@@ -28,7 +28,7 @@ def check(
     A stored result is read to its end, every array; and its books, forces
     and energies must balance.
     """
-    if file.suffix != ".toml" and (file.suffix in (".npz", ".pvti") or file.is_dir()):
+    if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
         _check_result(file, as_json)
     else:
         _check_scene(file, settings, as_json)

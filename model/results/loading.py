@@ -21,7 +21,7 @@ def load_result(path: str | Path) -> Result:
     ----------
     path : path
         An ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces with
-        ``result.pvti``.
+        ``result.xdmf``.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def load_result(path: str | Path) -> Result:
     8
     """
     file = Path(path)
-    if file.suffix == ".pvti" or is_there(file / "result.pvti"):
+    if file.suffix == ".xdmf" or is_there(file / "result.xdmf"):
         return cast(Result, fetch(KINDS["elasticity in pieces"].result).load(file))
     if is_there(file) and file.is_dir():
         file = file / "result.npz"

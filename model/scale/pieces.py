@@ -1,21 +1,17 @@
 """Answers in pieces: each process writes its own, and each piece can be read by itself.
 
-A result is a folder of VTK image files, one a piece, with ``result.pvti`` that names them; ParaView
-reads it as it is. Data lie raw behind the header of each file, so a reader takes only what it
-wants. The folder gets its name when all pieces are on the disk.
+A result is a folder of NumPy files, one for every field of every piece, with ``result.xdmf`` that
+tells ParaView where in them the numbers lie. Files are mapped into memory, so a reader takes only
+what it wants. The folder gets its name when all pieces are on the disk.
 """
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
-from xml.etree import ElementTree
-from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +27,9 @@ from kaju.errors import (
     SupportError,
     WorkerError,
 )
-from kaju.files import file_to_read, hidden_folder, move_into_place
+from kaju.files import hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
-from kaju.model.elastic.equal.staggered import axis_pairs
-from kaju.model.results.archive import Archive, open_archive, reading, write_archive
+from kaju.model.results.archive import open_archive, reading, write_archive
 from kaju.model.results.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 
@@ -44,21 +39,7 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer")
 Fields = dict[str, NDArray[Any]]
 
-INDEX = "result.pvti"
-SUMMARY = "summary.json"
-SCENE = "scene.npz"
-FIGURES: dict[str, Any] = {
-    "seconds": float,
-    "subdivision": int,
-    "strain_energy": float,
-    "error_estimate": float,
-    "iterations": int,
-    "max_displacement": float,
-    "reaction": dict[str, list[float]],
-}
-"""What the summary must tell, and in which form."""
-_TYPES = {"Float64": "<f8", "Int32": "<i4"}
-_HEADER = b'<AppendedData encoding="raw">\n_'
+INDEX, SCENE = "result.xdmf", "scene.npz"
 
 
 @dataclass(frozen=True)
@@ -75,57 +56,6 @@ class Piece:
     def holds(self, cells: Ints) -> Flags:
         """Tell which cells lie in the piece."""
         return np.asarray(np.all((cells >= self.lower) & (cells < self.upper), axis=1))
-
-
-class StoredPiece(Piece):
-    """A piece whose arrays are read when they are asked for, and not kept."""
-
-    def __init__(self, path: Path, grid: Scene) -> None:
-        header, _ = _opened_file(path)
-        extent = _extent(header.find("ImageData/Piece"), path)
-        shape = grid.lattice.shape
-        ends = [(extent[2 * a], extent[2 * a + 1]) for a in range(len(shape))]
-        if not all(0 <= low < high <= n for (low, high), n in zip(ends, shape, strict=True)):
-            raise ResultFileError(f"{path}: holds cells that are not the body's: {ends}")
-        object.__setattr__(self, "path", path)
-        object.__setattr__(self, "lower", tuple(low for low, _ in ends))
-        object.__setattr__(self, "upper", tuple(high for _, high in ends))
-        object.__setattr__(self, "materials", len(grid.cell_materials))
-
-    path: Path
-    materials: int
-
-    @property
-    def nodes(self) -> Fields:
-        """The fields at the corners, read from the file."""
-        shape = tuple(b - a + 1 for a, b in zip(self.lower, self.upper, strict=True))
-        with reading(self.path):
-            return {"displacement": self._vector("PointData", "displacement", shape)}
-
-    @property
-    def cells(self) -> Fields:
-        """The fields of the cells, read from the file."""
-        shape = tuple(b - a for a, b in zip(self.lower, self.upper, strict=True))
-        d = len(shape)
-        with reading(self.path):
-            read = _read(self.path, "CellData")
-            stress = np.empty((*shape, d, d))
-            for a in range(d):
-                stress[..., a, a] = _shaped(read["stress_" + 2 * "xyz"[a]], shape)
-            for a, b in axis_pairs(d):
-                stress[..., a, b] = _shaped(read[f"stress_{'xyz'[a]}{'xyz'[b]}"], shape)
-                stress[..., b, a] = stress[..., a, b]
-            if read["kind"].max() >= self.materials:
-                raise ResultError("it holds materials that the scene does not have")
-            return {
-                "kind": _shaped(read["kind"], shape),
-                "displacement": self._vector("CellData", "displacement", shape),
-                "stress": stress,
-            }
-
-    def _vector(self, kind: str, name: str, shape: tuple[int, ...]) -> Floats:
-        values = _read(self.path, kind)[name].reshape(-1, 3)[:, : len(shape)]
-        return np.stack([_shaped(column, shape) for column in values.T], axis=-1)
 
 
 class PiecedResult(BodyResult):
@@ -283,25 +213,24 @@ class PiecedResult(BodyResult):
             hidden = together(comm, lambda: holder and _entered(holder, target))
             place = Path(comm.bcast(str(hidden)))
             together(comm, lambda: self._write_piece(place))
-            together(comm, lambda: self._finish(place, target) if first else None)
+            boxes = comm.allgather([self.pieces[0].lower, self.pieces[0].upper])
+            together(comm, lambda: self._finish(place, target, boxes) if first else None)
         finally:
             if holder is not None and hidden is not None:
                 holder.__exit__(None, None, None)
         return target
 
     def _write_piece(self, place: Path) -> None:
-        rank = self._comm.Get_rank()
-        (piece,) = self.pieces
-        _write(place / f"piece-{rank:05}.vti", piece, self.grid)
+        rank, (piece,) = self._comm.Get_rank(), self.pieces
+        for name, values in _to_file(piece).items():
+            np.save(place / f"{name}-{rank:05}.npy", values)
 
-    def _finish(self, place: Path, target: Path) -> None:
+    def _finish(self, place: Path, target: Path, boxes: list[Any]) -> None:
+        """Write what all pieces have in common, and give the folder its name."""
         try:
-            pieces = sorted(place.glob("piece-*.vti"))
-            (place / INDEX).write_bytes(_index(pieces, self.grid))
+            (place / INDEX).write_text(_index(place, boxes, self.grid), encoding="utf-8")
             text, arrays = self.scene.to_archive()
-            summary = json.dumps(self.figures, indent=2, allow_nan=False)
-            (place / SUMMARY).write_text(summary + "\n", encoding="utf-8")
-            about = {"scene": text, "stage": self.stage, "files": _checksums(place)}
+            about = {"scene": text, "stage": self.stage, "figures": self.figures, "pieces": boxes}
             write_archive(place / SCENE, "pieces", arrays, about)
             move_into_place(place, target)
         except OSError as error:
@@ -314,23 +243,13 @@ class PiecedResult(BodyResult):
         folder = folder.parent if folder.is_file() else folder
         archive = open_archive(folder / SCENE, "pieces")
         with reading(folder):
-            if "files" in archive.about and archive.value("files", dict[str, int]) != _checksums(
-                folder
-            ):
-                raise ResultError("its files are not those that were saved")
             scene = Scene.from_archive(archive.value("scene", str), archive.arrays)
-            summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-            figures = Archive(folder / SUMMARY, {}, summary)
-            for name, form in FIGURES.items():
-                figures.value(name, form)
-            index = ElementTree.parse(folder / INDEX)  # noqa: S314 (our own, refused if odd)
-            division = summary["subdivision"]
-            if not 1 <= division <= 1 << 20:
-                raise ResultError("subdivision must be 1 or more")
+            figures = archive.value("figures", dict[str, Any])
+            division = int(figures["subdivision"])
             grid = scene if division == 1 else scene.refine(division)
-            names = [part.attrib["Source"] for part in index.iter("Piece")]
-            pieces = [StoredPiece(folder / Path(name).name, grid) for name in names]
-            return cls(scene, grid, archive.value("stage", int | None), pieces, summary)
+            boxes = enumerate(archive.value("pieces", list[list[list[int]]]))
+            pieces = [_stored(folder, rank, tuple(a), tuple(b)) for rank, (a, b) in boxes]
+            return cls(scene, grid, archive.value("stage", int | None), pieces, figures)
 
 
 def _entered(holder: Any, target: Path) -> Path:
@@ -339,161 +258,76 @@ def _entered(holder: Any, target: Path) -> Path:
     return Path(holder.__enter__())
 
 
-def _write(path: Path, piece: Piece, grid: Scene) -> None:
-    """Write one piece as VTK image data, raw."""
-    d, cells = len(piece.lower), piece.cells
-    points = {"displacement": _three(piece.nodes["displacement"])}
-    fields: Fields = {
-        "kind": cells["kind"].ravel(order="F").astype("<i4"),
-        "displacement": _three(cells["displacement"]),
-    }
-    for a in range(d):
-        for b in range(a, d):
-            values = cells["stress"][..., a, b].ravel(order="F").astype("<f8")
-            fields[f"stress_{'xyz'[a]}{'xyz'[b]}"] = values
-    extent = _text_of(piece.lower, piece.upper)
-    blocks, described = [], {}
-    offset = 0
-    for kind, group in (("PointData", points), ("CellData", fields)):
-        lines = []
-        for name, values in group.items():
-            number = "Int32" if values.dtype.kind == "i" else "Float64"
-            parts = 3 if values.ndim == 2 else 1
-            checksum = crc32(np.ascontiguousarray(values).data)
-            lines.append(
-                f'<DataArray type="{number}" Name="{name}" NumberOfComponents="{parts}" '
-                f'format="appended" offset="{offset}" crc32="{checksum}"/>'
-            )
-            blocks.append(values)
-            offset += 8 + values.nbytes
-        described[kind] = f"<{kind}>{''.join(lines)}</{kind}>"
-    header = (
-        f'<?xml version="1.0"?>\n<VTKFile type="ImageData" version="1.0" '
-        f'byte_order="LittleEndian" header_type="UInt64">\n<ImageData WholeExtent="{extent}" '
-        f'{_spacing(grid)}>\n<Piece Extent="{extent}">\n{described["PointData"]}\n'
-        f"{described['CellData']}\n</Piece>\n</ImageData>\n"
-    )
-    try:
-        with path.open("xb") as file:
-            file.write(header.encode() + _HEADER)
-            for values in blocks:
-                file.write(np.array(values.nbytes, dtype="<u8").tobytes())
-                file.write(np.ascontiguousarray(values).tobytes())
-            file.write(b"\n</AppendedData>\n</VTKFile>\n")
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise ResultFileError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def _index(pieces: list[Path], grid: Scene) -> bytes:
-    headers = [_opened_file(path)[0] for path in pieces]
-    extents = [_extent(h.find("ImageData/Piece"), p) for h, p in zip(headers, pieces, strict=True)]
-    whole = [(min if k % 2 == 0 else max)(extent[k] for extent in extents) for k in range(6)]
-    arrays = headers[0].find("ImageData/Piece")
-    assert arrays is not None
-    lines = []
-    for kind in ("PointData", "CellData"):
-        group = arrays.find(kind)
-        assert group is not None
-        for item in group:
-            item.attrib.pop("format")
-            item.attrib.pop("offset")
-            item.attrib.pop("crc32")
-            item.tag = "PDataArray"
-        lines.append(
-            f"<P{kind}>{''.join(ElementTree.tostring(i, 'unicode') for i in group)}</P{kind}>"
-        )
-    named = "\n".join(
-        f'<Piece Extent="{" ".join(map(str, extent))}" Source="{path.name}"/>'
-        for extent, path in zip(extents, pieces, strict=True)
-    )
-    return (
-        f'<?xml version="1.0"?>\n<VTKFile type="PImageData" version="1.0" '
-        f'byte_order="LittleEndian" header_type="UInt64">\n<PImageData WholeExtent="'
-        f'{" ".join(map(str, whole))}" GhostLevel="0" {_spacing(grid)}>\n{"".join(lines)}\n'
-        f"{named}\n</PImageData>\n</VTKFile>\n"
-    ).encode()
-
-
-def _three(values: Floats) -> Floats:
-    """Return vectors as VTK has them: three components, the first axis running fastest."""
-    d = values.shape[-1]
-    columns = [values[..., a].ravel(order="F") for a in range(d)]
-    columns += [np.zeros_like(columns[0])] * (3 - d)
-    return np.stack(columns, axis=-1).astype("<f8")
-
-
-def _text_of(lower: tuple[int, ...], upper: tuple[int, ...]) -> str:
-    ends = [*zip(lower, upper, strict=True), (0, 0)][:3]
-    return " ".join(f"{a} {b}" for a, b in ends)
-
-
-def _spacing(grid: Scene) -> str:
-    h = repr(grid.lattice.cell_size)
-    return f'Origin="0 0 0" Spacing="{h} {h} {h}"'
-
-
-def _checksums(folder: Path) -> dict[str, int]:
-    """Return checksums of index, summary and the pieces' headers, which hold those of the rest."""
-    found = {}
-    for path in sorted(folder.glob("*")):
-        if path.name in (INDEX, SUMMARY):
-            found[path.name] = crc32(file_to_read(path, ResultFileError).read_bytes())
-        elif path.suffix == ".vti":
-            with file_to_read(path, ResultFileError).open("rb") as file:
-                found[path.name] = crc32(file.read(1 << 16).partition(_HEADER)[0])
+def _to_file(piece: Piece) -> Fields:
+    """Return a piece's fields as files have them: in space, the first axis running fastest."""
+    # A plane of cells is a layer of them between two layers of corners.
+    d = len(piece.lower)
+    nodes, moved = piece.nodes["displacement"], piece.cells["displacement"]
+    stress, kind = piece.cells["stress"], piece.cells["kind"].astype("<i4")
+    if d == 2:
+        moved, stress, kind = moved[:, :, None], stress[:, :, None], kind[:, :, None]
+        nodes = np.stack([nodes, nodes], axis=2)
+    found = {"nodes": nodes, "displacement": moved, "stress": stress, "kind": kind}
+    for name, values in found.items():
+        width = [(0, 0)] * 3 + [(0, 3 - d)] * (values.ndim - 3)
+        turned = np.pad(values, width).transpose(2, 1, 0, *range(3, values.ndim))
+        found[name] = np.ascontiguousarray(turned)
     return found
 
 
-def _opened_file(path: Path) -> tuple[ElementTree.Element, int]:
-    """Return the header of a piece, and where its data begin."""
-    try:
-        with file_to_read(path, ResultFileError).open("rb") as file:
-            start = file.read(1 << 16)
-        length = start.index(_HEADER)
-        return ElementTree.fromstring(start[:length] + b"</VTKFile>"), length + len(_HEADER)  # noqa: S314
-    except (OSError, ValueError, ElementTree.ParseError) as error:
-        raise ResultFileError(f"{path}: is no piece of a result: {error}") from error
+def _stored(folder: Path, rank: int, lower: tuple[int, ...], upper: tuple[int, ...]) -> Piece:
+    """Return a piece whose fields are read from the disk where they are looked at."""
+    d, cells, read = len(lower), np.array([*np.subtract(upper, lower), 1][:3]), {}
+    for name, parts in (("nodes", (3,)), ("displacement", (3,)), ("stress", (3, 3)), ("kind", ())):
+        values = np.load(folder / f"{name}-{rank:05}.npy", mmap_mode="r", allow_pickle=False)
+        if values.shape != (*(cells + (name == "nodes"))[::-1], *parts):
+            raise ResultError(f"{name} of piece {rank} has the shape {values.shape}")
+        turned = values.transpose(2, 1, 0, *range(3, values.ndim))
+        flat = turned[:, :, 0] if d == 2 else turned
+        read[name] = flat[(..., *[slice(d)] * len(parts))]
+    return Piece(lower, upper, {"displacement": read.pop("nodes")}, read)
 
 
-def _extent(piece: ElementTree.Element | None, path: Path) -> list[int]:
-    numbers = [] if piece is None else piece.attrib.get("Extent", "").split()
-    try:
-        extent = [int(number) for number in numbers]
-    except ValueError:
-        extent = []
-    if len(extent) != 6:
-        raise ResultFileError(f"{path}: does not say which cells it holds")
-    return extent
+def _index(folder: Path, boxes: list[Any], grid: Scene) -> str:
+    """Return where the numbers of all pieces lie, in XDMF."""
+    h, parts = grid.lattice.cell_size, []
+    spacing = [grid.thickness if grid.lattice.dimension == 2 else h, h, h]
+    described = (
+        ("nodes", "displacement", "Node", "Vector"),
+        ("displacement", "displacement of cells", "Cell", "Vector"),
+        ("stress", "stress", "Cell", "Tensor"),
+        ("kind", "kind", "Cell", "Scalar"),
+    )
 
+    def item(values: Sequence[float]) -> str:
+        text = " ".join(map(repr, map(float, values)))
+        return f'<DataItem Dimensions="3" Precision="8" Format="XML">{text}</DataItem>'
 
-def _read(path: Path, kind: str) -> Fields:
-    """Return the arrays of a piece's corners ("PointData") or cells ("CellData"), flat."""
-    header, begin = _opened_file(path)
-    fields: Fields = {}
-    group = header.find(f"ImageData/Piece/{kind}")
-    try:
-        assert group is not None
-        with path.open("rb") as file:
-            for item in group:
-                file.seek(begin + int(item.attrib["offset"]))
-                size = int(np.frombuffer(file.read(8), dtype="<u8")[0])
-                if size > path.stat().st_size:
-                    raise ValueError(f"{item.attrib['Name']} is said to have {size} bytes")
-                stored = file.read(size)
-                if crc32(stored) != int(item.attrib["crc32"]):
-                    raise ValueError(f"the checksum of {item.attrib['Name']} is wrong")
-                fields[item.attrib["Name"]] = np.frombuffer(stored, _TYPES[item.attrib["type"]])
-    except (OSError, ValueError, KeyError, IndexError, AssertionError) as error:
-        raise ResultFileError(f"{path}: is damaged: {error}") from error
-    return fields
-
-
-def _shaped(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-    if values.size != int(np.prod(shape)):
-        raise ResultFileError(f"a piece holds {values.size} values for {shape} cells")
-    return values.reshape(shape, order="F")
+    for rank, (lower, _) in enumerate(boxes):
+        fields, corners = "", ""
+        for file, name, centre, sort in described:
+            stored = np.load(folder / f"{file}-{rank:05}.npy", mmap_mode="r")
+            corners = corners or " ".join(map(str, stored.shape[:3]))
+            shape = (*stored.shape[:3], *[stored[0, 0, 0].size] * (stored.ndim > 3))
+            number = "Int" if stored.dtype.kind == "i" else "Float"
+            fields += (
+                f'<Attribute Name="{name}" Center="{centre}" AttributeType="{sort}">'
+                f'<DataItem Format="Binary" Endian="Little" Seek="{stored.offset}" '
+                f'NumberType="{number}" Precision="{stored.itemsize}" '
+                f'Dimensions="{" ".join(map(str, shape))}">{file}-{rank:05}.npy</DataItem>'
+                "</Attribute>\n"
+            )
+        origin = [h * a for a in [*lower, 0][:3]][::-1]
+        parts.append(
+            f'<Grid Name="piece {rank}">\n<Topology TopologyType="3DCoRectMesh" '
+            f'Dimensions="{corners}"/>\n<Geometry GeometryType="ORIGIN_DXDYDZ">{item(origin)}'
+            f"{item(spacing)}</Geometry>\n{fields}</Grid>\n"
+        )
+    return (
+        '<?xml version="1.0"?>\n<Xdmf Version="2.0"><Domain>\n<Grid Name="result" '
+        f'GridType="Collection" CollectionType="Spatial">\n{"".join(parts)}</Grid>\n'
+        "</Domain></Xdmf>\n"
+    )
 
 
 def together(comm: Any, step: Callable[[], Answer]) -> Answer:

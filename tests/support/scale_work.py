@@ -142,7 +142,7 @@ def die(folder):
 
     comm = solve_petsc.communicator()
     if comm.Get_rank() == comm.Get_size() - 1:
-        pieces._write = lambda *arguments: os.kill(os.getpid(), signal.SIGKILL)
+        pieces._to_file = lambda piece: os.kill(os.getpid(), signal.SIGKILL)
     kaju.solve_petsc(plate()).save(folder)
 
 

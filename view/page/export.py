@@ -225,6 +225,9 @@ def packed_page(
             "stable": bool(shown.certificate.stable) if shown.certificate.known else None,
             "verdict": shown.certificate.verdict,
             "late": account is None,
+            "states": [
+                [course.name, course.meaning or course.name] for course in shown.last.states
+            ],
         }
         columns |= history_columns(scene, shown.last, exact, account)
     header |= written.header(own) if python else {}

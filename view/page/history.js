@@ -83,7 +83,7 @@ export class Recorded {
     const { key = [], spawn = [], woken = [] } = columns, first = this.generation;
     this.waits.push(...this.read(this.taken, columns, ""));
     this.generation = this.waits.length;
-    for (const name of ["passed", "dropped", "returned", "kept", "stretch"]) {
+    for (const name of ["passed", "dropped", "returned", "kept", "stretch", ...(this.states ?? []).map(([n]) => `state ${n}`)]) {
       if (columns[`${name} offset`]) { this[name] ??= new Log(); this.read(this[name], columns, `${name} `); }
       else if (this[name]) this[name] = null;  // not known any more
     }

@@ -30,7 +30,7 @@ export async function openPage(element, base64) {
   const { cells } = columns;
   if (header.python) header.python.blob = new TextDecoder().decode(await through(bytesOf(document.getElementById("kaju-python").textContent), new DecompressionStream("deflate")));
   if (header.kind === "pictures") return mount(element, { ...header, columns }, MotionPage);
-  const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late }).append(columns) : null;
+  const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late, states: header.states }).append(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return mount(element, { ...header, cells, run, presets });
 }

@@ -72,10 +72,10 @@ export class Page {
   get limit() { return this.lesson?.limit ?? Infinity; }
   get touchable() { return this.kind === "runnable"; }
   get solid() { return this.run.lattice.dimension === 3; }
-  word(key) { return key.startsWith("state ") ? this.studio.states.find(([name]) => `state ${name}` === key)?.[1] ?? "" : this.t(key); }
+  word(key) { return key.startsWith("state ") ? this.run.states.find(([name]) => `state ${name}` === key)?.[1] ?? "" : this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
   get deformable() { return this.scene.rule.kind === "prescribed"; }
-  get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.studio?.active ? this.studio.states.map(([name]) => `state ${name}`) : [])]; }
+  get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.run.states ?? []).map(([name]) => `state ${name}`)]; }
   /** The page answers with elasticity for squares. */
   get solvable() { return this.scene.lattice.kind === "square"; }
 

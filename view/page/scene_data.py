@@ -221,7 +221,23 @@ def history_columns(
         "spawn": stage.spawn_step.astype(np.uint32),
         "woken": stage.woken_by.astype(np.uint8),
         **account.columns(span, exact),
+        **_state_columns(stage, key, span, exact),
     }
+
+
+def _state_columns(stage: Stage, key: Ints, span: tuple[int, int], exact: bool) -> Columns:
+    """Return what agents of one's own knew: from waking on the default, then what changed it."""
+    columns: Columns = {}
+    for course in stage.states:
+        agent = np.append(np.arange(len(key)), course.agent)
+        when = np.maximum(np.append(stage.spawn_step, course.generation), 1)
+        value = np.append(np.full(len(key), float(course.default)), course.value)
+        order = np.argsort(agent, kind="stable")
+        agent, when, value = agent[order], when[order], value[order]
+        change = np.where(np.diff(agent, prepend=-1) != 0, value, np.diff(value, prepend=0.0))
+        name = f"state {course.name} "
+        columns |= amount_columns(when, key[agent], change, span, exact, name)
+    return columns
 
 
 def _by_shares(scene: Scene, stage: Stage) -> bool:

@@ -59,7 +59,7 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
     if own:
         source = own["own"]["source"]
         needs = _unknown(source)
-        modules = [name for name in needs if name in ("math", "random")]
+        modules = [name for name in needs if name in ("kaju", "math", "random")]
         offered = [name for name in needs if name in OFFERED]
         needs = [name for name in needs if name not in modules + offered]
         head = [f"import {name}" for name in modules] + [f"from kaju import {', '.join(offered)}"]

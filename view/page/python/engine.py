@@ -86,8 +86,7 @@ def islice(values, most):
     return [value for value, _ in zip(values, range(most))]
 
 add, index = int.__add__, int.__index__
-Real, Integral = int | float, int
-SENSES = ("push", "pull")
+Real, Integral, SENSES = int | float, int, ("push", "pull")
 np, float_info = Table({"bool_": bool}), Table({"max": 1.7976931348623157e308})
 
 # ---- kaju
@@ -164,12 +163,13 @@ def begin(names, told):
 def generation():
     """Let a generation act; tell what was taken, given back, done and known, and who awoke."""
     engine.begin()
-    born = [[a.key, engine._arms_to_wakers(a)] for a in list(engine.agents.values())[engine.told :]]
-    engine.told = len(engine.agents)
+    new, engine.told = list(engine.agents.values())[engine.told :], len(engine.agents)
+    born = [[agent.key, engine._arms_to_wakers(agent)] for agent in new]
+    states = [[n, a.key, getattr(a, name)] for a in new for n, name in enumerate(engine.states)]
     engine.act(order)
     engine.end()
     every, axes = range(engine.lattice.directions), range(len(engine.lattice.along))
-    taken, done, states = [], [], []
+    taken, done = [], []
     for _, agent, inbox in engine.acts:
         for (d, size, sense), copies in inbox.items():
             taken.append([agent.key, d + len(every) * (sense == "pull"), size * copies])

@@ -26,6 +26,8 @@ MOST_HALVED = 0.85
 AIM = 0.9  # Of the tolerance a generation is aimed at
 AT_CORNERS = 0.1
 """Of the gap that is wanted may stay with agents at points where stress has no limit."""
+BESIDE = 0.25
+"""Of the gap that the smallest agents keep the others may have: it adds a tenth to the error."""
 STALLED = 3
 """A run ends after so many generations that do not lower the bound by a hundredth."""
 MOST_AGENTS = 1_000_000
@@ -113,15 +115,15 @@ class PairLoop:
         """Return how often each agent halves."""
         share, error = self._judged.shares, self._judged.error
         allowed = np.log2(leaves.size // self.body.smallest).astype(np.int64)
-        # What the smallest agents hold stays: the others share the rest of what is wanted, or all
-        # of it if the smallest alone hold more.
+        # What the smallest agents hold stays: the others share the rest of what is wanted; or, if
+        # the smallest alone hold more, as little as is hardly seen beside it.
         free = np.where(allowed > 0, share, 0.0)
         power = 1 if self.goals.goals else 2  # Of the gap: that of one load, or the product of two
         budget = (
             (AIM * self.tolerance / error) ** power * float(share.sum()) if error < inf else 0.0
         )
         frozen = float(share.sum() - free.sum())
-        left = budget - frozen if frozen < budget else budget
+        left = budget - frozen if frozen < 0.9 * budget else BESIDE * frozen
         if not free.sum() > left:
             return np.zeros(len(leaves), dtype=np.int64)
         often = halvings(free, left, leaves.holding(self.body.sharp))

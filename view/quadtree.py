@@ -93,6 +93,8 @@ def plot_agents_of_many_sizes(
 
 def generation_text(result: ElasticResult, generation: int | None) -> str:
     """Return how many agents there are after how many steps, and their error."""
+    if not result.spawned:
+        return f"{grouped(result.agents)} equal cells, error {result.error_estimate:.2g}"
     number = len(result.generations) - 1 if generation is None else generation
     found = result.generations[number]
     many = "agent" if found.agents == 1 else "agents"
@@ -123,7 +125,7 @@ def agents_of(
         )
     if colour == "balanced" and _solid(result):
         raise ParameterError("colour: in space agents have one opinion, that which fits: 'fitted'")
-    if generation is None or generation == last:
+    if generation in (None, last):
         own = result.generations[-1] if colour in OPINIONS else result
         value = np.asarray(getattr(own, colour), dtype=np.float64)
         return result.tiles(value), result.spawn_step

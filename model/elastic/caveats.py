@@ -14,10 +14,10 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
-from kaju.model.elastic.bounds.bound_cells import corner_ends
-from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
 from kaju.model.elastic.equal.cell_loads import portions_of_cells
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
+from kaju.model.elastic.pair.leaves import corner_ends
+from kaju.model.elastic.uneven_loads import Portions, data_error, softest
 from kaju.model.scene import Scene
 from kaju.model.scene.box_kinds import relation
 from kaju.model.scene.cell_types import AIR
@@ -199,8 +199,8 @@ def load_error(result: ElasticResult) -> float:
     if applied.uneven is None or not len(applied.uneven.row) or not found.solution.energy > 0.0:
         return 0.0
     if found.storage == "tree":
-        ground = found.tree.ground
-        portions = ground.forces(found.tree.leaves).uneven or Portions.none(ground.dimension)
+        ground = found.ground
+        portions = ground.forces(found.leaves).uneven or Portions.none(ground.dimension)
         size, kind = result.size / result.grid.lattice.cell_size, result.material
     else:
         portions = portions_of_cells(applied, found.scales.force)

@@ -24,6 +24,8 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.family import Family
+from kaju.model.elastic.pair.octree import BrickAgents
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import (
@@ -47,9 +49,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.goals.quantities import Place
     from kaju.model.elastic.pair.gap import Bounds
     from kaju.model.elastic.pair.history import Generation
-    from kaju.model.elastic.pair.octree import BrickAgents
-    from kaju.model.elastic.refine.family import Family
-    from kaju.model.elastic.refine.generations import Spawning
 
     from .intensity import Intensity
 
@@ -106,7 +105,7 @@ class ElasticResult(BodyResult):
     kind: ClassVar[str] = "elastic"
     scene: Scene
     stage: int | None
-    found: PairAgents | BrickAgents | CellAgents | Spawning
+    found: PairAgents | BrickAgents | CellAgents
     seconds: float
     tolerance: float | None = None
     resolution: int | None = None
@@ -422,16 +421,16 @@ class ElasticResult(BodyResult):
 
     @property
     def generations(self) -> tuple[Generation, ...]:
-        """Every step of spawning: figures and agents; one of no gap where none spawned."""
-        scales = self.found.scales
-        return tuple(g.in_units(scales.energy, scales.stress) for g in self.found.tree.generations)
+        """Every step of spawning: its figures and agents; none of equal cells."""
+        scales, found = self.found.scales, getattr(self.found, "generations", ())
+        return tuple(one.in_units(scales.energy, scales.stress) for one in found)
 
     @cached_property
     def family(self) -> Family:
         """Every agent that ever stood, with its parent, step and cause."""
-        from kaju.model.elastic.refine.family import Family
-
-        metre = self.grid.lattice.cell_size / self.found.tree.ground.cell
+        if not isinstance(self.found, (PairAgents, BrickAgents)):
+            raise ResultError("family: equal cells do not spawn; ask for a tolerance")
+        metre = self.grid.lattice.cell_size / self.found.ground.cell
         return Family.of(self.generations, self.scene.lattice.dimension, metre)
 
     @property
@@ -731,11 +730,6 @@ class ElasticResult(BodyResult):
     def _strain_of(self, stress: Floats, law: Ints) -> Floats:
         return strain_of(stress / self.found.scales.modulus, self.found.moduli, law)
 
-    @classmethod
-    def kinds(cls) -> tuple[str, ...]:
-        """Return the labels of stored results that it reads: its own, and those of kaju 0.1."""
-        return (cls.kind, *_EARLIER)
-
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = self.found.archive()
         asked = {
@@ -750,21 +744,18 @@ class ElasticResult(BodyResult):
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         from kaju.model.elastic.equal.cell_agents import CellAgents
-        from kaju.model.elastic.refine.generations import Spawning
 
         about = archive.about
-        storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
-        holders: dict[str, type[CellAgents | Spawning | BrickAgents | PairAgents]] = {
+        storage = archive.value("storage", str)
+        holders: dict[str, type[CellAgents | BrickAgents | PairAgents]] = {
             "cells": CellAgents,
-            "tree": Spawning if "spawning" in about else PairAgents,
+            "tree": PairAgents,
         }
         if storage == "solid":
             from kaju.model.solid.solid_agents import SolidAgents
 
             holders["solid"] = SolidAgents
         if "bricks" in about:
-            from kaju.model.elastic.pair.octree import BrickAgents
-
             holders["tree"] = BrickAgents
         if storage not in holders:
             raise ParameterError(f"storage: must be one of {', '.join(holders)}, got {storage!r}")
@@ -774,13 +765,11 @@ class ElasticResult(BodyResult):
             stage,
             holders[storage].of_archive(archive, scene, stage),
             archive.value("seconds", float),
-            archive.value("tolerance", float | None) if "tolerance" in about else None,
-            archive.value("resolution", int | None) if "resolution" in about else None,
-            goals_in(archive) if "goal" in about else (),
+            archive.value("tolerance", float | None),
+            archive.value("resolution", int | None),
+            goals_in(archive),
         )
 
 
 FIELDS = ("displacement", "strain", "stress", "von_mises")
 """Pictures of values that every agent has."""
-_EARLIER = {"elasticity": "cells", "spawned": "tree"}
-"""Kinds of results that kaju 0.1 has stored, and how their agents are kept."""

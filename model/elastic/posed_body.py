@@ -12,12 +12,11 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.elastic.bounds.bound_cells import corner_ends
-from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
-from kaju.model.elastic.pair.leaves import BITS, LeafCells
+from kaju.model.elastic.pair.leaves import BITS, LeafCells, corner_ends
 from kaju.model.elastic.scales import Scales
+from kaju.model.elastic.uneven_loads import Portions
 from kaju.model.scene import Scene
 from kaju.model.scene.box_kinds import MIXED
 from kaju.model.scene.lattice import Lattice

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, needing
 from kaju.factors import factors_of
-from kaju.model.elastic.bounds.uneven_loads import Portions
 from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.uneven_loads import Portions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import Uneven

@@ -189,8 +189,8 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     """Solve a scene by agents that spawn if there is a tolerance or a goal, else by its cells."""
     from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.refine.solve_spawning import solve_spawning
     from kaju.model.elastic.solve import solve as solve_cells
+    from kaju.model.elastic.solve_spawning import solve_spawning
 
     tolerance, resolution, stage, goal, previous = map(
         given.get, ("tolerance", "resolution", "stage", "goal", "previous")
@@ -204,14 +204,13 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     if "stiffness" in given:
         _refuse_others("stiffness", given)
         return solve_cells(scene, tolerance, resolution, stiffness=given["stiffness"], **kept)
-    spawned = previous is not None and previous.found.storage != "cells"
-    if tolerance is None and goal is None and not spawned:
+    if tolerance is None and goal is None:
         return solve_cells(scene, None, resolution, **kept)
-    if previous is not None and not spawned:
+    if previous is not None:
         raise ParameterError(
-            "previous: was found on equal cells, which keep no tolerance; leave previous, or "
-            "tolerance and goal, out"
+            "previous: agents that spawn begin anew, which takes no longer; leave it out, or "
+            "tolerance and goal: equal cells start from the answer before"
         )
     if goal is not None:
         refuse_singular(scene, goal, stage)
-    return solve_spawning(scene, tolerance, resolution, goal=goal, **kept)
+    return solve_spawning(scene, tolerance, resolution, goal=goal, stage=stage)

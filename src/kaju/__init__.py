@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from kaju.model.elastic.goals.quantities import Deflection as Deflection
     from kaju.model.elastic.goals.quantities import Reaction as Reaction
     from kaju.model.elastic.goals.quantities import Stress as Stress
-    from kaju.model.elastic.refine.spawning_model import SpawningModel as SpawningModel
     from kaju.model.elastic.relaxation.elastic_model import ElasticModel as ElasticModel
+    from kaju.model.elastic.spawning_model import SpawningModel as SpawningModel
     from kaju.model.fracture.fracture_model import FractureModel as FractureModel
     from kaju.model.fracture.fracture_result import FractureResult as FractureResult
     from kaju.model.growth.growth_model import GrowthModel as GrowthModel
@@ -83,7 +83,7 @@ _NAMES = {
     "model.elastic.elastic_result": "ElasticResult",
     "model.elastic.relaxation.elastic_model": "ElasticModel",
     "model.elastic.goals.quantities": "Deflection Reaction Stress",
-    "model.elastic.refine.spawning_model": "SpawningModel",
+    "model.elastic.spawning_model": "SpawningModel",
     "model.fracture.fracture_model": "FractureModel",
     "model.fracture.fracture_result": "FractureResult",
     "model.growth.growth_model": "GrowthModel",

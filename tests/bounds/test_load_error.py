@@ -10,7 +10,7 @@ from skfem.helpers import ddot, div, dot, sym_grad
 import kaju
 from kaju import Deflection, Scene, solve
 from kaju.factors import factors_of
-from kaju.model.elastic.bounds.uneven_loads import LARGEST
+from kaju.model.elastic.uneven_loads import LARGEST
 
 EDGE, YOUNG, POISSON = 0.2, 210e9, 0.3
 ELEMENTS = 1e-3

@@ -8,9 +8,9 @@ from spawning_bodies import under_a_patch
 
 from kaju import SpawningModel, load_result, solve
 from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic import spawning_model
+from kaju.model.elastic.pair.family import Family, corners
 from kaju.model.elastic.pair.leaves import morton
-from kaju.model.elastic.refine import spawning_model
-from kaju.model.elastic.refine.family import Family, corners
 
 
 def assert_same_rows(one, other):

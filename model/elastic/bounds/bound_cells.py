@@ -15,9 +15,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.bounds.uneven_loads import Portions, data_error, softest
 from kaju.model.elastic.equal.staggered import Pair
 from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.uneven_loads import Portions, data_error, softest
 
 
 class Hanging(NamedTuple):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError, ResultFileError
+from kaju.errors import ResultFileError
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
@@ -22,9 +22,6 @@ from .problem import ABSENT, ElasticProblem, FaceFields
 from .reactions import reactions
 from .staggered import Strains, energy_of_cells
 from .system import Solution
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.refine.generations import Spawning
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,28 +183,6 @@ class CellAgents:
     def _within(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         local = points / self.grid.lattice.cell_size - cells
         return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
-
-    @cached_property
-    def tree(self) -> Spawning:
-        """The same agents as a tree of one level, with an estimated error for each."""
-        if self.field is not None:
-            raise ResultError(
-                "stiffness: agents with a field of stiffness have no errors one by one, nor "
-                "values of goals; `displacement_at`, `stress_at` and `energy_bounds` tell theirs"
-            )
-        from kaju.model.elastic.refine.generations import tree_of_cells
-
-        return tree_of_cells(
-            self.grid, self.stage, self.cells, self.law, self.origin, self.scales, self.solution
-        )
-
-    def from_tree(self, values: Floats) -> Floats:
-        """Return values of the tree's agents in the order of these."""
-        return np.asarray(values[self._in_tree])
-
-    @cached_property
-    def _in_tree(self) -> Ints:
-        return self.tree.leaves.find(self.cells * self.tree.ground.cell)
 
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: arrays, and plain values."""

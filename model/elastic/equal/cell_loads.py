@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, moved
-from kaju.model.elastic.bounds.uneven_loads import Portions
+from kaju.model.elastic.uneven_loads import Portions
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import AppliedLoads
 

@@ -19,7 +19,6 @@ from .staggered import Pair, axis_pairs
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
     from kaju.model.elastic.pair.octree import BrickAgents
-    from kaju.model.elastic.refine.generations import Spawning
 
     from .cell_agents import CellAgents
 
@@ -33,7 +32,7 @@ class EqualArrays:
     """
 
     def __init__(
-        self, found: CellAgents | Spawning | BrickAgents | PairAgents, own: int, division: int
+        self, found: CellAgents | BrickAgents | PairAgents, own: int, division: int
     ) -> None:
         """Lay out cells by their number per cell of the scene; the agents' grid has its `own`."""
         lower, upper = found.grid.bounds()

@@ -136,8 +136,6 @@ class PairAgents:
         """Itself: it has the figures of its solution."""
         return self
 
-    tree = solution
-
     @property
     def energy(self) -> float:
         """Energy of the body and of what it lies on."""

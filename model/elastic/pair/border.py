@@ -8,12 +8,12 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
-from kaju.model.elastic.bounds.uneven_loads import data_error, softest
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.pair.elements import EDGE_OF_SIDE, SIDE_OF_EDGE
 from kaju.model.elastic.pair.leaf_mesh import LeafMesh
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.uneven_loads import data_error, softest
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 
 

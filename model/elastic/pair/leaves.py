@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.bounds.bound_cells import corner_ends
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""
@@ -43,6 +42,11 @@ def morton(points: Ints) -> Ints:
             digits &= mask
         found |= digits << axis
     return found
+
+
+def corner_ends(dimension: int) -> Ints:
+    """Return the corners of a box by their ends along the axes, shape (2^dimension, dimension)."""
+    return np.array(list(product((0, 1), repeat=dimension)))
 
 
 def corners(code: Ints, dimension: int) -> Ints:

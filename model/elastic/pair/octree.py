@@ -103,12 +103,6 @@ class BrickAgents:
         """Itself: it has the figures of its solution."""
         return self
 
-    tree = solution
-
-    def from_tree(self, values: Floats) -> Floats:
-        """Return values of agents as they are."""
-        return values
-
     @property
     def count(self) -> int:
         """Number of agents."""

@@ -7,11 +7,11 @@ from time import perf_counter
 from kaju.arrays import first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
-from kaju.model.elastic.bounds.bound_cells import corner_ends
 from kaju.model.elastic.corners import singular_at
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import AskedFor, Quantity, asked
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody, ground_of
@@ -27,38 +27,23 @@ def solve_spawning(
     *,
     goal: AskedFor | None = None,
     stage: int | None = None,
-    most_agents: int | None = None,
-    previous: ElasticResult | None = None,
-    note: str = "",
 ) -> ElasticResult:
     """Solve a scene by agents of many sizes: `kaju.solve` with a tolerance.
 
-    The first agents are as large as the body, its materials, supports and loads let them
-    be. Those that leave most load unbalanced spawn 4 (in three dimensions 8) children of
-    half their size, and all settle again, until the estimated error is within the tolerance.
-    The scene's cells say where the body is; it is never rasterised as a whole.
-
-    Arguments that are not given are those of the previous answer. Its agents are the first ones if
-    the body and the places of the loads are the same, and the tolerance is not larger. `note` is
-    added to the answer's notes.
+    The first agents are as large as the body, its materials, supports and loads let them be. Those
+    that are furthest off spawn 4 (in three dimensions 8) children of half their size, generation by
+    generation, until the error is within the tolerance. The scene's cells say where the body is; it
+    is never rasterised as a whole.
     """
     start = perf_counter()
-    if previous is not None:
-        _check_spawned(previous)
-        tolerance = previous.tolerance if tolerance is None else tolerance
-        resolution = previous.resolution if resolution is None else resolution
-        goal = previous.goal or None if goal is None else goal
     tolerance = TOLERANCE if tolerance is None else tolerance
     goals = asked(goal)
-    check_numbers(tolerance, resolution, stage, most_agents)
+    check_numbers(tolerance, resolution, stage)
     ground = ground_of(scene, stage, resolution)
-    if previous is not None:
-        check_previous(previous.grid.lattice, ground.scene.lattice)
-    spawner = spawner_of(ground, tolerance, most_agents, goals)
+    spawner = spawner_of(ground, tolerance, None, goals)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
-    spawning.notes += [note] if note else []
     spawning.notes += [NOTE] if interrupt_requested() else []
     seconds = perf_counter() - start
     result = answer_of(spawning, scene, stage, tolerance, resolution, goals, seconds)
@@ -149,13 +134,4 @@ def check_previous(previous: Lattice, lattice: Lattice) -> None:
         raise ParameterError(
             f"previous: its agents stand on {before}, those of the scene on {now}; solve without "
             "it, or on the same cells"
-        )
-
-
-def _check_spawned(previous: ElasticResult) -> None:
-    """Refuse a previous answer of equal cells."""
-    if not isinstance(previous.found, (BrickAgents, PairAgents)):
-        raise ParameterError(
-            "previous: spawning agents continue from agents that have spawned, and its cells are "
-            "all equal; leave `previous`, or tolerance and goal, out"
         )

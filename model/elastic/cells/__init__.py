@@ -1,1 +1,0 @@
-"""Cells of many sizes, explicitly: faces, edges, strain matrix; of a small body or a window."""

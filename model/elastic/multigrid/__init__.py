@@ -1,1 +1,0 @@
-"""Solvers for many cells: equal ones in rows, and blocks of cells as their refinements."""

@@ -1,1 +1,0 @@
-"""Adaptive refinement: solve, estimate, mark, split, prove."""

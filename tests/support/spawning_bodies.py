@@ -4,9 +4,6 @@ Their energies and displacements, by finite elements on graded meshes (`exact.gr
 bricks alike), are in `tests/data/spawning`.
 """
 
-from copy import copy
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import label
 
@@ -160,15 +157,3 @@ def middles(scene):
 def spawned_by(scene, **how):
     """The answer of agents that spawn."""
     return solve(scene, **how)
-
-
-def by_themselves(result):
-    """The same answer, read off the agents themselves instead of the fields that are proved."""
-    found = copy(result.found)
-    found.__class__ = type("Unproved", (type(found),), {"proved": None})
-    return replace(result, found=found)
-
-
-def settled_energy(result):
-    """The energy of the agents as they settled: bounds may contradict it where cells are rough."""
-    return result.found.solution.energy * result.found.scales.energy

@@ -285,3 +285,12 @@ def test_a_side_that_moves_beside_small_first_agents_is_moved_without_gaps():
     low, high = proved(scene, 0.05).energy_bounds
     lower, upper = proved(scene, 0.01).energy_bounds
     assert low <= lower < upper <= high
+
+
+def test_a_load_straight_onto_a_support_is_borne_by_it_alone():
+    straight = {"cell": [1, 0], "side": "bottom", "force": [3.0, -5.0]}
+    loads = [straight, {"side": "top", "force": [0.0, -7.0]}]
+    answer = kaju.solve(body(PLATE, sides={"bottom": "rigid"}, loads=loads), tolerance=0.05)
+    assert answer.reactions["bottom"] == pytest.approx([-3.0, 12.0])
+    alone = kaju.solve(body(PLATE, sides={"bottom": "rigid"}, loads=loads[1:]), tolerance=0.05)
+    assert answer.energy_bounds == pytest.approx(alone.energy_bounds)

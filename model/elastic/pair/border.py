@@ -28,6 +28,7 @@ class Sides:
     bed: Floats  # Stiffness per area of the bed across it, 0 without; shape (m,)
     # By agent, edge, force or first moment about the edge's middle (over its length), axis
     load: Floats  # Shape (n, 4, 2, 2)
+    straight: Floats  # Loads on held components, which are the support's at once; shape (m, 2)
     body: Floats  # Forces within agents; shape (n, 2)
     # Work of the loads on an even strain of each agent (xx, yy, twice xy), over its edge: that of
     # a stress times the edge. Shape (n, 3)
@@ -86,11 +87,11 @@ def sides_of(body: PosedBody, mesh: LeafMesh) -> Sides:
         np.add.at(load[:, :, 1], (uneven.box, EDGE_OF_SIDE[uneven.side]), moment)
         law = moduli_at(body.moduli, leaves.kind)
         rest = data_error(uneven, size, softest(law.stretch, law.lateral, law.shear, 2))
-    # What enters at a held component is the wall's at once.
     own = load[mesh.owner, mesh.side]
+    straight = np.where(held, own[:, 0], 0.0)
     load[mesh.owner, mesh.side] = np.where(held[:, None], 0.0, own)
     even = np.zeros((n, 3))
-    return Sides(held, given, moved, shift, bed, load, inside, even, rest, ragged)
+    return Sides(held, given, moved, shift, bed, load, straight, inside, even, rest, ragged)
 
 
 def _common_shift(moved: Floats, held: Flags, bed: Floats) -> Floats:

@@ -223,7 +223,7 @@ def sides_under(
     load: DualLoad, body: PosedBody, mesh: LeafMesh, sides: Sides, size: Floats, law: Floats
 ) -> Sides:
     """Return the supports at rest, under a dual load."""
-    names = ("moved", "shift", "load", "body", "even")
+    names = ("moved", "shift", "load", "straight", "body", "even")
     arrays = {name: np.zeros_like(getattr(sides, name)) for name in names}
     none = replace(sides, rest=0.0, ragged=np.zeros(0, dtype=np.int64), **arrays)
     if isinstance(load, Forces):

@@ -149,6 +149,7 @@ class Opinions:
         """Return the force of every support on the body, of the stress that balances; scaled."""
         mesh, borne = self.mesh, ~self.sides.given
         own = self.tractions[mesh.owner, mesh.side, 0] - self.sides.load[mesh.owner, mesh.side, 0]
+        own = own - self.sides.straight
         names = [*self.body.scene.lattice.sides, INSIDE]
         which = supports_of(mesh, self.body)
         found = {}

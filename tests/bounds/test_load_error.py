@@ -153,32 +153,6 @@ def test_bounds_of_solids_on_two_grids_have_energies_in_common(load):
     assert most - least < high - low
 
 
-def turned(load, at):
-    """Force and moment of the reactions of a square, and those of the load."""
-    result = solve(square(load, 5))
-    moved = result.found.tree
-    entered, grid = moved.balance.load, moved.balance.grid
-    force = np.where(grid.axis[:, None] == np.arange(2), entered[:, None], 0.0)
-    arm = grid.place * (moved.grid.lattice.cell_size / moved.ground.cell) - at
-    moment = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
-    return moved.scales.force * force.sum(axis=0), moved.scales.force * moment
-
-
-@pytest.mark.parametrize(
-    ("load", "at"),
-    [
-        ({"region": {"box": [[0.013, EDGE], [0.171, EDGE]]}, "force": [2.0, -3.0]}, (0.092, EDGE)),
-        ({"point": [0.171, EDGE], "force": [0.0, -3.0]}, (0.171, EDGE)),
-        ({"point": [0.191, EDGE], "force": [0.0, -3.0]}, (0.191, EDGE)),
-        ({"point": [EDGE, 0.033], "force": [3.0, 0.0]}, (EDGE, 0.033)),
-    ],
-)
-def test_forces_keep_their_line_of_action(load, at):
-    force, moment = turned(load, np.array(at))
-    assert force == pytest.approx(load["force"], abs=1e-9)
-    assert moment == pytest.approx(0.0, abs=1e-9)
-
-
 def test_what_agents_leave_of_loads_is_told_with_its_size():
     load = {"region": {"box": [[0.083, EDGE], [0.117, EDGE]]}, "force": [0.0, -2.0]}
     coarse, spawned = solve(square(load, 5)), solve(square(load, 5), tolerance=0.05)

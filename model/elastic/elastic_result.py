@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from kaju.model.elastic.bounds.energy_bounds import EnergyBounds
     from kaju.model.elastic.equal.cell_agents import CellAgents
     from kaju.model.elastic.equal.equal_arrays import EqualArrays
     from kaju.model.elastic.goals.quantities import Place
@@ -282,7 +281,7 @@ class ElasticResult(BodyResult):
         return self.found.solution.error
 
     @property
-    def _bounds(self) -> EnergyBounds | Bounds | None:
+    def _bounds(self) -> Bounds | None:
         """Scaled bounds of the energy, if there are any."""
         bounds = self.found.bracket
         return None if isinstance(bounds, str) else bounds

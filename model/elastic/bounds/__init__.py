@@ -1,1 +1,0 @@
-"""Two-sided bounds of the energy: admissible stresses above, admissible displacements below."""

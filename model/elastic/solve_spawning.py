@@ -5,7 +5,7 @@ from __future__ import annotations
 from time import perf_counter
 
 from kaju.arrays import first_largest
-from kaju.errors import ConvergenceError, ParameterError
+from kaju.errors import ConvergenceError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
 from kaju.model.elastic.corners import singular_at
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -16,7 +16,6 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.scene import Scene
-from kaju.model.scene.lattice import Lattice
 from kaju.stopping import NOTE, interrupt_requested
 
 
@@ -122,16 +121,3 @@ def most_at(spawning: BrickAgents | PairAgents) -> str:
             break
     place = ", ".join(f"{x:.4g}" for x in point)
     return f"at ({place}) m" + (f", where {reason}" if reason else "")
-
-
-def check_previous(previous: Lattice, lattice: Lattice) -> None:
-    """Refuse a previous answer on other cells."""
-    if previous != lattice:
-        before, now = (
-            f"{' x '.join(map(str, one.shape))} cells of {one.cell_size:g} m"
-            for one in (previous, lattice)
-        )
-        raise ParameterError(
-            f"previous: its agents stand on {before}, those of the scene on {now}; solve without "
-            "it, or on the same cells"
-        )

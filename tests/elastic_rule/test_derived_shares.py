@@ -6,8 +6,7 @@ from elastic_scenes import block, plate, ragged
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kaju import ElasticRule, Material, PrescribedRule, Shares
-from kaju.agents.elastic_rule import moduli_of
+from kaju import ElasticRule, Material, Shares
 from kaju.agents.materials import LIBRARY
 from kaju.errors import ParameterError
 from kaju.model.elastic.relaxation.push_table import PushTable
@@ -32,14 +31,6 @@ def test_what_is_taken_is_passed_on_whole(ratio, shape):
     assert passed == pytest.approx(1.0, rel=1e-14)
     assert 0.0 < shares.poisson < 0.5
     assert 2.0 < shares.growth <= 2.0 * dimension
-
-
-@pytest.mark.parametrize(("dimension", "plane"), [(2, "stress"), (2, "strain"), (3, None)])
-def test_formulas_of_the_largest_eigenvalue(dimension, plane):
-    stretch, lateral, shear = moduli_of(STEEL.youngs_modulus, STEEL.poissons_ratio, plane)
-    across = dimension - 1
-    expected = 2 + 2 * across * (lateral + shear) / (stretch + across * shear)
-    assert ElasticRule.shares(STEEL, dimension, plane).growth == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize("make", [plate, lambda: block((5, 5, 5))])
@@ -85,20 +76,6 @@ def test_air_gives_back_what_a_whole_neighbourhood_would_have_taken():
     near_ground = position[:, 1] < 0.03
     whole = level.stiffness * (1.0 + back)
     np.testing.assert_allclose(whole[~near_ground], table.reference, rtol=1e-13)
-
-
-def test_the_table_shows_both_rules_side_by_side():
-    text = str(ElasticRule.shares(STEEL))
-    assert "steel, ν = 0.3, plane stress" in text
-    forward = next(line for line in text.splitlines() if line.startswith("forward  "))
-    assert forward.split() == ["forward", "α₂", "0.5000", "C₁₁/k", "0.3704"]
-    assert "by less than 0.6750 of P/k" in text
-    other = ElasticRule.shares(STEEL).beside(PrescribedRule(alpha=(0.4, 0.3, 0.2)))
-    assert "0.3000" in other
-
-
-def test_materials_that_widen_when_stretched_have_a_table_too():
-    assert "three dimensions" in str(ElasticRule.shares(Material("foam", 1e5, -0.5), 3))
 
 
 @pytest.mark.parametrize(

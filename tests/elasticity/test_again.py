@@ -6,11 +6,9 @@ import weakref
 import numpy as np
 import pytest
 from plates import plate as pressed
-from spawning_bodies import STEEL, drawn
 
-from kaju import ElasticResult, Scene
+from kaju import Scene
 from kaju.errors import SupportError
-from kaju.model.elastic.equal import direct
 from kaju.model.elastic.solve import solve
 
 BODY = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}
@@ -71,14 +69,6 @@ def test_a_force_changed_in_proportion_needs_no_iteration():
     assert harder.iterations == 0
 
 
-def test_stages_follow_from_each_other():
-    scene = plate(loads=[*press(steps=4), {"cell": [39, 10], "force": [-1.0, 0.0]}])
-    result = None
-    for stage in (1, 2, 3, 4):
-        result = solve(scene, tolerance=1e-10, stage=stage, previous=result)
-        assert_like(result, solve(scene, tolerance=1e-10, stage=stage))
-
-
 CHANGES = {
     "cut": lambda scene: scene.with_region(disk={"centre": [0.12, 0.06], "radius": 0.015}),
     "cut at a side": lambda scene: scene.with_region(box=[[0.15, 0.0], [0.2, 0.1]]),
@@ -110,27 +100,6 @@ def test_three_dimensions():
     assert_like(again, solve(moved, tolerance=1e-10))
 
 
-def test_the_number_of_cells_stays_as_it_was():
-    load = {"cell": [3, 0], "force": [0.0, -1.0]}
-    member = drawn(["aa..", "aa..", "aaaa"], [STEEL], [load], sides={"left": "rigid"})
-    first = solve(member)
-    assert first.subdivision == 2
-    other = member.replace(loads=[{"cell": [2, 0], "force": [0.1, -1.0]}])
-    assert solve(other, previous=first).subdivision == 2
-    assert solve(plate(), previous=solve(plate(), resolution=2)).subdivision == 2
-    assert solve(plate(), resolution=1, previous=first).subdivision == 1
-
-
-def test_a_stored_result_serves_too(tmp_path):
-    first = solve(plate(), tolerance=1e-10)
-    stored = ElasticResult.load(first.save(tmp_path / "first"))
-    moved = plate(loads=press(20))
-    again = solve(moved, tolerance=1e-10, previous=stored)
-    assert_like(again, solve(moved, tolerance=1e-10, previous=first))
-    harder = plate(loads=press(force=(0.0, -4.0)))
-    assert solve(harder, tolerance=1e-10, previous=stored).iterations == 0
-
-
 def test_nothing_keeps_the_results_before_alive():
     result = solve(plate())
     before = []
@@ -140,18 +109,3 @@ def test_nothing_keeps_the_results_before_alive():
         result = solve(plate(loads=press(first)), previous=result)
     gc.collect()
     assert [reference for reference in before if reference() is not None] == []
-
-
-def test_few_cells_are_solved_by_the_factors_at_hand(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 1000, 3: 0})
-    made = []
-    plain = direct.factors_of
-    monkeypatch.setattr(direct, "factors_of", lambda matrix: made.append(1) or plain(matrix))
-    first = solve(plate())
-    once = len(made)
-    again = solve(plate(loads=press(3)), previous=first)
-    assert len(made) == once > 0
-    assert solve(BODIES["hole"]).found.solution.method == "direct"
-    assert len(made) == 2 * once
-    monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})
-    assert_like(again, solve(plate(loads=press(3)), tolerance=1e-11))

@@ -51,12 +51,6 @@ def test_cube(n, energy, under_load, centre):
     assert axis[n // 2] == pytest.approx(centre, rel=2e-6)
 
 
-def test_plate_on_cells_that_are_no_power_of_two_is_the_same_body():
-    values = [plate_values(n)[0] for n in (60, 100, 140, 180)]
-    np.testing.assert_allclose(values, -1.16709e-8, rtol=0.003)
-    assert np.all(np.diff(np.abs(values)) < 0)
-
-
 def test_error_estimate_follows_the_energy_error():
     # The limit is that of the tables' own sequence, extrapolated.
     limit = 1.10770e-8

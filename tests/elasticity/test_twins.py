@@ -9,13 +9,10 @@ from elastic_cases import make_problem
 
 from kaju.model.elastic.equal import row_kernels as kernels
 from kaju.model.elastic.equal.hierarchy import Hierarchy
-from kaju.model.elastic.equal.problem import ACTIVE
 from kaju.model.elastic.equal.staggered import (
-    Numbering,
     axis_pairs,
     edge_modulus,
     internal_force,
-    stiffness_matrix,
 )
 
 CASES = [
@@ -68,12 +65,6 @@ def random(problem, multigrid, seed):
     return vector, fields
 
 
-def test_the_faces_that_move_are_those_of_the_plain_law(both):
-    problem, multigrid = both
-    active = sum(int((state == ACTIVE).sum()) for state in problem.face_states)
-    assert multigrid.moving.sum() == active
-
-
 def test_the_stiffness_is_that_of_the_plain_law(both):
     problem, multigrid = both
     x, u = random(problem, multigrid, 1)
@@ -96,21 +87,6 @@ def residual(hierarchy, at, x, load=None, share=0.0):
     level, coarse = hierarchy.levels[at], hierarchy.levels[min(at + 1, len(hierarchy.levels) - 1)]
     kernels.write_residual(x, load, out, level.level, coarse.level.box, share)
     return out
-
-
-@pytest.mark.parametrize("case", range(len(CASES)))
-def test_parents_of_a_full_box_obey_its_law_on_larger_cells(case):
-    shape, sides = CASES[case]
-    hierarchy = Hierarchy(make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides))
-    plain = [level for level in hierarchy.levels if level.stencil is None]
-    assert len(plain) > 1
-    for depth in range(len(plain)):
-        cells = [n >> depth for n in shape]
-        problem = make_problem(np.zeros(cells, int), [(1.0, 0.3)], 2.0**depth, sides=sides)
-        own = Hierarchy(problem)
-        x = np.random.default_rng(depth).standard_normal(own.levels[0].u.size)
-        expected = 2.0 ** (depth * (len(shape) - 2)) * residual(own, 0, x)
-        np.testing.assert_allclose(residual(hierarchy, depth, x), expected, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", RAGGED)
@@ -156,44 +132,6 @@ def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(both):
         left = residual(hierarchy, at, parts, load, 1.0)
         kernels.smooth_and_restrict(left, left, below_load, *both_levels, 0)
         np.testing.assert_allclose(restricted, below_load, atol=1e-12 * np.abs(restricted).max())
-
-
-@pytest.mark.parametrize("shape", [(7, 5), (4, 5, 3)])
-def test_the_matrix_is_the_plain_law_on_ragged_bodies(shape):
-    rng = np.random.default_rng(5)
-    kinds = rng.choice([-2, -1, 0, 0, 0, 1], size=shape)
-    sides = {"bottom": "rigid", "left": "roller", "right": ("foundation", 0.7)}
-    problem = make_problem(kinds, [(1.0, 0.3), (50.0, -0.2)], 1.0, sides=sides)
-    numbering = Numbering(problem.face_states)
-    matrix = stiffness_matrix(problem, numbering)
-    x = rng.standard_normal(numbering.size)
-    u = tuple(np.zeros(problem.face_shape(a)) for a in range(problem.dimension))
-    numbering.scatter(x, u)
-    expected = numbering.gather(internal_force(problem, u))
-    np.testing.assert_allclose(matrix @ x, expected, atol=1e-12)
-    assert abs(matrix - matrix.T).max() < 1e-14
-    assert np.linalg.eigvalsh(matrix.toarray())[0] > -1e-12
-
-
-@pytest.mark.parametrize("shape", [(8, 8), (9, 6), (8, 6, 7)])
-def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
-    from kaju.factors import rigid_motions
-
-    problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0)
-    hierarchy = Hierarchy(problem)
-    faces = [np.argwhere(state == ACTIVE) for state in problem.face_states]
-    axis = np.repeat(np.arange(len(shape)), [len(some) for some in faces])
-    modes = rigid_motions(np.concatenate(faces) + 0.5 * (axis[:, None] != range(len(shape))), axis)
-    coarse = hierarchy.levels[1]
-    there = np.flatnonzero(moves(coarse))
-    columns = []
-    for place in there:
-        parents = np.zeros_like(coarse.u)
-        parents[place] = 1.0
-        columns.append(hierarchy.prolong(0, parents)[hierarchy.moving])
-    matrix = np.stack(columns, axis=1)
-    best = np.linalg.lstsq(matrix, modes, rcond=None)[0]
-    assert np.abs(matrix @ best - modes).max() < 1e-10
 
 
 def test_a_full_box_with_given_edge_moduli_is_not_coarsened_by_its_cells():

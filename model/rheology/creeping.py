@@ -1,17 +1,11 @@
-"""Creep of elements, networks and bodies over time: one call, or step by step.
-
-For all of them::
-
-    bite = History().ramp(1.0, duration=0.2).hold(5.0).release(duration=0.1).hold(20.0)
-    result = creep(network, bite, rheology=ThreeElement(K_f, D_f, D_d), tolerance=1e-3)
-"""
+"""Creep of elements, networks and bodies over time: one call, or step by step."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
-from typing import Any, NamedTuple, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -130,14 +124,6 @@ def creep(  # type: ignore[misc]
     return model.run(progress=False)
 
 
-class _Moment(NamedTuple):
-    """What the result keeps of a time asked for."""
-
-    time: float
-    energies: tuple[float, ...]  # work, stored, dissipated, numerical, at jumps (J)
-    record: dict[str, Floats]
-
-
 class CreepModel(Stepper[AnyTimeResult]):
     """What creeps, step by step in time.
 
@@ -187,7 +173,9 @@ class CreepModel(Stepper[AnyTimeResult]):
         self._system = _system(subject, rheology)
         start = self._system.start()
         self._stored_first = self._system.stored(start)
-        self._state, self._moments = Reached(start), list[_Moment]()
+        self._state = Reached(start)
+        # Of every time asked for: the time (s), energies (J), and what the result keeps.
+        self._moments: list[tuple[float, tuple[float, ...], dict[str, Floats]]] = []
         integrator = Integrator(self._system, history, last, tolerance, most_steps)
         self._ahead = integrator.states(self._state, self._asked)
         if self._asked[0] == 0.0:
@@ -210,7 +198,7 @@ class CreepModel(Stepper[AnyTimeResult]):
         stored = self._system.stored(state.fields) - self._stored_first
         energies = (state.work, stored, state.dissipated, state.numerical, state.at_jumps)
         record = {name: part.copy() for name, part in self._system.record(state.fields).items()}
-        self._moments.append(_Moment(state.time, energies, record))
+        self._moments.append((state.time, energies, record))
 
     def progress(self) -> str:
         """Return the line of progress."""
@@ -226,9 +214,10 @@ class CreepModel(Stepper[AnyTimeResult]):
         """
         if not self._moments:
             raise ResultError("result: no time has passed yet; take a step first")
-        state, moments = self._state, self._moments
-        times = np.array([moment.time for moment in moments])
-        work, stored, dissipated, numerical, at_jumps = np.array([m.energies for m in moments]).T
+        state = self._state
+        at, energies, records = zip(*self._moments, strict=True)
+        times = np.array(at)
+        work, stored, dissipated, numerical, at_jumps = np.array(energies).T
         made: Any = self._system.result  # of a class by what creeps
         found: AnyTimeResult = made(
             times=times,
@@ -244,7 +233,7 @@ class CreepModel(Stepper[AnyTimeResult]):
             seconds=self.seconds,
             notes=self._notes(float(np.abs(work).max()), float(at_jumps[-1])),
             **self._system.parts,
-            **{name: np.stack([m.record[name] for m in moments]) for name in moments[0].record},
+            **{name: np.stack([record[name] for record in records]) for name in records[0]},
         )
         if self.scene is None:
             return found

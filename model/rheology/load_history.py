@@ -1,11 +1,8 @@
 """How a load or a displacement changes in time: ramps, holds, releases and cycles in a row.
 
-A `History` is a chain of straight pieces, built by chaining words::
-
-    bite = History().ramp(1.0, duration=0.2).hold(5.0).release(duration=0.1).hold(20.0)
-
-Its value is a factor without unit: whatever it drives (the forces of a network, the loads of
-a scene, the elongation of one element) is multiplied by it.
+A `History` is a chain of straight pieces. Its value is a factor without unit: whatever it drives
+(the forces and given displacements of a network, the loads of a scene, the force on one element) is
+multiplied by it.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def test_history_tells_every_generation(model):
 def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(spawning_model, "MOST_OBJECTS", 100)
     model = SpawningModel(under_a_patch(), 0.01)
-    first = model.agents[0]
+    first = next(iter(model.agents))
     model.run()
     assert len(model.family) > 100 >= len(model.agents_by_type[type(first)])
     assert len(model.agents) == len(model.family)

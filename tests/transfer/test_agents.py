@@ -80,15 +80,6 @@ def test_air_and_ground_inside_the_array_are_boundaries_too():
     assert stage.boundary_spawn_step.tolist() == [2, 3]
 
 
-def test_an_agent_is_woken_by_all_that_reach_it_first():
-    loads = [{"cell": [column, 1], "force": [0.0, -1.0]} for column in (0, 2)]
-    scene = loaded([3, 2], *loads, rule=PrescribedRule(alpha=(0.5, 0.5, 0.25), threshold=0.2))
-    for engine in ("agents", "arrays"):
-        stage = LoadModel(scene, engine=engine).run().last
-        middle = stage.cells.tolist().index([1, 1])
-        assert stage.woken_by[middle] == 2**LEFT + 2**RIGHT
-
-
 def test_the_load_path_is_a_graph_of_loads():
     model = row_of("##", {"left": "rigid"}, STRAIGHT)
     graph = model.run().load_path()

@@ -86,11 +86,6 @@ def test_an_agent_of_ones_own_switches_to_objects():
     assert stage.ledger == Ledger(2.0, 2.0, 1.0, 2.0, 0.0, 0.0, 2.0, 0.0)
 
 
-def test_small_bodies_live_as_objects():
-    assert isinstance(LoadModel(SMALL).engine, AgentEngine)
-    assert isinstance(LoadModel(SMALL, engine="arrays").engine, ArrayEngine)
-
-
 def test_a_wrong_engine_is_refused():
     with pytest.raises(ParameterError, match=r"engine: 'auto', 'agents' or 'arrays', got 'gpu'"):
         LoadModel(SMALL, engine="gpu")

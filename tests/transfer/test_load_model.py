@@ -53,13 +53,6 @@ def test_below_the_threshold_nothing_happens(engine):
 
 
 @ENGINES
-def test_stages_below_the_threshold_are_kept(engine):
-    result = LoadModel(plate(steps=4, threshold=0.6), engine=engine).run()
-    assert [stage.generations for stage in result.stages] == [0, 1, 2, 2]
-    assert [stage.factor for stage in result.stages] == [0.25, 0.5, 0.75, 1.0]
-
-
-@ENGINES
 def test_a_run_can_be_looked_at_half_way(engine):
     model = LoadModel(plate(), engine=engine)
     for _ in range(3):
@@ -69,14 +62,3 @@ def test_a_run_can_be_looked_at_half_way(engine):
     assert stage.ledger.pending > 0.0
     assert stage.ledger.imbalance < 1e-12
     assert stage.history.generation.max() == 3
-
-
-@ENGINES
-def test_history_adds_up_to_what_was_taken(engine):
-    stage = LoadModel(plate(), engine=engine).run().last
-    summed = np.zeros_like(stage.taken)
-    np.add.at(summed, (stage.history.agent, stage.history.direction), stage.history.load)
-    np.testing.assert_allclose(summed, stage.taken, rtol=1e-13)
-    first = np.full(len(stage.cells), 99)
-    np.minimum.at(first, stage.history.agent, stage.history.generation)
-    assert (first == stage.spawn_step).all()

@@ -1,7 +1,6 @@
 """The models as Mesa's own tools see them."""
 
 import gc
-import inspect
 import runpy
 import subprocess
 import sys
@@ -34,7 +33,7 @@ def test_rows_of_arrays_are_no_agents_and_say_so():
 def test_an_agent_knows_its_place_in_the_scene():
     model = LoadModel(plate())
     model.step()
-    first = model.agents[0]
+    first = next(iter(model.agents))
     assert first.index == first.pos == first.cell.coordinate == (10, 19)
     assert model.agent_at((10, 19)) is first
     assert model.agent_at((0, 0)) is model.agent_at((99, 99)) is None
@@ -79,7 +78,7 @@ def sisters():
     elastic = plate(rule=ElasticRule(order="wave", threshold=0.05))
     return [
         lambda: ElasticModel(elastic, seed=1),
-        lambda: SpawningModel(plate(cells=8), tolerance=0.1, seed=1),
+        lambda: SpawningModel(plate(cells=8), tolerance=0.02, seed=1),
     ]
 
 
@@ -132,11 +131,6 @@ def test_a_run_on_arrays_imports_no_mesa():
         "assert not late, late"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_mesas_page_takes_the_rules_numbers_as_sliders():
-    """Mesa looks for parameters of any name by the name that they have here."""
-    assert "kwargs" in inspect.signature(LoadModel.__init__).parameters
 
 
 @pytest.mark.filterwarnings("ignore")  # Solara's own

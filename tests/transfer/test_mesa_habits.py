@@ -42,11 +42,6 @@ class Own(LoadModel):
         self.beats += 1
 
 
-class Shuffling(LoadModel):
-    def step(self):
-        self.agents.select(lambda a: isinstance(a, MaterialAgent)).shuffle_do("step")
-
-
 def stepped(count=3, **more):
     model = LoadModel(plate(), threshold=0.01, **more)
     for _ in range(count):
@@ -73,12 +68,6 @@ def test_sets_of_agents_are_mesas():
     assert set(agents.get("mood")) == {"calm"}
     numbers = model.agents.get("unique_id")
     assert len(set(numbers)) == len(numbers)
-
-
-def test_a_method_of_ones_own():
-    model = LoadModel(plate(), material_agent=Counting, songs=2)
-    model.run(2)
-    assert set(material(model).map("sing")) == {"lala"}
 
 
 def test_cells_of_the_space():
@@ -111,12 +100,6 @@ def test_a_model_of_ones_own():
     assert (model.beats, model.steps, model.scene.rule.threshold) == (2, 2, 0.02)
 
 
-def test_shuffle_do_in_an_own_step():
-    shuffled, usual = Shuffling(plate(), threshold=0.01, seed=4).run(), stepped(0).run()
-    taken = [run.last.ledger.taken for run in (shuffled, usual)]
-    assert taken[0] == pytest.approx(taken[1], rel=1e-12)
-
-
 def test_copies():
     model = stepped(2)
     for again in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
@@ -143,8 +126,3 @@ def test_the_scenario_of_mesas_page():
         pytest.skip("Mesa knows scenarios from 3.5 on")
     again = LoadModel(plate(), scenario=type(model.scenario)(rng=7))
     assert again.random.random() == model.random.random()
-
-
-def test_sliders_for_solara():
-    chosen = {name: slider["value"] for name, slider in LoadModel.sliders(Counting).items()}
-    assert LoadModel(plate(), material_agent=Counting, **chosen).parameters == {"songs": 1}

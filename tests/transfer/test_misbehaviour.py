@@ -11,12 +11,10 @@ from kaju import (
     Emission,
     FreeBoundaryAgent,
     KajuError,
-    Lattice,
     Load,
     LoadModel,
     MaterialAgent,
     RigidBoundaryAgent,
-    Squares,
     load_result,
 )
 
@@ -229,23 +227,3 @@ def test_a_step_in_which_nobody_acts_is_told():
     assert "max_generations" in Idle(scene(), max_generations=9).run().last.outcome
     with pytest.raises(KajuError, match=r"super\(\)\.step\(\)"):
         Idle(scene(), engine="arrays").run()
-
-
-def lattice(**answers):
-    return type("Wrong", (Lattice,), {"kind": "wrong", **answers})
-
-
-OUTLINE = Squares((1, 1), 0.01).outline(0)
-LATTICES = {
-    "nothing": {},
-    "outline NaN": {"outline": lambda self, form: OUTLINE * nan},
-    "outline empty": {"outline": lambda self, form: OUTLINE[:0]},
-    "middles NaN": {"outline": lambda self, form: OUTLINE, "centres": lambda self, c: c * nan},
-    "middles all one": {"outline": lambda self, form: OUTLINE, "centres": lambda self, c: c * 0.0},
-}
-
-
-@pytest.mark.parametrize("kind", LATTICES)
-def test_lattices_that_fit_nowhere_are_refused(kind):
-    with pytest.raises(KajuError):
-        scene(lattice(**LATTICES[kind]))

@@ -42,19 +42,6 @@ def test_what_an_agent_keeps_is_what_deforms_its_cell(sense):
     assert twice.last.ledger.imbalance < 1e-12
 
 
-class Soft(MaterialAgent):
-    """Yields three times as far as its material."""
-
-    def shortening(self, axis):
-        return 3.0 * super().shortening(axis)
-
-
-def test_an_agent_may_have_a_law_of_its_own():
-    usual, soft = (LoadModel(column(), material_agent=a).run() for a in (MaterialAgent, Soft))
-    np.testing.assert_allclose(soft.displacement, 3.0 * usual.displacement, rtol=1e-12)
-    np.testing.assert_array_equal(soft.stress, usual.stress)
-
-
 class Growing(MaterialAgent):
     """Passes on 1.3 times what it takes, to and fro."""
 
@@ -112,13 +99,6 @@ def test_a_boundary_that_absorbs(accumulate):
     for agent in felt:
         assert sum(agent.taken.values()) == pytest.approx(agent.returned + agent.kept)
     assert not model.certificate.known
-
-
-def test_wrong_boundaries_are_named():
-    with pytest.raises(ParameterError, match=r"no boundary 'fre'.*free"):
-        LoadModel(column(), boundary_agents={"fre": Felt})
-    with pytest.raises(ParameterError, match="a subclass of BoundaryAgent is needed"):
-        LoadModel(column(), boundary_agents={"free": MaterialAgent})
 
 
 def heaviest(agents):

@@ -1,7 +1,5 @@
 """What agents of one's own know, and agents that live on from one step of the loads to the next."""
 
-import functools
-
 import numpy as np
 import pytest
 from plates import plate as pressed
@@ -130,23 +128,6 @@ def test_a_step_that_calls_the_usual_one_is_taken():
     model = LoadModel(plate(), material_agent=Counting)
     model.run()
     assert max(agent.steps for agent in model.agents_by_type[Counting]) > 1
-
-
-def test_a_part_of_a_call_is_run_by_a_sweep():
-    run = functools.partial(LoadModel, material_agent=Tired)
-    table = kaju.sweep(plate(), {"rule.threshold": [0.02, 0.1]}, run=run, workers=1)
-    assert list(table["material_agents"]) == [
-        LoadModel(plate(), material_agent=Tired, threshold=value).run().summary()["material_agents"]
-        for value in (0.02, 0.1)
-    ]
-
-
-def test_a_model_that_has_not_begun_is_run_for_its_film(tmp_path):
-    from PIL import Image
-
-    model = LoadModel(plate())
-    with Image.open(kaju.animate(model, tmp_path / "film.gif")) as film:
-        assert film.n_frames == model.generation + 1 > 2
 
 
 def test_the_numbers_of_a_scenario_are_read():

@@ -6,16 +6,11 @@ from plates import loaded
 from transfer_answers import assert_same
 
 from kaju import (
-    ElasticResult,
-    ElasticRule,
     LoadModel,
     PrescribedRule,
     TransferResult,
-    load_result,
-    solve,
 )
-from kaju.errors import ResultError, ResultFileError
-from kaju.model.results.archive import write_archive
+from kaju.errors import ResultError
 
 
 @pytest.fixture(scope="module")
@@ -35,31 +30,6 @@ def test_a_result_survives_storing(result, tmp_path):
     for one, other in zip(result.stages, again.stages, strict=True):
         assert_same(one, other)
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"], "nothing half-written"
-
-
-def test_a_stored_result_is_read_whatever_its_kind(result, tmp_path):
-    assert load_result(result.save(tmp_path / "result")).scene == result.scene
-    assert load_result(tmp_path).summary() == result.summary()
-    elastic = solve(result.scene.replace(rule=ElasticRule()))
-    elastic.save(tmp_path / "elastic")
-    assert isinstance(load_result(tmp_path / "elastic.npz"), ElasticResult)
-    with pytest.raises(ResultFileError, match="of kind 'elastic', not of 'load transfer'"):
-        TransferResult.load(tmp_path / "elastic.npz")
-    write_archive(tmp_path / "strange", "tea leaves", {}, {})
-    with pytest.raises(ResultFileError, match="'tea leaves', which this kaju cannot read"):
-        load_result(tmp_path / "strange.npz")
-
-
-def test_files_that_are_no_results_are_refused(result, tmp_path):
-    (tmp_path / "text.npz").write_text("hello")
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    for name, told in (("nothing", "cannot be read: No such file"),
-                       ("text", "is not a result that kaju has saved"),
-                       ("other", "is not a result")):  # fmt: skip
-        with pytest.raises(ResultFileError, match=told):
-            TransferResult.load(tmp_path / f"{name}.npz")
-    with pytest.raises(ResultFileError, match="cannot be written"):
-        result.save(tmp_path / "missing" / "run.npz")
 
 
 def test_the_summary_has_its_keys(result):

@@ -282,12 +282,12 @@ def test_nothing_reaches_out_of_an_agent(opened, pages):
 
 def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
     """A link's code is shown; names of a scene and texts of a file are words, nothing else."""
-    bad = "<img src=x onerror='document.title=1'>"
+    bad, name = "<img src=x onerror='document.title=1'>", 'a"""\nprint("has run")\n"""\\'
     scene = Scene(
         **PLATE
         | {
-            "body": PLATE["body"] | {"material": "x"},
-            "materials": {"x": {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
+            "body": PLATE["body"] | {"material": name},
+            "materials": {name: {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
         }
     )
     path = kaju.export_page(scene, tmp_path / "page.html", title=bad, text=bad, python=True)
@@ -297,6 +297,16 @@ def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
     page.js("page.studio.best = 0.25")
     page.press("Copy link")
     page.until("location.hash.includes('s=')")
+    page.tab.get_by_role("tab", name="Agent").click()
+    with page.tab.expect_download() as download:
+        page.press("Save as Python")
+    download.value.save_as(tmp_path / "agent.py")
+    tree = ast.parse((tmp_path / "agent.py").read_text())
+    kinds = [type(node) for node in tree.body]
+    assert kinds == [ast.ImportFrom, ast.ClassDef, ast.Expr, ast.Assign, ast.If]
+    assert tree.body[2].value.args[0].value == "has run"  # the pupil's own line, not the name's
+    saved = Scene.from_toml(tree.body[3].value.value)
+    assert saved.cell_materials[0].name == name
     other = opened(path)
     other.tab.goto(page.tab.url)
     other.tab.reload()

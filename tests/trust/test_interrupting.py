@@ -42,7 +42,7 @@ def interrupting(monkeypatch, home, name, at):
 @pytest.mark.parametrize(("model", "kind"), [(LoadModel, "prescribed"), (ElasticModel, "elastic")])
 def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, kind, capfd):
     run = model(plate(rule={"kind": kind}))
-    interrupting(monkeypatch, model, "_note", 4)
+    interrupting(monkeypatch, model, "act_once", 4)
     with pytest.raises(Interrupted) as stop:
         run.run()
     assert "interrupted after 4" in stop.value.best.outcome
@@ -54,7 +54,7 @@ def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, kind, capfd):
 def test_agents_that_spawn_keep_their_generation(monkeypatch):
     whole = solve(plate(), tolerance=0.03)
     run = SpawningModel(plate(), tolerance=0.03)
-    interrupting(monkeypatch, SpawningModel, "_note", 2)
+    interrupting(monkeypatch, SpawningModel, "act_once", 2)
     with pytest.raises(Interrupted) as stop:
         run.run()
     assert len(stop.value.best.generations) == 2 < len(whole.generations)
@@ -98,8 +98,8 @@ def test_time_ends_where_it_was(monkeypatch, tmp_path):
 
 def test_a_second_time_ends_at_once(monkeypatch):
     run = LoadModel(plate())
-    interrupting(monkeypatch, LoadModel, "_note", 3)
-    interrupting(monkeypatch, LoadModel, "_note", 3)
+    interrupting(monkeypatch, LoadModel, "act_once", 3)
+    interrupting(monkeypatch, LoadModel, "act_once", 3)
     with pytest.raises(KeyboardInterrupt) as stop:
         run.run()
     assert not isinstance(stop.value, Interrupted)
@@ -183,7 +183,7 @@ def test_a_command_may_be_interrupted_at_any_time(tmp_path, verb, seconds):
 def test_a_comparison_keeps_what_was_compared(monkeypatch, tmp_path, kaju, at, kept):
     """The scene's own rule is run first, then its coefficients are fitted."""
     large(10).save(tmp_path / "scene.toml")
-    interrupting(monkeypatch, LoadModel, "_note", at)
+    interrupting(monkeypatch, LoadModel, "act_once", at)
     code, _, told = kaju("compare", "scene.toml", "--out", "beside", "--resolution", "2")
     assert code == 130
     if not kept:

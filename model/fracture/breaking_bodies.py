@@ -337,7 +337,11 @@ class BreakingCells(WeakeningBody):
         moved = [np.linalg.norm(side.displacement or 0.0) for side in scene.sides.values()]
         self.shift = float(max(moved, default=0.0))
         self._strengths = strengths
-        known = {"stress": self._by_stress, "strain": self._by_strain, "energy": self._by_energy}
+        known: dict[str, Callable[[], Floats]] = {
+            "stress": lambda: _largest(self._stress()),
+            "strain": lambda: _largest(self._strain_of(self._stress())),
+            "energy": self._by_energy,
+        }
         self._bear = measured(measure, known)
 
         d, solid = problem.dimension, problem.kinds >= 0
@@ -368,8 +372,9 @@ class BreakingCells(WeakeningBody):
         shear = [modulus[modulus > 0] for modulus in edges.values()]
         unit = problem.scales.energy  # J, of displacements that stay scaled
         stiffness = unit * np.concatenate([swelling, distortion, *shear, bed])
-        self._unit_stress = problem.scales.stress
-        self._tensor = self._to_stress(modes, [len(s) for s in shear]) * (self._unit_stress / unit)
+        self._tensor = self._to_stress(modes, [len(s) for s in shear]) * (
+            problem.scales.stress / unit
+        )
         self._whole = np.ones(n, dtype=bool)
         most = CELLS_CORRECTED * (d + 4 * len(edges))
         strain, given = sp.csr_array(turn @ rows), np.asarray(turn @ given)
@@ -404,12 +409,6 @@ class BreakingCells(WeakeningBody):
     def _strain_of(self, stress: Floats) -> Floats:
         scaled = stress / self._problem.scales.modulus
         return strain_of(scaled, self._problem.moduli, self._kinds)
-
-    def _by_stress(self) -> Floats:
-        return _largest(self._stress())
-
-    def _by_strain(self) -> Floats:
-        return _largest(self._strain_of(self._stress()))
 
     def _by_energy(self) -> Floats:
         """Return energies (J) of cells that are pulled, so that a load twice as large has twice."""

@@ -99,14 +99,6 @@ def test_attributes_of_a_graph_are_read_node_by_node(tmp_path):
     assert network.prestretch.tolist() == [0.5]
 
 
-def test_supports_and_loads_may_come_beside_the_graph():
-    given = {"held": [(0, 0), (1, 0)], "forces": {(0, 1): (0.0, -1.0)}}
-    graph = nx.triangular_lattice_graph(2, 3)
-    network = SpringNetwork.from_graph(graph, stiffness=1.0, rest_length=None, **given)
-    assert network.held.all(axis=1).sum() == 2
-    assert network.forces[0, network.node((0, 1))].tolist() == [0.0, -1.0]
-
-
 def written(kind, graph, tmp_path):
     """Write a graph to a file, and read it again."""
     path = tmp_path / "net"

@@ -192,16 +192,6 @@ def result():
     return found
 
 
-def test_the_summary_holds_plain_values(result):
-    summary = result.summary()
-    assert summary["nodes"] == 23
-    assert summary["increments"] == 4
-    assert summary["largest_displacement_node"] in ("(4, 2)", "(0, 2)")
-    assert summary["largest_displacement_m"] == pytest.approx(0.114478, abs=1e-6)
-    assert summary["work_J"] == pytest.approx(summary["strain_energy_J"], rel=1e-5)
-    assert {type(value) for value in summary.values()} <= {str, int, float, list}
-
-
 def test_one_row_per_node_and_one_per_spring(result):
     nodes, springs = result.to_dataframe(), result.springs_to_dataframe()
     assert nodes["node"].tolist() == list(result.network.names)

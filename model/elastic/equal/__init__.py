@@ -1,10 +1,13 @@
 """Elasticity on equal cells: the staggered grid, solved by factors or by multigrid.
 
 In comes a scene, out come displacements of all faces of its cells, with an estimated error.
+Read `staggered` (the law), then:
 
 - `problem`, `grid`, `supports`, `cell_loads`: a scene as arrays of scaled numbers.
-- `staggered`: the law, in the fewest lines and as a matrix.
-- `solver`: few cells by factors, many by conjugate gradients with one cycle of multigrid as the
-  preconditioner (`hierarchy`, `stencils`, `row_kernels`; `krylov`), rubber by the `mixed_form`.
+- `solver`: which way is taken; `system`: loads and solutions; `direct`: few cells by factors;
+  `iterative`: many by conjugate gradients (`krylov`), with one cycle of multigrid as the
+  preconditioner, rubber with pressures of its own (`mixed_form`).
+- `hierarchy`: the cycle; `multigrid_levels`, `full_box`, `stencils`: its levels; `row_kernels`: the
+  compiled loops, which are imported with `iterative` alone.
 - `fields`, `cell_agents`, `equal_arrays`, `reactions`: what the displacements say.
 """

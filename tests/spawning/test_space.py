@@ -5,7 +5,7 @@ import pytest
 from spawning_bodies import quarter
 
 import kaju
-from kaju.errors import SupportError
+from kaju.errors import ConvergenceError, SupportError
 
 YOUNGS = 1e9
 MIRRORS = {"left": "roller", "front": "roller", "bottom": "roller"}
@@ -156,3 +156,49 @@ def test_a_tolerance_is_refused_for_what_is_nearly_incompressible():
     with pytest.raises(kaju.KajuError, match=r"Poisson's ratio of 0\.499 at most.*'gel'"):
         kaju.solve(scene, tolerance=0.2)
     assert kaju.solve(scene).strain_energy > 0.0
+
+
+def test_stress_goes_on_where_agents_of_two_sizes_meet():
+    result = kaju.solve(patch(8), tolerance=0.1)
+    large = result.size > result.size.min()
+    step, jumps = 1e-9, []
+    for axis in range(3):
+        side = result.middle[large] + 0.13 * result.size[large, None] * (np.arange(3) != axis)
+        side[:, axis] = result.lower[large, axis] + result.size[large]
+        side = side[side[:, axis] < 1.0]
+        away = step * (np.arange(3) == axis)
+        jumps.append(np.abs(result.stress_at(side - away) - result.stress_at(side + away)).max())
+    assert max(jumps) < 1e-5 * np.abs(result.stress).max()
+
+
+def test_solids_that_touch_along_an_edge_end_soon():
+    """They are a hinge, of which more and more agents see more."""
+    codes = np.ones((3, 2, 3), int)
+    codes[1] = [[1, 0, 0], [0, 0, 1]]
+    load = {"side": "right", "force": [0.0, 0.0, -1.0]}
+    scene = kaju.Scene.from_array(
+        codes, legend={0: "air", 1: "steel"}, cell_size=0.1, sides={"left": "rigid"}, loads=[load]
+    )
+    with pytest.raises(ConvergenceError, match="needs more") as caught:
+        kaju.solve(scene, tolerance=0.02)
+    assert caught.value.best.agents < 50_000
+
+
+def test_an_estimate_is_about_the_error_of_random_solids():
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        codes = np.ones(rng.integers(2, 5, 3), int)
+        codes[: rng.integers(1, 3), :1, : rng.integers(1, 3)] = 2
+        laws = {
+            name: {"youngs_modulus": 1e9 * 10 ** rng.uniform(0, 2), "poissons_ratio": 0.3}
+            for name in ("a", "b")
+        }
+        load = {"side": "top", "force": rng.normal(size=3).tolist()}
+        scene = kaju.Scene.from_array(
+            codes, legend={1: "a", 2: "b"}, materials=laws, cell_size=0.1,
+            sides={"bottom": "rigid"}, loads=[load],
+        )  # fmt: skip
+        rough, fine = (kaju.solve(scene, tolerance=tolerance) for tolerance in (0.2, 0.08))
+        truth = fine.strain_energy * (1.0 + fine.error_estimate**2)
+        error = np.sqrt(1.0 - rough.strain_energy / truth)
+        assert 0.5 * error <= rough.error_estimate <= 2.0 * error

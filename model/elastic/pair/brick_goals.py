@@ -68,6 +68,14 @@ class BrickGoals:
             answers.append(answer._replace(no_bound=NO_BOUND))
         return answers, part
 
+    def read(self, field: BrickField, load: Floats, answers: list[Answer]) -> list[Answer]:
+        """Return the answers with the values of another field."""
+        read, boxes = read_of(field, load), boxes_of(field)
+        return [
+            answer._replace(value=goal.read(read, *boxes))
+            for goal, answer in zip(self.goals, answers, strict=True)
+        ]
+
 
 def boxes_of(field: BrickField) -> tuple[Floats, Floats]:
     """Return the lower corners and edges of leaves in cells."""

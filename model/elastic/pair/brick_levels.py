@@ -16,10 +16,9 @@ from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
+from kaju.model.elastic.pair.levels import chebyshev
 from kaju.stopping import interrupt_requested
 
-STEPS = 3  # Of Chebyshev's smoothing before and after the levels below
-LOWEST = 6.0  # Smoothing takes the part of the spectrum within this factor of its top
 MOST_ITERATIONS = 200
 MOST_FACTORED = 6_000
 """Unknowns of a matrix that is factorised: 8,000 take half a second, and grow with the power 2."""
@@ -136,19 +135,8 @@ class BrickLevel:
         self.scale = np.divide(1.0, self.root, out=np.zeros_like(self.root), where=self.root > 0.0)
 
     def smooth(self, r: Floats) -> Floats:
-        """Return Chebyshev's polynomial of the upper spectrum on a residual."""
-        middle, half = 0.5 * (1 + 1 / LOWEST) * self.top, 0.5 * (1 - 1 / LOWEST) * self.top
-        ratio = middle / half
-        rho = 1.0 / ratio
-        step = r / middle
-        x, left = step.copy(), r
-        for _ in range(STEPS - 1):
-            left = left - self.apply(step)
-            new = 1.0 / (2.0 * ratio - rho)
-            step = new * rho * step + 2.0 * new / half * left
-            rho = new
-            x += step
-        return x
+        """Return a correction that takes the upper part of the spectrum."""
+        return chebyshev(self.apply, r, self.top)
 
     def cycle(self, r: Floats) -> Floats:
         """Return about what the inverse gives: a symmetric V-cycle."""

@@ -139,18 +139,8 @@ class FieldLevel:
         return self.scale * (self.back @ self.blocks.apply(self.way @ (self.scale * free)))
 
     def smooth(self, rest: Floats) -> Floats:
-        """Return a correction: Chebyshev's polynomial of the upper part of the spectrum."""
-        high, low = self.top, self.top / LOWEST
-        middle, half = 0.5 * (high + low), 0.5 * (high - low)
-        ratio = half / middle
-        step = rest / middle
-        found = step
-        for _ in range(SWEEPS - 1):
-            rest = rest - self.apply(step)
-            new = 1.0 / (2.0 * middle / half - ratio)
-            step = new * ratio * step + 2.0 * new / half * rest
-            found, ratio = found + step, new
-        return found
+        """Return a correction that takes the upper part of the spectrum."""
+        return chebyshev(self.apply, rest, self.top)
 
     def cycle(self, rest: Floats) -> Floats:
         """Return an approximate solution by all generations."""
@@ -189,6 +179,21 @@ class FieldLevel:
             direction = turned + float((rest - before) @ turned) / power * direction
             power = new
         return np.asarray(self.way @ (self.scale * found))
+
+
+def chebyshev(apply: Callable[[Floats], Floats], rest: Floats, top: float) -> Floats:
+    """Return Chebyshev's polynomial of the upper part of the spectrum on a residual."""
+    high, low = top, top / LOWEST
+    middle, half = 0.5 * (high + low), 0.5 * (high - low)
+    ratio = half / middle
+    step = rest / middle
+    found = step
+    for _ in range(SWEEPS - 1):
+        rest = rest - apply(step)
+        new = 1.0 / (2.0 * middle / half - ratio)
+        step = new * ratio * step + 2.0 * new / half * rest
+        found, ratio = found + step, new
+    return found
 
 
 def rise_of(

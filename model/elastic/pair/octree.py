@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan, sqrt
+from math import exp, inf, log, nan, sqrt
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -47,6 +47,7 @@ ALIKE = 0.01
 """Leaves with a share less than the last one marked only by this part are marked, too, so that
 marks keep the symmetry of the body."""
 MOST_GENERATIONS = 60
+WINDOW = 6  # Generations over which the rate is measured by which the error falls
 MOST_RATIO = 0.499  # at 0.4999 the true error of a cube was 1.9 times its estimate
 MOST_AGENTS = 400_000
 """Leaves: some 5 kB each, so about 2 GB."""
@@ -242,6 +243,7 @@ class BrickLoop:
         self.error, self.energy = float("nan"), 0.0
         self._field: BrickField | None = None
         self._marked: Flags | None = None
+        self._errors: list[tuple[int, float]] = []  # Agents and error of the generations
         self._mesh = BrickMesh(ground, self.leaves)
         self._mesh.check_held()
         if self._mesh.torn:
@@ -283,6 +285,7 @@ class BrickLoop:
             self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
             self._field = BrickField(level, self.ground.moduli, master + change)
             self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
+            self.answers = self.goals.read(self._field, self._load, self.answers)
             self.generations[-1] = self.generations[-1]._replace(
                 energy=self.energy, gap=self._field.shares, fitted=self._field.equivalent()
             )
@@ -308,7 +311,7 @@ class BrickLoop:
             self.finished = True
         elif not marked.any() or len(self.generations) + 1 == MOST_GENERATIONS:
             self.finished, self.stopped = True, "depth"
-        elif len(leaves) + 7 * int(marked.sum()) > self.most_agents:
+        elif max(len(leaves) + 7 * int(marked.sum()), self._expected(error)) > self.most_agents:
             self.finished, self.stopped = True, "agents"
         spawn = marked & (not self.finished)
         self._marked = None if self.finished else marked
@@ -319,6 +322,16 @@ class BrickLoop:
             Generation(*figures, leaves.code, leaves.size, field.shares, fitted, balanced, spawn)
         )
         self._before = float(field.shares.sum()), self.energy
+
+    def _expected(self, error: float) -> float:
+        """Return a tenth of the agents that the tolerance takes if the error falls on so."""
+        self._errors.append((len(self.leaves), error))
+        if len(self._errors) < WINDOW:
+            return 0.0
+        few, before = max(self._errors[-WINDOW:], key=lambda one: one[1])
+        rate = log(before / error) / log(len(self.leaves) / few) if error < before else 0.0
+        factor = log(error / self.tolerance) / rate if rate > 0.0 else inf
+        return 0.1 * len(self.leaves) * exp(min(factor, 100.0))
 
     def _wanting(self, field: BrickField) -> float:
         """Return how many times more than its estimated share a generation has gained, 1 or more.

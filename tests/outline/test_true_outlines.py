@@ -548,3 +548,62 @@ def test_a_previous_answer_of_another_kind_is_refused() -> None:
             kaju.solve(scene, previous=kaju.solve(earlier, tolerance=0.2))
     with pytest.raises(kaju.KajuError, match="8 x 8 cells"):
         kaju.solve(plate(), previous=kaju.solve(ring(0.1, 0.2), tolerance=0.3))
+
+
+ROCK = {"rock": {"youngs_modulus": 30e9, "poissons_ratio": 0.2, "density": 2400.0}}
+
+
+def rocky(regions: list[dict[str, Any]], cells: int, **scene: Any) -> kaju.Scene:
+    """Return a square of rock on a rigid ground."""
+    body = {"size": [1.0, 1.0], "cells": [cells, cells], "material": "rock", "regions": regions}
+    body |= scene.pop("body", {})
+    return kaju.Scene(body=body, materials=ROCK, sides={"bottom": "rigid"}, **scene)
+
+
+@pytest.mark.parametrize("gravity", [[0.0, -9.81], [3.0, 0.0]])
+def test_a_hole_in_a_heavy_body_bears_a_force_and_a_couple(gravity: list[float]) -> None:
+    hole = {"box": [[0.25, 0.25], [0.75, 0.625]], "material": "air"}
+    true, cells = (
+        kaju.solve(rocky([hole | {"outline": outline}], 8, body={"gravity": gravity}), tolerance=t)
+        for outline, t in (("true", 0.04), ("cells", 0.02))
+    )
+    lower, upper = true.energy_bounds
+    assert true.tolerance_kept == "proved"
+    assert lower < cells.energy_bounds[1]
+    assert cells.energy_bounds[0] < upper
+
+
+def test_bounds_of_a_pushed_hole_hold_one_truth_on_all_grids() -> None:
+    hole = disk(0.5, 0.5, 0.2, "air", "hole")
+    loads = [{"outline": "hole", "force": [3e3, 1e3]}]
+    bounds = np.array(
+        [
+            kaju.solve(rocky([hole], cells, loads=loads), tolerance=tolerance).energy_bounds
+            for cells, tolerance in ((4, 0.2), (5, 0.05), (8, 0.1))
+        ]
+    )
+    assert bounds[:, 0].max() < bounds[:, 1].min()
+    assert bounds[:, 1].min() < 1.02 * bounds[:, 0].max()
+
+
+# The energies are of quadratic triangles refined towards every corner.
+SLOT = [[0.04, 0.0999], [0.16, 0.0999], [0.16, 0.1001], [0.04, 0.1001]]
+SLIT = [[-0.01, 0.09995], [0.1, 0.09995], [0.1, 0.10005], [-0.01, 0.10005]]
+
+
+@pytest.mark.parametrize(("corners", "truth"), [(SLOT, 0.001707768), (SLIT, 0.003993097)])
+def test_slits_far_thinner_than_agents_are_proved(corners, truth) -> None:
+    steel = {"youngs_modulus": 210e9, "poissons_ratio": 0.3}
+    slit = {"polygon": corners, "material": "air", "outline": "true"}
+    body = {"size": [0.2, 0.2], "cells": [8, 8], "thickness": 0.01, "material": "steel"}
+    scene = kaju.Scene(
+        body=body | {"regions": [slit]},
+        materials={"steel": steel},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "pressure": -1e6}],
+    )
+    answer = kaju.solve(scene, tolerance=0.02)
+    lower, upper = answer.energy_bounds
+    assert answer.tolerance_kept == "proved"
+    assert lower * (1 - 1e-5) < truth < upper * (1 + 1e-5)
+    assert answer.agents < 2000

@@ -52,15 +52,16 @@ class OutlineLoop:
         """Why it ended short of the tolerance: "agents", "depth", "interrupt"."""
 
     def run(self, keep: Callable[[CutPair], None]) -> CutPair:
-        """Return the last generation; `keep` gets all."""
-        best, without_gain = np.inf, 0
+        """Return the generation that knows best, of a peak the last; `keep` gets all."""
+        least, best, without_gain = np.inf, None, 0
         while True:
             pair = self._found()
             keep(pair)
             aimed = self._aimed(pair)
-            without_gain = without_gain + 1 if aimed.error > 0.99 * best else 0
-            best = min(best, aimed.error)
+            without_gain = without_gain + 1 if aimed.error > 0.99 * least else 0
             reached = aimed.error <= self.tolerance
+            if best is None or aimed.error < least or self._aim is not None or reached:
+                best, least = pair, aimed.error
             often = aimed.first
             if not reached:
                 leaves = pair.leaves
@@ -70,13 +71,11 @@ class OutlineLoop:
                 often = np.maximum(often, halvings(aimed.part, left, sharp))
             often = np.minimum(often, np.log2(pair.leaves.size).astype(np.int64))
             finer = pair.leaves.split(often)
-            if not often.any() or (reached and len(finer) > self._most):
-                self.stopped = "" if reached else "depth"
-                return pair
-            if interrupt_requested() or without_gain >= STALLED or len(finer) > self._most:
-                many = len(finer) > self._most
-                self.stopped = "agents" if many else "depth" if without_gain else "interrupt"
-                return pair
+            many, ended = len(finer) > self._most, without_gain >= STALLED or not often.any()
+            if many or ended or interrupt_requested():
+                if least > self.tolerance:
+                    self.stopped = "agents" if many else "depth" if ended else "interrupt"
+                return best
             self._leaves = finer
 
     def _aimed(self, pair: CutPair) -> Aimed:

@@ -73,6 +73,8 @@ def solve_outlined(
             "touch the lines between agents, or are covered by another region, do so: move one "
             "by a little; so do parts of the body that hang on nothing"
         ) from None
+    while generations[-1][0] is not pair.leaves:  # a later one knew less
+        generations.pop()
     of_peak = None if peak is None else (peak.value, peak.off, peak.error)
     seconds = perf_counter() - start
     how = tolerance, seconds, generations, goal, of_peak, loop.stopped

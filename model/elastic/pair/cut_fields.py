@@ -23,7 +23,8 @@ from .elements import forms, rule, stresses
 FLAT = 0.03  # triangles that are flatter, in the shorter edge at a corner, join this to an edge
 SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
 NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
-REFINED = 3  # times that what rounding left of the equations is solved for again
+MOST_STEPS = 20  # of conjugate gradients
+SETTLED = 1e-10  # share of the energy gained so far by which the last of them gains less
 
 
 def law_parts(laws: list[Law], balances: bool) -> Floats:
@@ -55,7 +56,16 @@ class Near:
 
     def __init__(self, mesh: CutMesh, size: Floats, free: Flags, flat_too: Flags | None = None):
         self.mesh = mesh
-        self._from: dict[int, list[int]] = {}  # vertices, and edges numbered after them
+        # vertices, and edges numbered after them; those in the middle of sides follow the sides
+        many, (whole, middle, halves) = len(mesh.place), mesh.hanging
+        self._from: dict[int, list[int]] = {
+            m: [int(a), int(b), many + k]
+            for m, k, (a, b) in zip(middle.tolist(), whole.tolist(), mesh.ends[whole], strict=True)
+        }
+        for half in halves:
+            self._from |= {
+                many + own: [many + k] for own, k in zip(half.tolist(), whole.tolist(), strict=True)
+            }
         self.flat = np.empty((0, 2), dtype=np.int64)  # triangle, and which of its corners
         if flat_too is not None:
             self._find_flat(free, flat_too)
@@ -69,8 +79,9 @@ class Near:
         height = 2.0 * area_of(at)[:, None] / base
         flat = height < FLAT * np.minimum(legs, np.roll(legs, 1, axis=1))
         flat &= free[mesh.triangle]
-        # both other edges follow, and the one opposite of the corner is followed
-        flat &= (bulge_free[mesh.triangle_edge].sum(axis=1) == 3)[:, None]
+        # both other edges follow the one opposite of the corner
+        free_edge = bulge_free[mesh.triangle_edge]
+        flat &= free_edge & np.roll(free_edge, 1, axis=1)
         rows, corners = np.nonzero(flat)
         found = []
         for k in np.argsort(height[rows, corners] / base[rows, corners]).tolist():
@@ -133,13 +144,14 @@ class Near:
         n = 2 * len(self.mesh.place)
         return _summed([(2 * child + j, 2 * above + j, 1.0) for j in (0, 1)], n)
 
-    def of_slopes(self) -> sp.csr_array:
-        """Return what φ, its slopes and bulges are by what counts from others."""
+    def of_slopes(self, ties: Entries) -> sp.csr_array:
+        """Return what φ, its slopes and bulges are by what counts from others, or is tied."""
         mesh, (child, above) = self.mesh, self.pairs.T
         away = mesh.place[child] - mesh.place[above]
         entries: Entries = [(3 * child + j, 3 * above + j, 1.0) for j in (0, 1, 2)]
         entries += [(3 * child, 3 * above + 1 + axis, away[:, axis]) for axis in (0, 1)]
-        return _summed(entries + self._on_edges(), 3 * len(mesh.place) + len(mesh.ends))
+        every = entries + self._on_edges() + ties
+        return _summed(every, 3 * len(mesh.place) + len(mesh.ends))
 
     def _on_edges(self) -> Entries:
         """Return what corners of flat triangles, and the edges there, have of the edge opposite."""
@@ -343,12 +355,12 @@ class Balancing:
         self._root: Floats = np.asarray(np.linalg.qr(rows, mode="r"))
         self._bear(of, compliance)
         known = Known(mesh, border, weight)
-        tie, beyond = self._ties(known)
+        tie, ties, beyond = self._ties(known)
         slave = np.asarray(tie.diagonal() == 0.0)
         free = np.asarray(~(slave | known.fixed))
         own_free: Flags = np.asarray(free[: 3 * nodes].reshape(-1, 3).all(axis=1))
-        near = sp.csc_array(Near(mesh, size, own_free, free[3 * nodes :]).of_slopes())
-        own = sp.csr_array(tie @ near[:, np.flatnonzero(free)])
+        near = sp.csc_array(Near(mesh, size, own_free, free[3 * nodes :]).of_slopes(ties))
+        own = sp.csr_array(near[:, np.flatnonzero(free)])
         plane = sp.csr_array(tie @ known.free)
         self._settle(own, plane, tie @ known.value + beyond, known)
 
@@ -377,14 +389,37 @@ class Balancing:
         self.square = (strip[0] @ start).reshape(-1, 16)
         self.triangle = (strip[1] @ start).reshape(-1, 12)
         self._across(known)
-        for _ in range(REFINED):
+
+        def moved(found: Floats) -> tuple[Floats, Floats]:
+            square = strip[0] @ (own @ found[:first]) + ways[0] @ found[first:]
+            return square.reshape(-1, 16), (ways[1] @ found).reshape(-1, 12)
+
+        def left() -> Floats:
             slope, other = (one.ravel() for one in self._slopes())
-            left = ways[1].T @ other
-            left += np.concatenate([own.T @ (gather.T @ slope), ways[0].T @ slope])
-            found = solve(-left)
-            moved = strip[0] @ (own @ found[:first]) + ways[0] @ found[first:]
-            self.square += moved.reshape(-1, 16)
-            self.triangle += (ways[1] @ found).reshape(-1, 12)
+            beside = np.concatenate([own.T @ (gather.T @ slope), ways[0].T @ slope])
+            return np.asarray(-(ways[1].T @ other) - beside)
+
+        # conjugate gradients: of needles rounding leaves the factors few digits
+        rest = left()
+        direction = solve(rest)
+        power, gained = float(rest @ direction), 0.0
+        for _ in range(MOST_STEPS):
+            square, triangle = moved(direction)
+            pull = float(rest @ direction)
+            bent = float((np.einsum("nij,nj->ni", self._square, square) * square).sum())
+            bent += float((np.einsum("nij,nj->ni", self._root, triangle) ** 2).sum())
+            if pull <= 0.0 or bent <= 0.0:
+                break
+            self.square += pull / bent * square
+            self.triangle += pull / bent * triangle
+            gain = 0.5 * pull**2 / bent
+            gained += gain
+            if gain < SETTLED * gained:
+                break
+            before, rest = rest, left()
+            turned = solve(rest)
+            share = max(float((rest - before) @ turned) / power, 0.0)
+            direction, power = turned + share * direction, float(rest @ turned)
 
     def _stripped(self, kind: int) -> sp.csr_array:
         """Return elements' unknowns by the shared ones, less linear functions, which bear none."""
@@ -427,7 +462,7 @@ class Balancing:
                     own if scale is None else own * scale[crossed, : own.shape[1]]
                 )
 
-    def _ties(self, known: Known) -> tuple[sp.csr_array, Floats]:
+    def _ties(self, known: Known) -> tuple[sp.csr_array, Entries, Floats]:
         """Return what all unknowns are by those that follow none, and what beyond rays is added."""
         mesh, nodes, count = self.mesh, len(self.mesh.place), self._count
         whole, middle, halves = mesh.hanging
@@ -466,7 +501,7 @@ class Balancing:
         values = np.concatenate(
             [np.ones(len(own)), *(np.broadcast_to(v, len(r)) for r, _, v in ties)]
         )
-        return followed(rows, columns, values, count), total
+        return followed(rows, columns, values, count), ties, total
 
     def _slopes(self) -> tuple[Floats, Floats]:
         return (

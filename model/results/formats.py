@@ -1,14 +1,11 @@
-"""What stored results hold, kind by kind: every array with its numbers, shape and range.
+"""Arrays of stored answers whose fields do not say yet what they hold: face agents, outlines.
 
-Files are read by these tables and documented by them (docs/formats.md). Sizes go by name:
-"agents" is the number of rows of the first array that has that name in its shape; sizes of the
-scene come from `sizes_of`. Elastic answers are checked where their agents are built
-(`CellAgents.of_archive`, `Spawning.of_archive`).
+Sizes go by name: "agents" is the number of rows of the first array that has that name in its
+shape; sizes of the scene come from `sizes_of`. Other elastic answers are checked where their agents
+are built.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 from typing_extensions import TypedDict
 
@@ -16,9 +13,6 @@ from kaju.model.scene.cell_types import AIR, DISPLACED
 
 from .archive import ArchiveColumn
 from .stored import sizes_of as sizes_of
-
-if TYPE_CHECKING:
-    pass
 
 FACE_AGENTS = {
     "level": ArchiveColumn("i", "agents", 0, 64),
@@ -55,13 +49,6 @@ REFERENCE = {
     "displacement": ArchiveColumn("f", "points dimension"),
     "stress": ArchiveColumn("f", "points dimension dimension", optional=True),
 }
-
-
-_Value = float | list[float] | list[list[float]]
-
-
-AnswerRecord = tuple[_Value, float, float] | tuple[_Value, float, float, float, float | None, str]
-"""A goal's value, its error, and that as a share of the scale; the scale, and what is certain."""
 
 
 class LedgerRecord(TypedDict):

@@ -122,7 +122,7 @@ def export_page(
         one. README.md beside this file lists the keys.
     python : bool
         Let readers write agents in the page, in Python: a tab holds a class, and Run runs it. The
-        page then carries Brython (``pip install 'kaju[page]'``) and has some 560 kB. Of a model
+        page then carries Brython (``pip install 'kaju[page]'``) and has some 580 kB. Of a model
         with agents of one's own the tab opens with their source.
 
     Returns

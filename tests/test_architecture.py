@@ -15,11 +15,6 @@ SELDOM = (
     "pandas scipy petsc4py mpi4py skfem numba rich svgpathtools trimesh meshlane joblib tifffile "
     "tomli_w tomllib xarray pyarrow networkx imageio_ffmpeg pydantic kaju"
 )
-# Circles that are still there.
-CIRCLES = [
-    {"kaju.model.elastic.elastic_result", "kaju.model.solid.solid_agents"},
-    {"kaju.model.outline.outline_result", "kaju.model.outline.outlined_scene"},
-]
 MODULES = dict(draw_rooms.files())
 
 
@@ -39,7 +34,7 @@ def test_files_import_one_another_in_no_circle():
     graph = draw_rooms.graph()
     assert graph.number_of_edges() > 500
     found = [c for c in nx.strongly_connected_components(graph) if len(c) > 1]
-    assert [circle for circle in found if circle not in CIRCLES] == []
+    assert found == []
 
 
 def test_functions_import_what_is_seldom_needed():

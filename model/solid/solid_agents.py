@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags
-from kaju.errors import ConvergenceError, SceneError
+from kaju.errors import SceneError
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Origin, problem_of_scene
 from kaju.model.elastic.equal.problem import ElasticProblem
@@ -61,24 +59,13 @@ class SolidAgents(CellAgents):
         return replace(found, solution=solution)
 
 
-def solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
-    """Return the answer of a solid with true outlines, on equal cells; see `kaju.solve`."""
-    start = perf_counter()
+def solved_agents(scene: Scene, resolution: int | None) -> SolidAgents:
+    """Return the agents of a solid with true outlines, equal cells, settled."""
     check_numbers(None, resolution)
     agents = agents_of(scene, resolution or 1)
     solution = solve_problem(agents.problem)
     solution.notes[:0] = [FRACTIONS, *agents.solution.notes]
-    found = replace(agents, solution=solution)
-    result = ElasticResult(scene, None, found, perf_counter() - start, resolution=resolution)
-    if not solution.converged:
-        raise ConvergenceError(
-            f"solve: after {solution.iterations} iterations the relative residual is "
-            f"{solution.residuals[-1]:.2g}; take another resolution. The error's `best` holds the "
-            "result so far",
-            result.residuals,
-            result,
-        )
-    return result
+    return replace(agents, solution=solution)
 
 
 def agents_of(scene: Scene, resolution: int) -> SolidAgents:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from kaju.errors import OutOfMemoryError, ParameterError
+from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.loading import question_of
 from kaju.model.scene import Scene
@@ -167,9 +168,7 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     """Solve a scene within true outlines: agents that spawn in the plane, equal cells in space."""
     if scene.lattice.dimension == 3:
         _refuse_others("solid with outlines", given)
-        from kaju.model.solid.solid_agents import solve_solid
-
-        return solve_solid(scene, given.get("resolution"))
+        return _solve_solid(scene, given.get("resolution"))
     _refuse_others("plane with outlines", given)
     from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.outline.outlined_scene import solve_outlined
@@ -183,6 +182,25 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
         )
     found: Any = solve_outlined(scene, tolerance, previous, given.get("goal"))
     return found  # type: ignore[no-any-return]
+
+
+def _solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
+    """Solve a solid within true outlines on equal cells, whole, cut or empty."""
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.solid.solid_agents import solved_agents
+
+    start = perf_counter()
+    found = solved_agents(scene, resolution)
+    result = ElasticResult(scene, None, found, perf_counter() - start, resolution=resolution)
+    if not found.solution.converged:
+        raise ConvergenceError(
+            f"solve: after {found.solution.iterations} iterations the relative residual is "
+            f"{found.solution.residuals[-1]:.2g}; take another resolution. The error's `best` "
+            "holds the result so far",
+            result.residuals,
+            result,
+        )
+    return result
 
 
 def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:

@@ -404,14 +404,14 @@ class Balancing:
         direction = solve(rest)
         power, gained = float(rest @ direction), 0.0
         for _ in range(MOST_STEPS):
-            square, triangle = moved(direction)
+            whole, cut = moved(direction)
             pull = float(rest @ direction)
-            bent = float((np.einsum("nij,nj->ni", self._square, square) * square).sum())
-            bent += float((np.einsum("nij,nj->ni", self._root, triangle) ** 2).sum())
+            bent = float((np.einsum("nij,nj->ni", self._square, whole) * whole).sum())
+            bent += float((np.einsum("nij,nj->ni", self._root, cut) ** 2).sum())
             if pull <= 0.0 or bent <= 0.0:
                 break
-            self.square += pull / bent * square
-            self.triangle += pull / bent * triangle
+            self.square += pull / bent * whole
+            self.triangle += pull / bent * cut
             gain = 0.5 * pull**2 / bent
             gained += gain
             if gain < SETTLED * gained:

@@ -11,9 +11,10 @@ agents halve; what they differ in, summed, proves the answer (`gap`: the law on 
 - `displacement`, `airy`: unknowns, supports and loads of the opinion that fits, and of the one
   that balances.
 - `levels`: equations of one field by generations as multigrid levels; of any dimension.
-- `bricks`, `brick_mesh`, `brick_levels`, `octree`: bodies in space have the first opinion alone,
-  and an estimated error.
 - `opinions`: one generation, solved; `loop`: who halves, and when it ends.
+- `goals`: what a generation proves of a figure, by a second load with two opinions of its own.
+- `bricks`, `brick_mesh`, `brick_levels`, `brick_field`, `brick_goals`, `octree`: bodies in space
+  have the first opinion alone, and an estimated error.
 
 Elements of another kind join by the same unknowns: two displacements at every vertex and on every
 edge (the bulge of a parabola); phi, phi_x, phi_y at every vertex and the bulge of the normal slope

@@ -24,7 +24,7 @@ from kaju.errors import AgentError
 from .stage import Ledger, Stage, TakenHistory, TakenRows, Totals
 from .transfer import Transfer
 
-MANY_ROWS = 100_000
+MANY_ROWS = 200_000
 """From so many rows on the compiled loop pays for its import."""
 
 
@@ -307,16 +307,18 @@ class ArrayEngine:
         form = self.lattice.form(cells)
         seen = np.concatenate([cells[:, None], cells[:, None] + self.lattice.steps[form]], axis=1)
         kinds = self.scene.kinds(seen.reshape(-1, cells.shape[1])).reshape(len(key), -1)
-        place = np.searchsorted(self.sorted_key, key)
-        self.sorted_key = np.insert(self.sorted_key, place, key)
-        self.sorted_agent = np.insert(self.sorted_agent, place, newborn)
+        every = np.append(self.sorted_key, key)
+        order = np.argsort(every, kind="stable")
+        self.sorted_key = every[order]
+        self.sorted_agent = np.append(self.sorted_agent, newborn)[order]
         self.key, self.woken_by = np.append(self.key, key), np.append(self.woken_by, woken_by)
         self.material = np.append(self.material, kinds[:, 0])
         self.form = np.append(self.form, kinds[:, 0] * self.lattice.forms + form)
         self.beyond = np.append(self.beyond, kinds[:, 1:].astype(np.int16), axis=0)
         self.spawn_step = np.append(self.spawn_step, np.full(len(key), self.generation + 1))
-        more = [(0, len(key)), (0, 0)]
-        self.taken_by, self.passed_by = np.pad(self.taken_by, more), np.pad(self.passed_by, more)
+        nothing = np.zeros((len(key), self.states))
+        self.taken_by = np.append(self.taken_by, nothing, axis=0)
+        self.passed_by = np.append(self.passed_by, nothing[:, : self.directions], axis=0)
         self.dropped_by = np.append(self.dropped_by, np.zeros(len(key)))
         self.awake = len(self.key)
 

@@ -12,6 +12,8 @@ agents halve; what they differ in, summed, proves the answer (`gap`: the law on 
   that balances.
 - `levels`: equations of one field by generations as multigrid levels; of any dimension.
 - `opinions`: one generation, solved; `loop`: who halves, and when it ends.
+- `history`: what is kept of every generation; `family`: who spawned whom.
+- `answer`: what is read of the last generation: one number for each quantity.
 - `goals`: what a generation proves of a figure, by a second load with two opinions of its own.
 - `bricks`, `brick_mesh`, `brick_levels`, `brick_field`, `brick_goals`, `octree`: bodies in space
   have the first opinion alone, and an estimated error.

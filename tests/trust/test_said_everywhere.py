@@ -6,6 +6,7 @@ import pytest
 from plates import plate
 
 from kaju import LoadModel, Scene, load_result, load_scene, plot, solve
+from kaju.errors import SupportError
 
 ROUND = {"disk": {"centre": [0.0, 0.0], "radius": 0.043}, "material": "air"}
 CORNER = {"box": [[0.04, 0.04], [0.08, 0.08]], "material": "air"}
@@ -76,7 +77,15 @@ def test_a_tolerance_that_is_missed_is_told_and_no_smaller_one_suggested():
 
 
 def test_what_has_no_proof_says_so_and_why():
-    sides = {"left": {"displacement": [1e-6, 0.0]}, "bottom": "rigid"}
-    answer = solve(scene_of({"sides": sides}), tolerance=0.3)
+    """In space a tolerance is kept by an estimate."""
+    load = {"side": "top", "force": [0.0, 0.0, -2.0]}
+    answer = solve(plate([2, 2, 2], None, loads=[load]), tolerance=0.3)
     assert answer.tolerance_kept == "estimated"
     assert sum(answer.no_bound in note for note in answer.notes) == 1
+
+
+def test_a_corner_that_supports_tear_is_refused_by_name():
+    """A moved side that meets the ground gives their corner two displacements: endless energy."""
+    sides = {"left": {"displacement": [1e-6, 0.0]}, "bottom": "rigid"}
+    with pytest.raises(SupportError, match=r"corner at \(0, 0\) m two displacements at once"):
+        solve(scene_of({"sides": sides}), tolerance=0.3)

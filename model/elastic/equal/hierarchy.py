@@ -25,7 +25,7 @@ from .full_box import coarse_box, ghost_weights_of, is_box
 from .krylov import dot
 from .multigrid_levels import FIRST, MultigridLevel, coarse_level, level_by_law, spread
 from .problem import ElasticProblem, FaceFields
-from .row_kernels import Box, Level, prolong_and_smooth, smooth_and_restrict, write_residual
+from .row_kernels import Level, LevelBox, prolong_and_smooth, smooth_and_restrict, write_residual
 from .staggered import Numbering, stiffness_matrix
 
 SMALLEST = {2: 8, 3: 2}
@@ -177,7 +177,7 @@ class Hierarchy:
         self._cycle(at + 1, below.load, below.u)
         self._correct(at, u, load, below.u, sweeps)
 
-    def _pair(self, at: int) -> tuple[Level, Box]:
+    def _pair(self, at: int) -> tuple[Level, LevelBox]:
         return self.levels[at].level, self.levels[at + 1].level.box
 
     def _restrict(self, at: int, u: Floats, load: Floats, coarse: Floats, sweeps: int) -> None:
@@ -192,7 +192,7 @@ class Hierarchy:
             self._extrapolate_to_ghosts(coarse, self._pair(at)[1], back=False)
         prolong_and_smooth(u, load, coarse, *self._pair(at), sweeps)
 
-    def _extrapolate_to_ghosts(self, g: Floats, coarse: Box, *, back: bool) -> None:
+    def _extrapolate_to_ghosts(self, g: Floats, coarse: LevelBox, *, back: bool) -> None:
         """Extrapolate to ghosts beyond a full box; back, add their loads inside: the transpose."""
         count, weights = coarse.components, self._ghost_weights
         fields = g.reshape(count, *coarse.shape)

@@ -15,7 +15,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 from .problem import ElasticProblem, rim_layer
-from .row_kernels import GHOST, Box, Level, coarse_operator
+from .row_kernels import GHOST, Level, LevelBox, coarse_operator
 from .staggered import modulus_between
 from .stencils import Stencil, Terms, coarsening, finest_entries
 
@@ -34,7 +34,9 @@ class MultigridLevel(NamedTuple):
     load: Floats  # load of all places
 
 
-def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None) -> Box:
+def _box(
+    cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None
+) -> LevelBox:
     """Return the numbers of a level's arrays."""
     planes, *rows, length = (2 * ((n + 9) // 2) for n in cells)
     shape = planes, *(rows or (1,)), length
@@ -46,7 +48,7 @@ def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None
     starts, after = [0] * 4, [0] * 3
     if stencil is not None:
         starts[: len(stencil.starts)], after[: len(cells)] = stencil.starts, stencil.next
-    return Box(
+    return LevelBox(
         shape,
         tuple(begin),
         tuple(end),
@@ -182,7 +184,7 @@ def coarse_level(above: MultigridLevel, depth: int) -> MultigridLevel:
     return MultigridLevel(cells, level, stencil, np.zeros(n), np.zeros(n))
 
 
-def _shared_coarse_rows(fine: Level, box: Box, sums: Sequence[Terms]) -> Ints:
+def _shared_coarse_rows(fine: Level, box: LevelBox, sums: Sequence[Terms]) -> Ints:
     """Return numbers of coarse rows, the same as before where all fine rows are shared."""
     # Rows that are not in use share the first.
     fine_rows = fine.rows.reshape(fine.box.shape[:2])
@@ -205,7 +207,7 @@ def _shared_coarse_rows(fine: Level, box: Box, sums: Sequence[Terms]) -> Ints:
     return rows.ravel()
 
 
-def _flat(stencil: Stencil, box: Box) -> Ints:
+def _flat(stencil: Stencil, box: LevelBox) -> Ints:
     """Return couplings as `row_kernels` wants them: place of coefficient and of other face."""
     (_planes, rows, length), table = box.shape, stencil.couplings
     far = (table[:, 2] * rows + table[:, 3]) * length + table[:, 4] + table[:, 1] * box.places

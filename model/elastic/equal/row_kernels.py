@@ -29,7 +29,7 @@ OVER = 1.3
 fifth of the iterations away, on plates, boxes, holes, grains, rubber and missing pixels alike."""
 
 
-class Box(NamedTuple):
+class LevelBox(NamedTuple):
     """The numbers of a level's arrays."""
 
     shape: Numbers  # Of the arrays with their ghosts: planes, rows, length
@@ -57,7 +57,7 @@ class Level(NamedTuple):
     rows: Ints
     """Per row of places its row of `data` and `inverse`: equal rows, nearly all of a full box,
     share one, which stays in the cache."""
-    box: Box
+    box: LevelBox
 
 
 @part
@@ -248,7 +248,7 @@ def take_planes(u, f, g, level, coarse, parity, r, t, steps, back, share):
 
 
 def smooth_and_restrict(
-    u: Floats, load: Floats, coarse_load: Floats, level: Level, coarse: Box, sweeps: int
+    u: Floats, load: Floats, coarse_load: Floats, level: Level, coarse: LevelBox, sweeps: int
 ) -> None:
     """Smooth from u = 0 and restrict the residual; without sweeps restrict the load."""
     coarse_load.fill(0.0)
@@ -259,14 +259,14 @@ def smooth_and_restrict(
 
 
 def prolong_and_smooth(
-    u: Floats, load: Floats, coarse_u: Floats, level: Level, coarse: Box, sweeps: int
+    u: Floats, load: Floats, coarse_u: Floats, level: Level, coarse: LevelBox, sweeps: int
 ) -> None:
     """Add the prolonged correction and smooth, in the opposite order."""
     _pass(u, load, coarse_u, level, coarse, (PROLONG, *[SMOOTH] * sweeps), back=1)
 
 
 def write_residual(
-    u: Floats, load: Floats, out: Floats, level: Level, coarse: Box, share: float = 1.0
+    u: Floats, load: Floats, out: Floats, level: Level, coarse: LevelBox, share: float = 1.0
 ) -> None:
     """Write share·load − Au; 0 where a face cannot move."""
     out.fill(0.0)
@@ -278,7 +278,7 @@ def _pass(
     f: Floats,
     g: Floats,
     level: Level,
-    coarse: Box,
+    coarse: LevelBox,
     tasks: tuple[int, ...],
     back: int = 0,
     share: float = 1.0,

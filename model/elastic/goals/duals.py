@@ -15,7 +15,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.goals.places import GoalBox, Points, Where, where_of
+from kaju.model.elastic.goals.goal_places import GoalBox, Points, Where, where_of
 from kaju.model.elastic.goals.quantities import (
     Answer,
     Deflection,
@@ -73,7 +73,7 @@ class Moved(NamedTuple):
 DualLoad = Forces | Strained | Moved
 
 
-class Goal(ABC):
+class DualGoal(ABC):
     """A quantity of a body."""
 
     box: GoalBox | None = None  # Where its dual loads act
@@ -100,7 +100,7 @@ class Goal(ABC):
         return Answer(value, error, max(float(np.linalg.norm(value)), least), self.no_bound)
 
 
-class _At(Goal):
+class _At(DualGoal):
     """A quantity of a place."""
 
     where: Where
@@ -182,7 +182,7 @@ class Stressed(_At):
         return np.array(slopes)
 
 
-class Supported(Goal):
+class Supported(DualGoal):
     """The force of a support."""
 
     def __init__(self, quantity: Reaction, body: PosedBody | Scene, d: int) -> None:
@@ -205,7 +205,7 @@ class Supported(Goal):
         return np.asarray(self.directions @ reactions[self._name])
 
 
-def goal_of(quantity: Quantity, body: PosedBody | Scene) -> Goal:
+def goal_of(quantity: Quantity, body: PosedBody | Scene) -> DualGoal:
     """Return a quantity as a goal of a body; of a scene it can only be read."""
     d = (body if isinstance(body, Scene) else body.scene).lattice.dimension
     if isinstance(quantity, Deflection):
@@ -215,7 +215,7 @@ def goal_of(quantity: Quantity, body: PosedBody | Scene) -> Goal:
     return Supported(quantity, body, d)
 
 
-def aligned(goals: list[Goal], leaves: LeafCells) -> LeafCells:
+def aligned(goals: list[DualGoal], leaves: LeafCells) -> LeafCells:
     """Return agents that are as small as the places of goals ask for."""
     for goal in goals:
         if goal.box is not None:

@@ -24,16 +24,16 @@ import numpy as np
 from kaju.arrays import Floats
 from kaju.model.elastic.goals.duals import (
     Displaced,
+    DualGoal,
     DualLoad,
     Forces,
-    Goal,
     Read,
     Strained,
     Supported,
     aligned,
     goal_of,
 )
-from kaju.model.elastic.goals.places import Points
+from kaju.model.elastic.goals.goal_places import Points
 from kaju.model.elastic.goals.quantities import Answer, Deflection, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.border import Sides, supports_of, torn
 from kaju.model.elastic.pair.elements import EDGE_OF_SIDE
@@ -91,7 +91,7 @@ class Goals:
         return Judged(tuple(answer for answer, *_ in told), worst.relative_error, shares, lost)
 
     def _told(
-        self, goal: Goal, primal: _Primal, duals: list[Opinions]
+        self, goal: DualGoal, primal: _Primal, duals: list[Opinions]
     ) -> tuple[Answer, Floats, float]:
         """Return the answer, what agents add to its relative error, and what rounding does."""
         found, gap = primal.found, float(primal.apart.sum())
@@ -124,7 +124,7 @@ class Goals:
         moved = np.where(here[:, None] & found.sides.held, 1.0, 0.0)
         return bool(torn(found.mesh, replace(found.sides, moved=moved)).any())
 
-    def _by_works(self, goal: Goal, found: Opinions, value: Floats, works: Floats) -> Floats:
+    def _by_works(self, goal: DualGoal, found: Opinions, value: Floats, works: Floats) -> Floats:
         """Return a value by the works of its dual loads on the displacement."""
         mesh, sides = found.mesh, found.sides
         if isinstance(goal, Supported):

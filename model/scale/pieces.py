@@ -249,6 +249,10 @@ class PiecedResult(BodyResult):
             grid = scene if division == 1 else scene.refine(division)
             boxes = enumerate(archive.value("pieces", list[list[list[int]]]))
             pieces = [_stored(folder, rank, tuple(a), tuple(b)) for rank, (a, b) in boxes]
+            known = len(scene.cell_materials)
+            for rank, piece in enumerate(pieces):
+                if piece.cells["kind"].max(initial=-1) >= known:
+                    raise ResultError(f"kind of piece {rank} names none of {known} materials")
             return cls(scene, grid, archive.value("stage", int | None), pieces, figures)
 
 

@@ -86,14 +86,18 @@ def test_what_rounding_eats_of_a_soft_bed_is_said(bed, noted, how):
     result = solve(scene, **how)
     assert result.reactions["bottom"][1] == pytest.approx(1.0, rel=1e-2)
     assert result.strain_energy == pytest.approx(0.5 / bed, rel=1e-2)
-    assert any("rounding leaves" in note for note in result.notes) == noted
+    # Agents of two minds prove the answer, however soft the bed.
+    told = any("rounding leaves" in note for note in result.notes)
+    assert told == (noted and "tolerance" not in how)
 
 
-@pytest.mark.parametrize("how", BOTH_WAYS)
-def test_a_bed_too_soft_for_the_digits_there_are_is_refused(how):
+def test_a_bed_too_soft_for_the_digits_there_are_is_refused_or_missed():
     scene = block(sides={"bottom": {"stiffness": 1e-6}, "left": "roller"})
     with pytest.raises(SceneError, match=r"rounding leaves (about|all) .* unbalanced: stiffen"):
-        solve(scene, **how)
+        solve(scene)
+    missed = solve(scene, tolerance=0.05)
+    assert missed.tolerance_kept == "missed"
+    assert missed.energy_bounds[0] <= 0.5e6 <= missed.energy_bounds[1]
 
 
 def test_a_moved_side_of_rubber_is_pulled_as_hard_as_the_ground():
@@ -148,17 +152,16 @@ def test_what_cannot_be_solved_floating_is_not_told_to_float():
         solve(block(sides={"bottom": "free"}))
 
 
-@pytest.mark.parametrize(("size", "most"), [([1.0, 1.0], 20_000), ([1.0, 1.0, 1.0], 400_000)])
-def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours(size, most):
-    load = {"side": "top", "force": [0.0] * (len(size) - 1) + [-1.0]}
-    scene = plate([4] * len(size), None, size=size, loads=[load])
+def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours():
+    load = {"side": "top", "force": [0.0, 0.0, -1.0]}
+    scene = plate([4, 4, 4], None, size=[1.0, 1.0, 1.0], loads=[load])
     with pytest.raises(ConvergenceError, match=r"needs more than the [45]0+ allowed") as error:
         solve(scene, tolerance=1e-6)
-    assert error.value.best.agents < most
+    assert error.value.best.agents < 400_000
     assert error.value.best.error_estimate < 0.5
 
 
-def test_a_bridge_that_hardly_resists_is_refused_at_once():
+def test_a_bridge_that_hardly_resists_is_refused_or_missed_at_once():
     scene = Scene.from_drawing(
         "\n".join(["aaabbbaaa"] * 6),
         legend={"a": "stiff", "b": "soft"},
@@ -167,9 +170,9 @@ def test_a_bridge_that_hardly_resists_is_refused_at_once():
         sides={"left": "rigid"},
         loads=[{"side": "right", "force": [0.3, -1.0]}],
     )
-    for how in EVERY_WAY:
-        with pytest.raises(SceneError, match="bring the stiffnesses of materials"):
-            solve(scene, **how)
+    with pytest.raises(SceneError, match="bring the stiffnesses of materials"):
+        solve(scene)
+    assert solve(scene, tolerance=0.05).tolerance_kept == "missed"
 
 
 def test_corners_whose_stress_has_no_limit_are_named():

@@ -61,14 +61,15 @@ def assert_held(result, truth):
     ],
 )
 def test_random_bodies_lie_within(seed, order, levels, tolerance):
-    """Coarser elements err to the side of the lower bound, which is far enough from them."""
+    """Energies of elements are lower bounds themselves, at times below those of the pair."""
     try:
         scene = random_body(seed)
         truth = graded_elements(scene, order=order, levels=levels).strain_energy
     except KajuError:
         pytest.skip("not held, or a load inside")
-    for how in ({"resolution": 2}, {"tolerance": tolerance}):
-        assert_held(solve(scene, **how), truth)
+    ways = ({"resolution": 2}, {"tolerance": tolerance})
+    lower, upper = np.transpose([solve(scene, **how).energy_bounds for how in ways])
+    assert max(*lower, truth) <= min(upper) * (1 + PRECISE)
 
 
 def test_bounds_of_equal_cells_close_in_as_their_estimate_does():

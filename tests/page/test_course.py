@@ -27,7 +27,8 @@ def files(tmp_path_factory):
 
     def file(name):
         made[name] = made.get(name) or make_lesson(lesson(name), folder)
-        assert max(path.stat().st_size for path in made[name]) <= 260_000, "it goes by mail"
+        most = 700_000 if name == "write-the-rule" else 260_000  # with Brython in it
+        assert max(path.stat().st_size for path in made[name]) <= most, "it goes by mail"
         return next(path for path in made[name] if path.stem == name)
 
     return file

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +17,19 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Answer, answers_in, goals_in
-from kaju.model.elastic.moduli import Moduli, equivalent_stress
+from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.elastic.pair.elements import rule, strains, stresses
 from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
 from kaju.model.elastic.pair.history import (
     Generation,
+    GrownAgents,
     generations_of,
-    halvings,
     stored,
     trees_of,
 )
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
 from kaju.model.elastic.posed_body import PosedBody, ground_of, placed
-from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive
 from kaju.model.scene import Scene
 
@@ -38,7 +37,7 @@ METHOD = "agents of two minds"
 
 
 @dataclass(eq=False)
-class PairAgents:
+class PairAgents(GrownAgents):
     """Agents of a plane body along a space-filling curve, and their generations; scaled."""
 
     storage: ClassVar[Literal["tree"]] = "tree"
@@ -69,53 +68,6 @@ class PairAgents:
         return self.trees[-1]
 
     @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is."""
-        return self.ground.scene
-
-    @property
-    def scales(self) -> Scales:
-        """Units of the scaled values."""
-        return self.ground.scales
-
-    @property
-    def moduli(self) -> Moduli:
-        """Scaled moduli of every material."""
-        return self.ground.moduli
-
-    @property
-    def count(self) -> int:
-        """Number of agents."""
-        return len(self.leaves)
-
-    @property
-    def lower(self) -> Floats:
-        """Lower corners of the agents."""
-        return np.asarray(self.leaves.lower / self.ground.cell)
-
-    @property
-    def size(self) -> Floats:
-        """Edges of the agents."""
-        return np.asarray(self.leaves.size / self.ground.cell)
-
-    @property
-    def material(self) -> Ints:
-        """Index of each agent's material, which is that of its moduli."""
-        return self.leaves.kind
-
-    law = material
-
-    @property
-    def level(self) -> Ints:
-        """How often the largest of the first agents would be halved to give each agent."""
-        return halvings(self.leaves.size, int(self.generations[0].size.max()))
-
-    @property
-    def spawn_step(self) -> Ints:
-        """Step in which each agent spawned; 0 for the first."""
-        return self.leaves.step
-
-    @property
     def cause(self) -> Floats:
         """Gap (J) for which each agent spawned."""
         return self.leaves.cause * self.scales.energy
@@ -130,11 +82,6 @@ class PairAgents:
         """What is proved."""
         last = self.generations[-1]
         return Bounds(last.lower, last.upper, last.error, False)
-
-    @property
-    def solution(self) -> Self:
-        """Itself: it has the figures of its solution."""
-        return self
 
     @property
     def energy(self) -> float:

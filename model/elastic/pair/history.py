@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultFileError
+from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
 from kaju.model.elastic.pair.leaves import LeafCells, corners
+from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive
+from kaju.model.scene import Scene
 
 
 class Generation(NamedTuple):
@@ -137,3 +141,71 @@ def trees_of(archive: Archive, first: LeafCells, generations: list[Generation]) 
             "damaged; compute it again"
         )
     return trees
+
+
+class GrownAgents:
+    """What agents of many sizes tell in the plane and in space alike; scaled."""
+
+    generations: list[Generation]
+
+    if TYPE_CHECKING:  # what either has of its own
+
+        @property
+        def ground(self) -> PosedBody:
+            """The posed body."""
+
+        @property
+        def leaves(self) -> LeafCells:
+            """The agents."""
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+        return self.ground.scene
+
+    @property
+    def scales(self) -> Scales:
+        """Units of the scaled values."""
+        return self.ground.scales
+
+    @property
+    def moduli(self) -> Moduli:
+        """Scaled moduli of every material."""
+        return self.ground.moduli
+
+    @property
+    def count(self) -> int:
+        """Number of agents."""
+        return len(self.leaves)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners of the agents."""
+        return np.asarray(self.leaves.lower / self.ground.cell)
+
+    @property
+    def size(self) -> Floats:
+        """Edges of the agents."""
+        return np.asarray(self.leaves.size / self.ground.cell)
+
+    @property
+    def material(self) -> Ints:
+        """Index of each agent's material, which is that of its moduli."""
+        return self.leaves.kind
+
+    law = material
+
+    @property
+    def level(self) -> Ints:
+        """How often the largest of the first agents would be halved to give each agent."""
+        return halvings(self.leaves.size, int(self.generations[0].size.max()))
+
+    @property
+    def spawn_step(self) -> Ints:
+        """Step in which each agent spawned; 0 for the first."""
+        return self.leaves.step
+
+    @property
+    def solution(self) -> Self:
+        """Itself: it has the figures of its solution."""
+        return self

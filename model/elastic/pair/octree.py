@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import exp, inf, log, nan, sqrt
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.elastic.goals.quantities import Answer, Quantity, answers_in, goals_in
-from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_field import NO_BOUND, BrickField
 from kaju.model.elastic.pair.brick_goals import BrickGoals
@@ -26,14 +25,13 @@ from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
 from kaju.model.elastic.pair.history import (
     Generation,
+    GrownAgents,
     generations_of,
-    halvings,
     stored,
     trees_of,
 )
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.elastic.scales import Scales
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 
@@ -54,7 +52,7 @@ MOST_AGENTS = 400_000
 
 
 @dataclass
-class BrickAgents:
+class BrickAgents(GrownAgents):
     """Agents in space that spawned, along a space-filling curve; scaled."""
 
     storage: ClassVar[Literal["tree"]] = "tree"
@@ -83,58 +81,6 @@ class BrickAgents:
     def ground(self) -> PosedBody:
         """The posed body."""
         return self.field.mesh.ground
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is."""
-        return self.ground.scene
-
-    @property
-    def scales(self) -> Scales:
-        """Units of the scaled values."""
-        return self.ground.scales
-
-    @property
-    def moduli(self) -> Moduli:
-        """Scaled moduli of every material."""
-        return self.ground.moduli
-
-    @property
-    def solution(self) -> Self:
-        """Itself: it has the figures of its solution."""
-        return self
-
-    @property
-    def count(self) -> int:
-        """Number of agents."""
-        return len(self.leaves)
-
-    @property
-    def lower(self) -> Floats:
-        """Lower corners of the agents."""
-        return np.asarray(self.leaves.lower / self.ground.cell)
-
-    @property
-    def size(self) -> Floats:
-        """Edges of the agents."""
-        return np.asarray(self.leaves.size / self.ground.cell)
-
-    @property
-    def material(self) -> Ints:
-        """Index of each agent's material, which is that of its moduli."""
-        return self.leaves.kind
-
-    law = material
-
-    @property
-    def level(self) -> Ints:
-        """How often the largest of the first agents would be halved to give each agent."""
-        return halvings(self.leaves.size, int(self.generations[0].size.max()))
-
-    @property
-    def spawn_step(self) -> Ints:
-        """Step in which each agent spawned; 0 for the first."""
-        return self.leaves.step
 
     @property
     def cause(self) -> Floats:

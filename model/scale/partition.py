@@ -251,13 +251,7 @@ def body_of(scene: Scene, stage: int | None) -> PiecedBody:
     if gravity is not None and any(gravity):
         weightless = scene.replace(body=type(scene.body)(**dict(scene.body) | {"gravity": None}))
     applied = weightless.applied(scene.stages if stage is None else stage)
-    inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
-    loads = CellLoads(
-        applied.cells[inside] - lower,
-        applied.direction[inside],
-        applied.force[inside],
-        applied.uneven and applied.uneven.within(inside),
-    )
+    loads = CellLoads.of(applied, lower, upper)
     return PiecedBody(scene, stage, lower, shape, Scales(1.0, 1.0, 1.0, 1.0), loads)
 
 

@@ -57,14 +57,7 @@ def problem_of_scene(
         elif reached and condition.displacement is not None:
             sides[name] = ("displacement", condition.displacement)
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))
-    applied = scene.applied(stage)
-    inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
-    loads = CellLoads(
-        applied.cells[inside] - lower,
-        applied.direction[inside],
-        applied.force[inside],
-        applied.uneven and applied.uneven.within(inside),
-    )
+    loads = CellLoads.of(scene.applied(stage), lower, upper)
     constants = np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
     kinds = np.ascontiguousarray(rim[box])
     if stiffness is not None:

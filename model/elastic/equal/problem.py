@@ -23,7 +23,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import Moduli, is_rubber, moduli_at
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene.cell_types import DISPLACED, RIGID, ROLLER
-from kaju.model.scene.selection import Uneven
+from kaju.model.scene.selection import AppliedLoads, Uneven
 
 FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
@@ -127,6 +127,17 @@ class CellLoads(NamedTuple):
     direction: Ints
     force: Floats
     uneven: Uneven | None = None
+
+    @classmethod
+    def of(cls, applied: AppliedLoads, lower: Ints, upper: Ints) -> CellLoads:
+        """Return those of a scene's forces that act in a box of cells, counted from its corner."""
+        inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
+        return cls(
+            applied.cells[inside] - lower,
+            applied.direction[inside],
+            applied.force[inside],
+            applied.uneven and applied.uneven.within(inside),
+        )
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:

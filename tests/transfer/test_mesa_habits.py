@@ -111,7 +111,6 @@ def test_batch_run():
     rows = mesa.batch_run(
         LoadModel,
         {"scene": [plate()], "threshold": [0.01, 0.1], "material_agent": [Counting], "songs": [2]},
-        iterations=1,
         max_steps=50,
         number_processes=1,
         display_progress=False,

@@ -166,7 +166,8 @@ class Airy:
         rows = self.bed_rows(beds)
         length = self.mesh.length[self.mesh.border[beds]] / self.cell
         even = (length / self.sides.bed[beds])[:, None, None]
-        mass = sp.block_diag(list(even * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])), format="csr")
+        blocks, count = even * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]), len(beds)
+        mass = sp.bsr_array((blocks, np.arange(count), np.arange(count + 1)))
         return sp.csr_array(rows.T @ mass @ rows)
 
     def bed_rows(self, beds: Ints) -> sp.csr_array:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import kaju.view.page
+
 DOCS = Path(__file__).parents[2] / "docs"
 if not DOCS.exists():
     pytest.skip("the lessons are in docs/, which is not here", allow_module_level=True)
@@ -178,7 +180,7 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
         assert page.js("(page.draw(), page.canvas.toDataURL())") != first
 
 
-WORDS = json.loads((DOCS.parent / "view" / "page" / "words.json").read_text("utf-8"))
+WORDS = json.loads((Path(kaju.view.page.__file__).parent / "words.json").read_text("utf-8"))
 READY = header({})["python"]["ready"]
 
 

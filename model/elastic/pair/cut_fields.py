@@ -24,6 +24,10 @@ FLAT = 0.03  # triangles that are flatter, in the shorter edge at a corner, join
 SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
 NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
 MOST_STEPS = 20  # of conjugate gradients
+SHIFT = 1e-14
+"""On a diagonal of 1: rounding alone would leave factors of needles indefinite. Conjugate gradients
+take it out again. Energies of bodies with slivers of 3e-9 to 1e-7 are then bounded to 2e-7, where
+they were bounded to 0.1."""
 SETTLED = 1e-10  # share of the energy gained so far by which the last of them gains less
 
 
@@ -40,7 +44,7 @@ class Solved:
         diagonal = matrix.diagonal()
         self._scale = np.where(diagonal > 0.0, diagonal, 1.0) ** -0.5
         scale = sp.diags_array(self._scale)
-        scaled = scale @ matrix @ scale + sp.diags_array((diagonal <= 0.0).astype(np.float64))
+        scaled = scale @ matrix @ scale + sp.diags_array((diagonal <= 0.0) + SHIFT)
         self._factors = factors_of(sp.csc_array(scaled))
 
     def __call__(self, force: Floats) -> Floats:

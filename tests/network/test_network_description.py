@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from inspect import signature
 
 import networkx as nx
 import numpy as np
@@ -103,8 +104,10 @@ def written(kind, graph, tmp_path):
     """Write a graph to a file, and read it again."""
     path = tmp_path / "net"
     if kind == "json":
-        path.write_text(json.dumps(nx.node_link_data(graph, edges="links")))
-        return nx.node_link_graph(json.loads(path.read_text()), edges="links")
+        # What the list of links is called has two names in NetworkX.
+        key = "edges" if "edges" in signature(nx.node_link_data).parameters else "link"
+        path.write_text(json.dumps(nx.node_link_data(graph, **{key: "links"})))
+        return nx.node_link_graph(json.loads(path.read_text()), **{key: "links"})
     getattr(nx, f"write_{kind}")(graph, path)
     return getattr(nx, f"read_{kind}")(path)
 

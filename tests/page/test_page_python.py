@@ -60,7 +60,7 @@ SCENES = {
 READY = written.header({})["python"]["ready"]
 
 
-EXAMPLES = sorted((Path(kaju.__file__).parents[2] / "examples" / "own_agents").glob("*.py"))
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "own_agents").glob("*.py"))
 
 
 def in_kaju(code, scene):

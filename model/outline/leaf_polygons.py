@@ -197,7 +197,7 @@ def _closed(
     inner = whole[first] == 0
     vague = [place[inner]]
     path = np.cumsum(begins) - 1
-    kept = (pieces.leaf >= 0) & ~inner
+    kept = (place >= 0) & ~inner
     start, end, path, at = pieces.start[kept], pieces.end[kept], path[kept], place[kept]
     number, first, path = np.unique(path, return_index=True, return_inverse=True)
     if not len(number):

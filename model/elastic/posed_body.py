@@ -75,10 +75,6 @@ class PosedBody:
         """Return the kinds of unit cells, also outside the array."""
         return self._purity.kinds(points // self.cell, 0)
 
-    def kinds_of(self, boxes: Ints, exponent: int) -> Ints:
-        """Return the kinds of boxes of 2^exponent of the scene's cells, or MIXED."""
-        return self._purity.kinds(boxes, exponent)
-
     @cached_property
     def sharp(self) -> Ints:
         """The unit cells round points at which stress is singular, shape (n, dimension)."""
@@ -86,11 +82,6 @@ class PosedBody:
         if not len(corner):
             return np.empty((0, self.dimension), dtype=np.int64)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
-
-    def loaded_where(self, other: PosedBody) -> bool:
-        """Tell whether the same faces, or parts of these, are loaded as in another posed body."""
-        pairs = ((self._key, other._key), (self._uneven.part, other._uneven.part))
-        return all(np.array_equal(own, theirs) for own, theirs in pairs)
 
     def given(self, side: int) -> Floats:
         """Return the scaled prescribed displacement beyond a side."""
@@ -117,10 +108,6 @@ class PosedBody:
         leaves = self._until(leaves, self._beside_mixed)
         leaves = self._until(leaves, self.unevenly_loaded)
         return leaves.balanced(0)
-
-    def parents(self, leaves: LeafCells) -> LeafCells:
-        """Return leaves coarsened once, as far as body and supports allow."""
-        return self._until(leaves.merged(), self._beside_mixed).balanced(0)
 
     def _pure(self, boxes: Ints, exponent: int) -> LeafCells:
         """Split boxes of cells until each is of one kind; keep those of material."""

@@ -1,25 +1,136 @@
-"""`kaju.solve` on equal cells: linear elasticity of a scene, to the accuracy of its grid."""
+"""`kaju.solve`: equal cells without a tolerance, agents that spawn with one."""
 
 from __future__ import annotations
 
 from time import perf_counter
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
+from kaju.model.elastic.corners import singular_at
+from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, grid_of
 from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.solver import solve_problem
+from kaju.model.elastic.goals.quantities import AskedFor, Quantity, asked
+from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.leaves import corner_ends
+from kaju.model.elastic.pair.loop import PairLoop
+from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
+from kaju.model.elastic.posed_body import PosedBody, ground_of
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, interrupt_requested
 
-from .arguments import SMALLEST, check_numbers, checked_stiffness
-from .elastic_result import ElasticResult
+
+def solve_spawning(
+    scene: Scene,
+    tolerance: float | None = None,
+    resolution: int | None = None,
+    *,
+    goal: AskedFor | None = None,
+    stage: int | None = None,
+) -> ElasticResult:
+    """Solve a scene by agents of many sizes: `kaju.solve` with a tolerance.
+
+    The first agents are as large as the body, its materials, supports and loads let them be. Those
+    that are furthest off spawn 4 (in three dimensions 8) children of half their size, generation by
+    generation, until the error is within the tolerance. The scene's cells say where the body is; it
+    is never rasterised as a whole.
+    """
+    start = perf_counter()
+    tolerance = TOLERANCE if tolerance is None else tolerance
+    goals = asked(goal)
+    check_numbers(tolerance, resolution, stage)
+    ground = ground_of(scene, stage, resolution)
+    spawner = spawner_of(ground, tolerance, None, goals)
+    while not spawner.finished and not (spawner.generations and interrupt_requested()):
+        spawner.step()
+    spawning = spawner.outcome()
+    spawning.notes += [NOTE] if interrupt_requested() else []
+    seconds = perf_counter() - start
+    result = answer_of(spawning, scene, stage, tolerance, resolution, goals, seconds)
+    if spawning.stopped == "agents":
+        raise ConvergenceError(
+            f"solve: {result.agents} agents leave an error of "
+            f"{error_of(spawning):.2g}, and a tolerance of {tolerance:g} needs more than the "
+            f"{spawner.most_agents} allowed; take a larger tolerance. The error's `best` holds "
+            "the result so far",
+            result.residuals,
+            result,
+        )
+    return result
 
 
-def solve(
+def spawner_of(
+    ground: PosedBody,
+    tolerance: float,
+    most_agents: int | None,
+    goals: tuple[Quantity, ...] = (),
+) -> BrickLoop | PairLoop:
+    """Return the loop that agents spawn in: of two minds in the plane, of bricks in space."""
+    loop = BrickLoop if ground.dimension == 3 else PairLoop
+    return loop(ground, tolerance, most_agents, goals)
+
+
+def answer_of(
+    spawning: BrickAgents | PairAgents,
+    scene: Scene,
+    stage: int | None,
+    tolerance: float,
+    resolution: int | None,
+    goal: tuple[Quantity, ...],
+    seconds: float,
+) -> ElasticResult:
+    """Return the agents of a refinement, finished or not, as a result with its notes."""
+    missed = missed_note(spawning, tolerance, resolution)
+    spawning.notes += [missed] if missed else []
+    return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, goal)
+
+
+def missed_note(
+    spawning: BrickAgents | PairAgents, tolerance: float, resolution: int | None
+) -> str:
+    """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
+    error, stopped = error_of(spawning), spawning.stopped
+    if error <= tolerance or stopped == "agents":
+        return ""
+    kind = "a proved" if isinstance(spawning, PairAgents) else "an estimated"
+    above = f"{kind} error of {error:.2g}, above the tolerance of {tolerance:g}"
+    if not stopped:
+        return f"looked at after {len(spawning.generations)} steps, which leave {above}"
+    if stopped == "rounding":
+        return f"rounding hides what the two opinions differ in, and leaves {above}"
+    if resolution is not None:
+        return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
+    where = most_at(spawning)
+    if stopped == "stalled":
+        return f"more agents do not lower it: they leave {above}; most of it lies {where}"
+    return f"the smallest agents that can be counted leave {above}; most of it lies {where}"
+
+
+def error_of(spawning: BrickAgents | PairAgents) -> float:
+    """Return the error that the tolerance limits."""
+    return max((one.relative_error for one in spawning.answers), default=spawning.error)
+
+
+def most_at(spawning: BrickAgents | PairAgents) -> str:
+    """Say where most of the error lies, and why."""
+    leaves, ground = spawning.leaves, spawning.ground
+    agent, scene = first_largest(spawning.generations[-1].gap), spawning.ground.scene
+    metre = scene.lattice.cell_size / ground.cell
+    for corner in corner_ends(ground.dimension):
+        point = (leaves.lower[agent] + corner * leaves.size[agent]) * metre
+        if reason := singular_at(scene, point):
+            break
+    place = ", ".join(f"{x:.4g}" for x in point)
+    return f"at ({place}) m" + (f", where {reason}" if reason else "")
+
+
+def solve_cells(
     scene: Scene,
     tolerance: float | None = None,
     resolution: int | None = None,
@@ -82,3 +193,28 @@ def _grid(
         return grid, None
     unit = found.scales.displacement / grid.problem.scales.displacement
     return grid, tuple(unit * values for values in found.solution.displacement)
+
+
+def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:
+    """Return a field of relative stiffness, one number above 0 for every cell of the scene."""
+    try:
+        field = np.asarray(stiffness, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"stiffness: must be numbers, got {stiffness!r:.80}") from error
+    shape = scene.lattice.shape
+    if field.shape != shape:
+        raise ParameterError(
+            f"stiffness: one number a cell is needed, an array of shape {shape} indexed from "
+            f"left and bottom, got shape {field.shape}"
+        )
+    stiffest = max(material.youngs_modulus for material in scene.cell_materials)
+    with np.errstate(over="ignore"):
+        wrong = (scene.rasterise() >= 0) & ~(np.isfinite(field * stiffest) & (field > 0.0))
+    if wrong.any():
+        cell = tuple(np.argwhere(wrong)[0].tolist())
+        raise ParameterError(
+            f"stiffness: must be above 0 where there is material, and finite, also times Young's "
+            f"modulus, got {field[cell]} at cell {cell}; take a small share of the material's own, "
+            "such as 1e-6, for what is nearly air"
+        )
+    return field

@@ -12,7 +12,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import AskedFor, asked
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.posed_body import ground_of
-from kaju.model.elastic.solve_spawning import answer_of, error_of, missed_note, spawner_of
+from kaju.model.elastic.solve import answer_of, error_of, missed_note, spawner_of
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
 from kaju.stepping import Until, step_to_end

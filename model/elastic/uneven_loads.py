@@ -69,15 +69,6 @@ class Portions(NamedTuple):
         """Return some of them."""
         return Portions._make(column[chosen] for column in self)
 
-    def modes(self, size: Floats) -> Floats:
-        """Return the slopes of the stress on sides, times the edge, shape (n, d, d - 1)."""
-        n, d = self.force.shape
-        edge = size[self.box]
-        slope = 12.0 * (2.0 * (self.side % 2) - 1.0) / edge**d
-        along = np.array([[k for k in range(d) if k != axis] for axis in range(d)])
-        found = np.take_along_axis(self.moment, along[self.side // 2][:, None], axis=2)
-        return np.asarray(slope[:, None, None] * found).reshape(n, d, d - 1)
-
 
 def softest(stretch: Floats, lateral: Floats, shear: Floats, d: int) -> Floats:
     """Return the least modulus of materials: energy over ‖ε‖²/2."""

@@ -12,7 +12,7 @@ from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solve import solve_cells
 from kaju.model.network import NetworkResult, SpringNetwork
 from kaju.model.results.result import Check, Result
 from kaju.model.results.stored import Column
@@ -197,7 +197,7 @@ class FractureResult(Result):
             solid = self.subject.rasterise() >= 0
             stiffness = np.ones(solid.shape)
             stiffness[tuple(np.argwhere(solid)[self.broken[:count]].T)] = KEPT
-            return solve(self.subject, stiffness=stiffness)
+            return solve_cells(self.subject, stiffness=stiffness)
         whole, factor, body = self.network, self.factor_after(count), next(self.replayed([count]))
         kept = np.delete(np.arange(len(whole.springs)), self.broken[:count])
         left = replace(

@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, require
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solve import solve_cells
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BOOKS, BodyResult, Check, Result
 from kaju.model.results.stored import Column
@@ -128,7 +128,7 @@ class GrowthResult(BodyResult):
     @cached_property
     def answer(self) -> ElasticResult:
         """The last design, solved anew and exactly, with bounds of its error."""
-        return solve(self.scene, stiffness=self.stiffness, stage=self.stage)
+        return solve_cells(self.scene, stiffness=self.stiffness, stage=self.stage)
 
     def density_at(self, step: int | None = None) -> Floats:
         """Return the densities of the cells of material after a step, from 0; none: the last.

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError, require
-from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solve import solve_cells
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
@@ -269,7 +269,7 @@ def _system(subject: Subject, rheology: Rheology) -> Creeping:
         return Elements(laws_of([subject]), np.ones(1))
     if subject.rule.kind == "prescribed":
         return CreepingAgents(LoadModel(subject).run())
-    return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
+    return elastic_body(solve_cells(subject, tolerance=_STATIC_TOLERANCE))
 
 
 def _asked_times(history: History, last: float, times: ArrayLike | None) -> Floats:

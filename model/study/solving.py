@@ -207,8 +207,7 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     """Solve a scene by agents that spawn if there is a tolerance or a goal, else by its cells."""
     from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.solve import solve as solve_cells
-    from kaju.model.elastic.solve_spawning import solve_spawning
+    from kaju.model.elastic.solve import solve_cells, solve_spawning
 
     tolerance, resolution, stage, goal, previous = map(
         given.get, ("tolerance", "resolution", "stage", "goal", "previous")

@@ -9,7 +9,7 @@ from plates import plate as pressed
 
 from kaju import Scene
 from kaju.errors import SupportError
-from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solve import solve_cells
 
 BODY = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}
 
@@ -52,16 +52,16 @@ def assert_like(one, other, digits=7):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_moved_load_is_solved_as_afresh(name):
-    first = solve(BODIES[name], tolerance=1e-10)
+    first = solve_cells(BODIES[name], tolerance=1e-10)
     moved = BODIES[name].replace(loads=press(22, (0.5, -1.0)))
-    again = solve(moved, tolerance=1e-10, previous=first)
-    assert_like(again, solve(moved, tolerance=1e-10))
-    assert again.error_estimate == pytest.approx(solve(moved).error_estimate, rel=1e-2)
+    again = solve_cells(moved, tolerance=1e-10, previous=first)
+    assert_like(again, solve_cells(moved, tolerance=1e-10))
+    assert again.error_estimate == pytest.approx(solve_cells(moved).error_estimate, rel=1e-2)
 
 
 def test_a_force_changed_in_proportion_needs_no_iteration():
-    first = solve(plate(), tolerance=1e-10)
-    harder = solve(plate(loads=press(force=(0.0, -6.0))), tolerance=1e-10, previous=first)
+    first = solve_cells(plate(), tolerance=1e-10)
+    harder = solve_cells(plate(loads=press(force=(0.0, -6.0))), tolerance=1e-10, previous=first)
     expected = 3 * first.cells().displacement
     largest = np.abs(expected).max()
     np.testing.assert_allclose(harder.cells().displacement, expected, rtol=0, atol=1e-10 * largest)
@@ -81,31 +81,31 @@ CHANGES = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_changed_body_is_solved_as_afresh(name):
-    first = solve(plate(), tolerance=1e-10)
+    first = solve_cells(plate(), tolerance=1e-10)
     changed = CHANGES[name](plate())
-    again = solve(changed, tolerance=1e-10, previous=first)
-    assert_like(again, solve(changed, tolerance=1e-10))
+    again = solve_cells(changed, tolerance=1e-10, previous=first)
+    assert_like(again, solve_cells(changed, tolerance=1e-10))
 
 
 def test_a_body_that_a_change_has_let_loose_is_refused():
-    first = solve(plate())
+    first = solve_cells(plate())
     with pytest.raises(SupportError, match="could move along x"):
-        solve(plate(sides={"bottom": "roller"}), previous=first)
+        solve_cells(plate(sides={"bottom": "roller"}), previous=first)
 
 
 def test_three_dimensions():
     block = pressed([10, 10, 10], [3, 4, 9], [0.0, 0.0, -1.0], size=[0.1, 0.1, 0.1])
     moved = block.replace(loads=[{"cell": [6, 4, 9], "force": [0.2, 0.0, -1.0]}])
-    again = solve(moved, tolerance=1e-10, previous=solve(block, tolerance=1e-10))
-    assert_like(again, solve(moved, tolerance=1e-10))
+    again = solve_cells(moved, tolerance=1e-10, previous=solve_cells(block, tolerance=1e-10))
+    assert_like(again, solve_cells(moved, tolerance=1e-10))
 
 
 def test_nothing_keeps_the_results_before_alive():
-    result = solve(plate())
+    result = solve_cells(plate())
     before = []
     for first in range(5, 15):
         before.append(weakref.ref(result))
         before.append(weakref.ref(result.found.solution))
-        result = solve(plate(loads=press(first)), previous=result)
+        result = solve_cells(plate(loads=press(first)), previous=result)
     gc.collect()
     assert [reference for reference in before if reference() is not None] == []

@@ -10,7 +10,7 @@ from kaju import ElasticResult, Scene
 from kaju.errors import ConvergenceError, SupportError
 from kaju.model.elastic.equal.grid import problem_of_scene
 from kaju.model.elastic.equal.supports import check_supports
-from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solve import solve_cells
 
 
 def bar(**changes):
@@ -25,7 +25,7 @@ def bar(**changes):
 
 
 def test_a_pulled_bar_stretches_as_it_must():
-    result = solve(bar())
+    result = solve_cells(bar())
     points = np.array([[0.08, 0.0], [0.08, 0.04], [0.04, 0.02], [0.013, 0.037]])
     expected = points * [1e-3, -0.25e-3]
     np.testing.assert_allclose(result.displacement_at(points), expected, atol=1e-15)
@@ -54,7 +54,7 @@ def block(**changes):
 
 
 def test_a_pressed_block_shortens_as_it_must():
-    result = solve(block())
+    result = solve_cells(block())
     points = np.array([[0.04, 0.03, 0.05], [0.01, 0.0, 0.02], [0.013, 0.028, 0.041]])
     expected = points * [0.25e-3, 0.25e-3, -1e-3]
     np.testing.assert_allclose(result.displacement_at(points), expected, atol=1e-14)
@@ -68,7 +68,7 @@ def test_a_pressed_block_shortens_as_it_must():
 
 def test_a_wall_holds_the_corners_of_the_cells_that_touch_it(tmp_path):
     load = {"cell": [2, 1, 4], "side": "top", "force": [1.0, 0.5, -2.0]}
-    result = solve(block(sides={"bottom": "rigid"}, loads=[load]), 1e-11, resolution=2)
+    result = solve_cells(block(sides={"bottom": "rigid"}, loads=[load]), 1e-11, resolution=2)
     nodes = result.cells().corner_displacement
     assert np.isfinite(nodes).all()
     np.testing.assert_allclose(nodes[:, :, 0], 0.0, atol=1e-18)
@@ -99,7 +99,7 @@ def test_pure_shear_by_tractions_on_the_surface():
 def test_gravity_and_a_foundation():
     body = bar().body.model_copy(update={"gravity": (0.0, -10.0)})
     sides = {"left": "roller", "right": "roller", "bottom": {"stiffness": 1e5}}
-    result = solve(bar(body=body, sides=sides, loads=[]))
+    result = solve_cells(bar(body=body, sides=sides, loads=[]))
     weight = 1000 * 10 * 0.08 * 0.04 * 0.01
     assert result.reactions["bottom"][1] == pytest.approx(weight)
     sunk = result.displacement_at(np.array([[0.04, 0.0]]))
@@ -108,7 +108,7 @@ def test_gravity_and_a_foundation():
 
 def test_a_displaced_side_pulls():
     sides = {"left": "rigid", "right": {"displacement": [1e-4, 0.0]}}
-    result = solve(bar(sides=sides, loads=[]), resolution=4, tolerance=1e-10)
+    result = solve_cells(bar(sides=sides, loads=[]), resolution=4, tolerance=1e-10)
     corner = result.displacement_at(np.array([[0.08, 0.02], [0.0, 0.02], [0.04, 0.02]]))
     np.testing.assert_allclose(corner[:, 0], [1e-4, 0.0, 0.5e-4], atol=1e-12)
     pull = result.reactions["right"]
@@ -119,7 +119,7 @@ def test_a_displaced_side_pulls():
 
 
 def test_summary_has_the_keys_that_scripts_rely_on():
-    summary = solve(Scene(**PLATE)).summary()
+    summary = solve_cells(Scene(**PLATE)).summary()
     keys = (
         "rule plane strain_energy error_estimate agents levels iterations residual reaction "
         "max_displacement seconds kaju_version"
@@ -133,7 +133,7 @@ def test_summary_has_the_keys_that_scripts_rely_on():
 def test_rigid_cells_inside_the_array_carry_reactions():
     load = {"cell": [3, 3], "force": [1.0, -2.0]}
     scene = drawn(["..aaaa.."] * 3 + ["========"], [STEEL], [load], sides={})
-    result = solve(scene, 1e-12)
+    result = solve_cells(scene, 1e-12)
     assert result.cells().origin == (2, 1)
     assert result.cells().body.shape == (4, 3)
     np.testing.assert_allclose(result.reactions["rigid"], [-1.0, 2.0], atol=1e-9)
@@ -147,13 +147,13 @@ def test_drag_on_one_row_of_cells_upon_a_roller_goes_into_its_ends():
     body = {"size": [0.08, 0.01], "cells": [8, 1], "material": "steel"}
     sides = {"bottom": "roller", "left": "rigid"}
     load = {"cell": [7, 0], "side": "top", "force": [1.0, 0.0]}
-    result = solve(Scene(body=body, sides=sides, loads=[load]), 1e-12)
+    result = solve_cells(Scene(body=body, sides=sides, loads=[load]), 1e-12)
     assert result.cells().body.shape == (8, 1)
     assert result.reactions["left"][0] == pytest.approx(-1.0)
 
 
 def test_tables_and_files_for_others(tmp_path):
-    result = solve(Scene(**PLATE))
+    result = solve_cells(Scene(**PLATE))
     frame = result.to_dataframe()
     assert len(frame) == 400
     row = frame[np.isclose(frame["x (m)"], 0.105) & np.isclose(frame["y (m)"], 0.195)].iloc[0]
@@ -173,7 +173,7 @@ def test_tables_and_files_for_others(tmp_path):
 
 def test_a_member_one_cell_wide_is_solved_on_halved_cells():
     load = {"cell": [2, 3], "force": [1.0, -1.0]}
-    result = solve(drawn(["aaaaaa"] + ["a....a"] * 3, [STEEL], [load]))
+    result = solve_cells(drawn(["aaaaaa"] + ["a....a"] * 3, [STEEL], [load]))
     assert result.subdivision == 2
     assert "one cell wide" in result.summary()["notes"][0]
     assert np.isfinite(result.max_displacement)
@@ -217,6 +217,6 @@ def test_no_convergence_gives_the_best_field(monkeypatch):
     loads = [{"cell": [8 * i, 95], "force": [1.0, -1.0]} for i in range(12)]
     scene = drawn(codes, [STEEL], loads)
     with pytest.raises(ConvergenceError, match="residual") as caught:
-        solve(scene, tolerance=1e-12)
+        solve_cells(scene, tolerance=1e-12)
     assert isinstance(caught.value.best, ElasticResult)
     assert caught.value.residuals

@@ -17,7 +17,7 @@ from kaju import ElasticResult, Scene
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import problem_of_scene
 from kaju.model.elastic.equal.solver import solve_problem
-from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solve import solve_cells
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 MATERIAL = "elastic"
@@ -134,7 +134,7 @@ class KnownProblem(ABC):
         """Return the solver's answer at a resolution."""
         scene, start = self.scene(resolution), perf_counter()
         if not self.given_sides:
-            return solve(scene, tolerance=tolerance)
+            return solve_cells(scene, tolerance=tolerance)
         problem, origin = problem_of_scene(scene)
         sides = [scene.lattice.sides.index(side) for side in self.given_sides]
         problem = replace(problem, fixed=given_faces(problem, sides, self.exact_displacement))

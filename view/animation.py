@@ -19,7 +19,7 @@ from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
 from .films import WRITERS, Film, ffmpeg, frames, write_pictures
-from .motion import write_motion
+from .meshes import write_motion
 from .picture_files import new_folder
 from .plots import check_options, pictures_of
 from .style import figure_of

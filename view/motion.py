@@ -1,70 +1,91 @@
-"""A stored run as a mesh in motion, for Blender, ParaView and their like.
+"""Runs that move: parts at points, with values and displacements a frame.
 
-Points stay the same from frame to frame, so that a moving body is its rest form and one
-displacement field a frame. Files of it are GLB, for Blender and its like, or a series of VTK files
-for ParaView. A GLB holds the body at rest and one *morph target* a frame (glTF 2.0, section
-3.7.2.2): its displacements, magnified until they can be seen. Weights that rise and fall one after
-the other play the frames, with straight lines between them.
+Spring networks, creep, agents, elastic answers, bodies that grow or break: pages replay them, and
+`meshes` writes those whose parts stay the same as files for Blender or ParaView.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-from xml.sax.saxutils import quoteattr
+from itertools import permutations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from kaju import __version__
 from kaju.arrays import Floats, Ints
-from kaju.errors import ResultFileError, needing
-from kaju.files import atomic_file
-from kaju.model.results.mesh import CUBE_FACES, corner_order
-from kaju.model.results.result import BodyResult
+from kaju.model.results.mesh import corner_order
+from kaju.model.results.result import BodyResult, Curves, solved_scene
+from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .deformed import Joined, check_magnification, join, largest_shift
-from .picture_files import new_folder
-from .style import SIZE
-from .units import round_down
+from .body_plots import force_arrows
+from .deformed import Joined, join, stress_text
+from .fracture_plots import bearing
+from .quadtree import errors_of
+from .units import quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.network.network_result import NetworkResult
+    from kaju.model.elastic.relaxation.elastic_run import ElasticRun
+    from kaju.model.fracture.fracture_result import FractureResult
+    from kaju.model.growth.growth_result import GrowthResult
+    from kaju.model.network import NetworkResult, SpringNetwork
+    from kaju.model.rheology.creep_result import CreepResult
     from kaju.model.rheology.creeping_elastic import ElasticCreepResult
     from kaju.model.rheology.creeping_elements import TransferCreepResult
     from kaju.model.rheology.creeping_network import NetworkCreepResult
 
-
-class Frame(NamedTuple):
-    """A moment of a motion."""
-
-    time: float  # its number, or time (s)
-    moved: Floats  # displacements of the points (m); shape (n, dimension)
-    values: dict[str, Floats]  # of the parts
+MOST_FRAMES = 120
+"""Longer runs are shown in pages at so many of their moments."""
+Forces = Sequence[tuple[list[float], list[float]]]
+"""Places (m) and forces (N) of loads."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Points, what they are the corners of, and where they are in every frame."""
+    """Parts at points, and what becomes of them."""
 
     points: Floats  # places at rest (m); shape (n, dimension)
-    parts: Ints
-    """Corners of springs (2), triangles (3), squares (4) or hexagons (6) in turn, or of cubes (8,
-    as VTK has them). Shape (parts, corners)."""
-    frames: Sequence[Frame]  # from rest to the end
+    parts: NDArray[np.integer]
+    """2 corners: a spring; 4: a square or a face's diamond; 8: a cube, as VTK has them; else a
+    polygon. Shape (parts, corners)."""
+    at: Sequence[float] | Floats  # the moment of each frame
+    along: str  # what moments are: "s", "step", "generation", "stage", "break", "share" of the load
+    values: dict[str, tuple[str, NDArray[np.floating]]]
+    """What parts can be coloured by: unit, and one number each, or one each a frame."""
+    moved: NDArray[np.floating] | None = None
+    """Displacements (m) of points, or of whole parts. Shape (frames, n or parts, dimension)."""
+    born: NDArray[np.integer] | None = None  # from when on a part is there, in units of `at`
+    gone: NDArray[np.integer] | None = None  # from when on it is no more; shape (parts,)
+    curves: Sequence[Curves] = ()  # drawn beside it
+    held: NDArray[np.integer] | None = None  # points that something holds
+    forces: Forces = ()
+    visits: Sequence[int] = ()  # level that acted before each frame, where blocks have parents
+    outcome: str = ""  # how the run ended, in words
+    outlines: Sequence[dict[str, Any]] = ()
+    """What cuts the parts, first the box, then regions by their curves: "solid", and "lines", the
+    number of points of each. These are the last points: one, and three a cubic curve."""
 
-    @property
-    def farthest(self) -> float:
-        """Largest displacement of all frames (m)."""
-        return max(
-            float(np.linalg.norm(frame.moved, axis=1).max(initial=0.0)) for frame in self.frames
-        )
+
+def chosen_frames(count: int) -> Ints:
+    """Return the moments that pages show: all, or so many, evenly, with both ends."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
+
+
+def applied(scene: Scene, stage: int | None = None) -> Forces:
+    """Return the places and forces of a scene's loads, as few arrows."""
+    applied = scene.applied(stage)
+    arrows = force_arrows(scene, applied, np.arange(len(applied.force)))
+    return list(zip(arrows.place.tolist(), arrows.force.tolist(), strict=True))
+
+
+def _apart(corners: Floats) -> dict[str, Any]:
+    """Return points and parts of cells that share no points, from their corners."""
+    count, each, dimension = corners.shape
+    parts = np.arange(count * each).reshape(count, each)
+    return {"points": corners.reshape(-1, dimension), "parts": parts}
 
 
 def _body(result: BodyResult) -> tuple[Joined, Ints]:
@@ -79,14 +100,14 @@ def _body(result: BodyResult) -> tuple[Joined, Ints]:
     return join(corners, np.diag(lattice.pitch)), cells
 
 
-def _on(cells: Ints, shape: tuple[int, ...], where: Ints, values: Floats) -> Floats:
-    """Spread the values of some cells over all, 0 elsewhere."""
-    field = np.zeros(shape)
+def _on(scene: Scene, where: Ints, values: Floats) -> Floats:
+    """Spread the values of some cells over the whole array, 0 elsewhere."""
+    field = np.zeros((*scene.lattice.shape, *values.shape[1:]))
     field[tuple(where.T)] = values
-    return np.asarray(field[tuple(cells.T)])
+    return field
 
 
-def so_far(result: TransferResult, generation: int) -> TransferResult:
+def _so_far(result: TransferResult, generation: int) -> TransferResult:
     """Return a run with what its last stage had taken up to a generation."""
     stage = result.last
     history = stage.history
@@ -106,24 +127,29 @@ def so_far(result: TransferResult, generation: int) -> TransferResult:
 
 def generations(result: TransferResult) -> Motion:
     """Return the last stage of a run, generation by generation."""
-    states = [so_far(result, number) for number in range(result.last.generations + 1)]
-    return _transfer(result, states)
+    count = result.last.generations + 1
+    return _transfer(result, [_so_far(result, number) for number in range(count)], "generation")
 
 
 def stages(result: TransferResult) -> Motion:
     """Return a run at rest, and at the end of every stage of loading."""
     ended = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
-    return _transfer(result, [so_far(ended[0], 0), *ended])
+    return _transfer(result, [_so_far(ended[0], 0), *ended], "stage")
 
 
-def _transfer(result: TransferResult, states: Sequence[TransferResult]) -> Motion:
+def _transfer(result: TransferResult, states: Sequence[TransferResult], along: str) -> Motion:
     body, cells = _body(result)
-    shape = result.scene.lattice.shape
-    frames = []
-    for number, state in enumerate(states):
-        taken = _on(cells, shape, state.last.cells, state.last.taken.sum(axis=1))
-        frames.append(Frame(number, body.moved(state.displacement_at), {"load_taken": taken}))
-    return Motion(body.points, body.parts, frames)
+    taken = [_on(result.scene, one.last.cells, one.last.taken.sum(axis=1)) for one in states]
+    return Motion(
+        points=body.points,
+        parts=body.parts,
+        at=np.arange(float(len(states))),
+        along=along,
+        values={"load_taken": ("N", np.array([of[tuple(cells.T)] for of in taken]))},
+        moved=np.array([body.moved(state.displacement_at) for state in states]),
+        forces=applied(result.scene),
+        outcome=result.outcome,
+    )
 
 
 def loaded(result: ElasticResult) -> Motion:
@@ -131,201 +157,320 @@ def loaded(result: ElasticResult) -> Motion:
     d = result.lower.shape[1]
     places = result.lower[:, None] + result.size[:, None, None] * corner_order(d)
     body = join(places, np.full(d, result.size.min()))
-    values = {"von_mises": result.von_mises, "level": result.level.astype(np.float64)}
+    values = {"von_mises": ("Pa", result.von_mises), "level": ("", result.level.astype(np.float64))}
     moved = body.moved(result.displacement_at)
-    rest = Frame(0.0, np.zeros_like(moved), {name: np.zeros_like(v) for name, v in values.items()})
-    return Motion(body.points, body.parts, [rest, Frame(1.0, moved, values)])
-
-
-def increments(result: NetworkResult) -> Motion:
-    """Return the states of a spring network along its load path."""
-    return _springs(result, result.stage)
-
-
-def _springs(result: NetworkResult, times: Floats) -> Motion:
-    frames = [
-        Frame(float(time), moved, {"tension": tension})
-        for time, moved, tension in zip(times, result.displacement, result.tension, strict=True)
-    ]
-    return Motion(result.network.positions, result.network.springs, frames)
-
-
-def network_times(result: NetworkCreepResult) -> Motion:
-    """Return a spring network in time."""
-    return _springs(result.to_network_result(), result.times)
-
-
-def times(result: TransferCreepResult | ElasticCreepResult) -> Motion:
-    """Return a creeping body, one frame a time asked for."""
-    body, _ = _body(result.static)
-    frames = [
-        Frame(float(time), body.moved(lambda at, k=k: result.displacement_at(at, k)), {})  # type: ignore[misc]
-        for k, time in enumerate(result.times)
-    ]
-    return Motion(body.points, body.parts, frames)
-
-
-_VERTICES, _INDICES = 34962, 34963
-_LINES, _TRIANGLES = 1, 4
-_COMPONENTS = {"float32": 5126, "uint8": 5121, "uint32": 5125}
-_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-
-
-def _write_glb(
-    motion: Motion, path: Path, *, fps: float, hold: float, magnification: float | None = None
-) -> None:
-    """Write a motion as binary glTF, its last frame held (s), its magnification in the `extras`."""
-    check_magnification(magnification)
-    surface = _surface(motion)
-    used, corners = np.unique(surface, return_inverse=True)
-    factor = magnification or _visible(motion)
-    moved = [_upright(factor * frame.moved[used]) for frame in motion.frames]
-    glb = _Buffer()
-    primitive = {
-        "indices": glb.add(corners.ravel().astype(np.uint32)[:, None], _INDICES),
-        "attributes": {
-            "POSITION": glb.add_bounded(_upright(motion.points[used]), _VERTICES),
-            "COLOR_0": glb.add(_colours(motion.frames[-1].moved[used]), _VERTICES, normalized=True),
-        },
-        "material": 0,
-        "mode": _LINES if surface.shape[1] == 2 else _TRIANGLES,
-        "targets": [{"POSITION": glb.add_bounded(move, _VERTICES)} for move in moved[1:]],
-    }
-    # The weight of each frame's target rises to 1 at its time, and falls until the next one's.
-    times, weights = np.arange(len(moved)) / fps, np.eye(len(moved))[:, 1:]
-    if hold > 0.0:
-        times, weights = np.append(times, times[-1] + hold), np.vstack([weights, weights[-1]])
-    keys = glb.add_bounded(times.astype(np.float32)[:, None])
-    values = glb.add(weights.astype(np.float32).reshape(-1, 1))
-    sampler = {"input": keys, "output": values, "interpolation": "LINEAR"}
-    channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
-    extras = {"magnification": factor, "unit": "m"}
-    mesh = {
-        "primitives": [primitive],
-        "weights": [0.0] * (len(moved) - 1),
-        "extras": {"targetNames": [f"frame {k}" for k in range(1, len(moved))]},
-    }
-    matte = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
-    about = {
-        "asset": {"version": "2.0", "generator": f"kaju {__version__}", "extras": extras},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": "body"}],
-        "meshes": [mesh],
-        "materials": [{"name": "displacement", "doubleSided": True, "pbrMetallicRoughness": matte}],
-        "animations": [{"channels": [channel], "samplers": [sampler]}],
-        "buffers": [{"byteLength": len(glb.data)}],
-        "bufferViews": glb.views,
-        "accessors": glb.accessors,
-    }
-    text = json.dumps(about, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    parts = b"".join(
-        len(part).to_bytes(4, "little") + name + part
-        for name, part in ((b"JSON", text), (b"BIN\0", bytes(glb.data)))
+    return Motion(
+        points=body.points,
+        parts=body.parts,
+        at=[0.0, 1.0],
+        along="share",
+        values={name: (unit, np.stack([0.0 * of, of])) for name, (unit, of) in values.items()},
+        moved=np.stack([0.0 * moved, moved]),
+        forces=applied(solved_scene(result)),
+        outcome=stress_text(result),
     )
-    head = b"glTF" + (2).to_bytes(4, "little") + (12 + len(parts)).to_bytes(4, "little")
-    path.write_bytes(head + parts)
 
 
-class _Buffer:
-    """The binary part of a GLB, and the tables of what lies where."""
-
-    def __init__(self) -> None:
-        self.data = bytearray()
-        self.views: list[dict[str, int]] = []
-        self.accessors: list[dict[str, Any]] = []
-
-    def add(self, array: NDArray[Any], target: int | None = None, **more: Any) -> int:
-        """Add rows of numbers of 8 or 32 bits; return the number of their accessor."""
-        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes}
-        self.views.append(view if target is None else view | {"target": target})
-        self.data += array.tobytes() + bytes(-array.nbytes % 4)
-        accessor = {
-            "bufferView": len(self.views) - 1,
-            "componentType": _COMPONENTS[array.dtype.name],
-            "count": len(array),
-            "type": _TYPES[array.shape[1]],
-        }
-        self.accessors.append(accessor | more)
-        return len(self.accessors) - 1
-
-    def add_bounded(self, array: NDArray[Any], target: int | None = None) -> int:
-        """Add rows of numbers with the least and the largest of each column."""
-        bounds = {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
-        return self.add(array, target, **bounds)
+def network(result: NetworkResult) -> Motion:
+    """Return the states of a spring network along its load path."""
+    moved = np.linalg.norm(result.displacement, axis=2).max(axis=1)
+    pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
+    over = "stage", "", result.stage
+    curves = [
+        Curves("Displacement", *over, {"largest displacement": moved}, "m"),
+        Curves("Largest forces", *over, pull, "N"),
+    ]
+    return _springs(result, result.stage, "stage", curves)
 
 
-def _surface(motion: Motion) -> Ints:
-    """Return springs as they are, and all else as triangles that can be seen from outside."""
-    parts = motion.parts
-    if parts.shape[1] == 2:
-        return parts
-    if parts.shape[1] == 8:
-        faces = parts[:, CUBE_FACES].reshape(-1, 4)
-        _, number, count = np.unique(
-            np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
-        )
-        parts = faces[count[number.ravel()] == 1]
-    fans = [parts[:, [0, k, k + 1]] for k in range(1, parts.shape[1] - 1)]
-    return np.concatenate(fans)
+def network_in_time(result: NetworkCreepResult) -> Motion:
+    """Return a spring network that creeps."""
+    return _springs(result.to_network_result(), result.times, "s", result.curves())
 
 
-def _upright(points: Floats) -> NDArray[np.float32]:
-    """Return points with y upwards, as glTF wants them: z of a body in space is its height."""
-    if points.shape[1] == 2:
-        found = np.pad(points, [(0, 0), (0, 1)])
+def _springs(result: NetworkResult, at: Floats, along: str, curves: Sequence[Curves]) -> Motion:
+    return Motion(
+        points=result.network.positions,
+        parts=result.network.springs,
+        at=at,
+        along=along,
+        values={"tension": ("N", np.asarray(result.tension))},
+        moved=np.asarray(result.displacement),
+        curves=curves,
+        **_supports(result.network),
+    )
+
+
+def _supports(network: SpringNetwork) -> dict[str, Any]:
+    """Return what holds and what loads a network."""
+    force = network.forces[-1]
+    acting = np.flatnonzero(force.any(axis=1))
+    places = network.positions[acting].tolist()
+    return {
+        "forces": list(zip(places, force[acting].tolist(), strict=True)),
+        "held": np.flatnonzero(network.held.any(axis=1)),
+    }
+
+
+def body_in_time(result: TransferCreepResult | ElasticCreepResult) -> Motion:
+    """Return a body that creeps, with the largest strain and stress (principal, by size)."""
+    static, times = result.static, np.asarray(result.times, dtype=np.float64)
+    body, cells = _body(static)
+    lattice, records = static.grid.lattice, range(len(times))
+    moved = np.array(
+        [body.moved(lambda at, k=k: result.displacement_at(at, k)) for k in records]  # type: ignore[misc]
+    )
+    stress = [np.asarray(result.stress(record)) for record in records]
+    if isinstance(static, TransferResult):
+        stress = [_on(static.grid, static.last.cells, of) for of in stress]
+    units = {"stress": "Pa", "strain": ""}
+    values = {"stress": np.array([_principal(of[tuple(cells.T)]) for of in stress])}
+    if lattice.boxes:  # what the corners move apart by, over the edge
+        signs = 2.0 * corner_order(lattice.dimension) - 1.0
+        corners = moved[:, body.parts] * (2.0 / len(signs) / lattice.cell_size)
+        gradient = np.einsum("tnca,cb->tnab", corners, signs)
+        values["strain"] = _principal(0.5 * (gradient + np.swapaxes(gradient, 2, 3)))
+    curves = [*result.curves()[:2]]
+    for name in ("strain", "stress"):
+        line = {name: values.get(name, np.zeros((len(times), 1))).max(axis=1, initial=0.0)}
+        curves.append(Curves(f"Largest {name}", "time", "s", times, line, units[name]))
+    return Motion(
+        points=body.points,
+        parts=body.parts,
+        at=times,
+        along="s",
+        values={name: (units[name], of) for name, of in values.items()},
+        moved=moved,
+        curves=curves,
+        forces=applied(static.scene),
+    )
+
+
+def _principal(tensors: Floats) -> Floats:
+    """Return the size of the largest principal value of each tensor."""
+    return np.asarray(np.abs(np.linalg.eigvalsh(tensors)).max(axis=-1, initial=0.0))
+
+
+def element(result: CreepResult) -> Motion:
+    """Return one element: a bar, four times as long as it ever lengthens, held on its left."""
+    times, moved = result.times, result.displacement
+    long = 4.0 * float(np.abs(moved).max(initial=0.0)) or 1.0
+    shift = np.zeros((len(times), 4, 2))
+    shift[:, 1:3, 0] = moved[:, None]
+    return Motion(
+        points=long * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.25], [0.0, 0.25]]),
+        parts=np.arange(4)[None],
+        at=times,
+        along="s",
+        values={"force": ("N", result.force[:, None])},
+        moved=shift,
+        curves=result.curves(),
+        held=np.array([0, 3]),
+    )
+
+
+def elastic_answer(result: ElasticResult) -> Motion:
+    """Return how agents spawned; of equal agents how they move with the load."""
+    return spawned(result) if result.spawned else loaded(result)
+
+
+def spawned(result: ElasticResult) -> Motion:
+    """Return agents of every generation, each from when it spawned to when it retired."""
+    family, count = result.family, len(result.generations)
+    rows, dimension = family.rows, result.lower.shape[1]
+    # Of the agents that stand at the end also how they are stressed and move.
+    standing, end = family.standing(count - 1), loaded(result)
+    places = (family.lower[standing], family.size[standing]), (result.lower, result.size)
+    order, own = (np.lexsort((size, *lower.T)) for lower, size in places)
+    standing = standing[order]
+    stress = np.full((count, len(family.size)), np.nan)
+    stress[-1, standing] = result.von_mises[own]
+    moved = np.zeros((count, len(family.size), end.parts.shape[1], dimension))
+    assert end.moved is not None
+    moved[-1, standing] = end.moved[-1][end.parts[own]]
+    values = {"von_mises": ("Pa", stress), "level": ("", family.level.astype(float))}
+    values["gap"] = "J", np.nan_to_num(rows["gap"])
+    values |= _opinions(result)
+    values["spawn_step"] = "", rows["spawn_step"].astype(float)
+    over = "generation", "", np.arange(float(count))
+    agents = {"agents": np.array([float(g.agents) for g in result.generations])}
+    errors = {"error": 100.0 * np.array(errors_of(result))}
+    retired = rows["retired_step"].astype(np.int64)
+    return Motion(
+        **_apart(family.lower[:, None] + family.size[:, None, None] * corner_order(dimension)),
+        at=np.arange(float(count)),
+        along="generation",
+        values=values,
+        moved=moved.reshape(count, -1, dimension),
+        born=rows["spawn_step"].astype(np.int64),
+        gone=np.where(retired < 0, count, retired),
+        curves=[
+            Curves("Agents", *over, agents, ""),
+            Curves("Error", *over, errors, "%", logarithmic=True),
+            Curves("Strain energy", *over, _energies(result), "J"),
+        ],
+        forces=applied(result.scene),
+        outcome="; ".join([_error_of(result), stress_text(result)]),
+    )
+
+
+def _energies(result: ElasticResult) -> dict[str, Floats]:
+    """Return the energy of every generation, or what is proved of it."""
+    proved = np.array([(g.upper, g.lower) for g in result.generations], dtype=np.float64)
+    if not np.isfinite(proved).all():
+        return {"energy": np.array([g.energy for g in result.generations])}
+    return {"at most": proved[:, 0], "at least": proved[:, 1]}
+
+
+def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
+    """Return the equivalent stress of each opinion, of every agent in every generation."""
+    found, family = {}, result.family
+    for name in ("fitted", "balanced"):
+        values = np.full((len(result.generations), len(family.size)), np.nan)
+        for number, generation in enumerate(result.generations):
+            values[number, family.standing(number)] = getattr(generation, name)
+        if not np.isnan(values).all():
+            found[name] = ("Pa", values)
+    return found
+
+
+def _error_of(result: ElasticResult) -> str:
+    """Return how many agents there are, their error, and between which bounds the energy lies."""
+    words = f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %"
+    if result.energy_bounds is None:
+        return words
+    lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
+    return f"{words}, energy between {lower} and {upper}"
+
+
+def growth_steps(result: GrowthResult) -> Motion:
+    """Return densities step by step; of the last step alone if no other were kept."""
+    lattice = result.scene.lattice
+    corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
+    kept = len(result.designs) > 0
+    steps = chosen_frames(result.steps + 1) if kept else np.array([result.steps])
+    designs = result.designs[steps] if kept else result.cells[None]
+    over = ("step", "", np.arange(result.steps + 1.0))
+    return Motion(
+        **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
+        at=steps.astype(float),
+        along="step",
+        values={"density": ("", np.rint(256.0 * designs) / 256.0)},  # more would not deflate
+        curves=[
+            Curves("Compliance", *over, {"compliance": result.compliances}, "J"),
+            Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
+        ],
+        forces=applied(result.scene, result.stage),
+        outcome=result.outcome,
+    )
+
+
+def breaks(result: FractureResult) -> Motion:
+    """Return springs or cells, each until it breaks, under the load of the last break."""
+    counts = chosen_frames(result.breaks + 1)
+    drawn = [bearing(result, count) for count in counts.tolist()]
+    moved, borne = [], []
+    for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):
+        factor = result.factor_after(at) if count else 0.0  # the first frame is that of no load
+        moved.append(_steps_of(factor * body.displacement(), 128))
+        bears = factor if count <= result.breaks_resisted else 0.0
+        borne.append(_steps_of(bears * body.borne(), 128))
+    points, parts = body.points
+    gone = np.full(len(parts), result.breaks + 1)
+    gone[result.broken] = np.arange(1, result.breaks + 1)
+    force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
+    # What bears hardly anything any more moves so far that the rest would not be seen.
+    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
+    sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
+    energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
+    over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}
+    supports: dict[str, Any]
+    if isinstance(result.subject, Scene):
+        name, unit, supports = "stress", "Pa", {"forces": applied(result.subject)}
     else:
-        found = np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
-    return found.astype(np.float32)
+        name, unit, supports = "tension", "N", _supports(result.subject)
+    return Motion(
+        points=points,
+        parts=parts,
+        at=counts.astype(float),
+        along="break",
+        values={name: (unit, np.array(borne))},
+        moved=np.array(moved),
+        gone=gone,
+        curves=[
+            Curves("Load", *over, {"load": force}, "N"),
+            Curves("Load over displacement (m)", "displacement", "m", way[:loaded], course, "N"),
+            Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
+            Curves("Energy", *over, energy, "J"),
+        ],
+        **supports,
+        outcome=result.outcome,
+    )
 
 
-def _visible(motion: Motion) -> float:
-    span = float(np.ptp(motion.points, axis=0).max())
-    farthest = motion.farthest
-    wanted = largest_shift(span) / farthest if farthest > 0.0 else 1.0
-    return 1.0 if 0.3 < wanted < 1.0 or farthest == 0.0 else round_down(wanted)
+def _steps_of(values: Floats, count: int) -> Floats:
+    """Round to so many steps or more up to the largest: other digits would not deflate."""
+    most = float(np.abs(values).max(initial=0.0)) or 1.0
+    step = 2.0 ** np.floor(np.log2(most / count))
+    return np.asarray(step * np.rint(values / step))
 
 
-def _colours(moved: Floats) -> NDArray[np.uint8]:
-    """Return colours by how far the points move at the end, in linear light."""
-    size = np.linalg.norm(moved, axis=1)
-    seen = colormaps[SIZE](size / (size.max(initial=0.0) or 1.0))[:, :3]
-    light = np.where(seen <= 0.04045, seen / 12.92, ((seen + 0.055) / 1.055) ** 2.4)
-    return np.rint(255.0 * np.pad(light, [(0, 0), (0, 1)], constant_values=1.0)).astype(np.uint8)
+def elastic_agents(run: ElasticRun) -> Motion:
+    """Return agents on the faces of the cells, each a diamond, or a small cube in space."""
+    agents, moments, h = run.agents, run.moments, run.grid.lattice.cell_size
+    own = agents.level == 0
+    # Most happens in the first steps, so the moments shown lie ever farther apart.
+    last = len(moments.step)
+    chosen = np.unique(np.geomspace(1, last, min(last, MOST_FRAMES)).round().astype(np.int64)) - 1
+    corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    if agents.position.shape[1] == 3:
+        corners = 0.5 * (corner_order(3) - 0.5)
+    moved = None
+    if moments.displacement is not None:
+        along = moments.displacement[chosen][:, own].astype(float)
+        bits = _faces_moved(run, along).astype(np.float32).view(np.uint32)
+        moved = ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)  # more would not deflate
+    return Motion(
+        **_apart(agents.position[own][:, None] + h * corners),
+        at=moments.step[chosen].astype(float),
+        along="step",
+        values={
+            "load_left": ("N", np.abs(moments.left[chosen][:, own]).astype(float)),
+            "load_taken": ("N", moments.taken[chosen][:, own].astype(float)),
+        },
+        moved=moved,
+        born=agents.spawn_step[own],
+        curves=run.curves(),
+        forces=applied(run.scene),
+        visits=moments.level[chosen].tolist(),
+        outcome=run.outcome,
+    )
 
 
-_VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
+def _faces_moved(run: ElasticRun, along: Floats) -> Floats:
+    """Return displacements (m), shape (frames, faces, dimension), from those along the normals.
 
-
-def _write_series(motion: Motion, path: Path, target: Path) -> None:
-    """Write true displacements (m) as a ``.vtu`` file a frame, and the ``.pvd`` that lists them."""
-    with needing(f"{target}: needs meshlane: pip install 'kaju[vtk]'"):
-        import meshlane
-
-    flat = [(0, 0), (0, 3 - motion.points.shape[1])]
-    points = np.pad(motion.points, flat)
-    cells = [(_VTK[motion.parts.shape[1]], motion.parts)]
-    lines = ['<?xml version="1.0"?>']
-    lines += ['<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">']
-    lines += ["  <Collection>"]
-    with new_folder(target.with_suffix("")) as folder:
-        for number, frame in enumerate(motion.frames):
-            name = f"{target.stem}_{number:04d}.vtu"
-            moved = {"displacement": np.pad(frame.moved, flat)}
-            values = {label: [column] for label, column in frame.values.items()}
-            meshlane.Mesh(points, cells, moved, values).write(folder / name)
-            file = quoteattr(f"{target.stem}/{name}")
-            lines.append(f'    <DataSet timestep="{frame.time!r}" part="0" file={file}/>')
-    path.write_text("\n".join([*lines, "  </Collection>", "</VTKFile>", ""]))
-
-
-def write_motion(
-    motion: Motion, target: Path, fps: float, hold: float, magnification: float | None
-) -> None:
-    """Write a motion to a ``.glb`` or ``.pvd`` file, whole or not at all."""
-    with atomic_file(target, ResultFileError) as scratch:
-        if target.suffix.lower() == ".glb":
-            _write_glb(motion, scratch, fps=fps, hold=hold, magnification=magnification)
-        else:
-            _write_series(motion, scratch, target)
+    A face moves along its normal; across it goes with the mean of the faces round it.
+    """
+    own = run.agents.level == 0
+    axis, places = run.agents.axis[own], run.agents.position[own] / run.grid.lattice.cell_size
+    d = places.shape[1]
+    across = axis[:, None] != np.arange(d)
+    # Places in arrays of faces, one array for each axis, with a rim; NaN where there is no face.
+    index = np.rint(places - 0.5 * across).astype(np.int64) + 1
+    known = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
+    moved, fields = np.zeros((*along.shape, d)), []
+    for a, field in enumerate(known):
+        now = np.repeat(np.nan_to_num(field).reshape(1, -1), len(along), axis=0)
+        flat = np.ravel_multi_index(tuple(index[axis == a].T), field.shape)
+        now[:, flat] = moved[:, axis == a, a] = along[:, axis == a]
+        fields.append(now)
+    unit = np.eye(d, dtype=np.int64)
+    for a, b in permutations(range(d), 2):
+        steps = np.array([0 * unit[a], unit[b], -unit[a], unit[b] - unit[a]])
+        around = index[axis == a] + steps[:, None]  # shape (4, faces, dimension)
+        flat = np.ravel_multi_index(tuple(np.moveaxis(around, 2, 0)), known[b].shape)
+        there = ~np.isnan(known[b].ravel()[flat])
+        weight = there / np.maximum(there.sum(axis=0), 1)
+        moved[:, axis == a, b] = (weight * fields[b][:, flat]).sum(axis=1)
+    return moved

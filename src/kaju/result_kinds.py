@@ -18,7 +18,7 @@ _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.creep:plot_curves_at"}
 _IN_TIME = {"times": "view.creep:BODY", "curves": "view.creep:CURVES"}
 _COLUMNS = "model.results.formats"
-_PAGE = "view.page.motion_data"
+_MOTION = "view.motion"
 NOTEBOOK = "view.page.notebook:html_of"
 """The function that returns what a notebook shows of a model or a result."""
 
@@ -53,7 +53,7 @@ KINDS = {
         },
         films={"generations": "view.agents:GENERATIONS", "stages": "view.deformed:STAGES"},
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
-        page=f"{_PAGE}:generations_of",
+        page=f"{_MOTION}:generations",
         section="view.agents:plot_agents",
     ),
     "elastic": Kind(
@@ -71,7 +71,7 @@ KINDS = {
             "gaps": "view.quadtree:GAPS",
         },
         meshes={"loading": "view.motion:loaded"},
-        page=f"{_PAGE}:elastic_answer",
+        page=f"{_MOTION}:elastic_answer",
         section="view.quadtree:plot_quadtree",
     ),
     "true outlines": Kind(
@@ -90,7 +90,7 @@ KINDS = {
             **_SCENE,
         },
         films={"waves": "view.face_agents:WAVES"},
-        page=f"{_PAGE}:elastic_agents",
+        page=f"{_MOTION}:elastic_agents",
         columns={
             "elastic agents, agents": f"{_COLUMNS}:FACE_AGENTS",
             "elastic agents, boundary": f"{_COLUMNS}:BOUNDARY_AGENTS",
@@ -105,8 +105,8 @@ KINDS = {
             "response": "view.network_plots:plot_response",
         },
         films={"increments": "view.network_plots:INCREMENTS"},
-        meshes={"increments": "view.motion:increments"},
-        page=f"{_PAGE}:network",
+        meshes={"increments": f"{_MOTION}:network"},
+        page=f"{_MOTION}:network",
     ),
     "fracture": Kind(
         "model.fracture.fracture_result:FractureResult",
@@ -116,7 +116,7 @@ KINDS = {
             "avalanches": "view.fracture_plots:plot_avalanches",
         },
         films={"breaks": "view.fracture_plots:BREAKS"},
-        page=f"{_PAGE}:breaks",
+        page=f"{_MOTION}:breaks",
     ),
     "growth": Kind(
         "model.growth.growth_result:GrowthResult",
@@ -125,28 +125,28 @@ KINDS = {
             "history": "view.growth_plots:plot_growth",
         },
         films={"steps": "view.growth_plots:STEPS"},
-        page=f"{_PAGE}:growth_steps",
+        page=f"{_MOTION}:growth_steps",
     ),
     "element in time": Kind(
         "model.rheology.creep_result:CreepResult",
         pictures=_CREPT,
         films={"times": "view.creep:CURVES"},
-        page=f"{_PAGE}:element",
+        page=f"{_MOTION}:element",
     ),
     "network in time": Kind(
         "model.rheology.creeping_network:NetworkCreepResult",
         pictures=_CREPT | {"deformed": "view.creep:plot_network_at"},
         films=_IN_TIME | {"times": "view.creep:NETWORK"},
-        meshes={"times": "view.motion:network_times"},
-        page=f"{_PAGE}:network_in_time",
+        meshes={"times": f"{_MOTION}:network_in_time"},
+        page=f"{_MOTION}:network_in_time",
     ),
 } | {
     name: Kind(
         result,
         pictures=_CREPT | {"deformed": "view.creep:plot_body_at"} | _SCENE,
         films=_IN_TIME,
-        meshes={"times": "view.motion:times"},
-        page=f"{_PAGE}:body_in_time",
+        meshes={"times": f"{_MOTION}:body_in_time"},
+        page=f"{_MOTION}:body_in_time",
     )
     for name, result in (
         ("load transfer in time", "model.rheology.creeping_elements:TransferCreepResult"),

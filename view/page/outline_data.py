@@ -17,8 +17,7 @@ from kaju.model.outline.square_leaves import SquareLeaves
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Curves
 from kaju.model.scene.curves import flattened
-
-from .motion_data import Pictures
+from kaju.view.motion import Motion
 
 if TYPE_CHECKING:
     from kaju.model.outline.outline_result import OutlineResult
@@ -54,7 +53,7 @@ class DrawnOutlines(NamedTuple):
     none, then region by region."""
 
 
-def cut_agents(result: OutlineResult) -> Pictures:
+def cut_agents(result: OutlineResult) -> Motion:
     """Agents as whole squares that the outlines cut, generation by generation."""
     generations = result.generations
     squares = []
@@ -83,7 +82,7 @@ def cut_agents(result: OutlineResult) -> Pictures:
         along = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
         title = f"Hoop stress over the way along {name} (m)"
         curves.append(Curves(title, "place", "m", along, {"hoop stress": hoop}, "Pa"))
-    return Pictures(
+    return Motion(
         points=np.concatenate([result.first_edge * SquareLeaves.unit * places, drawn.points]),
         parts=parts,
         at=np.arange(float(count)),

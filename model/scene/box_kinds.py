@@ -14,7 +14,7 @@ from kaju.arrays import Flags
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells
 from kaju.model.scene.resolved_body import ResolvedBody
-from kaju.model.scene.shapes import Ball, Box, Mask, Points, Polygon, Shape
+from kaju.model.scene.shapes import Points, Relation, Shape
 
 MIXED = -99
 """A box that may hold cells of several kinds."""
@@ -87,57 +87,13 @@ def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
     return levels
 
 
-def relation(shape: Shape, low: Points, high: Points) -> tuple[Flags, Flags]:
+def relation(shape: Shape, low: Points, high: Points) -> Relation:
     """Tell which boxes of centres lie surely inside a shape, and which surely outside.
 
-    Other than for solids (`SolidShape.relation`), a centre on the edge is inside.
+    A centre on the edge is inside: `Shape.relation`, of boxes that touch, is asked a little wider.
     """
     if np.array_equal(low, high):
         inside = shape.contains(low)
         return inside, ~inside
-    lower, upper = shape.extent
-    margin = 1e-9 * (np.abs(lower) + np.abs(upper))
-    apart = np.any((high < lower - margin) | (low > upper + margin), axis=1)
-    if isinstance(shape, Box):
-        return shape.contains(low) & shape.contains(high), apart
-    if isinstance(shape, Ball):
-        centre, reach = np.asarray(shape.centre), shape.radius * (1 + 1e-9)
-        far = np.maximum(np.abs(low - centre), np.abs(high - centre))
-        near = np.maximum(np.maximum(low - centre, centre - high), 0.0)
-        inside = np.einsum("ij,ij->i", far, far) < (shape.radius * (1 - 1e-9)) ** 2
-        return inside, apart | (np.einsum("ij,ij->i", near, near) > reach**2)
-    if isinstance(shape, Polygon):
-        whole = ~_crossed_by_edge(shape, low, high)
-        within = shape.contains(low)
-        return whole & within, apart | (whole & ~within)
-    if isinstance(shape, Mask):
-        return _dark_all_over(shape, low, high) & ~apart, apart
-    return np.zeros(len(low), dtype=np.bool_), apart
-
-
-def _crossed_by_edge(shape: Polygon, low: Points, high: Points) -> Flags:
-    """Tell which boxes an edge of the polygon may cross (separating axes)."""
-    centre, half = 0.5 * (low + high), 0.5 * (high - low)
-    crossed = np.zeros(len(low), dtype=np.bool_)
-    corners = np.asarray(shape.corners)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        middle, reach = 0.5 * (start + end), 0.5 * np.abs(end - start)
-        normal = np.array([start[1] - end[1], end[0] - start[0]])
-        close = np.all(np.abs(centre - middle) <= (half + reach) * (1 + 1e-9), axis=1)
-        offset = np.abs((centre - middle) @ normal)
-        crossed |= close & (offset <= (half @ np.abs(normal)) * (1 + 1e-9))
-    return crossed
-
-
-def _dark_all_over(shape: Mask, low: Points, high: Points) -> Flags:
-    """Tell which boxes see only dark pixels."""
-    lower, upper = shape.extent
-    pixels = np.asarray(shape.dark.shape)
-    scale = pixels / (upper - lower)
-    first = np.floor((low - lower) * scale - 1e-6).astype(np.int64)
-    last = np.floor((high - lower) * scale + 1e-6).astype(np.int64) + 1
-    within = np.all((first >= 0) & (last <= pixels), axis=1)
-    first, last = np.clip(first, 0, pixels), np.clip(last, 0, pixels)
-    light = np.pad(np.cumsum(np.cumsum(~shape.dark, axis=0), axis=1), ((1, 0), (1, 0)))
-    (a, b), (c, d) = first.T, last.T
-    return np.asarray(within & (light[c, d] - light[a, d] - light[c, b] + light[a, b] == 0))
+    margin = 1e-6 * (high - low)
+    return shape.relation(low - margin, high + margin)

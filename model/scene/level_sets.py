@@ -17,7 +17,7 @@ from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .curves import Point, conic
-from .shapes import Box, Extent, Points, Relation, ShapeOfArrays
+from .shapes import Box, Extent, LevelShape, Points, Relation, ShapeOfArrays
 
 EMBEDDED_ARRAY = "data:application/x-npy;base64,"
 """What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
@@ -120,7 +120,7 @@ def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledShape(ShapeOfArrays):
+class SampledShape(ShapeOfArrays, LevelShape):
     """Where samples, bilinear (in space trilinear) between them, are not below a level."""
 
     box: Box  # beyond which there is nothing of it
@@ -196,11 +196,14 @@ class SampledShape(ShapeOfArrays):
         if len(some):
             ends = list(zip(self._in_steps(low[some]), self._in_steps(high[some]), strict=True))
             many = int(np.ceil(max((b - a).max() for a, b in ends))) + 1
-            x, y, z = (
-                np.clip(np.floor(a[:, None]) + np.arange(many + 1.0), a[:, None], b[:, None])
-                for a, b in ends
-            )
-            places = x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]
+            places = []
+            for axis, (a, b) in enumerate(ends):
+                steps = np.clip(
+                    np.floor(a[:, None]) + np.arange(many + 1.0), a[:, None], b[:, None]
+                )
+                along = np.ones(1 + len(ends), dtype=np.int64)
+                along[[0, 1 + axis]] = steps.shape
+                places.append(steps.reshape(along))
             found = self._sampled(places).reshape(len(some), -1)
             inside[some] &= found.min(axis=1) >= 0.0
             apart[some] = found.max(axis=1) < 0.0

@@ -32,39 +32,64 @@ Relation = tuple[Flags, Flags]
 TOUCH = 1e-9
 """Of a box's edge: shapes that reach no further into it only touch it."""
 _CLOSE = 1e-11  # of a coordinate: a point this near to the edge is on the edge
-_CORNERS = np.array(list(product((0.0, 1.0), repeat=3)))
 
 
-class Shape(Protocol):
-    """A part of space."""
+class Shape:
+    """A part of the plane or of space, which points and boxes are held against."""
 
     @property
     def extent(self) -> Extent:
         """The bounding box."""
+        raise NotImplementedError
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
+        raise NotImplementedError
+
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape; what is not sure is neither inside nor apart."""
+        raise NotImplementedError
 
 
-class OutlinedShape(Shape, Protocol):
+class LevelShape(Shape):
+    """A shape that knows how far points lie outside of it, from which all else follows."""
+
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return about how far (m) points lie outside, below 0 within; `reach` is far enough.
+
+        Never more than they do: from one point to another it changes by their distance at most.
+        """
+        raise NotImplementedError
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge."""
+        return np.asarray(self.level(points, np.inf) <= _CLOSE * np.abs(self.extent).max())
+
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell how boxes lie to the shape, by the level of their middles."""
+        half = 0.5 * np.linalg.norm(high - low, axis=1)
+        level = self.level(0.5 * (low + high), np.inf)
+        return level <= -half, level >= half
+
+    def _holds_corners(self, low: Points, high: Points) -> Flags:
+        """Tell which boxes lie inside with all of their corners, and so, if convex, wholly."""
+        ends = product((0.0, 1.0), repeat=low.shape[1])
+        levels = [self.level(low + np.array(end) * (high - low), np.inf) for end in ends]
+        return np.asarray(np.max(levels, axis=0) <= TOUCH * (high - low)[:, 0])
+
+
+class OutlinedShape(Protocol):
     """A part of the plane whose outline is known."""
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge."""
 
     def outline(self) -> list[Floats]:
         """Return closed lines (m) that do not meet, every second one round a hole; see `curves`."""
 
 
-class SolidShape(Shape, Protocol):
-    """A part of space that boxes can be held against."""
-
-    def level(self, points: Points, reach: float) -> Floats:
-        """Return about how far (m) points lie outside, below 0 within; `reach` is far enough."""
-
-    def relation(self, low: Points, high: Points) -> Relation:
-        """Tell how boxes lie to the shape."""
-
-
 @dataclass(frozen=True)
-class Box:
+class Box(LevelShape):
     """All points between two corners."""
 
     lower: tuple[float, ...]
@@ -74,14 +99,6 @@ class Box:
     def extent(self) -> Extent:
         """The box itself."""
         return np.asarray(self.lower), np.asarray(self.upper)
-
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        inside = np.ones(len(points), dtype=np.bool_)
-        for low, high, column in zip(self.lower, self.upper, points.T, strict=True):
-            inside &= column >= low - _CLOSE * abs(low)
-            inside &= column <= high + _CLOSE * abs(high)
-        return inside
 
     def outline(self) -> list[Floats]:
         """Return its four sides, in the plane."""
@@ -97,11 +114,11 @@ class Box:
         """Tell how boxes lie to the shape."""
         lower, upper = self.extent
         touch = TOUCH * (high - low)
-        inside = np.all((low >= lower - touch) & (high <= upper + touch), axis=1)
-        return inside, np.any((high <= lower + touch) | (low >= upper - touch), axis=1)
+        apart = np.any((high <= lower + touch) | (low >= upper - touch), axis=1)
+        return self._holds_corners(low, high), apart
 
 
-class Ball(Described):
+class Ball(Described, LevelShape):
     """All points up to a distance from a centre: a disk in two dimensions."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
@@ -112,14 +129,6 @@ class Ball(Described):
         """The bounding box."""
         centre = np.asarray(self.centre)
         return centre - self.radius, centre + self.radius
-
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        squared = np.zeros(len(points))
-        with np.errstate(over="ignore"):  # infinitely far is far enough
-            for middle, column in zip(self.centre, points.T, strict=True):
-                squared += ((column - middle) / self.radius) ** 2
-        return squared <= (1.0 + _CLOSE) ** 2
 
     def outline(self) -> list[Floats]:
         """Return its circle, in the plane."""
@@ -132,13 +141,11 @@ class Ball(Described):
 
     def relation(self, low: Points, high: Points) -> Relation:
         """Tell how boxes lie to the shape."""
-        away = np.maximum(np.abs(low - self.centre), np.abs(high - self.centre))
-        near = np.maximum(np.maximum(low - self.centre, self.centre - high), 0.0)
-        far, near = (np.linalg.norm(one, axis=1) for one in (away, near))
-        return far <= self.radius, near >= self.radius
+        nearest = np.clip(self.centre, low, high)
+        return self._holds_corners(low, high), self.level(nearest, np.inf) >= 0.0
 
 
-class Ring(Described):
+class Ring(Described, LevelShape):
     """All points between two circles round a centre."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
@@ -160,18 +167,17 @@ class Ring(Described):
         """The bounding box."""
         return self._disks[0].extent
 
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
-        low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
-        return np.asarray((away >= low) & (away <= high))
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how far (m) points lie outside."""
+        outer, inner = (disk.level(points, reach) for disk in self._disks)
+        return np.maximum(outer, -inner)
 
     def outline(self) -> list[Floats]:
         """Return both circles, in the plane."""
         return [circle for disk in self._disks for circle in disk.outline()]
 
 
-class Ellipse(Described):
+class Ellipse(Described, LevelShape):
     """All points within an ellipse, whose first half-axis is turned from the x axis by an angle."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
@@ -190,10 +196,10 @@ class Ellipse(Described):
         reach = np.hypot(*self._axes)
         return np.asarray(self.centre) - reach, np.asarray(self.centre) + reach
 
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return about how far (m) points lie outside: as if of a circle of the smaller radius."""
         along = (points - np.asarray(self.centre)) @ np.linalg.inv(self._axes)
-        return np.asarray((along**2).sum(axis=1) <= (1.0 + _CLOSE) ** 2)
+        return np.asarray((np.linalg.norm(along, axis=1) - 1.0) * min(self.radii))
 
     def outline(self) -> list[Floats]:
         """Return its ellipse."""
@@ -201,7 +207,7 @@ class Ellipse(Described):
         return [elliptic((x, y), (a, b), (c, d))]
 
 
-class Widened(Described):
+class Widened(Described, LevelShape):
     """All points of the plane up to a radius from a polygon, or from a straight line."""
 
     radius: Length
@@ -217,16 +223,9 @@ class Widened(Described):
         core = np.asarray(self.core)
         return core.min(axis=0) - self.radius, core.max(axis=0) + self.radius
 
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        core = Polygon(self.core)
-        inside = core.contains(points) if len(self.core) > 2 else np.zeros(len(points), np.bool_)
-        for start, end in core.edges():
-            edge = end - start
-            along = np.clip((points - start) @ edge / (edge @ edge), 0, 1)
-            away = np.hypot(*(points - start - along[:, None] * edge).T)
-            inside |= away <= self.radius * (1.0 + _CLOSE)
-        return inside
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how far (m) points lie outside."""
+        return Polygon(self.core).level(points, reach) - self.radius
 
     def outline(self) -> list[Floats]:
         """Return straight lines and parts of circles between them."""
@@ -276,7 +275,7 @@ class RoundedBox(Widened):
         return (x0 + r, y0 + r), (x1 - r, y0 + r), (x1 - r, y1 - r), (x0 + r, y1 - r)
 
 
-class Cylinder(Described):
+class Cylinder(Described, LevelShape):
     """All points up to a radius from a straight line in space, between flat ends."""
 
     ends: tuple[Point, Point] = Field(description="the middles of both ends (m)")
@@ -307,10 +306,6 @@ class Cylinder(Described):
         far = (points - start) @ along
         return far, points - start - far[:, None] * along
 
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        return np.asarray(self.level(points, 0.0) <= TOUCH * self.radius)
-
     def level(self, points: Points, reach: float) -> Floats:
         """Return about how far (m) points lie outside."""
         far, away = self._places(points)
@@ -320,22 +315,17 @@ class Cylinder(Described):
     def relation(self, low: Points, high: Points) -> Relation:
         """Tell how boxes lie to the shape."""
         _, along, length = self._axis
-        inside = np.ones(len(low), dtype=np.bool_)
-        touch = TOUCH * (high - low)[:, 0]
-        for end in _CORNERS:  # it is convex
-            far, away = self._places(low + end * (high - low))
-            flat = (far >= -touch) & (far <= length + touch)
-            inside &= flat & (np.linalg.norm(away, axis=1) <= self.radius)
         far, away = self._places(0.5 * (low + high))
         half, reach = 0.5 * (high - low), np.linalg.norm(away, axis=1)
         out = away / np.where(reach > 0.0, reach, 1.0)[:, None]
         beyond = np.maximum(-far, far - length) - half @ np.abs(along)
         round_it = reach - self.radius - np.einsum("ni,ni->n", half, np.abs(out))
-        return inside, (beyond >= -touch) | (round_it >= 0.0)
+        touch = TOUCH * (high - low)[:, 0]
+        return self._holds_corners(low, high), (beyond >= -touch) | (round_it >= 0.0)
 
 
 @dataclass(frozen=True)
-class Polygon:
+class Polygon(LevelShape):
     """The inside of a closed line through corners (even-odd rule)."""
 
     corners: tuple[tuple[float, ...], ...]
@@ -346,24 +336,19 @@ class Polygon:
         corners = np.asarray(self.corners)
         return corners.min(axis=0), corners.max(axis=0)
 
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        lower, upper = self.extent
-        close = _CLOSE * float((upper - lower).max())
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how far (m) points lie outside."""
         x, y = points.T
-        odd = np.zeros(len(points), dtype=np.bool_)
-        edge = np.zeros(len(points), dtype=np.bool_)
+        odd, nearest = np.zeros(len(points), dtype=np.bool_), np.full(len(points), np.inf)
         for start, end in self.edges():
-            along = end - start
-            length = np.hypot(along[0], along[1])
+            along, away = end - start, points - start
+            part = np.clip(away @ along / (along @ along), 0.0, 1.0)
+            nearest = np.minimum(nearest, np.hypot(*(away - part[:, None] * along).T))
             # twice the area of the triangle with the edge: its sign tells the side
             area = along[0] * (y - start[1]) - along[1] * (x - start[0])
-            reach = along[0] * (x - start[0]) + along[1] * (y - start[1])
-            within = (reach >= -close * length) & (reach <= (length + close) * length)
-            edge |= within & (np.abs(area) <= close * length)
             crosses = (start[1] > y) != (end[1] > y)
             odd ^= crosses & ((area > 0.0) == (along[1] > 0.0))
-        return odd | edge
+        return np.where(odd, -nearest, nearest)
 
     def outline(self) -> list[Floats]:
         """Return its sides."""
@@ -389,7 +374,7 @@ class ShapeOfArrays:
 
 
 @dataclass(frozen=True, eq=False)
-class Mask(ShapeOfArrays):
+class Mask(ShapeOfArrays, Shape):
     """The dark pixels of a picture that is stretched over a box."""
 
     box: Box
@@ -414,3 +399,16 @@ class Mask(ShapeOfArrays):
         column, row = np.clip(where, 0, pixels - 1).astype(np.int64).T
         inside[inside] = self.dark[column, row]
         return inside
+
+    def relation(self, low: Points, high: Points) -> Relation:
+        """Tell which boxes see dark pixels alone, and which none."""
+        lower, upper = self.extent
+        pixels = np.asarray(self.dark.shape)
+        scale = pixels / (upper - lower)
+        first = np.floor((low - lower) * scale - 1e-6).astype(np.int64)
+        last = np.floor((high - lower) * scale + 1e-6).astype(np.int64) + 1
+        within = np.all((first >= 0) & (last <= pixels), axis=1)
+        (a, b), (c, d) = np.clip(first, 0, pixels).T, np.clip(last, 0, pixels).T
+        dark = np.pad(np.cumsum(np.cumsum(self.dark, axis=0), axis=1), ((1, 0), (1, 0)))
+        seen = dark[c, d] - dark[a, d] - dark[c, b] + dark[a, b]
+        return within & (seen == (c - a) * (d - b)), seen == 0

@@ -10,13 +10,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Floats
 from kaju.errors import SceneError, SceneFileError
 from kaju.files import text_of_file
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
 from .drawings import read_drawing
-from .shapes import Extent, Points, Polygon
+from .shapes import Extent, LevelShape, Points, Polygon
 
 _NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
@@ -33,7 +33,7 @@ _FINE = 256
 
 
 @dataclass(frozen=True)
-class PathShape:
+class PathShape(LevelShape):
     """What the closed lines of a path hold (even-odd rule)."""
 
     text: str
@@ -63,12 +63,11 @@ class PathShape:
         low, high = zip(*(polygon.extent for polygon in self._polygons), strict=True)
         return np.min(low, axis=0), np.max(high, axis=0)
 
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge, which is asked by 256 lines a curve."""
-        inside = np.zeros(len(points), dtype=np.bool_)
-        for polygon in self._polygons:
-            inside ^= polygon.contains(points)
-        return inside
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how far (m) points lie outside, of 256 straight lines for a curve."""
+        levels = np.array([polygon.level(points, reach) for polygon in self._polygons])
+        nearest, odd = np.abs(levels).min(axis=0), (levels < 0.0).sum(axis=0) % 2 > 0
+        return np.asarray(np.where(odd, -nearest, nearest))
 
 
 def drawing_in(file: str, key: str) -> PathShape:

@@ -22,7 +22,7 @@ from kaju.model.results.archive import Archive
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.pictures import check_size
-from kaju.model.scene.shapes import SolidShape
+from kaju.model.scene.shapes import LevelShape
 
 from .cut_cells import CUT, WHOLE, SolidBody, edge_shares, thick
 
@@ -124,7 +124,7 @@ def solid_of(scene: Scene, resolution: int) -> SolidBody:
     """Return the body that a scene describes, and cells so many times smaller."""
     shapes = tuple(
         (
-            cast(SolidShape, region.shape_in(scene.lattice, f"body.regions.{k}")),
+            cast(LevelShape, region.shape_in(scene.lattice, f"body.regions.{k}")),
             region.material not in NOT_BODY,
         )
         for k, region in enumerate(scene.body.regions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, log10
+from math import inf, log2, log10
 from typing import NamedTuple
 
 from kaju.errors import SceneError
@@ -37,7 +37,10 @@ class Scales(NamedTuple):
                     f"a computer holds; keep it between 1e-{HELD} and 1e{HELD} by other units of "
                     "force or length"
                 )
-        return cls(modulus, force, length, force / stretch)
+        # A power of two: what moves the supports is then scaled without rounding, and so are its
+        # small differences in bodies that move by much more than they stretch.
+        displacement = 2.0 ** round(log2(force / stretch))
+        return cls(modulus, displacement * stretch, length, displacement)
 
     @property
     def stress(self) -> float:

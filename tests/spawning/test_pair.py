@@ -92,6 +92,19 @@ def test_sides_that_move_together_strain_nothing(shift):
     assert there.displacement_at([[0.0, 0.04]]) == pytest.approx(np.array([[shift, shift]]))
 
 
+@pytest.mark.parametrize("shift", [0.1, 30.0, -7.3])
+def test_a_proof_holds_to_the_last_digits_of_bodies_that_move_far(shift):
+    sides = {
+        "left": {"displacement": [shift, "free"]},
+        "right": {"displacement": [shift + 1e-6, "free"]},
+        "bottom": {"displacement": ["free", shift]},
+    }
+    steel = kaju.material("steel")
+    stretch = (shift + 1e-6) - shift  # of two close numbers, without rounding
+    lower, upper = proved(body(PLATE, sides=sides), 0.01).energy_bounds
+    assert lower <= 0.5 * steel.youngs_modulus * stretch**2 * 0.01 <= upper
+
+
 def test_tractions_balance_in_every_agent_and_across_every_edge():
     """Of the last generation, which iterates; its load ends within a side."""
     found = proved(SCENES["ends within sides"], 0.004).found.opinions

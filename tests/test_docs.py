@@ -1,5 +1,6 @@
 """What the pages show is what the code does."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -29,3 +30,20 @@ def test_every_link_and_picture_is_there(page):
     links = re.findall(r"\]\(([^)#]+)\)", page.read_text())
     missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
     assert not missing
+
+
+def test_every_message_that_is_explained_is_one_of_the_package():
+    rooms = (ROOT / room for room in ("agents", "cli", "model", "src", "view"))
+    said = {
+        node.value
+        for room in rooms
+        for path in room.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+    rows = re.findall(r"^\| (`.*?`) \|", (ROOT / "docs" / "when-it-says-no.md").read_text(), re.M)
+    told = [text for row in rows for text in re.findall("`(.*?)`", row)]
+    assert len(told) > 15
+    for text in told:
+        for piece in re.split(r"'\w+'|\d+", text):
+            assert any(piece.strip() in message for message in said), text

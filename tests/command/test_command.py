@@ -94,7 +94,7 @@ def test_json_is_the_summary_and_quiet_is_quiet(kaju, verb):
 
 def test_the_commands_work_in_their_order(kaju):
     text = (EXAMPLES.parent / "docs" / "commands.md").read_text()
-    block = text.partition("## In this order")[2].split("```")[1]
+    block = text.partition("## A first session")[2].split("```")[1]
     commands = [line.partition("#")[0].split() for line in block.strip().splitlines()]
     assert len(commands) >= 10
     drawn = set()
@@ -128,6 +128,15 @@ def test_check_gives_the_verdict(kaju):
     code, out, _ = kaju("check", PLATE, "--set", "rule.accumulate=true")
     assert code == 1
     assert "forward (α₂) below 0.35" in out
+
+
+def test_check_reads_the_bracket_of_the_tutorial(kaju):
+    page = (EXAMPLES.parent / "docs" / "tutorials" / "first-bracket.md").read_text()
+    Path("bracket.toml").write_text(page.partition("```toml\n")[2].partition("```")[0])
+    assert kaju("check", "bracket.toml")[:2] == (
+        0,
+        "the scene can be read; kaju solve answers bodies with true outlines\n",
+    )
 
 
 def test_new_writes_a_scene_that_runs(kaju):

@@ -44,7 +44,7 @@ def plot_body_at(
     tiles = moving_cells(course.static, section, moved_at)
     stage, share = course.static.stage, float(course.factors[record] != 0.0)
     picture = plot_tiles_deformed(section, tiles, magnification, ax, stage, share, largest)
-    farthest = f"largest displacement {quantity(tiles.largest, 'm')}"
+    farthest = f"largest displacement {quantity(course.max_displacement(record), 'm')}"
     return picture.finish(
         "Deformed body", [f"{_moment(course, record)}; {farthest}", picture.magnified]
     )

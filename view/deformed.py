@@ -266,10 +266,11 @@ def plot_deformed(
         COLOURS[colour],
         "max" if beyond else "neither",
     )
-    if not tiles.largest:
+    farthest = result.max_displacement
+    if not farthest:
         notes = ["nothing has moved: largest displacement 0 m"]
     else:
-        notes = [stress_text(result), f"largest displacement {quantity(tiles.largest, 'm')}"]
+        notes = [stress_text(result), f"largest displacement {quantity(farthest, 'm')}"]
         notes[1] += f"; {picture.magnified}"
     part = f"{share:.0%} of the load; " if share < 1.0 else ""
     return picture.finish("Deformed body", [part + notes[0], *notes[1:], *picture.notes])
@@ -298,14 +299,15 @@ def plot_cells_deformed(
     count = len(result.stages)
     if stage is not None and not 0 <= stage <= count:
         raise ParameterError(f"stage: this run has the stages 0 to {count}, got {stage}")
-    tiles = moving_cells(result if not stage else result.at_stage(stage), section)
+    state = result.at_stage(stage) if stage else result
+    tiles, farthest = moving_cells(state, section), state.max_displacement
     if stage == 0:
-        tiles = tiles.scaled(0.0)
+        tiles, farthest = tiles.scaled(0.0), 0.0
     picture = plot_tiles_deformed(
         section, tiles, magnification, ax, stage or result.stage, float(stage != 0), largest
     )
-    moved = f"{picture.magnified}; largest displacement {quantity(tiles.largest, 'm')}"
-    if not tiles.largest:
+    moved = f"{picture.magnified}; largest displacement {quantity(farthest, 'm')}"
+    if not farthest:
         moved = "nothing has moved: largest displacement 0 m"
     notes = [moved, *picture.notes]
     if stage is not None:

@@ -558,8 +558,8 @@ class ElasticResult(BodyResult):
 
     @property
     def max_displacement(self) -> float:
-        """Largest displacement of an agent's middle (m)."""
-        return float(np.linalg.norm(self.displacement, axis=1).max())
+        """Largest displacement (m): of corners, sides and middles of agents."""
+        return self.found.scales.displacement * self.found.farthest
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""

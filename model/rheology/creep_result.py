@@ -163,13 +163,12 @@ class BodyTimeResult(TimeResult):
         """Return stress tensors (Pa), shape (..., dimension, dimension)."""
 
     @abstractmethod
-    def _sizes(self, record: int) -> Floats:
-        """Return how far cells or agents have moved (m)."""
+    def max_displacement(self, record: int = -1) -> float:
+        """Return how far the point has moved that has moved most (m)."""
 
     def largest_displacement(self) -> Floats:
-        """Return how far the cell that has moved most has moved (m), at every time."""
-        sizes = [self._sizes(record) for record in range(len(self.times))]
-        return np.array([np.nanmax(size, initial=0.0) for size in sizes])
+        """Return how far the point that has moved most has moved (m), at every time."""
+        return np.array([self.max_displacement(record) for record in range(len(self.times))])
 
     def largest_force(self) -> Curves:
         """Return the largest stress of a cell over time, by the size of its components."""

@@ -89,8 +89,11 @@ class ElasticCreepResult(BodyTimeResult):
     def _numbering(self) -> Numbering:
         return Numbering(cells_of(self.static).problem.face_states)
 
-    def _sizes(self, record: int) -> Floats:
-        return np.asarray(np.linalg.norm(self.cell_displacement(record), axis=-1))
+    def max_displacement(self, record: int = -1) -> float:
+        """Return how far the corner of a cell has moved that has moved most (m)."""
+        if self.growth is not None:
+            return float(abs(self.growth[record])) * self.static.max_displacement
+        return self._moved(record).max_displacement
 
     def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""

@@ -70,10 +70,9 @@ class TransferCreepResult(BodyTimeResult):
     """Strain of each of the scene's materials, as a multiple of its elastic strain at a factor of
     1. Shape (k, materials)."""
 
-    def _sizes(self, record: int) -> Floats:
-        if not len(self.static.last.cells):
-            return np.zeros(1)
-        return np.asarray(np.linalg.norm(self.displacement(record), axis=1))
+    def max_displacement(self, record: int = -1) -> float:
+        """Return how far the corner of an agent's cell has moved that has moved most (m)."""
+        return self._field(record).largest()
 
     def squeezed(self, record: int = -1) -> AxialStrain:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""
@@ -91,10 +90,10 @@ class TransferCreepResult(BodyTimeResult):
 
     def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        scene = self.static.scene
-        points, cells = cells_of_points(scene, points)
-        field = DisplacementField(scene, self.static.last, self.squeezed(record))
-        return field.at(points, cells)
+        return self._field(record).at(*cells_of_points(self.static.scene, points))
+
+    def _field(self, record: int) -> DisplacementField:
+        return DisplacementField(self.static.scene, self.static.last, self.squeezed(record))
 
     def displacement(self, record: int = -1) -> Floats:
         """Return the displacement of the middle of every agent's cell (m)."""

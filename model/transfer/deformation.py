@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
@@ -157,6 +158,7 @@ class DisplacementField:
         normals = self.lattice.normals[self.lattice.axes]
         # The vector with these components along the axes, or nearest to having them.
         self.along = normals @ np.linalg.inv(normals.T @ normals)
+        self.cells = stage.cells
         self.awake: Ints = scene.lattice.key(stage.cells)
         self.axes = [
             LineDisplacement(scene, stage.cells, squeezed.elongation(axis), axis)
@@ -169,6 +171,24 @@ class DisplacementField:
         reached = np.isin(self.lattice.key(cells), self.awake)
         total[reached] = self._within(points[reached], cells[reached])
         return total
+
+    def largest(self) -> float:
+        """Return how far the corner of an agent's cell moves that moves most (m)."""
+        lattice, most = self.lattice, 0.0
+        form = lattice.form(self.cells)
+        for each in range(lattice.forms):
+            cells = self.cells[form == each]
+            middles = lattice.centres(cells)
+            for corner in self._corners(each):
+                moved = self._within(middles + corner, cells)
+                most = max(most, float(np.linalg.norm(moved, axis=1).max(initial=0.0)))
+        return most
+
+    def _corners(self, form: int) -> Floats:
+        """Return the corners of a form about the cell's middle (m)."""
+        if self.lattice.dimension == 2:
+            return self.lattice.outline(form)
+        return (corner_order(3) - 0.5) * self.lattice.cell_size
 
     def _within(self, points: Floats, cells: Ints) -> Floats:
         """Return displacements (m) at points (m) in cells that a load reached."""

@@ -264,6 +264,11 @@ class TransferResult(BodyResult):
         cells = self.last.cells
         return self.displacement_field.at(self.scene.lattice.centres(cells), cells)
 
+    @property
+    def max_displacement(self) -> float:
+        """Largest displacement (m) of an agent's cell, at its corners as within."""
+        return self.displacement_field.largest()
+
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension).
 
@@ -351,7 +356,6 @@ class TransferResult(BodyResult):
     def summary(self) -> dict[str, Any]:
         """Return the key figures of the last stage."""
         stage = self.last
-        size = np.linalg.norm(self.displacement, axis=1)
         return {
             "rule": "prescribed",
             **({"parameters": dict(self.parameters)} if self.parameters else {}),
@@ -363,7 +367,7 @@ class TransferResult(BodyResult):
             "load_taken": stage.ledger.taken,
             "load_dropped": stage.ledger.dropped,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
-            "max_displacement": float(size.max(initial=0.0)),
+            "max_displacement": self.max_displacement,
             "spectral_radius": self.certificate.spectral_radius,
             "seconds": self.seconds,
             "kaju_version": __version__,

@@ -22,7 +22,7 @@ def test_run_writes_summary_and_result(kaju):
     code, out, _ = kaju("run", PLATE, "--out", "here", "--no-pictures")
     assert code == 0
     assert "at rest after 8 generations" in out
-    assert "max displacement             5.045 nm" in out
+    assert "max displacement             6.409 nm" in out
     assert "load taken                   12.88 N" in out
     assert names("here") == ["result.npz", "summary.json"]
     summary = json.loads(Path("here/summary.json").read_text())

@@ -45,6 +45,25 @@ def test_tables_have_the_same_columns():
     assert [*frames[0].columns[:3]] == ["x (m)", "y (m)", "size (m)"]
 
 
+def test_the_largest_displacement_is_looked_for_at_corners_however_fine_the_agents():
+    bracket = kaju.Scene(
+        body={
+            "size": [0.12, 0.12],
+            "cells": [24, 24],
+            "thickness": 0.008,
+            "material": "steel",
+            "regions": [{"box": [[0.04, 0.04], [0.12, 0.12]], "material": "air"}],
+        },
+        sides={"top": "rigid"},
+        loads=[{"region": {"box": [[0.12, 0.0], [0.12, 0.04]]}, "force": [0.0, -500.0]}],
+    )
+    found = [solve(bracket), *(solve(bracket, tolerance=allowed) for allowed in (0.1, 0.02))]
+    for one in found:
+        (corner,) = np.linalg.norm(one.displacement_at([[0.12, 0.0]]), axis=1)
+        assert one.max_displacement == one.summary()["max_displacement"] == pytest.approx(corner)
+        assert corner == pytest.approx(found[-1].max_displacement, rel=0.02)
+
+
 def test_agents_say_what_points_in_their_middles_say(answer):
     middle = answer.middle[:: max(1, answer.agents // 50)]
     every = slice(None, None, max(1, answer.agents // 50))

@@ -148,6 +148,12 @@ class CellAgents:
         """Displacement of the corners of the box's cells; NaN where there is no body."""
         return fields.node_displacement(self.problem, self.solution.displacement)
 
+    @property
+    def farthest(self) -> float:
+        """Largest displacement, of corners and middles."""
+        places = self.corner_displacement, self.moved
+        return max(float(np.nanmax(np.linalg.norm(u, axis=-1))) for u in places)
+
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
         place, inside = self._within(points, cells)

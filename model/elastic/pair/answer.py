@@ -7,6 +7,7 @@ middle of its bounds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -18,7 +19,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Answer, answers_in, goals_in
 from kaju.model.elastic.moduli import equivalent_stress
-from kaju.model.elastic.pair.elements import rule, strains, stresses
+from kaju.model.elastic.pair.elements import quadratic_values, rule, strains, stresses
 from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
 from kaju.model.elastic.pair.history import (
     Generation,
@@ -117,6 +118,11 @@ class PairAgents(GrownAgents):
         """Stress tensors of the agents: the mean of both opinions over each."""
         balanced, fitted = means_of(self.opinions)
         return tensors(0.5 * (balanced + fitted))
+
+    @property
+    def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
+        found = self.opinions
+        return quadratic_values, found.fit.sum(axis=0).reshape(-1, 8, 2), found.sides.shift
 
     @property
     def balanced(self) -> Floats:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -158,6 +159,10 @@ class GrownAgents:
         def leaves(self) -> LeafCells:
             """The agents."""
 
+        @property
+        def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
+            """Shape functions, their numbers for each agent, and the shift of all."""
+
     @property
     def grid(self) -> Scene:
         """The scene on the cells that say where the body is."""
@@ -204,6 +209,14 @@ class GrownAgents:
     def spawn_step(self) -> Ints:
         """Step in which each agent spawned; 0 for the first."""
         return self.leaves.step
+
+    @property
+    def farthest(self) -> float:
+        """Largest displacement at corners, on sides and in the middles of agents."""
+        values, moved, shift = self._shape
+        places = 0.5 * np.array(list(product(range(3), repeat=moved.shape[2])))
+        found = (np.tensordot(moved, row, (1, 0)) + shift for row in values(places))
+        return max(float(np.linalg.norm(u, axis=1).max()) for u in found)
 
     @property
     def solution(self) -> Self:

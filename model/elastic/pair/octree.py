@@ -6,7 +6,7 @@ and no side is moved the strain energy is a lower bound. Nothing is proved beyon
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import exp, inf, log, nan, sqrt
@@ -96,6 +96,10 @@ class BrickAgents(GrownAgents):
     def stress(self) -> Floats:
         """Stress tensors in the agents' middles."""
         return self.field.stress_at(*self._middles)
+
+    @property
+    def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
+        return bricks.values, self.field.moved, self.field.mesh.shift
 
     @property
     def _middles(self) -> tuple[Ints, Floats]:

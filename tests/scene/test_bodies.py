@@ -6,7 +6,7 @@ from PIL import Image
 from plates import PLATE_TEXT, loaded, plate
 
 from kaju import PrescribedRule, Scene
-from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.cell_types import AIR, RIGID
 
 PLATE = f"""
 {PLATE_TEXT.replace("[sides]", "thickness = 0.002" + chr(10) + "[sides]")}
@@ -34,7 +34,6 @@ drawing = '''
 "#" = "rubber"
 "=" = "rigid"
 """
-HELD = {"left": "rigid", "bottom": "rigid"}
 
 
 def test_the_worked_plate():
@@ -58,21 +57,6 @@ def test_a_plate_is_material_inside_and_its_sides_outside():
     assert np.all(scene.rasterise() == 0)
 
 
-def test_every_kind_of_side():
-    sides = {
-        "left": "roller",
-        "right": {"stiffness": 1e9},
-        "bottom": "rigid",
-        "top": {"displacement": [0.0, -1e-4]},
-    }
-    scene = loaded([2, 2], sides=sides)
-    beyond = [[-1, 0], [2, 0], [0, -1], [0, 2]]
-    assert scene.kinds(beyond).tolist() == [ROLLER, FOUNDATION, RIGID, DISPLACED]
-    assert scene.side_condition("right").stiffness == 1e9
-    assert scene.side_condition("top").displacement == (0.0, -1e-4)
-    assert scene.side_condition("bottom").kind == "rigid"
-
-
 def test_the_first_line_of_a_drawing_is_the_top():
     scene = Scene.from_toml(DRAWN)
     a, r = AIR, RIGID
@@ -80,26 +64,6 @@ def test_the_first_line_of_a_drawing_is_the_top():
     assert scene.kinds([[2, 2], [0, 0], [0, 2], [1, 1]]).tolist() == [0, RIGID, AIR, 0]
     lower, upper = scene.bounds()
     assert (lower.tolist(), upper.tolist()) == ([1, 1], [4, 3])
-
-
-@pytest.mark.parametrize(
-    ("drawing", "legend", "cells"),
-    [
-        ("  ##\n  ##\n", {"#": "steel"}, [[0, 0], [0, 0]]),  # indented
-        ("# \n##", {" ": "air", "#": "steel"}, [[0, AIR], [0, 0]]),
-        ("abc", {"a": "steel", "b": "steel", "c": "rubber"}, [[0, 0, 1]]),
-    ],
-)
-def test_letters_of_drawings(drawing, legend, cells):
-    scene = Scene.from_drawing(drawing, legend=legend, cell_size=1.0, sides=HELD)
-    assert scene.rasterise().T[::-1].tolist() == cells
-    assert [m.name for m in scene.cell_materials] == ["steel", "rubber"][: np.max(cells) + 1]
-
-
-def test_an_array_is_indexed_by_x_then_y():
-    codes = np.array([[0, 7], [7, 7], [0, 0]])
-    scene = Scene.from_array(codes, legend={0: "air", 7: "ice"}, cell_size=0.1, sides=HELD)
-    assert scene.rasterise().tolist() == [[AIR, 0], [0, 0], [AIR, AIR]]
 
 
 def test_cubes_from_a_file_of_codes(tmp_path):
@@ -120,22 +84,6 @@ def test_an_image_is_read_by_its_colours(tmp_path):
     legend = {"transparent": "air", "red": "rubber", "#123456": "rigid"}
     scene = Scene.from_image(tmp_path / "body.png", legend=legend, cell_size=0.01)
     assert scene.rasterise().T[::-1].tolist() == [[AIR, 0, AIR], [0, 0, RIGID]]
-
-
-def test_numpy_numbers_are_numbers():
-    sizes = {"size": np.array([0.2, 0.1]), "thickness": np.float64(0.01)}
-    cell, force = (np.int64(1), 1), np.array([0.0, -1.0])
-    scene = plate(np.array([4, 2]), cell, force, steps=np.int32(3), **sizes)
-    assert scene.lattice.shape == (4, 2)
-    assert scene.loads[0].force == (0.0, -1.0)
-    assert scene.stages == 3
-
-
-def test_a_material_may_have_a_base():
-    materials = {"soft steel": {"base": "steel", "youngs_modulus": 1e9}}
-    scene = loaded([2, 2], material="soft steel", materials=materials)
-    (soft,) = scene.cell_materials
-    assert (soft.name, soft.youngs_modulus, soft.density) == ("soft steel", 1e9, 7850.0)
 
 
 def test_a_giant_plate_costs_nothing_until_it_is_asked():

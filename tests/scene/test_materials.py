@@ -1,12 +1,116 @@
-"""Materials: the library, its sources, and the ranges of the numbers."""
+"""A file of materials for several scenes, and errors that name the line of a key."""
 
 from math import inf, nan
 
 import pytest
+from plates import loaded
 
-from kaju import Material, material
+from kaju import Material, Scene, load_scene, material
 from kaju.agents.materials import LIBRARY
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, SceneError, SceneFileError
+
+LAB = """\
+# Measured here.
+[agar]
+youngs_modulus = 30e3
+poissons_ratio = 0.49
+
+["stiff steel"]
+base = "steel"
+youngs_modulus = 210e9
+"""
+SCENE = """\
+materials = "lab.toml"
+
+[body]
+cell_size = 0.01
+drawing = '''
+aas
+aas'''
+
+[legend]
+a = "agar"
+s = "stiff steel"
+
+[sides]
+bottom = "rigid"
+
+[[loads]]
+cell = [0, 1]
+force = [0.0, -1.0]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "lab.toml").write_text(LAB)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def test_scenes_share_a_file_of_materials(folder):
+    scene = load_scene(folder / "scene.toml")
+    agar, steel = scene.cell_materials
+    assert (agar.name, agar.youngs_modulus, agar.poissons_ratio) == ("agar", 30e3, 0.49)
+    assert (steel.name, steel.youngs_modulus, steel.density) == ("stiff steel", 210e9, 7850.0)
+    assert Scene.from_toml(SCENE, folder) == scene
+    again = Scene.from_toml(scene.to_toml())
+    assert again == scene, "written whole, it needs no other file"
+
+
+def test_python_takes_the_file_too(folder):
+    other_scene = folder / "other.toml"
+    other_scene.write_text("[materials.agar]\nyoungs_modulus = 1e3\npoissons_ratio = 0.3\n[body]\n")
+    lab = folder / "lab.toml"
+    for path, modulus in ((lab, 30e3), (str(lab), 30e3), (other_scene, 1e3)):
+        scene = loaded([2, 2], material="agar", materials=path)
+        assert scene.cell_materials[0].youngs_modulus == modulus
+
+
+@pytest.mark.parametrize(
+    ("lab", "told"),
+    [
+        (LAB.replace("0.49", "0.9"), r"lab.toml: line 4: agar.poissons_ratio: must lie"),
+        (LAB.replace("base", "bass"), r"line 7: stiff steel.bass: .*did you mean 'base'"),
+        ("x = 1\n", "must hold a table for each material"),
+        ("[agar\n", "not valid TOML.*line 1"),
+        (None, "lab.toml: cannot be read: No such file"),
+    ],
+)
+def test_wrong_files_of_materials_are_named(folder, lab, told):
+    if lab is None:
+        (folder / "lab.toml").unlink()
+    else:
+        (folder / "lab.toml").write_text(lab)
+    with pytest.raises(SceneFileError if lab is None else SceneError, match=told):
+        load_scene(folder / "scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("cell = [0, 1]", "cel = [0, 1]", "scene.toml: line 17: loads.0.cel: unknown key"),
+        ('bottom = "rigid"', '"bottom" = "stuck"', "line 14: sides.bottom"),
+    ],
+)
+def test_errors_of_a_file_name_the_line(folder, right, wrong, told):
+    (folder / "scene.toml").write_text(SCENE.replace(right, wrong))
+    with pytest.raises(SceneError, match=told):
+        load_scene(folder / "scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [
+        ("threshold", "did you mean rule.threshold"),
+        ("force", "did you mean loads.0.force"),
+        ("qqqqqq", "known are body, legend, materials"),
+    ],
+)
+def test_keys_that_belong_elsewhere_are_told_where(folder, key, told):
+    scene = load_scene(folder / "scene.toml")
+    with pytest.raises(SceneError, match=f"{key.partition('.')[0]}: .*{told}"):
+        scene.with_overrides({key: 1})
 
 
 def test_the_library_has_the_usual_materials():

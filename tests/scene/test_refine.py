@@ -23,13 +23,6 @@ def resultant(scene):
     return applied.force.sum(axis=0), (moments - moments.transpose(0, 2, 1)).sum(axis=0)
 
 
-def test_a_plate_keeps_its_size():
-    fine = plate().refine(3)
-    assert fine.lattice.shape == (12, 9)
-    assert np.allclose(fine.lattice.extent, plate().lattice.extent, rtol=1e-15)
-    assert loaded([20, 20], size=[0.2, 0.2]).refine(2).body.size == (0.2, 0.2)
-
-
 def test_pictures_repeat_their_cells():
     scene = loaded("#.\n##")
     expected = np.kron(scene.rasterise(), np.ones((3, 3), dtype=int))
@@ -57,26 +50,6 @@ def test_a_load_on_a_surface_cell_becomes_a_load_on_that_surface():
     assert applied.cells.tolist() == [[2, 5], [3, 5]]
     assert applied.direction.tolist() == [3, 3]
     assert applied.force.tolist() == [[0, -1], [0, -1]]
-
-
-def test_a_load_in_the_middle_is_spread_over_the_cell():
-    applied = plate({"cell": [1, 1], "force": [2, -2]}).refine(2).applied()
-    assert sorted(applied.cells.tolist()) == [[2, 2], [2, 3], [3, 2], [3, 3]]
-    assert np.all(applied.direction == -1)
-    assert np.allclose(applied.force, [0.5, -0.5])
-
-
-def test_pressure_on_a_cell_stays_a_pressure():
-    load = {"cell": [0, 1], "side": "left", "pressure": 100.0}
-    coarse, fine = plate(load), plate(load).refine(4)
-    assert fine.loads[0].pressure == 100.0
-    assert np.allclose(fine.applied().force.sum(axis=0), coarse.applied().force.sum(axis=0))
-
-
-def test_a_load_against_ground_stays_on_its_face():
-    applied = plate({"cell": [1, 0], "force": [0, 2]}).refine(2).applied()
-    assert applied.cells.tolist() == [[2, 0], [3, 0]]
-    assert applied.direction.tolist() == [2, 2]
 
 
 def test_a_load_where_the_finer_body_has_no_cell_any_more():
@@ -120,11 +93,6 @@ def test_cubes(cell, k):
     assert len(fine.applied().cells) == k * k
     for ours, theirs in zip(resultant(scene), resultant(fine), strict=True):
         assert np.allclose(ours, theirs, rtol=1e-12, atol=1e-14)
-
-
-def test_hexagons_do_not_nest():
-    with pytest.raises(SceneError, match=r"squares and cubes alone .* got hexagons"):
-        plate(lattice="hexagon").refine(2)
 
 
 @pytest.mark.parametrize("k", [0, -1, 1.5, True, "2"])

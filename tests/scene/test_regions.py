@@ -10,7 +10,6 @@ from plates import plate as pressed
 
 from kaju.errors import SceneError
 from kaju.model.scene.cell_types import AIR, RIGID
-from kaju.model.scene.resolved_body import grid
 
 
 def plate(*regions, cells=(8, 8), **body):
@@ -20,11 +19,6 @@ def plate(*regions, cells=(8, 8), **body):
 
 def picture(scene):
     return scene.rasterise().T[::-1].tolist()
-
-
-def test_a_box_takes_the_cells_whose_centres_it_holds():
-    scene = plate({"box": [[1, 1], [2.4, 2.6]], "material": "air"}, cells=(3, 3))
-    assert picture(scene) == [[0, AIR, 0], [0, AIR, 0], [0, 0, 0]]
 
 
 def test_the_edge_belongs_to_the_region():
@@ -44,15 +38,6 @@ def test_later_regions_cover_earlier_ones():
     assert picture(scene) == [[1, 1, 1], [1, RIGID, 1], [1, 1, 1]]
 
 
-def test_a_disk():
-    scene = plate({"disk": {"centre": [4, 4], "radius": 1.6}, "material": "air"})
-    # the centres nearest to (4, 4) lie at distance 0.71 and 1.58
-    assert np.argwhere(scene.rasterise() == AIR).tolist() == [
-        [2, 3], [2, 4], [3, 2], [3, 3], [3, 4], [3, 5],
-        [4, 2], [4, 3], [4, 4], [4, 5], [5, 3], [5, 4],
-    ]  # fmt: skip
-
-
 def test_a_triangle_includes_the_centres_on_its_long_side():
     scene = plate({"polygon": [[0, 0], [4, 0], [0, 4]], "material": "air"}, cells=(4, 4))
     i, j = np.indices((4, 4))
@@ -67,21 +52,6 @@ def test_the_dark_pixels_of_an_image(tmp_path):
     expected = np.zeros((6, 6), dtype=bool)
     expected[1:5, 1:3] = expected[3:5, 3:5] = True
     assert np.array_equal(scene.rasterise() == AIR, expected)
-
-
-def test_a_body_of_regions_only():
-    scene = plate({"box": [[2, 3], [4, 5]], "material": "ice"}, cells=(100, 100), material="air")
-    lower, upper = scene.bounds()
-    inside = grid(lower, upper)
-    assert np.count_nonzero(scene.kinds(inside) == 0) == 4
-    assert np.count_nonzero(scene.rasterise() == 0) == 4
-    assert np.all(upper - lower <= 5)
-
-
-def test_hexagons_are_asked_at_their_centres():
-    scene = plate({"box": [[0, 0], [1.2, 10]], "material": "air"}, cells=(3, 2), lattice="hexagon")
-    # centres at x = 0.5, 1.5, 2.5 in the even row and 1.0, 2.0, 3.0 in the odd one
-    assert picture(scene) == [[AIR, 0, 0], [AIR, 0, 0]]
 
 
 numbers = st.floats(-1.0, 9.0).map(lambda x: round(x, 2))

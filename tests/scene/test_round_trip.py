@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from plates import loaded, plate
+from plates import loaded
 
 from kaju import (
     Coefficients,
@@ -98,14 +98,6 @@ def test_a_text_and_an_archive_give_the_same_scene(scene):
     assert np.array_equal(again.rasterise(), scene.rasterise())
     assert np.array_equal(again.applied().force, scene.applied().force)
     assert again.to_toml() == scene.to_toml()
-
-
-def test_a_drawing_stays_a_drawing():
-    text = Scene.from_drawing(
-        "..##..\n.####.\n======\n", legend={".": "air", "#": "rubber", "=": "rigid"}, cell_size=0.01
-    ).to_toml()
-    assert 'drawing = """\n..##..\n.####.\n======\n"""' in text
-    assert '"." = "air"' in text
 
 
 def test_a_text_is_made_to_be_read():
@@ -203,14 +195,6 @@ def test_a_region_image_is_found_from_the_new_place(tmp_path):
     assert np.array_equal(again.rasterise(), scene.rasterise())
 
 
-def test_saving_writes_all_or_nothing(tmp_path):
-    scene = painted(tmp_path)
-    with pytest.raises(SceneFileError, match=r"no/scene.toml: cannot be written: No such file"):
-        scene.save(tmp_path / "no" / "scene.toml")
-    scene.save(tmp_path / "scene.toml")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["body.png", "scene.toml"]
-
-
 def test_files_that_are_no_scenes(tmp_path):
     with pytest.raises(SceneFileError, match=r"no.toml: cannot be read: No such file"):
         load_scene(tmp_path / "no.toml")
@@ -226,16 +210,3 @@ def test_files_that_are_no_scenes(tmp_path):
     path.write_text("[body]\nsise = 1\n")
     with pytest.raises(SceneError, match=r"scene.toml: line 2: body.sise: unknown key"):
         load_scene(path)
-
-
-def test_an_archive_needs_no_image_beside_it(tmp_path):
-    pixels = np.full((4, 6, 3), 255, dtype=np.uint8)
-    pixels[1:3, 2:4] = 0
-    Image.fromarray(pixels).save(tmp_path / "hole.png")
-    hole = {"image": {"file": tmp_path / "hole.png"}, "material": "air"}
-    scene = plate([6, 4], [0, 3], [0.0, -1.0], regions=[hole])
-    text, arrays = scene.to_archive()
-    (tmp_path / "hole.png").unlink()
-    again = Scene.from_archive(text, arrays)
-    np.testing.assert_array_equal(again.rasterise(), scene.rasterise())
-    assert (again.rasterise() < 0).sum() == 4

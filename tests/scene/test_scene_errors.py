@@ -1,6 +1,5 @@
 """Each wrong description is one clear error: key path, rule, value, remedy."""
 
-import math
 import struct
 import zlib
 
@@ -9,12 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from plates import loaded
 
 import kaju
 from kaju import KajuError, Scene
 from kaju.errors import SceneError, SceneFileError
-from kaju.model.scene import Body, LoadTable, Region, SideCondition
+from kaju.model.scene import Body, LoadTable
 
 BODY = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"}
 GIVEN = {"sides": {"bottom": "rigid"}, "loads": [{"cell": [10, 19], "force": [0, -2]}]}
@@ -26,35 +24,23 @@ def scene(body=None, **parts):
 
 BODIES = [
     ({"size": [0.2, -0.2]}, "body.size.1: must be above 0, got -0.2; size is the edges"),
-    ({"size": [0.0, 0.2]}, "body.size.0: must be above 0, got 0.0"),
-    ({"size": [math.nan, 0.2]}, "body.size.0: must be finite, got nan"),
-    ({"size": [math.inf, 0.2]}, "body.size.0: must be finite, got inf"),
-    ({"size": [1e13, 1e13]}, r"body.size.0: must be 1e\+12 or less"),
+    ({"size": [float("nan"), 0.2]}, "body.size.0: must be finite, got nan"),
     ({"size": "big"}, "body.size: must be a list, got 'big'"),
     ({"size": [True, 0.2]}, "body.size.0: must be a number, got True"),
-    ({"size": ["0.2", 0.2]}, "body.size.0: must be a number, got '0.2'"),
     ({"size": [0.2, 0.1]}, "cells must be as high as wide, .* 0.01 x 0.005 m; change size or"),
     ({"size": [0.2]}, "body.size: 1 edges are given for 2 axes"),
     ({"size": [1e-11, 1e-11]}, "body.size: cells would be 5e-13 m wide"),
     ({"cell_size": 0.01}, "body.size: give either size or cell_size"),
-    ({"size": None}, "body.size: give either size or cell_size"),
     ({"cells": [20]}, r"body.cells: two or three numbers are needed, got \[20\]"),
-    ({"cells": [20, 0]}, "body.cells.1: must be above 0, got 0"),
     ({"cells": [20.0, 20]}, "body.cells.0: must be a whole number, got 20.0"),
     ({"cells": None}, "body.cells: is needed"),
     ({"cells": [10**10, 10**10]}, r"cells are more than can be counted \(2\^62\)"),
     ({"material": None}, 'body.material: is needed, such as "steel"'),
     ({"material": "stele"}, r"body.material: there is no material 'stele' \(did you mean 'steel'"),
-    ({"material": "air"}, "body: none of the 20 x 20 cells is body"),
-    ({"material": "rigid"}, "body: none of the 20 x 20 cells is body"),
-    ({"material": 5}, "body.material: must be a text, got 5"),
-    ({"thickness": 0}, "body.thickness: must be above 0, got 0"),
     ({"plane": "strian"}, r"body.plane: .* got 'strian' \(did you mean 'strain'\?\)"),
     ({"lattice": "hexagon"}, "body.size: rows of hexagons overlap; give cell_size"),
     ({"lattice": "cube"}, "body.lattice: 'cube' has 3 axes, but body.cells names 2"),
     ({"cells": [2, 2, 2], "size": [1, 1, 1]}, "body.thickness: belongs to two dimensions"),
-    ({"cells": [2, 2, 2], "lattice": "square"}, "body.lattice: 'square' has 2 axes"),
-    ({"allow_floating": "yes"}, "body.allow_floating: must be true or false, got 'yes'"),
     ({"sise": [1, 1]}, r"body.sise: unknown key \(did you mean 'size'\?\); known are size, cells"),
     ({"drawing": "##"}, "body.cells: the drawing has its own"),
 ]
@@ -63,64 +49,33 @@ BODIES = [
 PARTS = [
     ({"bodi": 1}, r"bodi: unknown key \(did you mean 'body'\?\); known are body, legend"),
     ({"legend": {"#": "steel"}}, "legend: explains a drawing, an image or an array; the body has"),
-    ({"legend": {"#": 5}}, "legend.#: must be a text, got 5"),
     ({"materials": {"m": {"base": "stel"}}}, r"materials.m.base: .* 'stel' \(did you mean 'steel'"),
     ({"materials": {"m": {"youngs_modulus": 1}}}, "m.poissons_ratio: is needed, or a base"),
     ({"materials": {"m": {"base": "ice", "density": 0}}}, "materials.m.density: must be above 0"),
-    ({"materials": {"m": {"base": "ice", "density": "9"}}}, "m.density: must be a number"),
-    ({"materials": {"m": {"base": "ice", "nu": 0.3}}}, "materials.m.nu: unknown key"),
     ({"materials": {"m": "soft"}}, "materials.m: must be a table of youngs_modulus, .* got 'soft'"),
     ({"materials": {"air": {"base": "ice"}}}, "materials.air: is not a material's name"),
-    (
-        {"materials": {"m": {"youngs_modulus": -1, "poissons_ratio": 0.3}}},
-        "materials.m.youngs_modulus: must be above 0 Pa, got -1",
-    ),
-    (
-        {"materials": {"m": {"youngs_modulus": 1, "poissons_ratio": 0.51}}},
-        "materials.m.poissons_ratio: must lie above -1 and up to 0.5, got 0.51",
-    ),
     ({"sides": {"botom": "rigid"}}, r"sides.botom: .* \(did you mean 'bottom'\?\); there is left"),
-    ({"sides": {"front": "rigid"}}, "sides.front: there is no side 'front'"),
     ({"sides": {"bottom": "rigd"}}, r"sides.bottom: there is no 'rigd' \(did you mean 'rigid'\?\)"),
-    ({"sides": {"bottom": 5}}, "sides.bottom: must be a word or a table, got 5"),
-    ({"sides": {"bottom": {"stiffness": -1}}}, "sides.bottom.stiffness: must be above 0, got -1"),
     ({"sides": {"bottom": {"stifness": 1}}}, r"sides.bottom.stifness: .* mean 'stiffness'"),
     ({"sides": {"bottom": {"displacement": [0]}}}, "sides.bottom.displacement: 2 numbers are need"),
-    ({"sides": {"bottom": {"kind": "foundation"}}}, "sides.bottom: a foundation, and nothing els"),
-    ({"sides": {"bottom": {"kind": "displaced"}}}, "sides.bottom: a displaced side, and nothing"),
-    ({"sides": "rigid"}, "sides: must be a table, got 'rigid'"),
     ({"loads": {"cell": [0, 0]}}, "loads: must be a list"),
-    ({"loads": [5]}, "loads.0: must be a table, got 5"),
-    ({"rule": "prescribed"}, "rule: must be a table or a rule, got 'prescribed'"),
     ({"rule": {"kind": "elastik"}}, r"rule.kind: .* 'elastik' \(did you mean 'elastic'\?\)"),
-    ({"rule": {"kind": ["elastic"]}}, "rule.kind: there is no rule"),
     ({"rule": {"treshold": 1.0}}, r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
     ({"rule": {"threshold": 0.0}}, "rule.threshold: must be a load above 0 N, got 0.0"),
-    ({"rule": {"alpha": [0.5, 0.5]}}, "rule.alpha: three shares .* are needed"),
     ({"rule": {"alpha": [0.5, 0.5, -1]}}, "rule.alpha: α₃ must be a number from 0 upwards"),
-    ({"rule": {"beta": 2.0}}, "rule.beta: must lie between 0 and 1, got 2.0"),
-    ({"rule": {"accumulate": 1}}, "rule.accumulate: must be true or false, got 1"),
     ({"rule": {"materials": {"steel": {"beta": 3.0}}}}, "rule.materials.steel.beta: must lie betw"),
     ({"rule": {"materials": {"stel": {}}}}, r"rule.materials.stel: .* \(did you mean 'steel'\?\)"),
-    ({"rule": {"kind": "elastic", "alpha": [1, 1, 1]}}, "rule.alpha: unknown key; known are kind"),
-    ({"rule": {"kind": "elastic", "order": "waves"}}, "rule.order: must be one of 'wave'"),
-    ({"rule": {"kind": "elastic", "tolerance": 2.0}}, "rule.tolerance: must lie between 0 and 1"),
 ]
 
 
 REGIONS = [
     ({"box": [[0, 0], [0.1, 0.1]]}, "body.regions.0.material: is needed"),
     ({"material": "air"}, "body.regions.0.box: a region has exactly one shape .* got none"),
-    ({"box": [[0, 0], [0.1, 0.1]], "material": "gold"}, "body.regions.0.material: .* 'gold'"),
     ({"box": [[1, 1], [2, 2]], "material": "air"}, "body.regions.0.box: lies outside the array"),
     ({"box": [[0, 0], [0, 1]], "material": "air"}, "body.regions.0.box: .*must be the lower one"),
-    ({"box": [[0, 0, 0], [1, 1, 1]], "material": "air"}, "should have 2 coordinates"),
-    ({"box": [[0, 0]], "material": "air"}, "body.regions.0.box.1: is needed"),
     ({"ball": {"centre": [0, 0], "radius": 1}, "material": "air"}, "three dimensions; use disk"),
-    ({"disk": {"centre": [0, 0], "radius": -1}, "material": "air"}, "0.disk.radius: must be above"),
     ({"disk": {"center": [0, 0], "radius": 1}, "material": "air"}, "0.disk.center: .*'centre'"),
     ({"disk": {"centre": [0.1, 0.1], "radius": 1e-3}, "material": "air"}, "holds no cell's centre"),
-    ({"polygon": [[0, 0], [1, 1]], "material": "air"}, "polygon: must have at least 3 entries"),
     ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),
     ({"image": {"file": "no.png"}, "material": "air"}, "file: no.png: cannot be read: No such"),
 ]
@@ -139,12 +94,6 @@ def test_what_is_wrong_is_named(parts, told):
         scene(**parts)
 
 
-def test_a_disk_has_no_place_in_space():
-    disk = {"disk": {"centre": [0, 0, 0], "radius": 1}, "material": "air"}
-    with pytest.raises(SceneError, match=r"body.regions.0.disk: belongs to two .* use box, ball"):
-        loaded([2, 2, 2], regions=[disk])
-
-
 def test_regions_are_given_once():
     region = {"box": [[0, 0], [0.1, 0.1]], "material": "ice"}
     with pytest.raises(SceneError, match=r"regions: belong into body; give them once"):
@@ -161,15 +110,10 @@ def test_several_problems_are_told_together():
     [
         ("##\n#", {"#": "ice"}, "line 2 has 1 letters, line 1 has 2; all rows must be equally"),
         ("##\n#x", {"#": "ice"}, r"line 2, letter 2 is 'x', which \[legend\] does not explain"),
-        ("##", {"##": "ice"}, "legend: '##' is not a letter"),
-        ("##", {"#": "icy"}, r"legend: there is no material 'icy' \(did you mean 'ice'"),
-        ("\n\n", {"#": "ice"}, "body.drawing: is empty"),
         ("##", {}, "legend: is needed to explain the drawing"),
         (np.zeros((3, 3)), {0: "ice"}, "must hold whole numbers, got float64"),
         (np.zeros((3, 3), int), {1: "ice"}, r"9 cells have a code .* first 0 in cell \[0, 0\]"),
         (np.zeros(3, int), {0: "ice"}, r"two or three axes, got shape \(3,\)"),
-        (np.zeros((0, 3), int), {0: "ice"}, r"two or three axes, got shape \(0, 3\)"),
-        (np.zeros((3, 3), int), {"x": "ice"}, "legend: 'x' is not a whole number"),
         ("no.npy", {0: "ice"}, "body.array: no.npy: cannot be read: No such file"),
     ],
 )
@@ -177,12 +121,6 @@ def test_drawings_and_arrays(cells, legend, told):
     kind = "drawing" if isinstance(cells, str) and cells != "no.npy" else "array"
     with pytest.raises(SceneError, match=told):
         Scene(body={"cell_size": 0.1, kind: cells}, legend=legend, **GIVEN)
-
-
-def test_a_billion_cells_are_not_held_cell_by_cell():
-    dense = np.broadcast_to(np.int8(1), (1000, 1000, 1000))
-    with pytest.raises(SceneError, match=r"1000 x 1000 x 1000 cells are more than the 2e"):
-        Scene.from_array(dense, legend={1: "steel"}, cell_size=0.1)
 
 
 def test_pickles_are_not_opened(tmp_path):
@@ -221,8 +159,6 @@ def png_of(width, height):
     ("content", "told"),
     [
         (b"no picture", "cannot be read as an image .*save it as PNG"),
-        (b"", "cannot be read as an image"),
-        (png_of(100, 100), "cannot be read as an image"),
         (png_of(10_000, 10_000), "has 10000 x 10000 pixels, more than 5e"),
         (png_of(100_000, 100_000), "unpacks to an enormous image"),
     ],
@@ -238,9 +174,6 @@ def test_images_that_cannot_be_read(tmp_path, content, told):
     ("kind", "parts", "told"),
     [
         (Body, {"size": [-1, 1], "cells": [1, 1], "material": "ice"}, "^size.0: must be above 0"),
-        (LoadTable, {"cell": [0, 0], "force": ["much", 0]}, "^force.0: .* number, got 'much'"),
-        (Region, {"material": "ice"}, "^box: a region has exactly one shape"),
-        (SideCondition, {"kind": "foundation", "stiffness": 0}, "^stiffness: must be above 0"),
         (Scene, {}, "^body: is needed"),
         (Scene, {"body": 5}, "^body: must be a table, got 5"),
     ],
@@ -248,19 +181,6 @@ def test_images_that_cannot_be_read(tmp_path, content, told):
 def test_python_is_as_strict_as_files(kind, parts, told):
     with pytest.raises(SceneError, match=told):
         kind(**parts)
-
-
-def test_descriptions_cannot_be_changed():
-    load = LoadTable(cell=[0, 0], force=[0, -1])
-    with pytest.raises(ValueError, match=r"frozen"):
-        load.steps = 5
-
-
-def test_an_error_is_no_chain_of_errors():
-    with pytest.raises(SceneError) as caught:
-        scene({"size": -1})
-    assert caught.value.__cause__ is None
-    assert caught.value.__suppress_context__
 
 
 anything = st.recursive(
@@ -311,9 +231,7 @@ def test_whatever_is_given_ends_in_a_scene_or_in_a_named_error(place, value):
     ("table", "words"),
     [
         ({"sides": {"bottom": "fixed"}}, "did you mean 'rigid'?"),
-        ({"sides": {"bottom": "symmetry"}}, "did you mean 'roller'?"),
         ({"materials": {"a": {"E": 1e9}}}, "did you mean 'youngs_modulus'?"),
-        ({"materials": {"a": {"nu": 0.3}}}, "did you mean 'poissons_ratio'?"),
         ({"loads": {"side": "top", "force": [0.0, -1.0]}}, "write [[loads]], with two brackets"),
         ({"body": {"material": "Steel S235"}}, 'describe it under [materials."Steel S235"]'),
         ({"body": {"regions": [{"disk": {"centre": [0, 0], "diameter": 1}}]}}, "mean 'radius'?"),

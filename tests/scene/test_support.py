@@ -13,10 +13,6 @@ def test_whatever_holds_is_a_support(side):
     assert loaded("##\n##", sides={"left": side}).kinds([[0, 0]]).tolist() == [0]
 
 
-def test_rigid_cells_are_a_support():
-    assert loaded("##\n.=", sides={}).stages == 1
-
-
 @pytest.mark.parametrize(
     ("drawing", "sides", "told"),
     [
@@ -32,11 +28,6 @@ def test_a_body_or_a_part_that_touches_no_support_is_refused(drawing, sides, tol
     with pytest.raises(SceneError, match=told) as refused:
         loaded(drawing, sides=sides)
     assert isinstance(refused.value, SupportError) == ("none of" not in told)
-
-
-def test_floating_may_be_allowed():
-    assert loaded("#.\n.#", sides={}, allow_floating=True).stages == 1
-    assert loaded("#.\n.#\n#.", lattice="square", allow_floating=True).stages == 1
 
 
 @pytest.mark.parametrize(

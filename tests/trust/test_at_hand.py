@@ -4,7 +4,7 @@ import pytest
 from plates import plate
 
 import kaju
-from kaju import LoadModel, Scene
+from kaju import LoadModel
 from kaju.errors import KajuError, ParameterError
 from kaju.model.network.spring_lattices import triangular
 
@@ -37,15 +37,6 @@ def test_models_and_files_are_solved(files):
     for other in (3, triangular(3, force=0.01)):
         with pytest.raises(ParameterError, match=r"scene: .* kaju\.model\.network\.solve"):
             kaju.solve(other)
-
-
-def test_pages_of_files_and_in_known_languages(files):
-    assert kaju.export_page(files / "block.toml", files / "page.html", language="de").exists()
-
-
-def test_a_scene_is_no_file_name():
-    with pytest.raises(ParameterError, match=r"Scene: .* by name .*load_scene"):
-        Scene("plate.toml")
 
 
 def test_a_scene_alone_is_run(files, typed):

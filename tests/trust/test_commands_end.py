@@ -53,14 +53,6 @@ def test_an_output_that_is_full_is_named(folder):
     assert not (folder / "o").exists() or kaju.load_result(folder / "o").checks()[0].holds
 
 
-def test_python_without_its_compiler_answers(folder):
-    done = run(
-        *(folder, "solve", "s.toml", "--no-pictures", "--tolerance", "0.3", "--quiet"),
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-    )
-    assert (done.returncode, done.stderr) == (0, "") or is_one_sentence(done)
-
-
 def test_a_stored_result_is_checked(folder, typed):
     path = kaju.solve(folder / "s.toml").save(folder / "r.npz")
     done = typed("check", path)

@@ -51,19 +51,6 @@ def test_stages_out_of_order_are_refused_by_name(tmp_path, change):
         kaju.load_result(path)
 
 
-@pytest.mark.parametrize("change", [lambda v: v[:0], lambda v: v[::-1]])
-def test_answers_in_time_that_hold_no_time_are_refused_by_name(tmp_path, change):
-    def changed(arrays, about):
-        of_times = {name: v for name, v in arrays.items() if v.ndim and len(v) == 2}
-        arrays |= {name: change(v) for name, v in of_times.items()}
-
-    element = kaju.ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
-    path = kaju.creep(element, kaju.History.step(), 1.0, times=[0.5, 1.0]).save(tmp_path / "c.npz")
-    rewritten(path, changed)
-    with pytest.raises(kaju.KajuError, match="'times' must"):
-        kaju.load_result(path)
-
-
 @pytest.mark.parametrize("value", [{}, float("nan"), "a", [1.0]])
 def test_values_of_another_kind_are_refused_by_name(tmp_path, value):
     answer = kaju.solve(PLATE, tolerance=0.5)

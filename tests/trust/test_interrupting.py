@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pkgutil import resolve_name
@@ -159,24 +157,6 @@ def test_what_an_interrupted_command_leaves(kaju, monkeypatch, tmp_path, verb, k
     code, _, told = kaju(*written(tmp_path, verb, 8))
     assert code == 130
     assert assert_whole_or_none(tmp_path, told) == kept
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("verb", RUNS)
-@pytest.mark.parametrize("seconds", [5.6, 9.6])
-def test_a_command_may_be_interrupted_at_any_time(tmp_path, verb, seconds):
-    words = written(tmp_path, verb, RUNS[verb][0])
-    with subprocess.Popen(
-        [sys.executable, "-m", "kaju", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    ) as run:
-        time.sleep(seconds)
-        run.send_signal(signal.SIGINT)
-        told = run.communicate(timeout=120)[1]
-    if run.returncode == 0:
-        assert (tmp_path / "answer/result.npz").exists()
-        return
-    assert run.returncode == 130, told
-    assert_whole_or_none(tmp_path, told)
 
 
 @pytest.mark.parametrize(("at", "kept"), [(2, []), (12, ["prescribed rule"])])

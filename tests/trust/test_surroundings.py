@@ -1,7 +1,6 @@
 """Whatever a process stands in: odd names, threads, other processes, no assertions, cold caches."""
 
 import multiprocessing
-import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -11,7 +10,7 @@ import pytest
 from plates import PLATE_TEXT
 from plates import plate as pressed
 
-from kaju import ElasticRule, LoadModel, PrescribedRule, load_result, solve
+from kaju import LoadModel, PrescribedRule, load_result, solve
 
 LONG = "a b 🙂 'q' %s [é] " + "x" * 183
 """A name of 200 characters."""
@@ -97,53 +96,9 @@ def test_processes_get_the_answers_of_the_one_that_starts_them(how, tmp_path):
     assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
 
 
-COLD = """
-    import hashlib, sys, threading
-    from kaju import ElasticModel, load_scene
-
-    def answer(got):
-        scene = load_scene(sys.argv[1])
-        found = ElasticModel(scene, engine="arrays").run().displacement
-        got.append(b"".join(each.tobytes() for each in found))
-
-    got = []
-    threads = [threading.Thread(target=answer, args=(got,)) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    print(len(got), *{hashlib.sha256(each).hexdigest() for each in got})
-    """
-
-
-@pytest.mark.slow
-def test_threads_and_processes_may_compile_at_once(tmp_path):
-    """They fill one cache that is empty."""
-    small(1.0).replace(rule=ElasticRule(threshold=0.1)).save(tmp_path / "s.toml")
-    cold = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    words = [sys.executable, "-c", dedent(COLD), tmp_path / "s.toml"]
-    both = [
-        subprocess.Popen(words, env=cold, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
-    told = [each.communicate(timeout=300) for each in both]
-    assert [each.returncode for each in both] == [0, 0], told
-    assert all("Traceback" not in said for _, said in told), told
-    assert told[0][0] == told[1][0]
-    assert len(told[0][0].split()) == 2, "three threads, one answer"
-    assert list(tmp_path.rglob("*.nbi"))
-
-
 def test_without_assertions_and_docstrings_a_wrong_scene_is_refused_by_name(tmp_path):
     (tmp_path / "s.toml").write_text(PLATE_TEXT.replace("[20, 20]", "[20, -20]"))
     done = python(tmp_path, "-OO", "-m", "kaju", "solve", "s.toml")
     assert done.returncode == 2
     assert "error: " in done.stderr
     assert "body.cells" in done.stderr
-
-
-def test_materials_are_listed_on_an_ascii_terminal(tmp_path):
-    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
-    run = python(tmp_path, "-m", "kaju", "materials", env=ascii_only)
-    assert run.returncode == 0, run.stderr
-    assert "steel" in run.stdout

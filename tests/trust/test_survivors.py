@@ -5,12 +5,7 @@ import pytest
 from plates import plate as pressed
 
 import kaju
-from kaju import ElasticModel, LoadModel, PrescribedRule, Scene
-from kaju.model.elastic.caveats import stepped_cells
-from kaju.model.elastic.equal.grid import problem_of_scene
-from kaju.model.elastic.equal.staggered import compact
-from kaju.model.elastic.moduli import moduli_of
-from kaju.view.space import box_around
+from kaju import ElasticModel, LoadModel, PrescribedRule
 
 
 def plate(**changes):
@@ -23,37 +18,6 @@ def test_what_is_left_of_a_face_carries_all_of_its_load():
     finer = plate(force=[0.3, -2.0], side="top", regions=[air]).refine(2).applied()
     np.testing.assert_allclose(finer.force.sum(axis=0), [0.3, -2.0])
     assert len(finer.force) == 1
-
-
-@pytest.mark.parametrize(
-    "drawing", [".#.\n.#.\n###", "#..\n#..\n###", ".##\n.#.\n###", "###\n###\n###", "##.\n###\n###"]
-)
-@pytest.mark.parametrize("pull", [1.0, -1.0])
-def test_a_drag_turns_the_body_about_its_own_surface(drawing, pull):
-    """Whatever the surface ends at, the forces have the moment of the load."""
-    cell = [drawing.index("#"), 2]
-    scene = Scene.from_drawing(
-        drawing,
-        legend={"#": "steel", ".": "air"},
-        cell_size=0.01,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": cell, "side": "top", "force": [pull, 0.0]}],
-    )
-    problem, _ = problem_of_scene(scene, None)
-    total, turning = [], 0.0
-    for axis, force in enumerate(problem.force):
-        place = np.indices(force.shape) - 0.5
-        place[axis] -= 0.5
-        total.append(force.sum())
-        turning += (1 - 2 * axis) * (place[1 - axis] * force).sum()
-    unit = abs(total[0])
-    np.testing.assert_allclose(total, [np.sign(pull) * unit, 0.0], atol=1e-12 * unit)
-    assert turning == pytest.approx(3.0 * total[0])  # the surface lies three cells above ground
-
-
-def test_shares_that_a_rule_leaves_to_the_dimension():
-    assert PrescribedRule().alpha_in(2) == (0.5, 0.5, 0.25)
-    assert PrescribedRule().alpha_in(3) == (0.5, 0.5, 0.125)
 
 
 @pytest.mark.parametrize("engine", ["agents", "arrays"])
@@ -128,28 +92,6 @@ def test_a_radius_that_is_only_bounded_is_not_told():
     assert certificate.spectral_radius is None
 
 
-@pytest.mark.parametrize(
-    ("youngs", "ratio", "plane"),
-    [
-        ([1.0, -1.0], 0.3, "stress"),
-        ([1.0, np.inf], 0.3, "strain"),
-        ([np.nan, 1.0], 0.3, None),
-        (1.0, [0.3, 0.7], "stress"),
-        (1.0, [0.3, 0.5], "strain"),
-        (1.0, [-1.0, 0.3], None),
-    ],
-)
-def test_moduli_that_no_body_has(youngs, ratio, plane):
-    with pytest.raises(kaju.KajuError, match=r"youngs_modulus|poissons_ratio"):
-        moduli_of(np.array(youngs), np.array(ratio), plane)
-
-
-def test_matrices_with_more_columns_than_fit_half_the_index():
-    last = 2**31 + 5
-    matrix = compact(np.array([0]), np.array([last]), np.array([1.0]), (1, last + 1))
-    assert matrix.indices.tolist() == [last]
-
-
 def test_what_shrinks_when_pressed_needs_pulls():
     foam = {"foam": {"youngs_modulus": 1e6, "poissons_ratio": -0.2}}
     shrinking = {"material": "foam", "materials": foam}
@@ -194,34 +136,6 @@ def test_a_history_starts_at_0_and_never_falls(times):
     with pytest.raises(kaju.KajuError, match="times must start at 0 and never fall"):
         kaju.History(times, (0.0,) * len(times))
     assert kaju.History((0.0, 1.0, 1.0), (0.0, 1.0, 0.5)).duration == 1.0
-
-
-def test_workers_are_as_many_as_processors_that_may_be_used(monkeypatch):
-    from kaju.model.study import sweep
-
-    monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 3, 5}, raising=False)
-    assert sweep._processors() == 3
-
-
-def test_cells_that_an_outline_crosses_have_points_on_both_sides_of_it():
-    disk = {"disk": {"centre": [0.04, 0.04], "radius": 0.0325}, "material": "air"}
-    lower = np.argwhere(np.ones((8, 8)))
-    corners = [np.hypot(*((lower + end) - 4.0).T) for end in ((0, 0), (0, 1), (1, 0), (1, 1))]
-    near, far = np.min(corners, axis=0), np.max(corners, axis=0)
-    found = {tuple(cell) for cell in stepped_cells(plate(regions=[disk])).tolist()}
-    assert found <= {tuple(cell) for cell in lower[(near < 3.25) & (far > 3.25)].tolist()}
-    assert found >= {tuple(cell) for cell in lower[(near < 3.05) & (far > 3.45)].tolist()}
-    assert len(found) > 15
-
-
-@pytest.mark.parametrize(("last", "margin"), [(11, 2), (50, 6)])
-def test_a_cropped_box_has_a_margin_round_what_is_drawn(last, margin):
-    block = pressed([80] * 3, [40, 40, 79], [0.0, 0.0, -2.0])
-    ends = np.array([[10, 12, 14], [last, 15, 16]])
-    box = box_around(block, ends, crop=True)
-    np.testing.assert_array_equal(box.lower, ends[0] - margin)
-    np.testing.assert_array_equal(box.upper, ends[1] + 1 + margin)
 
 
 def test_the_largest_arrow_in_space_is_as_long_as_a_share_of_the_box():

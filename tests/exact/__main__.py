@@ -6,15 +6,13 @@ displacement and stress fall, and the errors at one resolution. Run it with
     cd tests && python -m exact
 """
 
-from . import CONVERGING_PROBLEMS, EXACT_PROBLEMS, LCorner, SaintVenantDecay, convergence
-from .eigenfields import DECAY, EXPONENT
+from . import CONVERGING_PROBLEMS, EXACT_PROBLEMS, convergence
 
 HEAD = "| problem | order (u; σ) | error (u; σ) | cells | source |\n|---|---|---|---|---|"
 SHORT = {
     "Timoshenko & Goodier, Theory of Elasticity": "T&G",
     ", Finite Elements in Analysis and Design 1, 3-20": "",
     ", Contact Mechanics": "",
-    ", Advances in Applied Mechanics 23, 179-269": "",
     ", J. Applied Mechanics 19, 526-528": "",
 }
 """What the text below the table says of sources."""
@@ -48,27 +46,12 @@ def line(problem, order, error, shape):
     return f"| {problem.title} | {order} | {error} | {cells} | {source} |"
 
 
-def exponents():
-    """Yield what two problems tell beside fields: how fast these grow or die away."""
-    corner, strip = LCorner(), SaintVenantDecay()
-    yield "| cells per metre | corner: λ | strip: γ |"
-    yield "|---|---|---|"
-    for resolution in (16, 32, 64):
-        rate = corner.exponent(corner.solve(resolution))
-        decay = strip.decay(strip.solve(resolution))
-        yield f"| {resolution} | {rate:.5f} | {decay.real:.5f} + {decay.imag:.5f}i |"
-    yield f"| theory | {EXPONENT:.5f} | {DECAY.real:.5f} + {DECAY.imag:.5f}i |"
-
-
 def main():
     print(HEAD)
     for kind in EXACT_PROBLEMS:
         print(exact_line(kind()))
     for kind in CONVERGING_PROBLEMS:
         print(converging_line(kind()))
-    print()
-    for text in exponents():
-        print(text)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,10 @@
-"""Fields that belong to a root: of a re-entrant corner, and of a strip in balance with itself."""
+"""The field that belongs to a root: of a re-entrant corner."""
 
 from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
-from .known_problem import SECOND_ORDER, grid_points
 from .potentials import PlaneProblem, Potentials, polar_points
 
 EXPONENT = 0.5444837367824639
@@ -62,73 +61,3 @@ class LCorner(PlaneProblem):
             psi=other * along**power / turn,
             psi_1=other * first / turn**2,
         )
-
-    def exponent(self, result, near=0.1, far=0.5):
-        """Return the λ observed: one more than the power of r by which stresses fall."""
-        radii = np.geomspace(near, far, 12)
-        points = polar_points(tuple(radii), (BISECTOR,), self.origin)
-        size = np.linalg.norm(result.stress_at(points).reshape(len(points), -1), axis=1)
-        return 1.0 + float(np.polyfit(np.log(radii), np.log(size), 1)[0])
-
-
-DECAY = 2.1061961155 + 1.1253643056j
-"""First root γ of sin 2γ + 2γ = 0: stresses go as Re exp(-γx/c), c half the strip's width."""
-
-
-@dataclass(frozen=True)
-class SaintVenantDecay(PlaneProblem):
-    """The slowest self-balanced end load of a strip 2 m wide; its upper half, 3 m long.
-
-    φ = Re-symmetric sum of ae^(-γz) and its conjugate partner; freedom from traction at
-    y = ±1 gives ψ and sin 2γ + 2γ = 0 (Papkovich 1940, Fadle 1940; Timoshenko & Goodier,
-    §26; Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269).
-    """
-
-    load: float = 1e6
-    """Scale of the end's traction (Pa)."""
-
-    title = "Saint-Venant decay"
-    source = "Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269"
-    orders = SECOND_ORDER
-    resolutions = (8, 16, 32)
-    given_sides = ("right",)
-    loaded_sides = ("left",)
-
-    def scene(self, resolution):
-        """Return the strip, `resolution` cells across its upper half."""
-        return self._scene([3.0, 1.0], 1.0 / resolution, sides={"bottom": "roller"})
-
-    def points(self):
-        """Return points from a quarter to twice the half-width away from the end."""
-        return grid_points([0.25, 0.5, 1.0, 1.5, 2.0], [0.0, 0.25, 0.5, 0.75])
-
-    def potentials(self, z):
-        """Return the sum over the root and its conjugate."""
-        terms = [self._term(z, DECAY), self._term(z, np.conj(DECAY))]
-        return Potentials(*(first + second for first, second in zip(*terms, strict=True)))
-
-    def _term(self, z, root):
-        wave = 0.5 * self.load * np.exp(-root * z)
-        shift = np.exp(2j * root) - root * (z - 2j)
-        return Potentials(
-            phi=wave / root,
-            phi_1=-wave,
-            phi_2=root * wave,
-            psi=-wave / root * shift,
-            psi_1=wave * (shift + 1),
-        )
-
-    def decay(self, result):
-        """Return the γ observed on the axis, by Prony's method.
-
-        Samples of Re Ce^(-γx) at equal distances d obey s'' = 2 Re(q) s' - |q|² s, with
-        q = e^(-γd); both coefficients follow by least squares.
-        """
-        distance = 0.25
-        x = np.arange(0.25, 2.01, distance)
-        points = np.stack([x, np.zeros_like(x)], axis=1)
-        s = result.stress_at(points)[:, 0, 0] * np.exp(DECAY.real * x)  # even weights
-        rows = np.stack([s[1:-1], -s[:-2]], axis=1)
-        (double, square), *_ = np.linalg.lstsq(rows, s[2:], rcond=None)
-        q = 0.5 * double - 1j * np.sqrt(square - 0.25 * double**2)
-        return complex(DECAY.real - np.log(q) / distance)

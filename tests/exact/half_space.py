@@ -8,7 +8,6 @@ as in the exact solution. In space z points out of the body; of the half plane t
 from abc import abstractmethod
 from dataclasses import dataclass
 from math import pi
-from typing import ClassVar
 
 import numpy as np
 
@@ -106,20 +105,34 @@ def _log_below(z):
 
 
 @dataclass(frozen=True)
-class _HalfSpace(KnownProblem):
-    """A block below the surface of a half space, under a point force (N)."""
+class Boussinesq(KnownProblem):
+    """A force (N) into the half space; a quarter of the body, 1 m each way.
+
+    4πμ u_r = F[rz/ρ³ - (1-2ν) r/(ρ(ρ+z))], 4πμ u_z = F[z²/ρ³ + 2(1-ν)/ρ]
+    (Johnson, Contact Mechanics, eq. 3.18).
+    """
 
     plane: str | None = None
     load: float = 1e6
 
     orders = SPACE_ORDERS
     resolutions = (8, 12, 16)
-    size: ClassVar[tuple[float, float, float]]
-    origin: ClassVar[tuple[float, float, float]]
+    title = "Boussinesq's point force"
+    source = "Johnson, Contact Mechanics, §3.2"
+    given_sides = ("right", "back", "bottom")
+    size = (1.0, 1.0, 1.0)
+    origin = (0.0, 0.0, 1.0)
 
-    @abstractmethod
-    def _displacement(self, place):
-        """Return 4πμ u for z into the body, shape (3, n); analytic in the place (3, n)."""
+    def scene(self, resolution):
+        """Return the block, `resolution` cells along every edge."""
+        load = {"cell": [0, 0, resolution - 1], "side": "top", "force": [0.0, 0.0, -self.load / 4]}
+        sides = {"left": "roller", "front": "roller"}
+        return self._scene(self.size, 1.0 / resolution, sides=sides, loads=[load])
+
+    def points(self):
+        """Return points at least half the block's depth away from the force."""
+        last = [[0.25, 0.5, 0.25], [0.6, 0.6, 0.5]]
+        return np.array([[0.0, 0.0, 0.4], [0.5, 0.0, 0.75], [0.5, 0.5, 0.75], *last])
 
     def exact_displacement(self, points):
         flip = np.array([1.0, 1.0, -1.0])
@@ -139,71 +152,10 @@ class _HalfSpace(KnownProblem):
             gradient[:, :, axis] = self.exact_displacement(moved).imag / STEP
         return self.hooke(0.5 * (gradient + gradient.transpose(0, 2, 1)))
 
-
-@dataclass(frozen=True)
-class Boussinesq(_HalfSpace):
-    """A force into the half space; a quarter of the body, 1 m each way.
-
-    4πμ u_r = F[rz/ρ³ - (1-2ν) r/(ρ(ρ+z))], 4πμ u_z = F[z²/ρ³ + 2(1-ν)/ρ]
-    (Johnson, Contact Mechanics, eq. 3.18).
-    """
-
-    title = "Boussinesq's point force"
-    source = "Johnson, Contact Mechanics, §3.2"
-    given_sides = ("right", "back", "bottom")
-    size = (1.0, 1.0, 1.0)
-    origin = (0.0, 0.0, 1.0)
-
-    def scene(self, resolution):
-        """Return the block, `resolution` cells along every edge."""
-        load = {"cell": [0, 0, resolution - 1], "side": "top", "force": [0.0, 0.0, -self.load / 4]}
-        sides = {"left": "roller", "front": "roller"}
-        return self._scene(self.size, 1.0 / resolution, sides=sides, loads=[load])
-
-    def points(self):
-        """Return points at least half the block's depth away from the force."""
-        last = [[0.25, 0.5, 0.25], [0.6, 0.6, 0.5]]
-        return np.array([[0.0, 0.0, 0.4], [0.5, 0.0, 0.75], [0.5, 0.5, 0.75], *last])
-
     def _displacement(self, place):
+        """Return 4πμ u for z into the body, shape (3, n); analytic in the place (3, n)."""
         x, y, z = place
         rho, ratio = np.sqrt(x**2 + y**2 + z**2), self.poissons_ratio
         radial = z / rho**3 - (1 - 2 * ratio) / (rho * (rho + z))
         down = z**2 / rho**3 + 2 * (1 - ratio) / rho
         return self.load * np.stack([x * radial, y * radial, down])
-
-
-@dataclass(frozen=True)
-class Cerruti(_HalfSpace):
-    """A force along the surface, towards +x; half of the body, 2 m by 1 m by 1 m.
-
-    Displacements of Johnson, Contact Mechanics, eq. 3.75.
-    """
-
-    title = "Cerruti's point force"
-    source = "Johnson, Contact Mechanics, §3.6"
-    given_sides = ("left", "right", "back", "bottom")
-    size = (2.0, 1.0, 1.0)
-    origin = (1.0, 0.0, 1.0)
-
-    def scene(self, resolution):
-        """Return the block, `resolution` cells per metre."""
-        loads = [
-            {"cell": [column, 0, resolution - 1], "side": "top", "force": [self.load / 4, 0.0, 0.0]}
-            for column in (resolution - 1, resolution)
-        ]
-        return self._scene(self.size, 1.0 / resolution, sides={"front": "roller"}, loads=loads)
-
-    def points(self):
-        """Return points at least half the block's depth away from the force."""
-        last = [[0.75, 0.5, 0.25], [0.4, 0.6, 0.5]]
-        return np.array([[1.0, 0.0, 0.4], [1.5, 0.0, 0.75], [1.5, 0.5, 0.75], *last])
-
-    def _displacement(self, place):
-        x, y, z = place
-        rho, free = np.sqrt(x**2 + y**2 + z**2), 1 - 2 * self.poissons_ratio
-        deep = rho + z
-        along = 1 / rho + x**2 / rho**3 + free * (1 / deep - x**2 / (rho * deep**2))
-        across = x * y / rho**3 - free * x * y / (rho * deep**2)
-        down = x * z / rho**3 + free * x / (rho * deep)
-        return self.load * np.stack([along, across, down])

@@ -1,4 +1,4 @@
-"""Round edges, which a grid of squares makes a stair: holes, and a disk pressed between points.
+"""Round edges, which a grid of squares makes a stair: holes.
 
 A quarter is solved: symmetry holds it left and below, and on the outer cuts of a plate
 the exact traction acts. Cells belong to the hole if their centre does, so the hole's radius
@@ -7,76 +7,14 @@ from the hole falls with about the first power of the cell size, unsteadily.
 """
 
 from dataclasses import dataclass
-from math import hypot, pi
+from math import hypot
 
 import numpy as np
 
-from .known_problem import MATERIAL
 from .potentials import PlaneProblem, Potentials, polar_points
 
 STAIR = {"displacement": (0.7, 1.4), "stress": (0.7, 1.5)}
-CENTRE = {"stress": (1.6, 2.3)}
 RADIUS = 1.0
-
-
-@dataclass(frozen=True)
-class BrazilianDisk(PlaneProblem):
-    """A disk of radius 1 m under two opposite point forces, seen near its centre.
-
-    Two point forces on half planes and a uniform tension P/πR that frees the rim:
-    at the centre σ_xx = P/πR and σ_yy = -3P/πR (Hertz 1883; Timoshenko & Goodier, §41).
-    The rim is a stair, but statics fixes what passes through the middle, and far from the
-    rim the stair is felt to second order only.
-    """
-
-    load: float = 1e6
-    """P per unit thickness (N/m)."""
-
-    title = "Brazilian disk, centre"
-    source = "Timoshenko & Goodier, Theory of Elasticity, §41"
-    orders = CENTRE
-    resolutions = (16, 24, 32, 48, 64)
-
-    def scene(self, resolution):
-        """Return a quarter of the disk, `resolution` cells per radius."""
-        outside = {"material": "air", "box": [[0.0, 0.0], [1.0, 1.0]]}
-        load = {"cell": [0, resolution - 1], "side": "top", "force": [0.0, -self.load / 2]}
-        disk = {"material": MATERIAL, "disk": {"centre": [0.0, 0.0], "radius": 1.0}}
-        return self._scene(
-            [1.0, 1.0],
-            1.0 / resolution,
-            sides={"left": "roller", "bottom": "roller"},
-            loads=[load],
-            regions=[outside, disk],
-        )
-
-    def points(self):
-        """Return the centre and points a quarter of the radius away."""
-        return np.array([[0.0, 0.0], [0.25, 0.0], [0.0, 0.25], [0.2, 0.2]])
-
-    def potentials(self, z):
-        """Return the sum of the two forces and of the uniform tension."""
-        tension = self.load / (2 * pi)
-        above, below = self._force(z), self._force(-z)
-        return Potentials(
-            phi=above.phi - below.phi + tension * z,
-            phi_1=above.phi_1 + below.phi_1 + tension,
-            phi_2=above.phi_2 - below.phi_2,
-            psi=above.psi - below.psi,
-            psi_1=above.psi_1 + below.psi_1,
-        )
-
-    def _force(self, z):
-        """Return the potentials of the upper force, on the half plane below y = 1."""
-        unit, down = 1j * self.load / (2 * pi), z - 1j
-        log = unit * np.log(1 + 1j * z)
-        return Potentials(
-            phi=log,
-            phi_1=unit / down,
-            phi_2=-unit / down**2,
-            psi=log + 1j * unit / down,
-            psi_1=unit / down - 1j * unit / down**2,
-        )
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from plates import plate as pressed
 
-from kaju import Scene
+from kaju import Scene, solve
 from kaju.errors import SupportError
-from kaju.model.elastic.solve import solve_cells
 
 BODY = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}
 
@@ -40,7 +39,7 @@ BODIES = {
 }
 
 
-def assert_like(one, other, digits=7):
+def assert_like(one, other, digits=5):
     size = np.nanmax(np.abs(other.cells().displacement))
     np.testing.assert_allclose(
         one.cells().displacement, other.cells().displacement, rtol=0, atol=10.0**-digits * size
@@ -52,19 +51,19 @@ def assert_like(one, other, digits=7):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_moved_load_is_solved_as_afresh(name):
-    first = solve_cells(BODIES[name], tolerance=1e-10)
+    first = solve(BODIES[name])
     moved = BODIES[name].replace(loads=press(22, (0.5, -1.0)))
-    again = solve_cells(moved, tolerance=1e-10, previous=first)
-    assert_like(again, solve_cells(moved, tolerance=1e-10))
-    assert again.error_estimate == pytest.approx(solve_cells(moved).error_estimate, rel=1e-2)
+    again = solve(moved, previous=first)
+    assert_like(again, solve(moved))
+    assert again.error_estimate == pytest.approx(solve(moved).error_estimate, rel=1e-2)
 
 
 def test_a_force_changed_in_proportion_needs_no_iteration():
-    first = solve_cells(plate(), tolerance=1e-10)
-    harder = solve_cells(plate(loads=press(force=(0.0, -6.0))), tolerance=1e-10, previous=first)
+    first = solve(plate())
+    harder = solve(plate(loads=press(force=(0.0, -6.0))), previous=first)
     expected = 3 * first.cells().displacement
     largest = np.abs(expected).max()
-    np.testing.assert_allclose(harder.cells().displacement, expected, rtol=0, atol=1e-10 * largest)
+    np.testing.assert_allclose(harder.cells().displacement, expected, rtol=0, atol=1e-7 * largest)
     assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-11)
     assert harder.iterations == 0
 
@@ -81,31 +80,31 @@ CHANGES = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_changed_body_is_solved_as_afresh(name):
-    first = solve_cells(plate(), tolerance=1e-10)
+    first = solve(plate())
     changed = CHANGES[name](plate())
-    again = solve_cells(changed, tolerance=1e-10, previous=first)
-    assert_like(again, solve_cells(changed, tolerance=1e-10))
+    again = solve(changed, previous=first)
+    assert_like(again, solve(changed))
 
 
 def test_a_body_that_a_change_has_let_loose_is_refused():
-    first = solve_cells(plate())
+    first = solve(plate())
     with pytest.raises(SupportError, match="could move along x"):
-        solve_cells(plate(sides={"bottom": "roller"}), previous=first)
+        solve(plate(sides={"bottom": "roller"}), previous=first)
 
 
 def test_three_dimensions():
     block = pressed([10, 10, 10], [3, 4, 9], [0.0, 0.0, -1.0], size=[0.1, 0.1, 0.1])
     moved = block.replace(loads=[{"cell": [6, 4, 9], "force": [0.2, 0.0, -1.0]}])
-    again = solve_cells(moved, tolerance=1e-10, previous=solve_cells(block, tolerance=1e-10))
-    assert_like(again, solve_cells(moved, tolerance=1e-10))
+    again = solve(moved, previous=solve(block))
+    assert_like(again, solve(moved))
 
 
 def test_nothing_keeps_the_results_before_alive():
-    result = solve_cells(plate())
+    result = solve(plate())
     before = []
     for first in range(5, 15):
         before.append(weakref.ref(result))
         before.append(weakref.ref(result.found.solution))
-        result = solve_cells(plate(loads=press(first)), previous=result)
+        result = solve(plate(loads=press(first)), previous=result)
     gc.collect()
     assert [reference for reference in before if reference() is not None] == []

@@ -39,12 +39,6 @@ def test_cells_and_agents_give_one_kind_of_answer(answer):
     assert answer.tolerance_kept in (None, "proved")
 
 
-def test_tables_have_the_same_columns():
-    frames = [solve(plate(), **how).to_dataframe() for how in HOWS.values()]
-    assert len({tuple(frame.columns) for frame in frames}) == 1
-    assert [*frames[0].columns[:3]] == ["x (m)", "y (m)", "size (m)"]
-
-
 def test_the_largest_displacement_is_looked_for_at_corners_however_fine_the_agents():
     bracket = kaju.Scene(
         body={
@@ -130,14 +124,10 @@ def test_space_offers_the_same():
     ("how", "match"),
     [
         ({"tolerance": "a"}, "tolerance: must be a number"),
-        ({"tolerance": float("nan")}, "tolerance"),
-        ({"tolerance": True}, "tolerance"),
         ({"tolerance": 2.0}, "tolerance"),
         ({"tolerance": 1e-10}, "tolerance: must be a number from 1e-06"),
         ({"resolution": float("nan")}, "resolution: must be a whole number"),
-        ({"resolution": "2"}, "resolution"),
         ({"resolution": 0}, "resolution"),
-        ({"resolution": 0, "tolerance": 0.1}, "resolution"),
         ({"stage": 1.5}, "stage"),
         ({"previous": 3}, "previous"),
         ({"previous": 3, "tolerance": 0.1}, "an ElasticResult is needed to start from"),
@@ -146,11 +136,6 @@ def test_space_offers_the_same():
 def test_what_breaks_a_rule_is_named(how, match):
     with pytest.raises(ParameterError, match=match):
         solve(plate(), **how)
-
-
-def test_a_misspelt_argument_is_python_s_own_error():
-    with pytest.raises(TypeError, match="tol"):
-        solve(plate(), tol=0.1)
 
 
 def test_arrays_of_no_resolution_or_too_many_cells_are_refused(answer):
@@ -189,13 +174,9 @@ def first(values, value):
 
 TREE = {
     "index": (set_to("history.code", lambda v: first(v, 1 << 40)), "side by side"),
-    "overlap": (set_to("history.code", lambda v: np.zeros_like(v)), "side by side"),
     "size": (set_to("history.size", lambda v: first(v, 3)), "side by side"),
-    "floats": (set_to("history.size", lambda v: v.astype(np.float64)), "history.size"),
     "narrow": (set_to("history.gap", lambda v: v.astype(np.float16)), "history.gap"),
-    "short": (set_to("history.gap", lambda v: v[:-1]), "history.gap"),
     "nan": (set_to("history.gap", lambda v: first(v, np.nan)), "history.gap"),
-    "history": (set_to("history.code", lambda v: first(v, -5)), "history.code"),
     "missing": (lambda arrays, about: arrays.pop("history.chosen"), "history.chosen"),
     "figures": (set_to("history.figures", lambda v: first(v, 0.0)), "history.figures"),
     "resolution": (told("resolution", "two"), "resolution"),
@@ -256,20 +237,9 @@ def test_what_unpacks_to_far_more_than_its_file_is_not_read(tmp_path):
         kaju.load_result(path)
 
 
-CORNER, FREE = [0.1, 0.2], [0.05, 0.2]
-"""Where the load ends, and on the free surface beside it."""
-
-
 def test_others_make_up_for_agents_that_may_not_be_smaller():
     """All that the smallest leave counts, and the tolerance is kept all the same."""
     least = solve(plate(), tolerance=1e-3, resolution=4).error_estimate
     found = solve(plate(), tolerance=1.2 * least, resolution=4)
     assert found.error_bound <= 1.2 * least
     assert found.size.min() == pytest.approx(0.01 / 4)
-
-
-def test_the_meter_of_agents_with_parents_is_no_smaller_than_their_error():
-    scene = plate(rule=kaju.ElasticRule(order="multilevel", threshold=0.02))
-    run = kaju.ElasticModel(scene).run()
-    true = np.sqrt(1.0 + run.energy[-1] / solve(plate()).strain_energy)
-    assert 0.01 < true <= run.summary()["error_estimate"] < 2.0 * true

@@ -3,14 +3,11 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
-import numba
 import pytest
 from spawning_bodies import drawn
 
 import kaju
-from kaju import compiling
 
 
 def block(side, material=None, plane="stress", **sides):
@@ -55,11 +52,3 @@ def test_compiling_is_said_once(tmp_path):
         )
         assert run.stdout == "2.0\n"
         assert run.stderr.count("kaju compiles its loops") == expected
-
-
-def test_without_a_place_for_compiled_loops_they_last_for_the_session(monkeypatch):
-    monkeypatch.setattr(compiling, "writable", lambda folder: False)
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    compiling.keep_loops_somewhere()
-    assert Path(numba.config.CACHE_DIR).is_dir()
-    assert not any(Path(numba.config.CACHE_DIR).iterdir())

@@ -13,6 +13,8 @@ PLATE = np.ones((8, 8), int)
 HELD_HOLE = np.pad(np.full((3, 3), 2), 3, constant_values=1)
 TWO_HELD = np.ones((16, 9), int)
 TWO_HELD[3:5, 3:6] = TWO_HELD[10:12, 4:6] = 2
+IN_A_ROW = np.ones((9, 8), int)
+IN_A_ROW[2, 4] = IN_A_ROW[4, 4] = IN_A_ROW[7, 4] = 2
 TOP = {"side": "top", "force": [100.0, -100.0]}
 
 
@@ -36,6 +38,7 @@ SCENES = {
     "held hole": body(HELD_HOLE, loads=[TOP]),
     "held hole and side": body(HELD_HOLE, sides={"bottom": "rigid"}, loads=[TOP]),
     "two held holes": body(TWO_HELD, loads=[TOP]),
+    "held holes in a row": body(IN_A_ROW, sides={"bottom": "rigid"}, loads=[TOP]),
     "hole that bears a force": body(
         HELD_HOLE % 2,
         sides={"bottom": "rigid"},

@@ -82,8 +82,8 @@ def sheets_of(mesh: LeafMesh, sides: Sides, loops: list[Ints], part: Ints) -> Sh
         on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= a[right][0, 0])
         below = on[:, None] & (place[mesh.corner][..., 1] < height)
         own = np.unique(corner[below])
-        # Of a vertex that no other agent sees the copy would stand alone.
-        own = own[np.isin(own, corner[~below])]
+        # A vertex that no other agent sees would stand alone; copies follow their vertices.
+        own = own[np.isin(own, corner[~below]) | (own >= mesh.vertices)]
         table = np.arange(count)
         table[own] = count + np.arange(len(own))
         corner = np.where(below, table[corner], corner)

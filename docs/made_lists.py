@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import is_dataclass
 from typing import Any
 
 import typer
 
 from kaju.cli import app
-from kaju.model.results.formats import REFERENCE
-from kaju.model.results.result import Result
 from kaju.model.results.stored import described
+from kaju.model.study.reference import Reference
 from kaju.result_kinds import KINDS, fetch
 
 
@@ -23,14 +23,13 @@ def with_lists(text: str) -> str:
 
 def columns() -> str:
     """Return the arrays of every kind of result, each with its shape, kind and range."""
-    lines = []
-    for name, kind in KINDS.items():
-        result = fetch(kind.result)
-        if result._stored is Result._stored:
-            told = described(result)
+    lines, kinds = [], {name: fetch(kind.result) for name, kind in KINDS.items()}
+    for name, result in (kinds | {"reference": Reference}).items():
+        if is_dataclass(result) and name != "true outlines":
+            told = dict(described(result)).items()
             lines += [name, *(f"  {column:28}{rule}" for column, rule in told)]
     tables = {name: fetch(at) for kind in KINDS.values() for name, at in kind.columns.items()}
-    for name, table in (tables | {"reference": REFERENCE}).items():
+    for name, table in tables.items():
         lines += [name, *(f"  {column:20}{told.text()}" for column, told in table.items())]
     return "\n".join(["```text", *lines, "```"])
 

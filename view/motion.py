@@ -425,11 +425,9 @@ def elastic_agents(run: ElasticRun) -> Motion:
     corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     if agents.position.shape[1] == 3:
         corners = 0.5 * (corner_order(3) - 0.5)
-    moved = None
-    if moments.displacement is not None:
-        along = moments.displacement[chosen][:, own].astype(float)
-        bits = _faces_moved(run, along).astype(np.float32).view(np.uint32)
-        moved = ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)  # more would not deflate
+    along = moments.displacement[chosen][:, own].astype(float)
+    bits = _faces_moved(run, along).astype(np.float32).view(np.uint32)
+    moved = ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)  # more would not deflate
     return Motion(
         **_apart(agents.position[own][:, None] + h * corners),
         at=moments.step[chosen].astype(float),

@@ -25,11 +25,11 @@ def energies_round(found: CellAgents) -> tuple[float, float] | str:
     if found.grid.lattice.dimension == 3:
         return IN_SPACE
     scene = found.grid
-    if found.field is not None:
-        division = scene.lattice.shape[0] // found.field.shape[0]
-        scene = of_as_many_materials(scene, np.asarray(repeated(found.field, division)))
+    if found.factor is not None:
+        division = scene.lattice.shape[0] // found.factor.shape[0]
+        scene = of_as_many_materials(scene, np.asarray(repeated(found.factor, division)))
     try:
-        body = PosedBody(scene, found.stage, at_cells=False)
+        body = PosedBody(scene, found.stage)
         agents = PairLoop(body, max(found.solution.error, CLOSEST))
         while not agents.finished and not (agents.last and interrupt_requested()):
             agents.step()

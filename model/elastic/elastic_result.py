@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ResultError
+from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals.quantities import (
     Goal,
     Quantity,
-    goals_in,
     plain,
     quantities_of,
     told,
@@ -26,7 +25,6 @@ from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.octree import BrickAgents
-from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import (
     BALANCE,
@@ -38,12 +36,12 @@ from kaju.model.results.result import (
     finite,
 )
 from kaju.model.scene import Scene
+from kaju.model.solid.solid_agents import SolidAgents
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from kaju.model.elastic.equal.cell_agents import CellAgents
     from kaju.model.elastic.equal.equal_arrays import EqualArrays
     from kaju.model.elastic.goals.quantities import Place
     from kaju.model.elastic.pair.gap import Bounds
@@ -72,19 +70,11 @@ class ElasticResult(BodyResult):
 
     Attributes
     ----------
-    scene : Scene
-        What was asked.
-    stage : int or None
-        Stage of loading; None is the last.
-    found : PairAgents, BrickAgents or CellAgents
-        The agents and what they have found, in the solver's units.
+    found : PairAgents, BrickAgents, CellAgents or SolidAgents
+        The question, the agents and what they have found, in the solver's units.
     seconds : float
     tolerance : float or None
         Relative error that was asked for: in the energy norm, or in the `goal`.
-    resolution : int or None
-        Smallest agents allowed, per cell of the scene; None is no limit.
-    goal : tuple of Deflection, Stress and Reaction
-        What the tolerance is about; empty if it is the energy norm.
 
     Examples
     --------
@@ -102,13 +92,19 @@ class ElasticResult(BodyResult):
     """
 
     kind: ClassVar[str] = "elastic"
-    scene: Scene
-    stage: int | None
-    found: PairAgents | BrickAgents | CellAgents
+    found: PairAgents | BrickAgents | CellAgents | SolidAgents
     seconds: float
     tolerance: float | None = None
-    resolution: int | None = None
-    goal: tuple[Quantity, ...] = ()
+
+    @property
+    def scene(self) -> Scene:
+        """What was asked."""
+        return self.found.scene
+
+    @property
+    def stage(self) -> int | None:
+        """Stage of loading; None is the last."""
+        return self.found.stage
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -406,12 +402,14 @@ class ElasticResult(BodyResult):
         return max(goal.relative_error for goal in self.goals)
 
     @property
+    def goal(self) -> tuple[Quantity, ...]:
+        """What the tolerance is about; empty if it is the energy norm."""
+        return tuple(goal.quantity for goal in self.found.goals)
+
+    @property
     def goals(self) -> tuple[Goal, ...]:
         """What has been found of every quantity that the tolerance is about."""
-        if not self.goal:
-            return ()
-        answers, scales = self.found.answers, self.found.scales  # type: ignore[union-attr]
-        return tuple(Goal.of(*one, scales) for one in zip(self.goal, answers, strict=True))
+        return tuple(goal.in_units(self.found.scales) for goal in self.found.goals)
 
     @property
     def goal_values(self) -> tuple[float | Floats, ...]:
@@ -421,8 +419,8 @@ class ElasticResult(BodyResult):
     @property
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its figures and agents; none of equal cells."""
-        scales, found = self.found.scales, getattr(self.found, "generations", ())
-        return tuple(one.in_units(scales.energy, scales.stress) for one in found)
+        scales = self.found.scales
+        return tuple(one.in_units(scales.energy, scales.stress) for one in self.found.generations)
 
     @cached_property
     def family(self) -> Family:
@@ -728,46 +726,6 @@ class ElasticResult(BodyResult):
 
     def _strain_of(self, stress: Floats, law: Ints) -> Floats:
         return strain_of(stress / self.found.scales.modulus, self.found.moduli, law)
-
-    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = self.found.archive()
-        asked = {
-            "stage": self.stage,
-            "tolerance": self.tolerance,
-            "goal": told(self.goal),
-            "resolution": self.resolution,
-            "subdivision": self.subdivision,
-        }
-        return arrays, asked | about | {"storage": self.found.storage}
-
-    @classmethod
-    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        from kaju.model.elastic.equal.cell_agents import CellAgents
-
-        about = archive.about
-        storage = archive.value("storage", str)
-        holders: dict[str, type[CellAgents | BrickAgents | PairAgents]] = {
-            "cells": CellAgents,
-            "tree": PairAgents,
-        }
-        if storage == "solid":
-            from kaju.model.solid.solid_agents import SolidAgents
-
-            holders["solid"] = SolidAgents
-        if "bricks" in about:
-            holders["tree"] = BrickAgents
-        if storage not in holders:
-            raise ParameterError(f"storage: must be one of {', '.join(holders)}, got {storage!r}")
-        stage = archive.value("stage", int | None)
-        return cls(
-            scene,
-            stage,
-            holders[storage].of_archive(archive, scene, stage),
-            archive.value("seconds", float),
-            archive.value("tolerance", float | None),
-            archive.value("resolution", int | None),
-            goals_in(archive),
-        )
 
 
 FIELDS = ("displacement", "strain", "stress", "von_mises")

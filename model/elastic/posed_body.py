@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import ceil, log2
@@ -45,18 +46,27 @@ class LeafForces(NamedTuple):
     uneven: Portions | None = None  # Those that lie unevenly on their sides again, with moments
 
 
+@dataclass(eq=False)
 class PosedBody:
     """A scene whose cell types, supports and loads are looked up for boxes of any size.
 
-    `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed, and
+    A resolution refines the cells of the scene that is asked about, and allows none smaller.
+    `cell` is the edge of the cells of `scene`, `smallest` that of the smallest agents allowed, and
     `extent` those of the array (units); scales and moduli are those of equal cells; `loaded` are
-    the loaded cells of the scene, shape (n, dimension).
+    the loaded cells, shape (n, dimension).
     """
 
-    def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
-        lattice = scene.lattice
+    asked: Scene
+    stage: int | None = None
+    resolution: int | None = None
+
+    def __post_init__(self) -> None:
+        self.stage, self.resolution = (n and int(n) for n in (self.stage, self.resolution))
+        times = self.resolution or 1
+        self.scene = self.asked if times == 1 else self.asked.refine(times)
+        lattice = self.scene.lattice
         check_boxes(lattice)
-        self.scene, self.dimension = scene, lattice.dimension
+        self.dimension = lattice.dimension
         digits = max(1, ceil(log2(max(lattice.shape))))
         spare = BITS[self.dimension] - digits
         if spare < 1:
@@ -65,10 +75,10 @@ class PosedBody:
                 f"2^{BITS[self.dimension] - 1} that agents can be counted in; use larger cells"
             )
         self.cell = 1 << min(spare, DEEPEST[self.dimension])
-        self.smallest = self.cell if at_cells else 1
+        self.smallest = 1 if self.resolution is None else self.cell
         self.extent = np.asarray(lattice.shape) * self.cell
-        self._purity = scene.purity()
-        self._collect_loads(stage)
+        self._purity = self.scene.purity()
+        self._collect_loads(self.stage)
         self._scale()
 
     def kinds_at(self, points: Ints) -> Ints:
@@ -271,21 +281,3 @@ def covering(lower: Ints, upper: Ints, exponent: int) -> Ints:
     first, last = lower >> exponent, -((-upper) >> exponent)
     ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
     return np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1) << exponent
-
-
-def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> PosedBody:
-    """Return the posed body of a scene; a resolution refines its cells, and allows none smaller."""
-    grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
-    return PosedBody(grid, stage, at_cells=resolution is not None)
-
-
-def placed(
-    ground: PosedBody, leaves: LeafCells, points: Floats, cells: Ints
-) -> tuple[Ints, Floats]:
-    """Return the agents in or on which points (m) in cells lie, and where in each, from 0 to 1."""
-    first, cell = cells * ground.cell, ground.cell
-    place = np.clip(points / ground.scene.lattice.cell_size * cell, first, first + cell)
-    unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
-    agent = leaves.find(unit)
-    inside = (place - leaves.lower[agent]) / leaves.size[agent, None]
-    return agent, np.clip(inside, 0.0, 1.0)

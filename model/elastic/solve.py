@@ -21,7 +21,7 @@ from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
-from kaju.model.elastic.posed_body import PosedBody, ground_of
+from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, interrupt_requested
 
@@ -45,14 +45,12 @@ def solve_spawning(
     tolerance = TOLERANCE if tolerance is None else tolerance
     goals = asked(goal)
     check_numbers(tolerance, resolution, stage)
-    ground = ground_of(scene, stage, resolution)
-    spawner = spawner_of(ground, tolerance, None, goals)
+    spawner = spawner_of(PosedBody(scene, stage, resolution), tolerance, None, goals)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
     spawning.notes += [NOTE] if interrupt_requested() else []
-    seconds = perf_counter() - start
-    result = answer_of(spawning, scene, stage, tolerance, resolution, goals, seconds)
+    result = answer_of(spawning, tolerance, perf_counter() - start)
     if spawning.stopped == "agents":
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an error of "
@@ -77,23 +75,15 @@ def spawner_of(
 
 
 def answer_of(
-    spawning: BrickAgents | PairAgents,
-    scene: Scene,
-    stage: int | None,
-    tolerance: float,
-    resolution: int | None,
-    goal: tuple[Quantity, ...],
-    seconds: float,
+    spawning: BrickAgents | PairAgents, tolerance: float, seconds: float
 ) -> ElasticResult:
     """Return the agents of a refinement, finished or not, as a result with its notes."""
-    missed = missed_note(spawning, tolerance, resolution)
+    missed = missed_note(spawning, tolerance)
     spawning.notes += [missed] if missed else []
-    return ElasticResult(scene, stage, spawning, seconds, tolerance, resolution, goal)
+    return ElasticResult(spawning, seconds, tolerance)
 
 
-def missed_note(
-    spawning: BrickAgents | PairAgents, tolerance: float, resolution: int | None
-) -> str:
+def missed_note(spawning: BrickAgents | PairAgents, tolerance: float) -> str:
     """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
     error, stopped = error_of(spawning), spawning.stopped
     if error <= tolerance or stopped == "agents":
@@ -104,7 +94,7 @@ def missed_note(
         return f"looked at after {len(spawning.generations)} steps, which leave {above}"
     if stopped == "rounding":
         return f"rounding hides what the two opinions differ in, and leaves {above}"
-    if resolution is not None:
+    if spawning.ground.resolution is not None:
         return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
     where = most_at(spawning)
     if stopped == "stalled":
@@ -114,7 +104,7 @@ def missed_note(
 
 def error_of(spawning: BrickAgents | PairAgents) -> float:
     """Return the error that the tolerance limits."""
-    return max((one.relative_error for one in spawning.answers), default=spawning.error)
+    return max((one.relative_error for one in spawning.goals), default=spawning.error)
 
 
 def most_at(spawning: BrickAgents | PairAgents) -> str:
@@ -153,10 +143,8 @@ def solve_cells(
     iterate = field is not None and before is not None
     solution = solve_problem(grid.problem, tolerance, before, iterate=iterate)
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
-    found = CellAgents(grid.scene, stage, grid.problem, grid.origin, solution, field)
-    result = ElasticResult(
-        scene, stage, found, perf_counter() - start, tolerance=None, resolution=resolution
-    )
+    found = CellAgents(scene, stage, grid.division, solution, field, grid)
+    result = ElasticResult(found, perf_counter() - start)
     if not solution.converged:
         solution.notes += [NOTE] if interrupt_requested() else []
         asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"

@@ -11,7 +11,7 @@ from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import AskedFor, asked
 from kaju.model.elastic.pair.family import Family
-from kaju.model.elastic.posed_body import ground_of
+from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.solve import answer_of, error_of, missed_note, spawner_of
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
@@ -99,7 +99,7 @@ class SpawningModel(SteppedModel):
         check_numbers(tolerance, resolution, stage, most_agents)
         self.scene, self.stage = scene, stage
         self.tolerance, self.resolution = tolerance, resolution
-        self.ground = ground_of(scene, stage, resolution)
+        self.ground = PosedBody(scene, stage, resolution)
         self.most_agents: int | None = most_agents
         self._asked, self.goal = goal, asked(goal)
         self._objects: list[SpawningAgent] = []
@@ -203,7 +203,7 @@ class SpawningModel(SteppedModel):
         if error_of(spawning) <= self.tolerance:
             return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
         agents = f"more than the {self.most_agents} agents allowed would be needed"
-        missed = missed_note(spawning, self.tolerance, self.resolution)
+        missed = missed_note(spawning, self.tolerance)
         return f"stopped after {self.generation} steps: {missed or agents}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -234,6 +234,4 @@ class SpawningModel(SteppedModel):
         """
         if not self.generation:
             raise ResultError("result: no agent has an opinion yet; take a step first")
-        spawning = self.spawner.outcome()
-        how = (self.scene, self.stage, self.tolerance, self.resolution, self.goal)
-        return answer_of(spawning, *how, self.seconds)
+        return answer_of(self.spawner.outcome(), self.tolerance, self.seconds)

@@ -15,7 +15,7 @@ from kaju.errors import ResultError, require
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve_cells
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.result import BOOKS, BodyResult, Check, Result
+from kaju.model.results.result import BOOKS, BodyResult, Check
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
@@ -201,6 +201,3 @@ class GrowthResult(BodyResult):
             return []
         off = float(np.abs(self.volumes[1:] / self.volume - 1.0).max(initial=0.0))
         return [Check("the volume is held", off, BOOKS)]
-
-    # `BodyResult` stores answers that are not described by their fields yet.
-    _stored, _restored = Result._stored, Result.__dict__["_restored"]

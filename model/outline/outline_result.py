@@ -318,7 +318,8 @@ class OutlineResult(Result):
         if self.tolerance_at is None or self.peak is None or not np.isfinite(self.peak[0]):
             return ()
         why = "nothing is proved of a stress at a point"
-        return (Goal(self.tolerance_at[0], *self.peak, no_bound=why),)
+        value, error, _ = self.peak
+        return (Goal(self.tolerance_at[0], (value,), error, abs(value), why),)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, 2), lie in the body or on its outline."""

@@ -39,8 +39,6 @@ class Curves:
     logarithmic: bool = False  # whether orders of magnitude are drawn; all are above 0 then
 
 
-_SCENE = "scene."
-
 # Shares by which a ledger, energies, and forces may be off without a word in the notes; and the
 # last of these as a share of the error that an answer states.
 BOOKS, ROUNDING, BALANCE = 1e-12, 1e-9, 1e-6
@@ -207,9 +205,6 @@ def solved_scene(result: Any) -> Scene:
 class BodyResult(Result):
     """An answer that knows displacement and stress everywhere in the body of a scene."""
 
-    scene: Scene
-    """What was asked."""
-
     @property
     @abstractmethod
     def name(self) -> str:
@@ -221,6 +216,10 @@ class BodyResult(Result):
         return self.scene
 
     if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
+
+        @property
+        def scene(self) -> Scene:
+            """What was asked."""
 
         @property
         def stage(self) -> int | None:
@@ -336,26 +335,6 @@ class BodyResult(Result):
         raise ResultError(
             f"cuts: a {type(self).__name__} does not hold all of its stresses at once"
         )
-
-    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        text, scene_arrays = self.scene.to_archive()
-        arrays, about = self._archive()
-        arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
-        return arrays, about | {"scene": text, "seconds": self.seconds}
-
-    @classmethod
-    def _restored(cls, archive: Archive) -> Self:
-        scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
-        return cls._from_archive(scene, archive)
-
-    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored besides scene and time, of results not stored by their fields."""
-        raise NotImplementedError
-
-    @classmethod
-    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        """Return the result that `_archive` took apart."""
-        raise NotImplementedError
 
 
 def finite(number: float | None) -> float | None:

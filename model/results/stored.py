@@ -12,9 +12,8 @@ To store a result, annotate the fields of its dataclass, in the order in which t
   `Literal`, `NamedTuple`; ``Annotated[X, Coded(encode, decode, form)]`` turns others into that.
 
 Only what the constructor takes is stored; what holds between fields is checked by the class in
-``__post_init__`` (raise `ResultError`). Then `Result.save` and `load_result` need nothing more:
-drop ``_stored``, ``_restored``, ``_archive``, ``_from_archive``, the tables in `formats` and the
-`columns` in `result_kinds`. docs/formats.md lists the fields by itself.
+``__post_init__`` (raise `ResultError`). What is known when a result is made, and found again when
+it is read, is an ``InitVar``. docs/formats.md lists the fields by itself.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -34,8 +32,6 @@ from pydantic import TypeAdapter, ValidationError
 from kaju.errors import ResultError
 from kaju.model.scene import Scene
 
-from .archive import Archive
-
 Arrays = dict[str, NDArray[Any]]
 Sizes = dict[str, Any]
 
@@ -44,7 +40,7 @@ Sizes = dict[str, Any]
 class Column:
     """What an array must be; the type of its numbers is that of its annotation."""
 
-    shape: str  # sizes along its axes, numbers or names
+    shape: str  # sizes along its axes, numbers or names; "..." is any
     low: float | None = None  # smallest value
     high: float | str | None = None  # largest; whole numbers stay below a size that is named
     finite: bool = True  # whether floating-point numbers must be finite
@@ -54,15 +50,19 @@ class Column:
         """Refuse an array that is not so; add the sizes that it is the first to have."""
         axes = self.shape.split()
         needed = tuple(int(axis) if axis.isdigit() else sizes.get(axis) for axis in axes)
-        fits = len(needed) == found.ndim and all(
-            size in (None, length) for size, length in zip(needed, found.shape, strict=True)
+        fits = self.shape == "..." or (
+            len(needed) == found.ndim
+            and all(
+                size in (None, length) for size, length in zip(needed, found.shape, strict=True)
+            )
         )
         if found.dtype != dtype:
             raise _wrong(name, f"must hold {dtype}, and holds {found.dtype}")
         if not fits:
             known = ", ".join("any" if size is None else str(size) for size in needed)
             raise _wrong(name, f"must be of shape ({known}), and is of shape {found.shape}")
-        sizes |= dict(zip(axes, found.shape, strict=True))
+        if self.shape != "...":
+            sizes |= dict(zip(axes, found.shape, strict=True))
         high: Any = self.high
         if isinstance(high, str):
             high = sizes[high] - (dtype.kind == "i")
@@ -132,7 +132,7 @@ def _described(form: Any, name: str) -> Iterator[tuple[str, str]]:
     mark = _mark(form)
     if isinstance(mark, Column):
         yield name, mark.text(_dtype(form))
-    elif _is_record(form) and form is not Scene and not _stores_itself(form):
+    elif _is_record(form) and form is not Scene:
         yield from described(form, name)
     elif get_origin(form) in (Union, UnionType):
         for each in get_args(form):
@@ -185,11 +185,6 @@ def _is_record(form: Any) -> bool:
     return isinstance(form, type) and is_dataclass(form)
 
 
-def _stores_itself(form: Any) -> bool:
-    """Tell whether a form is a result that is not described by its fields yet."""
-    return "_from_archive" in vars(form) if isinstance(form, type) else False
-
-
 @cache
 def _has_parts(form: Any) -> bool:
     """Tell whether a form is a dataclass, an array or a `Coded` value, or holds any."""
@@ -234,10 +229,6 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
         arrays |= {_inside(name, key): array for key, array in own_arrays.items()}
         sizes |= sizes_of(value)
         return text
-    if _stores_itself(form):
-        own, plain = value._stored()
-        arrays |= {_inside(name, key): array for key, array in own.items()}
-        return plain
     if not _has_parts(form):
         return _adapter(form).dump_python(value, mode="json")
     if _is_record(form):
@@ -280,14 +271,6 @@ def _read(
         scene = Scene.from_archive(_plain(str, plain, name), own)
         sizes |= sizes_of(scene)
         return scene
-    if _stores_itself(form):
-        start = _inside(name, "")
-        own = {key.removeprefix(start): a for key, a in arrays.items() if key.startswith(start)}
-        result = form._restored(
-            Archive(Path(name), own, {**_holding(dict, plain, name), "kind": form.kind})
-        )
-        sizes |= sizes_of(result.scene)
-        return result
     if not _has_parts(form):
         return _plain(form, plain, name)
     if _is_record(form):

@@ -130,7 +130,7 @@ class ElasticCreepResult(BodyTimeResult):
         moved = tuple(float(self.factors[record]) * values for values in found.problem.fixed)
         self._numbering.scatter(self._stepped("faces")[record], moved)
         solution = replace(found.solution, displacement=moved)
-        return replace(self.static, found=replace(found, solution=solution))
+        return replace(self.static, found=replace(found, solution=solution, known=found.posed))
 
     def _stepped(self, name: str) -> Floats:
         values: Floats | None = getattr(self, name)

@@ -31,6 +31,7 @@ from kaju.files import hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
 from kaju.model.results.archive import open_archive, reading, write_archive
 from kaju.model.results.result import BodyResult, cells_of_points
+from kaju.model.results.stored import put_together, taken_apart
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -58,6 +59,16 @@ class Piece:
         return np.asarray(np.all((cells >= self.lower) & (cells < self.upper), axis=1))
 
 
+@dataclass(frozen=True)
+class _Whole:
+    """What is stored of all pieces together."""
+
+    scene: Scene
+    stage: int | None
+    figures: dict[str, Any]
+    boxes: list[tuple[tuple[int, ...], tuple[int, ...]]]  # first cell, and behind the last
+
+
 class PiecedResult(BodyResult):
     """Linear elasticity of a scene, known piece by piece.
 
@@ -77,7 +88,7 @@ class PiecedResult(BodyResult):
         figures: dict[str, Any],
         comm: Any = None,
     ) -> None:
-        self.scene = scene
+        self.scene = scene  # type: ignore[misc]
         self._grid = grid
         self.stage = stage  # type: ignore[misc]
         self.pieces = tuple(pieces)
@@ -213,7 +224,7 @@ class PiecedResult(BodyResult):
             hidden = together(comm, lambda: holder and _entered(holder, target))
             place = Path(comm.bcast(str(hidden)))
             together(comm, lambda: self._write_piece(place))
-            boxes = comm.allgather([self.pieces[0].lower, self.pieces[0].upper])
+            boxes = comm.allgather((self.pieces[0].lower, self.pieces[0].upper))
             together(comm, lambda: self._finish(place, target, boxes) if first else None)
         finally:
             if holder is not None and hidden is not None:
@@ -229,9 +240,8 @@ class PiecedResult(BodyResult):
         """Write what all pieces have in common, and give the folder its name."""
         try:
             (place / INDEX).write_text(_index(place, boxes, self.grid), encoding="utf-8")
-            text, arrays = self.scene.to_archive()
-            about = {"scene": text, "stage": self.stage, "figures": self.figures, "pieces": boxes}
-            write_archive(place / SCENE, "pieces", arrays, about)
+            whole = _Whole(self.scene, self.stage, self.figures, boxes)
+            write_archive(place / SCENE, "pieces", *taken_apart(whole))
             move_into_place(place, target)
         except OSError as error:
             raise ResultFileError(f"{target}: cannot be written: {error}") from error
@@ -243,17 +253,16 @@ class PiecedResult(BodyResult):
         folder = folder.parent if folder.is_file() else folder
         archive = open_archive(folder / SCENE, "pieces")
         with reading(folder):
-            scene = Scene.from_archive(archive.value("scene", str), archive.arrays)
-            figures = archive.value("figures", dict[str, Any])
+            whole: _Whole = put_together(_Whole, archive.arrays, archive.about)
+            scene, figures = whole.scene, whole.figures
             division = int(figures["subdivision"])
             grid = scene if division == 1 else scene.refine(division)
-            boxes = enumerate(archive.value("pieces", list[list[list[int]]]))
-            pieces = [_stored(folder, rank, tuple(a), tuple(b)) for rank, (a, b) in boxes]
+            pieces = [_stored(folder, rank, *box) for rank, box in enumerate(whole.boxes)]
             known = len(scene.cell_materials)
             for rank, piece in enumerate(pieces):
                 if piece.cells["kind"].max(initial=-1) >= known:
                     raise ResultError(f"kind of piece {rank} names none of {known} materials")
-            return cls(scene, grid, archive.value("stage", int | None), pieces, figures)
+            return cls(scene, grid, whole.stage, pieces, figures)
 
 
 def _entered(holder: Any, target: Path) -> Path:

@@ -30,7 +30,7 @@ from kaju.errors import (
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.grid import grid_of
+from kaju.model.elastic.equal.grid import Grid, grid_of
 from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.equal.reactions import reactions
 from kaju.model.elastic.equal.staggered import internal_force
@@ -316,8 +316,8 @@ def _result(
     }
     if comm.Get_size() == 1:
         origin = tuple(int(i) for i in body.lower + window.origin + 1)
-        found = CellAgents(body.scene, stage, window.problem, origin, solution)
-        return ElasticResult(scene, stage, found, seconds, resolution=division)
+        posed = Grid(body.scene, window.problem, origin, division)
+        return ElasticResult(CellAgents(scene, stage, division, solution, known=posed), seconds)
     return PiecedResult.of_processes(
         scene, body.scene, stage, window.piece(), window.reactions(), figures, comm
     )

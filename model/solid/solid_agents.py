@@ -8,17 +8,15 @@ from typing import ClassVar, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags
+from kaju.arrays import Flags, Floats
 from kaju.errors import SceneError
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.grid import Origin, problem_of_scene
+from kaju.model.elastic.equal.grid import Grid, Origin, problem_of_scene
 from kaju.model.elastic.equal.problem import ElasticProblem
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.staggered import axis_pairs, edge_modulus
 from kaju.model.elastic.equal.supports import check_supports, slender_cell
-from kaju.model.elastic.equal.system import Solution
-from kaju.model.results.archive import Archive
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.pictures import check_size
@@ -38,38 +36,32 @@ FRACTIONS = (
 NO_BOUND = "within true outlines in space errors are estimated, not proved"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class SolidAgents(CellAgents):
     """Agents of one size, whole or cut by outlines."""
 
     storage: ClassVar[Literal["cells", "solid"]] = "solid"
     bracket: ClassVar[str] = NO_BOUND
-    asked: Scene  # With its outlines
-    solid: SolidBody
-    sorts: NDArray[np.int8]  # of every cell of the array whether it is WHOLE, CUT or EMPTY
 
-    @classmethod
-    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> SolidAgents:
-        """Return what `archive` took apart."""
-        found = agents_of(scene, archive.value("subdivision", int))
-        faces = tuple(
-            archive.array(f"face.{axis}", "f", found.problem.face_shape(axis)) for axis in range(3)
-        )
-        solution = Solution(displacement=faces, **archive.record("solution", Solution))
-        return replace(found, solution=solution)
+    def _posed(self) -> Grid:
+        """Return the grid of a stored answer."""
+        posed, share = grid_of_solid(self.scene, self.division)
+        object.__setattr__(self, "factor", share)
+        self._check(posed)
+        return posed
 
 
 def solved_agents(scene: Scene, resolution: int | None) -> SolidAgents:
     """Return the agents of a solid with true outlines, equal cells, settled."""
     check_numbers(None, resolution)
-    agents = agents_of(scene, resolution or 1)
-    solution = solve_problem(agents.problem)
-    solution.notes[:0] = [FRACTIONS, *agents.solution.notes]
-    return replace(agents, solution=solution)
+    posed, share = grid_of_solid(scene, int(resolution or 1))
+    solution = solve_problem(posed.problem)
+    solution.notes[:0] = [FRACTIONS, *posed.notes]
+    return SolidAgents(scene, None, posed.division, solution, share, posed)
 
 
-def agents_of(scene: Scene, resolution: int) -> SolidAgents:
-    """Return the agents of a solid, not solved yet; their notes say what is left out."""
+def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
+    """Return the cells of a solid, and what share of each is body, 1 beyond it."""
     solid = solid_of(scene, resolution)
     check_size(solid.shape, "resolution")
     sorts = solid.cells()
@@ -93,20 +85,17 @@ def agents_of(scene: Scene, resolution: int) -> SolidAgents:
         )
     _check_loads(scene, body, sorts)
     check_supports(like, origin)
-    field = np.where(body, share, 1.0)
-    problem, _ = problem_of_scene(grid, None, field)
+    share = np.where(body, share, 1.0)
+    problem, _ = problem_of_scene(grid, None, share)
     box = tuple(slice(2 * a, 2 * (a + n)) for a, n in zip(origin, problem.shape, strict=True))
     edges = {
         pair: edge_modulus(like, pair)
         * np.pad(np.maximum(edge_shares(eighths[box], pair), SLIVER), 1)
         for pair in axis_pairs(3)
     }
+    notes = (f"{left_out:.1g} of the body is too thin for the cells, and left out",)
     problem = replace(problem, edges=edges)
-    nothing = Solution((), 0.0, "", 0.0, 0.0, 1, [], False)
-    if left_out > NOTED:
-        nothing.notes.append(f"{left_out:.1g} of the body is too thin for the cells, and left out")
-    own = (grid, None, problem, origin, nothing, field)
-    return SolidAgents(*own, asked=scene, solid=solid, sorts=sorts)
+    return Grid(grid, problem, origin, resolution, notes if left_out > NOTED else ()), share
 
 
 def _posed(scene: Scene, body: Flags, edge: float) -> tuple[Scene, ElasticProblem, Origin]:

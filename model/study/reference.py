@@ -9,15 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import open_archive, reading, write_archive
-from kaju.model.results.formats import REFERENCE
+from kaju.model.results.stored import Column, put_together, taken_apart
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -64,9 +64,9 @@ class Reference:
     0.091
     """
 
-    points: Floats
-    displacement: Floats
-    stress: Floats | None = None
+    points: Annotated[Floats, Column("points dimension")]
+    displacement: Annotated[Floats, Column("points dimension")]
+    stress: Annotated[Floats, Column("points dimension dimension")] | None = None
     strain_energy: float | None = None
     source: str = ""
 
@@ -147,11 +147,7 @@ class Reference:
 
     def save(self, path: str | Path) -> Path:
         """Write the reference to one ``.npz`` file, from which `load` reads it again."""
-        arrays: dict[str, NDArray[Any]] = {"points": self.points, "displacement": self.displacement}
-        if self.stress is not None:
-            arrays["stress"] = self.stress
-        about = {"strain_energy": self.strain_energy, "source": self.source}
-        return write_archive(path, "reference", arrays, about)
+        return write_archive(path, "reference", *taken_apart(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Reference:
@@ -164,11 +160,8 @@ class Reference:
         """
         archive = open_archive(path, "reference")
         with reading(path):
-            return cls(
-                **archive.columns(REFERENCE, {}),
-                strain_energy=archive.value("strain_energy", float | None),
-                source=archive.value("source", str),
-            )
+            found: Reference = put_together(cls, archive.arrays, archive.about)
+            return found
 
 
 def _numbers(name: str, given: ArrayLike | None) -> Floats:

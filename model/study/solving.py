@@ -191,7 +191,7 @@ def _solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
 
     start = perf_counter()
     found = solved_agents(scene, resolution)
-    result = ElasticResult(scene, None, found, perf_counter() - start, resolution=resolution)
+    result = ElasticResult(found, perf_counter() - start)
     if not found.solution.converged:
         raise ConvergenceError(
             f"solve: after {found.solution.iterations} iterations the relative residual is "

@@ -21,7 +21,6 @@ from kaju.model.results.result import (
     BOOKS,
     BodyResult,
     Check,
-    Result,
     cells_of_points,
     idle_rheology,
 )
@@ -397,9 +396,6 @@ class TransferResult(BodyResult):
                 columns[f"strain_{a}{b}"] = self.strain[:, i, j]
                 columns[f"stress_{a}{b}"] = self.stress[:, i, j]
         return pandas.DataFrame(columns)
-
-    # `BodyResult` stores answers that are not described by their fields yet.
-    _stored, _restored = Result._stored, Result.__dict__["_restored"]
 
 
 def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:

@@ -91,11 +91,6 @@ KINDS = {
         },
         films={"waves": "view.face_agents:WAVES"},
         page=f"{_MOTION}:elastic_agents",
-        columns={
-            "elastic agents, agents": f"{_COLUMNS}:FACE_AGENTS",
-            "elastic agents, boundary": f"{_COLUMNS}:BOUNDARY_AGENTS",
-            "elastic agents, moments": f"{_COLUMNS}:MOMENTS",
-        },
     ),
     "elasticity in pieces": Kind("model.scale.pieces:PiecedResult", _SCENE),  # ParaView draws it
     "spring network": Kind(

@@ -159,8 +159,11 @@ def set_to(name, value):
     return change
 
 
-def told(name, value):
+def told(path, value):
     def change(arrays, about):
+        *inside, name = path.split(".")
+        for part in inside:
+            about = about[part]
         about[name] = value
 
     return change
@@ -172,23 +175,22 @@ def first(values, value):
     return values
 
 
+LAST = "found.generations.0"
 TREE = {
-    "index": (set_to("history.code", lambda v: first(v, 1 << 40)), "side by side"),
-    "size": (set_to("history.size", lambda v: first(v, 3)), "side by side"),
-    "narrow": (set_to("history.gap", lambda v: v.astype(np.float16)), "history.gap"),
-    "nan": (set_to("history.gap", lambda v: first(v, np.nan)), "history.gap"),
-    "missing": (lambda arrays, about: arrays.pop("history.chosen"), "history.chosen"),
-    "figures": (set_to("history.figures", lambda v: first(v, 0.0)), "history.figures"),
-    "resolution": (told("resolution", "two"), "resolution"),
+    "index": (set_to(f"{LAST}.code", lambda v: first(v, 1 << 40)), "side by side"),
+    "size": (set_to(f"{LAST}.size", lambda v: first(v, 3)), "side by side"),
+    "nan": (set_to(f"{LAST}.gap", lambda v: first(v, np.nan)), "0.gap' must hold finite"),
+    "missing": (lambda arrays, about: arrays.pop(f"{LAST}.chosen"), "chosen' is missing"),
+    "none": (told("found.PairAgents.generations", []), "side by side"),
+    "resolution": (told("found.PairAgents.ground.resolution", "two"), "resolution"),
     "later": (told("format", 99), "in version 99"),
-    "stage": (told("stage", 7.5), "stage"),
 }
 CELLS = {
-    "shape": (set_to("face.0", lambda v: v[:, :-1]), "face.0"),
-    "infinite": (set_to("face.1", lambda v: first(v, np.inf)), "face.1"),
-    "division": (told("subdivision", -3), "subdivision"),
-    "storage": (told("storage", "heap"), "storage"),
-    "scene": (told("scene", "body = 3"), "damaged"),
+    "shape": (set_to("found.solution.displacement.0", lambda v: v[:, :-1]), "displacement"),
+    "infinite": (set_to("found.solution.displacement.1", lambda v: first(v, np.inf)), "finite"),
+    "division": (told("found.CellAgents.division", -3), "division"),
+    "storage": (told("found", {"Heap": {}}), "Heap"),
+    "scene": (told("found.CellAgents.scene", "body = 3"), "damaged"),
 }
 
 
@@ -216,7 +218,7 @@ def test_checksums_are_read_to_their_end(stored, tmp_path):
     with zipfile.ZipFile(stored["cells"]) as old, zipfile.ZipFile(path, "w") as new:
         for entry in old.infolist():
             data = old.read(entry)
-            if entry.filename == "face.0.npy":
+            if entry.filename == "found.solution.displacement.0.npy":
                 data = data.replace(b"'<f8'", b"'<f2'")
             new.writestr(entry, data)
     with pytest.raises(ResultFileError, match="shorter than what is stored"):

@@ -15,7 +15,7 @@ import numpy as np
 
 from kaju import ElasticResult, Scene
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.grid import problem_of_scene
+from kaju.model.elastic.equal.grid import Grid, problem_of_scene
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.solve import solve_cells
 
@@ -138,8 +138,10 @@ class KnownProblem(ABC):
         problem, origin = problem_of_scene(scene)
         sides = [scene.lattice.sides.index(side) for side in self.given_sides]
         problem = replace(problem, fixed=given_faces(problem, sides, self.exact_displacement))
-        found = CellAgents(scene, None, problem, origin, solve_problem(problem, tolerance))
-        return ElasticResult(scene, None, found, perf_counter() - start)
+        solution, posed = solve_problem(problem, tolerance), Grid(scene, problem, origin, 1)
+        return ElasticResult(
+            CellAgents(scene, None, 1, solution, known=posed), perf_counter() - start
+        )
 
     def error(self, result, of="displacement"):
         """Return the largest error at `points`, relative to the largest exact value there."""

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultFileError
+from kaju.errors import ResultError
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.scales import Scales
-from kaju.model.results.archive import Archive, plain_of
+from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 from . import fields
-from .grid import problem_of_scene, repeated
+from .grid import Grid, Origin, problem_of_scene, repeated
 from .problem import ABSENT, ElasticProblem, FaceFields
 from .reactions import reactions
 from .staggered import Strains, energy_of_cells
 from .system import Solution
+
+FINEST = 1 << 20  # A stored grid has no more cells per cell of the scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +37,56 @@ class CellAgents:
     bracket: ClassVar[str] = (
         "errors of equal cells are estimated; a tolerance lets agents of two minds prove theirs"
     )
-    grid: Scene  # The scene on the cells that were solved
+    goals: ClassVar[tuple[()]] = ()
+    generations: ClassVar[tuple[()]] = ()
+    posed: Grid = field(init=False, repr=False)
+    scene: Scene  # What was asked
     stage: int | None
-    problem: ElasticProblem  # The scaled arrays that were solved
-    origin: tuple[int, ...]  # The grid's cell that is the arrays' first
+    division: int
     solution: Solution  # Scaled displacements of the faces and the history of the iteration
-    field: Floats | None = None
+    factor: Annotated[Floats, Column("...")] | None = None
     """Factor of the moduli for every cell of the scene; every agent has its own law then."""
+    known: InitVar[Grid | None] = None
+
+    def __post_init__(self, known: Grid | None) -> None:
+        object.__setattr__(self, "posed", known or self._posed())
+
+    def _posed(self) -> Grid:
+        """Return the grid of a stored answer."""
+        if not 1 <= self.division <= FINEST:
+            raise ResultError(f"'division' must be from 1 to {FINEST}, and is {self.division}")
+        grid = self.scene if self.division == 1 else self.scene.refine(self.division)
+        factor = self.factor
+        if factor is not None and factor.shape != self.scene.lattice.shape:
+            raise ResultError(f"'factor' must be of shape {self.scene.lattice.shape}")
+        if factor is not None and not np.all(factor[self.scene.rasterise() >= 0] > 0.0):
+            raise ResultError("'factor' must be above 0")
+        problem, origin = problem_of_scene(grid, self.stage, repeated(factor, self.division))
+        found = Grid(grid, problem, origin, self.division)
+        self._check(found)
+        return found
+
+    def _check(self, posed: Grid) -> None:
+        """Refuse displacements of other faces than those of the grid."""
+        shapes = [values.shape for values in self.solution.displacement]
+        needed = [posed.problem.face_shape(axis) for axis in range(posed.problem.dimension)]
+        if shapes != needed:
+            raise ResultError(f"'displacement' must be of the shapes {needed}, and is of {shapes}")
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that were solved."""
+        return self.posed.scene
+
+    @property
+    def problem(self) -> ElasticProblem:
+        """The scaled arrays that were solved."""
+        return self.posed.problem
+
+    @property
+    def origin(self) -> Origin:
+        """The grid's cell that is the arrays' first."""
+        return self.posed.origin
 
     @property
     def scales(self) -> Scales:
@@ -94,15 +139,15 @@ class CellAgents:
     @property
     def material(self) -> Ints:
         """Index of each agent's material."""
-        return self.law if self.field is None else np.asarray(self.grid.kinds(self.cells))
+        return self.law if self.factor is None else np.asarray(self.grid.kinds(self.cells))
 
     @property
     def stiffness(self) -> Floats | None:
         """Factor of the moduli of each agent's material."""
-        if self.field is None:
+        if self.factor is None:
             return None
-        division = self.grid.lattice.shape[0] // len(self.field)
-        return np.asarray(self.field[tuple((self.cells // division).T)])
+        division = self.grid.lattice.shape[0] // len(self.factor)
+        return np.asarray(self.factor[tuple((self.cells // division).T)])
 
     @property
     def level(self) -> Ints:
@@ -177,7 +222,7 @@ class CellAgents:
     def _laws(self) -> NDArray[np.int32]:
         """Index of the law of each of the box's cells, equal for equal moduli; below 0 outside."""
         kinds = self._kinds.copy()
-        if self.field is not None:
+        if self.factor is not None:
             moduli = np.stack(self.moduli, axis=1)
             kinds[self.body] = np.unique(moduli, axis=0, return_inverse=True)[1].ravel()
         return kinds
@@ -189,30 +234,3 @@ class CellAgents:
     def _within(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         local = points / self.grid.lattice.cell_size - cells
         return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
-
-    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: arrays, and plain values."""
-        faces = {f"face.{a}": values for a, values in enumerate(self.solution.displacement)}
-        if self.field is not None:
-            faces["stiffness"] = self.field
-        return faces, {"solution": plain_of(self.solution)}
-
-    @classmethod
-    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> CellAgents:
-        """Return the agents of a stored result."""
-        division = archive.value("subdivision", int)
-        if not 1 <= division <= 1 << 20:
-            raise ResultFileError(f"{archive.path}: 'subdivision' must be 1 or more")
-        grid = scene if division == 1 else scene.refine(division)
-        field = None
-        if "stiffness" in archive.arrays:
-            field = archive.array("stiffness", "f", scene.lattice.shape)
-            if not np.all(field[scene.rasterise() >= 0] > 0.0):
-                raise ResultFileError(f"{archive.path}: 'stiffness' must be above 0")
-        problem, origin = problem_of_scene(grid, stage, repeated(field, division))
-        faces = tuple(
-            archive.array(f"face.{axis}", "f", problem.face_shape(axis))
-            for axis in range(problem.dimension)
-        )
-        solution = Solution(displacement=faces, **archive.record("solution", Solution))
-        return cls(grid, stage, problem, origin, solution, field)

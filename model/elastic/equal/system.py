@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import SceneError
+from kaju.model.results.stored import Column
 
 from .krylov import Iteration, dot
 from .problem import ACTIVE, FIXED, ElasticProblem, FaceFields
@@ -28,7 +29,7 @@ second."""
 class Solution:
     """Displacements of all faces and how they were found; all scaled."""
 
-    displacement: FaceFields  # Faces' displacements, ghost cells included
+    displacement: tuple[Annotated[Floats, Column("...")], ...]  # Of faces, ghost cells included
     energy: float  # Energy stored in body and foundation
     method: str  # "direct", "full multigrid", "Galerkin multigrid", "mixed form"
     discretisation: float  # Estimated relative error in the energy norm: of the grid,

@@ -17,8 +17,8 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.elastic.goals.goal_places import GoalBox, Points, Where, where_of
 from kaju.model.elastic.goals.quantities import (
-    Answer,
     Deflection,
+    Goal,
     Quantity,
     Reaction,
     Stress,
@@ -94,10 +94,11 @@ class DualGoal(ABC):
         """Return by what strain a quantity that is not linear grows; None of one that is."""
         return None
 
-    def answer(self, value: Floats, error: float, largest: dict[type[Quantity], float]) -> Answer:
-        """Return an answer with what its error is relative to."""
+    def goal(self, value: Floats, error: float, largest: dict[type[Quantity], float]) -> Goal:
+        """Return what has been found, with what its error is relative to."""
         least = SMALL * largest[type(self.quantity)]
-        return Answer(value, error, max(float(np.linalg.norm(value)), least), self.no_bound)
+        scale = max(float(np.linalg.norm(value)), least)
+        return Goal(self.quantity, tuple(value.tolist()), error, scale, self.no_bound)
 
 
 class _At(DualGoal):

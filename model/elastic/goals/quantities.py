@@ -9,9 +9,9 @@ the name of a side, such as ``"top"``: all of the body's surface there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import hypot, isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic.scales import Scales
-from kaju.model.results.archive import Archive
 from kaju.model.results.result import finite
 from kaju.model.scene.cell_types import INSIDE
 
@@ -130,44 +129,39 @@ class Reaction(_Parsed):
 Quantity = Deflection | Stress | Reaction
 
 
-class Answer(NamedTuple):
-    """What has been found of a goal; scaled."""
+@dataclass(frozen=True)
+class Goal:
+    """What has been found of a quantity."""
 
-    value: Floats  # Shape (components,)
-    error: float  # At most if it is proved, else estimated; of a vector in length
-    scale: float  # What it is relative to
-    no_bound: str  # Why nothing is proved; empty if the error is
+    quantity: Quantity
+    components: tuple[float, ...]  # Along each of its directions, in m, Pa or N
+    error_estimate: float  # Of a vector in length; proved if there is a bound
+    # What the error is relative to: the value or, where that is smaller, a hundredth of the largest
+    # displacement, stress or reaction of all
+    scale: float
+    no_bound: str = ""  # Why nothing is proved; empty if the error is
+
+    @property
+    def value(self) -> float | Floats:
+        """The quantity (m, Pa or N); a vector has shape (dimension,)."""
+        return plain(np.array(self.components))
 
     @property
     def relative_error(self) -> float:
         """The error as a share of the scale."""
-        return self.error / (self.scale or 1.0)
+        return self.error_estimate / (self.scale or 1.0)
 
-    def stored(self) -> list[Any]:
-        """Return plain values, which `answers_in` reads."""
-        return [self.value.tolist(), *self[1:]]
+    @property
+    def error_bound(self) -> float | None:
+        """What the error of the value is at most, a theorem; None if nothing is proved."""
+        return None if self.no_bound else self.error_estimate
 
-
-class Goal(NamedTuple):
-    """What has been found of a quantity."""
-
-    quantity: Quantity
-    value: float | Floats  # In m, Pa or N; a vector has shape (dimension,)
-    error_estimate: float  # Error of the value, of a vector in length; proved if there is a bound
-    # The same relative to the value or, where that is smaller, to a hundredth of the largest
-    # displacement, stress or reaction of all
-    relative_error: float
-    error_bound: float | None = None  # What the error of the value is at most; a theorem
-    no_bound: str = ""  # Why there is none; empty if there is
-
-    @classmethod
-    def of(cls, quantity: Quantity, answer: Answer, scales: Scales) -> Goal:
-        """Return what has been found, in units."""
-        unit = unit_of(quantity, scales)
-        error = unit * answer.error
-        bound = None if answer.no_bound else error
-        value = plain(unit * answer.value)
-        return cls(quantity, value, error, answer.relative_error, bound, answer.no_bound)
+    def in_units(self, scales: Scales) -> Goal:
+        """Return it in m, Pa or N."""
+        unit = unit_of(self.quantity, scales)
+        components = tuple(unit * x for x in self.components)
+        error, scale = unit * self.error_estimate, unit * self.scale
+        return replace(self, components=components, error_estimate=error, scale=scale)
 
     def figures(self) -> dict[str, Any]:
         """Return its entry in a summary."""
@@ -190,18 +184,6 @@ class Goal(NamedTuple):
         )
 
 
-def goals_in(archive: Archive) -> tuple[Quantity, ...]:
-    """Return the goals of a stored result."""
-    plain_ones = archive.value("goal", list[dict[str, Any]] | None) or ()
-    return tuple(quantity_from(values) for values in plain_ones)
-
-
-def answers_in(archive: Archive) -> list[Answer]:
-    """Return the answers of a stored result to its goals."""
-    records = archive.value("answers", list[tuple[list[float], float, float, str]])
-    return [Answer(np.array(value, dtype=np.float64), *rest) for value, *rest in records]
-
-
 def unit_of(quantity: Quantity, scales: Scales) -> float:
     """Return the unit of a quantity's scaled value: m, Pa or N."""
     units = {Deflection: scales.displacement, Stress: scales.stress, Reaction: scales.force}
@@ -213,7 +195,6 @@ def plain(value: Floats) -> float | Floats:
     return value if len(value) > 1 else float(value[0])
 
 
-_KINDS: dict[str, type[Quantity]] = {k.__name__: k for k in (Deflection, Stress, Reaction)}
 AskedFor = str | Quantity | Mapping[str, Any] | Sequence[Any]
 """What `goal` may be."""
 
@@ -268,12 +249,6 @@ def named(quantity: Quantity) -> str:
     return " ".join(
         [str(kind).lower(), f"at {at}" if kind != "Reaction" else str(at), *map(str, rest)]
     )
-
-
-def quantity_from(values: Mapping[str, Any]) -> Quantity:
-    """Return the quantity of the values that `described` has returned."""
-    rest = {name: value for name, value in values.items() if name != "quantity"}
-    return _KINDS[values["quantity"]](**rest)
 
 
 def directions_of(along: str | tuple[float, ...] | None, dimension: int) -> Floats:

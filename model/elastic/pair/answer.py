@@ -8,31 +8,20 @@ middle of its bounds.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
-from kaju.model.elastic.goals.quantities import Answer, answers_in, goals_in
 from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.elastic.pair.elements import quadratic_values, rule, strains, stresses
 from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
-from kaju.model.elastic.pair.history import (
-    Generation,
-    GrownAgents,
-    generations_of,
-    stored,
-    trees_of,
-)
+from kaju.model.elastic.pair.history import Generation, GrownAgents, trees_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
-from kaju.model.elastic.posed_body import PosedBody, ground_of, placed
-from kaju.model.results.archive import Archive
-from kaju.model.scene import Scene
 
 METHOD = "agents of two minds"
 
@@ -41,23 +30,22 @@ METHOD = "agents of two minds"
 class PairAgents(GrownAgents):
     """Agents of a plane body along a space-filling curve, and their generations; scaled."""
 
-    storage: ClassVar[Literal["tree"]] = "tree"
     method: ClassVar[str] = METHOD
-    stiffness: ClassVar[None] = None
-    ground: PosedBody
-    trees: list[LeafCells] = field(repr=False)  # The agents of every generation
-    generations: list[Generation]
-    answers: list[Answer] = field(default_factory=list)  # Of the goals
-    stopped: str = ""
-    """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
-    notes: list[str] = field(default_factory=list)
-    last: Opinions | None = field(default=None, repr=False)
+    known: InitVar[tuple[list[LeafCells], Opinions] | None] = None
+
+    def __post_init__(self, known: tuple[list[LeafCells], Opinions] | None) -> None:
+        self._last = known and known[1]
+        if known is not None:
+            self.trees = known[0]  # The agents of every generation
+        else:
+            goals = [goal_of(goal.quantity, self.ground) for goal in self.goals]
+            self.trees = trees_of(aligned(goals, self.ground.start()), self.generations)
 
     @cached_property
     def opinions(self) -> Opinions:
         """Both opinions of the last generation; of a stored answer they are found again."""
         # Generation by generation: so they are the same to the last digit.
-        found = self.last
+        found = self._last
         for leaves in self.trees if found is None else ():
             found = first(self.ground, leaves) if found is None else following(found, leaves)
         assert found is not None
@@ -69,11 +57,6 @@ class PairAgents(GrownAgents):
         return self.trees[-1]
 
     @property
-    def cause(self) -> Floats:
-        """Gap (J) for which each agent spawned."""
-        return self.leaves.cause * self.scales.energy
-
-    @property
     def gap(self) -> Floats:
         """Squared difference of each agent's two opinions."""
         return self.generations[-1].gap
@@ -82,6 +65,8 @@ class PairAgents(GrownAgents):
     def bracket(self) -> Bounds:
         """What is proved."""
         last = self.generations[-1]
+        assert last.lower is not None
+        assert last.upper is not None
         return Bounds(last.lower, last.upper, last.error, False)
 
     @property
@@ -139,44 +124,21 @@ class PairAgents(GrownAgents):
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
-        return self.opinions.displacement_at(*placed(self.ground, self.leaves, points, cells))
+        return self.opinions.displacement_at(*self.placed(points, cells))
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return self._stress(*placed(self.ground, self.leaves, points, cells))
+        return self._stress(*self.placed(points, cells))
 
     def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
         """Return the stresses that balance, and those that fit, at points (m)."""
-        at = placed(self.ground, self.leaves, points, cells)
+        at = self.placed(points, cells)
         balanced, fitted = self.opinions.stresses_at(*at)
         return tensors(balanced), tensors(fitted)
 
     def _stress(self, agent: Ints, inside: Floats) -> Floats:
         balanced, fitted = self.opinions.stresses_at(agent, inside)
         return tensors(0.5 * (balanced + fitted))
-
-    def law_at(self, points: Floats, cells: Ints) -> Ints:
-        """Return the index of the moduli of the agents in or on which points lie."""
-        return self.leaves.kind[placed(self.ground, self.leaves, points, cells)[0]]
-
-    def history(self) -> dict[str, Any]:
-        """Return the figures of their generations."""
-        return {"generations": len(self.generations)}
-
-    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: the agents of every generation, of which the fields follow."""
-        about = {"stopped": self.stopped, "remarks": self.notes}
-        return stored(self.generations), about | {"answers": [one.stored() for one in self.answers]}
-
-    @classmethod
-    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> PairAgents:
-        """Return the agents of a stored result."""
-        ground = ground_of(scene, stage, archive.value("resolution", int | None))
-        generations = generations_of(archive)
-        goals = [goal_of(quantity, ground) for quantity in goals_in(archive)]
-        trees = trees_of(archive, aligned(goals, ground.start()), generations)
-        stopped, notes = archive.value("stopped", str), archive.value("remarks", list[str])
-        return cls(ground, trees, generations, answers_in(archive), stopped, notes)
 
 
 def generation_of(found: Opinions, chosen: Flags) -> Generation:
@@ -188,7 +150,7 @@ def generation_of(found: Opinions, chosen: Flags) -> Generation:
     )
     energy = 0.5 * (bounds.lower + bounds.upper)
     leaves, shares = found.leaves, found.shares
-    figures = (len(kind), bounds.error, energy, bounds.lower, bounds.upper)
+    figures = (bounds.error, energy, bounds.lower, bounds.upper)
     return Generation(*figures, leaves.code, leaves.size, shares, fitted, balanced, chosen)
 
 

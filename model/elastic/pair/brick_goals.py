@@ -7,12 +7,13 @@ under its dual load. The estimate takes their sizes leaf by leaf.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from kaju.arrays import Floats
 from kaju.model.elastic.goals.duals import DualLoad, Forces, Read, Strained, aligned, goal_of
-from kaju.model.elastic.goals.quantities import Answer, Deflection, Quantity, Reaction, Stress
+from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_field import NO_BOUND, BrickField
 from kaju.model.elastic.pair.brick_levels import BrickLevel
@@ -53,9 +54,9 @@ class BrickGoals:
             change = level.solve(left, least)[0]
             self._duals.append(BrickField(level, field.moduli, master + change, beside))
 
-    def judge(self, field: BrickField, load: Floats, wanting: float) -> tuple[list[Answer], Floats]:
-        """Return the answers, and what leaves add to the errors of the goals, as shares."""
-        answers, part, duals = [], np.zeros(len(field.shares)), iter(self._duals)
+    def judge(self, field: BrickField, load: Floats, wanting: float) -> tuple[list[Goal], Floats]:
+        """Return what is found, and what leaves add to the errors of the goals, as shares."""
+        found, part, duals = [], np.zeros(len(field.shares)), iter(self._duals)
         read, largest = read_of(field, load), _largest(field, load)
         for goal in self.goals:
             off = []
@@ -64,16 +65,16 @@ class BrickGoals:
                 off.append(FACTOR * wanting * float(both.sum()))
                 part += both / (both.sum() or 1.0)
             value = goal.read(read, *boxes_of(field))
-            answer = goal.answer(value, float(np.linalg.norm(off)), largest)
-            answers.append(answer._replace(no_bound=NO_BOUND))
-        return answers, part
+            told = goal.goal(value, float(np.linalg.norm(off)), largest)
+            found.append(replace(told, no_bound=NO_BOUND))
+        return found, part
 
-    def read(self, field: BrickField, load: Floats, answers: list[Answer]) -> list[Answer]:
-        """Return the answers with the values of another field."""
+    def read(self, field: BrickField, load: Floats, found: list[Goal]) -> list[Goal]:
+        """Return what was found with the values of another field."""
         read, boxes = read_of(field, load), boxes_of(field)
         return [
-            answer._replace(value=goal.read(read, *boxes))
-            for goal, answer in zip(self.goals, answers, strict=True)
+            replace(told, components=tuple(goal.read(read, *boxes).tolist()))
+            for goal, told in zip(self.goals, found, strict=True)
         ]
 
 

@@ -34,7 +34,7 @@ from kaju.model.elastic.goals.duals import (
     goal_of,
 )
 from kaju.model.elastic.goals.goal_places import Points
-from kaju.model.elastic.goals.quantities import Answer, Deflection, Quantity, Reaction, Stress
+from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.border import Sides, supports_of, torn
 from kaju.model.elastic.pair.elements import EDGE_OF_SIDE
 from kaju.model.elastic.pair.gap import energies, stress_of
@@ -51,7 +51,7 @@ LOST = 0.1  # Of an interval: where rounding is more, no agents make it shorter
 class Judged:
     """What a generation says of the goals."""
 
-    answers: tuple[Answer, ...]
+    found: tuple[Goal, ...]
     error: float  # The largest, relative
     shares: Floats  # What agents add to the errors of goals that are not reached
     lost: bool  # Whether rounding is as large as the largest error
@@ -85,22 +85,22 @@ class Goals:
             self._told(goal, primal, [duals.pop(0) for _ in goal.directions]) for goal in self.goals
         ]
         worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
-        open_ = [part for answer, part, _ in told if answer.relative_error > tolerance]
+        open_ = [part for goal, part, _ in told if goal.relative_error > tolerance]
         shares = np.sum(open_ or [part for _, part, _ in told], axis=0)
-        lost = rounding > LOST * worst.error and worst.relative_error > 1e-6
-        return Judged(tuple(answer for answer, *_ in told), worst.relative_error, shares, lost)
+        lost = rounding > LOST * worst.error_estimate and worst.relative_error > 1e-6
+        return Judged(tuple(goal for goal, *_ in told), worst.relative_error, shares, lost)
 
     def _told(
         self, goal: DualGoal, primal: _Primal, duals: list[Opinions]
-    ) -> tuple[Answer, Floats, float]:
-        """Return the answer, what agents add to its relative error, and what rounding does."""
+    ) -> tuple[Goal, Floats, float]:
+        """Return what is found, what agents add to its relative error, and what rounding does."""
         found, gap = primal.found, float(primal.apart.sum())
         value = goal.read(read_of(found), *_boxes(found))
         if isinstance(goal, Supported) and self._tears(goal, found):
             goal.no_bound = "its support meets another: moved alone it would tear the body"
-            answer = goal.answer(value, 0.0, primal.largest)
-            error = found.bounds.error * answer.scale if found.bounds.error else 0.0
-            return answer._replace(error=error), primal.apart / (gap or 1.0), 0.0
+            told = goal.goal(value, 0.0, primal.largest)
+            error = found.bounds.error * told.scale if found.bounds.error else 0.0
+            return replace(told, error_estimate=error), primal.apart / (gap or 1.0), 0.0
         works, off, rounded = (np.zeros(len(duals)) for _ in range(3))
         part, ragged = np.zeros(len(found.size)), found.sides.ragged
         for k, dual in enumerate(duals):
@@ -115,8 +115,8 @@ class Goals:
                 part[ragged] += lost / max(len(ragged), 1)
         if not goal.no_bound:
             value = self._by_works(goal, found, value, works)
-        answer = goal.answer(value, float(np.linalg.norm(off)), primal.largest)
-        return answer, part / (answer.scale or 1.0), float(np.linalg.norm(rounded))
+        told = goal.goal(value, float(np.linalg.norm(off)), primal.largest)
+        return told, part / (told.scale or 1.0), float(np.linalg.norm(rounded))
 
     def _tears(self, goal: Supported, found: Opinions) -> bool:
         """Tell whether the movement of a support alone would tear the body."""

@@ -3,47 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultFileError
+from kaju.errors import ResultError
+from kaju.model.elastic.goals.quantities import Goal
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
 from kaju.model.elastic.pair.leaves import LeafCells, corners
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import Scales
-from kaju.model.results.archive import Archive
+from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 
-class Generation(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class Generation:
     """One step of spawning: figures of all agents together, then arrays with a row for each."""
 
-    agents: int
     error: float
     """In the energy norm, relative: in the plane proved, in space estimated."""
     energy: float
     """Of the body (J): in the plane the middle of the bounds, in space below the true one."""
-    lower: float
-    """Bounds of the energy (J); NaN in space."""
-    upper: float
-    code: Ints
+    lower: float | None
+    """Bounds of the energy (J); None in space."""
+    upper: float | None
+    code: Annotated[Ints, Column("agents", 0, (1 << 62) - 1)]
     """Morton code of every agent's lower corner."""
-    size: Ints
+    size: Annotated[Ints, Column("agents", 1)]
     """Edge (units) of every agent."""
-    gap: Floats
+    gap: Annotated[Floats, Column("agents", 0.0)]
     """What its two opinions differ in, squared (J): its part of the squared error."""
-    fitted: Floats
+    fitted: Annotated[Floats, Column("agents", 0.0)]
     """Equivalent stress (Pa) of the opinion that fits, in the mean over the agent."""
-    balanced: Floats
+    balanced: Annotated[Floats, Column("agents", finite=False)]
     """That of the opinion that balances; NaN in space, where there is none."""
-    chosen: Flags
+    chosen: Annotated[Flags, Column("agents")]
     """Which agents spawn in the next step because of their gap."""
+
+    @property
+    def agents(self) -> int:
+        """Number of agents."""
+        return len(self.code)
 
     def __repr__(self) -> str:
         """Return its figures without the arrays."""
@@ -51,20 +56,16 @@ class Generation(NamedTuple):
 
     def in_units(self, energy: float, stress: float) -> Generation:
         """Return it with energies and stresses times units of these."""
-        names = {"energy": energy, "lower": energy, "upper": energy, "gap": energy}
-        names |= {"fitted": stress, "balanced": stress}
-        return self._replace(**{name: unit * getattr(self, name) for name, unit in names.items()})
-
-
-FIGURES = 5  # So many figures stand before the arrays
-_ARRAYS: dict[str, tuple[Any, dict[str, Any]]] = {
-    "code": ("i", {"low": 0, "high": (1 << 62) - 1}),
-    "size": ("i", {"low": 1}),
-    "gap": ("f", {"low": 0.0}),
-    "fitted": ("f", {"low": 0.0}),
-    "balanced": ("f", {"finite": False}),
-    "chosen": ("b", {}),
-}
+        lower, upper = (x if x is None else energy * x for x in (self.lower, self.upper))
+        return replace(
+            self,
+            energy=energy * self.energy,
+            lower=lower,
+            upper=upper,
+            gap=energy * self.gap,
+            fitted=stress * self.fitted,
+            balanced=stress * self.balanced,
+        )
 
 
 def halvings(size: Ints, largest: int) -> Ints:
@@ -84,38 +85,12 @@ def family_of(
     return parent, step, np.where(ratio > 1, own, before.cause[parent])
 
 
-def stored(generations: list[Generation]) -> dict[str, NDArray[Any]]:
-    """Return what is stored of generations: figures, and arrays one after another."""
-    arrays: dict[str, NDArray[Any]] = {
-        f"history.{name}": np.concatenate([getattr(one, name) for one in generations])
-        for name in _ARRAYS
-    }
-    return arrays | {"history.figures": np.array([one[:FIGURES] for one in generations])}
-
-
-def generations_of(archive: Archive) -> list[Generation]:
-    """Return the stored generations."""
-    figures = archive.array("history.figures", "f", (None, FIGURES), finite=False)
-    count = np.nan_to_num(figures[:, 0]).astype(np.int64)
-    if not len(count) or count.min() < 1:
-        raise ResultFileError(f"{archive.path}: 'history.figures' must name agents")
-    columns = [
-        archive.array(f"history.{name}", kind, (int(count.sum()),), **rule)
-        for name, (kind, rule) in _ARRAYS.items()
-    ]
-    parts = [np.split(column, np.cumsum(count)[:-1]) for column in columns]
-    return [
-        Generation(int(agents), *own, *part)
-        for (agents, *own), *part in zip(figures.tolist(), *parts, strict=True)
-    ]
-
-
-def trees_of(archive: Archive, first: LeafCells, generations: list[Generation]) -> list[LeafCells]:
+def trees_of(first: LeafCells, generations: list[Generation]) -> list[LeafCells]:
     """Return the agents of stored generations; refuse some that are not parts of the first ones."""
     d, leaves = first.dimension, first
     nothing = np.zeros(len(first))
     trees = [replace(first, step=nothing.astype(np.int64), cause=nothing)]
-    sound = np.array_equal(generations[0].code, first.code)
+    sound = bool(generations) and np.array_equal(generations[0].code, first.code)
     sound = sound and np.array_equal(generations[0].size, first.size)
     for last, one in pairwise(generations):
         if not sound:
@@ -137,23 +112,24 @@ def trees_of(archive: Archive, first: LeafCells, generations: list[Generation]) 
             sound = len(leaves.balanced(0)) == len(leaves)
             trees.append(leaves)
     if not sound:
-        raise ResultFileError(
-            f"{archive.path}: its agents do not stand side by side in the body: the file is "
-            "damaged; compute it again"
-        )
+        raise ResultError("its agents do not stand side by side in the body")
     return trees
 
 
+@dataclass(eq=False)
 class GrownAgents:
     """What agents of many sizes tell in the plane and in space alike; scaled."""
 
+    storage: ClassVar[Literal["tree"]] = "tree"
+    stiffness: ClassVar[None] = None
+    ground: PosedBody
+    goals: list[Goal]  # What the tolerance is about
     generations: list[Generation]
+    stopped: str
+    """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
+    notes: list[str]
 
     if TYPE_CHECKING:  # what either has of its own
-
-        @property
-        def ground(self) -> PosedBody:
-            """The posed body."""
 
         @property
         def leaves(self) -> LeafCells:
@@ -162,6 +138,16 @@ class GrownAgents:
         @property
         def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
             """Shape functions, their numbers for each agent, and the shift of all."""
+
+    @property
+    def scene(self) -> Scene:
+        """What was asked."""
+        return self.ground.asked
+
+    @property
+    def stage(self) -> int | None:
+        """Stage of loading; None is the last."""
+        return self.ground.stage
 
     @property
     def grid(self) -> Scene:
@@ -204,6 +190,28 @@ class GrownAgents:
     def level(self) -> Ints:
         """How often the largest of the first agents would be halved to give each agent."""
         return halvings(self.leaves.size, int(self.generations[0].size.max()))
+
+    @property
+    def cause(self) -> Floats:
+        """Gap (J) for which each agent spawned."""
+        return self.leaves.cause * self.scales.energy
+
+    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
+        """Return the agents in or on which points (m) in cells lie, and where in each, 0 to 1."""
+        first, cell = cells * self.ground.cell, self.ground.cell
+        place = np.clip(points / self.grid.lattice.cell_size * cell, first, first + cell)
+        unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
+        agent = self.leaves.find(unit)
+        inside = (place - self.leaves.lower[agent]) / self.leaves.size[agent, None]
+        return agent, np.clip(inside, 0.0, 1.0)
+
+    def law_at(self, points: Floats, cells: Ints) -> Ints:
+        """Return the index of the moduli of the agents in or on which points lie."""
+        return self.leaves.kind[self.placed(points, cells)[0]]
+
+    def history(self) -> dict[str, Any]:
+        """Return the figures of their generations."""
+        return {"generations": len(self.generations)}
 
     @property
     def spawn_step(self) -> Ints:

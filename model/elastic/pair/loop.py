@@ -91,8 +91,8 @@ class PairLoop:
         for name, nothing in (("levels", None), ("duals", ())):  # which take most of the memory
             object.__setattr__(found, name, nothing)
         trees, generations = list(self.trees), list(self.generations)
-        answers = list(self._judged.answers)
-        return PairAgents(self.body, trees, generations, answers, self.stopped, [], found)
+        goals = list(self._judged.found)
+        return PairAgents(self.body, goals, generations, self.stopped, [], (trees, found))
 
     def _spawn(self, generation: Opinions) -> Flags:
         """Halve some agents, and return which; or say why there is no further generation."""

@@ -7,33 +7,25 @@ and no side is moved the strain energy is a lower bound. Nothing is proved beyon
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
 from math import exp, inf, log, nan, sqrt
-from typing import Any, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError
-from kaju.model.elastic.goals.quantities import Answer, Quantity, answers_in, goals_in
+from kaju.errors import ParameterError, ResultError
+from kaju.model.elastic.goals.quantities import Goal, Quantity
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_field import NO_BOUND, BrickField
 from kaju.model.elastic.pair.brick_goals import BrickGoals
 from kaju.model.elastic.pair.brick_levels import BrickLevel
 from kaju.model.elastic.pair.brick_mesh import BrickMesh
-from kaju.model.elastic.pair.history import (
-    Generation,
-    GrownAgents,
-    generations_of,
-    stored,
-    trees_of,
-)
+from kaju.model.elastic.pair.history import Generation, GrownAgents, trees_of
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.posed_body import PosedBody, ground_of
-from kaju.model.results.archive import Archive, plain_of
-from kaju.model.scene import Scene
+from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.results.stored import Column
 
 ACROSS = 4  # The first leaves are at least this many along the body's longest side
 DORFLER = 0.6  # Share of the squared error that leaves which spawn hold
@@ -51,41 +43,38 @@ MOST_AGENTS = 400_000
 """Leaves: some 5 kB each, so about 2 GB."""
 
 
-@dataclass
+@dataclass(eq=False)
 class BrickAgents(GrownAgents):
     """Agents in space that spawned, along a space-filling curve; scaled."""
 
-    storage: ClassVar[Literal["tree"]] = "tree"
     method: ClassVar[str] = "bricks"
-    stiffness: ClassVar[None] = None
-    energy_bounds: ClassVar[None] = None
     bracket: ClassVar[str] = NO_BOUND
-    field: BrickField
-    load: Floats  # On the masters
+    master: Annotated[Floats, Column("masters 3")]  # Displacement of the nodes that are free
     energy: float
     error: float  # Estimated, in the energy norm, relative
-    generations: list[Generation]
-    answers: list[Answer]  # Of the goals
     residuals: list[float]
-    levels: int
-    reached: bool
-    stopped: str  # Why the loop ended if not: "depth" or "agents"
-    notes: list[str]
+    known: InitVar[BrickField | None] = None
+
+    def __post_init__(self, known: BrickField | None) -> None:
+        if known is None:
+            quantities = [goal.quantity for goal in self.goals]
+            start = BrickGoals(quantities, self.ground, ACROSS).start
+            mesh = BrickMesh(self.ground, trees_of(start, self.generations)[-1])
+            if len(self.master) != int(mesh.free.sum()):
+                raise ResultError(f"'master' must have {int(mesh.free.sum())} rows")
+            known = BrickField(BrickLevel(mesh, self.moduli), self.moduli, self.master)
+        self.field = known
+
+    @cached_property
+    def load(self) -> Floats:
+        """Load on the masters."""
+        mesh = self.field.mesh
+        return np.asarray(mesh.ties.T @ mesh.loads())
 
     @property
     def leaves(self) -> LeafCells:
         """The agents."""
         return self.field.mesh.leaves
-
-    @property
-    def ground(self) -> PosedBody:
-        """The posed body."""
-        return self.field.mesh.ground
-
-    @property
-    def cause(self) -> Floats:
-        """Estimated squared error (J) for which each agent spawned."""
-        return self.leaves.cause * self.scales.energy
 
     @cached_property
     def moved(self) -> Floats:
@@ -117,49 +106,6 @@ class BrickAgents(GrownAgents):
         """Return stress tensors at points (m) in or on cells of the grid."""
         return self.field.stress_at(*self.placed(points, cells))
 
-    def law_at(self, points: Floats, cells: Ints) -> Ints:
-        """Return the index of the moduli of the agents in or on which points lie."""
-        return self.leaves.kind[self.placed(points, cells)[0]]
-
-    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
-        """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
-        first, cell = cells * self.ground.cell, self.ground.cell
-        place = points / self.grid.lattice.cell_size * cell
-        place = np.clip(place, first, first + cell)
-        unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
-        leaf = self.leaves.find(unit)
-        return leaf, self._inside(place, leaf)
-
-    def _inside(self, place: Floats, leaf: Ints) -> Floats:
-        inside = (place - self.leaves.lower[leaf]) / self.leaves.size[leaf, None]
-        return np.asarray(np.clip(inside, 0.0, 1.0))
-
-    def history(self) -> dict[str, Any]:
-        """Return the figures of their generations."""
-        return {"generations": len(self.generations)}
-
-    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: the agents of every generation, and the last displacement."""
-        arrays = stored(self.generations) | {"master": self.field.master}
-        return arrays, {"bricks": plain_of(self), "answers": [one.stored() for one in self.answers]}
-
-    @classmethod
-    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> BrickAgents:
-        """Return the agents of a stored result."""
-        ground = ground_of(scene, stage, archive.value("resolution", int | None))
-        generations = generations_of(archive)
-        start = BrickGoals(goals_in(archive), ground, ACROSS).start
-        leaves = trees_of(archive, start, generations)[-1]
-        level = BrickLevel(BrickMesh(ground, leaves), ground.moduli)
-        mesh = level.mesh
-        field = BrickField(
-            level, ground.moduli, archive.array("master", "f", (int(mesh.free.sum()), 3))
-        )
-        about = archive.record("bricks", BrickAgents)
-        load = np.asarray(mesh.ties.T @ mesh.loads())
-        answers = answers_in(archive)
-        return cls(field, load, generations=generations, answers=answers, **about)
-
 
 class BrickLoop:
     """Bricks that settle, estimate their errors and spawn, generation by generation.
@@ -185,7 +131,7 @@ class BrickLoop:
         self.ground, self.tolerance = ground, tolerance
         self.most_agents = most_agents or MOST_AGENTS
         self.goals = BrickGoals(quantities, ground, ACROSS)
-        self.leaves, self.answers = self.goals.start, list[Answer]()
+        self.leaves, self.found = self.goals.start, list[Goal]()
         self.finished, self.stopped = False, ""
         self.generations: list[Generation] = []
         self.notes: list[str] = []
@@ -235,9 +181,12 @@ class BrickLoop:
             self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
             self._field = BrickField(level, self.ground.moduli, master + change)
             self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
-            self.answers = self.goals.read(self._field, self._load, self.answers)
-            self.generations[-1] = self.generations[-1]._replace(
-                energy=self.energy, gap=self._field.shares, fitted=self._field.equivalent()
+            self.found = self.goals.read(self._field, self._load, self.found)
+            self.generations[-1] = replace(
+                self.generations[-1],
+                energy=self.energy,
+                gap=self._field.shares,
+                fitted=self._field.equivalent(),
             )
 
     def _judge(self, left: float) -> None:
@@ -252,8 +201,8 @@ class BrickLoop:
         error, part = self.error, field.shares
         if self.goals.goals:
             wanting = sqrt(total / (float(field.shares.sum()) or 1.0))
-            self.answers, part = self.goals.judge(field, self._load, max(wanting, 1.0))
-            error = max(answer.relative_error for answer in self.answers)
+            self.found, part = self.goals.judge(field, self._load, max(wanting, 1.0))
+            error = max(answer.relative_error for answer in self.found)
         power = 1 if self.goals.goals else 2
         allowed = (SPARE * self.tolerance / (error or 1.0)) ** power * float(part.sum())
         marked = mark_largest(part, allowed, smallest)
@@ -265,7 +214,7 @@ class BrickLoop:
             self.finished, self.stopped = True, "agents"
         spawn = marked & (not self.finished)
         self._marked = None if self.finished else marked
-        figures = (len(leaves), self.error, self.energy, nan, nan)
+        figures = (self.error, self.energy, None, None)
         balanced = np.full(len(leaves), nan)
         fitted = field.equivalent()
         self.generations.append(
@@ -299,17 +248,16 @@ class BrickLoop:
         """Return the agents as they are."""
         assert self._field is not None
         return BrickAgents(
-            self._field,
-            self._load,
-            self.energy,
-            self.error,
+            self.ground,
+            list(self.found),
             list(self.generations),
-            list(self.answers),
-            list(self.residuals),
-            len(self.generations),
-            self.finished and not self.stopped,
             self.stopped,
             list(self.notes),
+            self._field.master,
+            self.energy,
+            self.error,
+            list(self.residuals),
+            self._field,
         )
 
 

@@ -291,7 +291,6 @@ class ElasticModel(SteppedModel):
         outcome = self.outcome or f"interrupted after {self.generation} steps"
         work = max(-2.0 * state.energy, 0.0)
         return ElasticRun(
-            scene=self.scene,
             result=self._answer(outcome),
             outcome=outcome,
             threshold=self.threshold,
@@ -330,5 +329,7 @@ class ElasticModel(SteppedModel):
             converged=self.at_rest,
             notes=notes,
         )
-        found = CellAgents(table.grid, self.stage, problem, table.origin, solution)
-        return ElasticResult(self.scene, self.stage, found, self.seconds)
+        found = CellAgents(
+            self.scene, self.stage, table.posed.division, solution, known=table.posed
+        )
+        return ElasticResult(found, self.seconds)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats
@@ -22,9 +21,7 @@ from kaju.model.elastic.relaxation.records import (
     PushLedger,
     StepRecord,
 )
-from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
 from kaju.model.scene import Scene
 
@@ -38,7 +35,6 @@ class ElasticRun(BodyResult):
 
     kind: ClassVar[str] = "elastic agents"
     name: ClassVar[str] = "elastic agents"
-    scene: Scene  # What was asked
     result: ElasticResult  # Displacements, stresses and reactions, as of `kaju.solve`
     outcome: str  # How the run ended, in words
     threshold: float  # γ (N)
@@ -50,6 +46,16 @@ class ElasticRun(BodyResult):
     certificate: WaveCertificate | None  # Of waves, before the run
     moments: Moments  # What was left on agents, and what they had taken, on the way
     seconds: float  # Time that the run took (s)
+
+    def __post_init__(self) -> None:
+        beyond = np.asarray(self.grid.lattice.shape)
+        if np.any(self.boundary.cells > beyond):
+            raise ResultError("'boundary.cells' must lie in the grid, or beside it")
+
+    @property
+    def scene(self) -> Scene:
+        """What was asked."""
+        return self.result.scene
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -152,56 +158,6 @@ class ElasticRun(BodyResult):
         for axis, values in enumerate(position.T):  # after the axis of the normal
             table.insert(4 + axis, f"position_{'xyz'[axis]}", values)
         return table
-
-    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, answer = self.result._archive()
-        arrays = {f"answer.{name}": values for name, values in arrays.items()}
-        tables = ("agents", self.agents), ("boundary", self.boundary), ("moments", self.moments)
-        for name, table in tables:
-            columns = {field.name: getattr(table, field.name) for field in fields(table)}
-            arrays |= {f"{name}.{key}": at for key, at in columns.items() if at is not None}
-        ledger = {name: np.asarray(value).tolist() for name, value in asdict(self.ledger).items()}
-        return arrays, {
-            "answer": answer,
-            "answer_seconds": self.result.seconds,
-            "outcome": self.outcome,
-            "threshold": self.threshold,
-            "history": [list(record) for record in self.history],
-            "ledger": ledger,
-            "most_pushes": self.most_pushes,
-            "certificate": asdict(self.certificate) if self.certificate else None,
-        }
-
-    @classmethod
-    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        plain = {"kind": "elastic", "seconds": archive.value("answer_seconds", float)}
-        answer = {**archive.value("answer", dict[str, Any]), **plain}
-        result = ElasticResult._from_archive(
-            scene, Archive(archive.path, archive.part("answer."), answer)
-        )
-        sizes = sizes_of(result.grid)  # cells are halved where a member is one wide
-        agents = FaceAgents(**archive.columns(FACE_AGENTS, sizes, "agents."))
-        sizes["agents"] = len(agents.level)
-        ledger = archive.value("ledger", LedgerRecord)
-        applied, resting, carried = (
-            np.array(total) for total in (ledger["applied"], ledger["resting"], ledger["carried"])
-        )
-        if not {(scene.lattice.dimension,)} == {applied.shape, resting.shape, carried.shape}:
-            raise ResultError("its ledger has other axes than the scene")
-        return cls(
-            scene=scene,
-            result=result,
-            outcome=archive.value("outcome", str),
-            threshold=archive.value("threshold", float),
-            agents=agents,
-            boundary=BoundaryAgents(**archive.columns(BOUNDARY_AGENTS, sizes, "boundary.")),
-            history=tuple(archive.value("history", list[StepRecord])),
-            ledger=PushLedger(applied, resting, carried, ledger["turnover"]),
-            most_pushes=archive.value("most_pushes", float),
-            certificate=archive.value("certificate", WaveCertificate | None),
-            moments=Moments(**archive.columns(MOMENTS, sizes, "moments.")),
-            seconds=archive.value("seconds", float),
-        )
 
 
 def curves_of(history: Sequence[StepRecord], before: int, threshold: float) -> list[Curves]:

@@ -126,7 +126,8 @@ class PushTable:
             )
         self.rule = scene.rule
         self.order = order or self.rule.order
-        self.grid, self.problem, self.origin, self.subdivision, _ = grid_of(scene, stage)
+        self.posed = grid_of(scene, stage)
+        self.grid, self.problem, self.origin = self.posed[:3]
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
         states = self.problem.face_states

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.relaxation.push_state import PushState
+from kaju.model.results.stored import Column
+from kaju.model.scene.cell_types import AIR, DISPLACED
 
 MOST_MOMENTS = 400
 MOST_BYTES = 32_000_000  # All moments together take up to this much memory
@@ -30,14 +32,15 @@ class StepRecord(NamedTuple):
 class FaceAgents:
     """The face agents, ordered by level, spawn step and number; one row for each."""
 
-    level: Ints  # 0 for the cells' own faces
-    spawn_step: Ints  # From 1
-    number: Ints  # Of the face on its level
-    axis: Ints  # Of the face's normal
-    position: Floats  # Middle of the face (m), shape (agents, dimension)
-    taken: Floats  # Sum of the sizes of the loads taken (N)
-    left: Floats  # Load left (N)
-    displacement: Floats  # Along the axis (m); of parents, in their last visit
+    level: Annotated[Ints, Column("agents", 0, 64)]  # 0 for the cells' own faces
+    spawn_step: Annotated[Ints, Column("agents", 0)]  # From 1
+    number: Annotated[Ints, Column("agents", 0)]  # Of the face on its level
+    axis: Annotated[Ints, Column("agents", 0, "dimension")]  # Of the face's normal
+    position: Annotated[Floats, Column("agents dimension")]  # Middle of the face (m)
+    taken: Annotated[Floats, Column("agents", 0.0)]  # Sum of the sizes of the loads taken (N)
+    left: Annotated[Floats, Column("agents")]  # Load left (N)
+    # Along the axis (m); of parents, in their last visit
+    displacement: Annotated[Floats, Column("agents")]
 
     @classmethod
     def of(cls, state: PushState) -> Self:
@@ -56,11 +59,12 @@ class FaceAgents:
 class BoundaryAgents:
     """The boundary agents: supports, then air; each ordered by spawn step and cell."""
 
-    cells: Ints  # Where they are, shape (agents, dimension)
-    kind: Ints  # What they are, from `kaju.model.scene.cell_types`
-    spawn_step: Ints  # Step in which a load first reached them
-    reaction: Floats  # Force on the body (N), none from air, shape (agents, dimension)
-    returned: Floats  # Sum of the sizes of the loads (N) that air gave back; none by supports
+    cells: Annotated[Ints, Column("boundary dimension", -1)]  # Where they are
+    kind: Annotated[Ints, Column("boundary", DISPLACED, AIR)]  # What they are, see `cell_types`
+    spawn_step: Annotated[Ints, Column("boundary", 0)]  # Step in which a load first reached them
+    reaction: Annotated[Floats, Column("boundary dimension")]  # Force on the body (N), 0 from air
+    # Sum of the sizes of the loads (N) that air gave back; none by supports
+    returned: Annotated[Floats, Column("boundary", 0.0)]
 
     @classmethod
     def of(cls, state: PushState) -> Self:
@@ -86,9 +90,9 @@ class BoundaryAgents:
 class PushLedger:
     """An account of every newton, per axis (N)."""
 
-    applied: Floats  # Sum of the applied forces, shape (dimension,)
-    resting: Floats  # Sum of the loads left on faces
-    carried: Floats  # Sum of what the supports carry
+    applied: Annotated[Floats, Column("dimension")]  # Sum of the applied forces
+    resting: Annotated[Floats, Column("dimension")]  # Sum of the loads left on faces
+    carried: Annotated[Floats, Column("dimension")]  # Sum of what the supports carry
     turnover: float  # Sum of the sizes of all these loads, to compare the imbalance with
 
     @classmethod
@@ -113,14 +117,14 @@ class PushLedger:
 class Moments:
     """How things stood after some of the steps, from before the first to the last."""
 
-    step: Ints  # Steps taken; 0 is before the first, shape (moments,)
-    level: Ints  # Level that the step visited
-    energy: Floats  # Energy of body and loads (J)
-    # Of each agent, as in the run's table, shape (moments, agents): load left (N), where parents
-    # hold the last that was restricted to them, and sum of the sizes of the loads taken (N)
-    left: NDArray[np.float32]
-    taken: NDArray[np.float32]
-    displacement: NDArray[np.float32] | None = None  # Along its axis (m); not in older files
+    step: Annotated[Ints, Column("moments", 0)]  # Steps taken; 0 is before the first
+    level: Annotated[Ints, Column("moments", 0, 64)]  # Level that the step visited
+    energy: Annotated[Floats, Column("moments")]  # Energy of body and loads (J)
+    # Of each agent, as in the run's table: load left (N), where parents hold the last that was
+    # restricted to them, sum of the sizes of the loads taken (N), and displacement (m)
+    left: Annotated[NDArray[np.float32], Column("moments agents")]
+    taken: Annotated[NDArray[np.float32], Column("moments agents", 0.0)]
+    displacement: Annotated[NDArray[np.float32], Column("moments agents")]
 
 
 class Recorder:

@@ -197,15 +197,16 @@ class ElasticRule:
         """
         if dimension not in (2, 3) or (dimension == 3 and plane is not None):
             raise ParameterError(
-                f"dimension: 2 (with a plane) or 3 (without), got {dimension} and plane {plane!r}"
+                f"dimension: must be 2 (with a plane) or 3 (without one), got {dimension} and "
+                f"plane {plane!r}"
             )
         if dimension == 2 and plane is None:
             plane = "stress"
         if plane != "stress" and material.poissons_ratio >= 0.5:
             raise ParameterError(
                 f"poissons_ratio of {material.name!r}: {material.poissons_ratio} is "
-                "incompressible, which has no finite stiffness in plane strain and in three "
-                "dimensions; take 0.4999"
+                "incompressible, so the stiffness would be infinite in plane strain and in "
+                "space; take 0.4999"
             )
         moduli = moduli_of(material.youngs_modulus, material.poissons_ratio, plane)
         stretch, lateral, shear = (float(modulus) for modulus in moduli)

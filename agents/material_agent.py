@@ -174,8 +174,8 @@ class MaterialAgent(PlacedAgent):
             Always.
         """
         raise AgentError(
-            f"remove: {type(self).__name__} at {self.index} stays, for loads may be on their way "
-            "to it; to let it pass nothing on, return no emissions"
+            f"remove: {type(self).__name__} at {self.index} cannot be removed, because loads may "
+            "be on their way to it; let its emissions return nothing instead"
         )
 
     # The life of a load: an agent takes it, keeps a share, and passes the others on.

@@ -87,8 +87,8 @@ def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -
     ]
     if alone or needed > len(start) or not (rest or len(places) >= len(start)):
         raise ParameterError(
-            f"{name}: {agent.__name__}.__init__ takes ({', '.join(map(str, every))}), but a model "
-            f"makes its agents of ({', '.join(start)}); take *start and call "
+            f"{name}: {agent.__name__}.__init__ takes ({', '.join(map(str, every))}), but a "
+            f"model calls it with ({', '.join(start)}); take *start and call "
             "super().__init__(*start) first"
         )
 
@@ -105,8 +105,8 @@ def _check_hooks(name: str, agent: type, base: type) -> None:
         near = get_close_matches(key, HOOKS[base], n=1, cutoff=0.8)
         if near:
             raise ParameterError(
-                f"{name}: {agent.__name__} has a method {key!r}, which nobody calls; did you mean "
-                f"{near[0]!r}? A method of your own that is meant begins with _"
+                f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; did you "
+                f"mean {near[0]!r}? If the name is intended, begin it with _"
             )
     step = own.get("step")
     if step is not None and not {"step", "take", "pass_on"} & set(step.__code__.co_names):
@@ -150,7 +150,7 @@ class OwnAgents:
         if not hasattr(agent, last):
             raise AgentError(
                 f"__init__: {type(agent).__name__} at cell {place} in generation "
-                f"{self.model.generation} must call super().__init__ with all that it is given"
+                f"{self.model.generation} must call super().__init__ with all of its arguments"
             )
 
     def check_books(self, agent: MaterialAgent) -> None:
@@ -200,8 +200,8 @@ class OwnAgents:
             raise self.wrong(
                 boundary,
                 "give_back",
-                f"gives back {checked.total:g} N of {load.total:g} N; what pushes on its own is a "
-                "load of the scene",
+                f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add "
+                "load: describe that as a load of the scene",
             )
         return checked
 
@@ -209,7 +209,7 @@ class OwnAgents:
         """Return how far an agent yields along an axis; refuse what is no number."""
         short = agent.shortening(axis)
         if not (isinstance(short, Real) and isfinite(short)):
-            raise self.wrong(agent, "shortening", f"must answer a finite number, got {short!r:.60}")
+            raise self.wrong(agent, "shortening", f"must return a finite number, got {short!r:.60}")
         return float(short)
 
     def _fits(

@@ -75,9 +75,9 @@ class Parameter:
 
     def __set__(self, agent: object, value: object) -> None:
         raise ParameterError(
-            f"{self.name}: is a Parameter, one number for all agents, and cannot be set on one of "
-            f"them; give it to the model, LoadModel(scene, {self.name}=...), or call what an agent "
-            "keeps of its own by another name"
+            f"{self.name}: is a Parameter, one number for all agents, and cannot be set on one "
+            f"of them; give it to the model, LoadModel(scene, {self.name}=...), or choose "
+            "another name for the value of a single agent"
         )
 
     @property

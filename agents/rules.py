@@ -81,9 +81,7 @@ class Coefficients:
                 raise ParameterError(f"alpha: {needed}, got {self.alpha}")
             for name, share in zip(("α₁", "α₂", "α₃"), self.alpha, strict=True):
                 if not (isfinite(share) and share >= 0.0):
-                    raise ParameterError(
-                        f"alpha: {name} must be a number from 0 upwards, got {share}"
-                    )
+                    raise ParameterError(f"alpha: {name} must be a number, 0 or more, got {share}")
         if not 0.0 <= self.beta <= 1.0:
             raise ParameterError(f"beta: must lie between 0 and 1, got {self.beta}")
 
@@ -108,8 +106,8 @@ class Coefficients:
         if poisson < 0.0 and not sense:
             raise ParameterError(
                 f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the "
-                "neighbours beside, and this rule knows no pulls; take sense = true, beta = 1 "
-                "or the elastic rule"
+                "neighbours beside, and this rule has no pulls; set sense = true or beta = 1, "
+                "or take the elastic rule"
             )
         return Shares(own, forward, 0.0, friction, poisson, self.beta * material.poissons_ratio)
 

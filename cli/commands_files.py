@@ -62,8 +62,8 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
 
     described = scene_of(scene, settings)
     if described.outlined:  # no agents pass loads on there
-        verdict = "the scene can be read; kaju solve answers bodies with true outlines"
-        typer.echo(json.dumps({"stable": True, "verdict": verdict}) if as_json else verdict)
+        words = "the scene can be read; kaju solve answers bodies with true outlines"
+        typer.echo(json.dumps({"stable": True, "verdict": words}) if as_json else words)
         return
     certificate = stability(described)
     radius, alone = certificate.spectral_radius, certificate.largest_share
@@ -189,7 +189,7 @@ def page(
     refuse_to_replace(target := out or Path(f"{file.stem}.html"), force)
     is_scene = file.suffix == ".toml"
     if settings and not is_scene:
-        raise ParameterError("--set: changes a scene, and what a stored result shows is over")
+        raise ParameterError("--set: changes a scene, and this is a stored result; leave --set out")
     shown: Any = scene_of(file, settings) if is_scene else load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
     words = language and language.value

@@ -75,7 +75,7 @@ def compare(
         name = "--set" if settings else "--resolution"
         raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
     if not is_scene and reference is None:
-        raise ParameterError(f"REFERENCE: is needed, which {judged} is judged by")
+        raise ParameterError(f"REFERENCE: is needed, to compare {judged} with")
     target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
     place = None if target is None else Folder(target, force)
     found: Any = None

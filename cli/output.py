@@ -26,8 +26,8 @@ class Folder:
             raise ResultFileError(f"{path}: is a file; --out needs a folder")
         if Path.cwd().is_relative_to(path.resolve()):
             raise ResultFileError(
-                f"{path}: is a folder that you stand in, and results arrive as a whole folder; "
-                f"take a new one, such as {path / 'result'}"
+                f"{path}: is the working folder, and results need a folder of their own; take a "
+                f"new one, such as {path / 'result'}"
             )
         if is_there(path) and any(path.iterdir()) and not force:
             raise ResultFileError(

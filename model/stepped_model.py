@@ -68,8 +68,7 @@ class SteppedModel(Model):
         """Take one step, unless the model is at its end: then there is nothing to count."""
         if self._stepping:
             raise ParameterError(
-                "step: the model is in the middle of a step; its agents act in it, and cannot take "
-                "another"
+                "step: the model is in the middle of a step; its agents cannot start another"
             )
         if self.running:
             self.steps_taken += 1

@@ -59,10 +59,12 @@ def plot_crack(
         raise ParameterError(f"breaks: 0 to {result.breaks}, got {breaks}")
     if isinstance(result.subject, Scene):
         if magnification is not None:
-            raise ParameterError("magnification: cells that break are drawn at rest")
+            raise ParameterError(
+                "magnification: cells that break are drawn undeformed; leave it out"
+            )
         return _plot_broken_cells(result, ax, count, largest, cut)
     if cut is not None:
-        raise ParameterError("cut: networks are drawn as a whole")
+        raise ParameterError("cut: networks are drawn as a whole; leave it out")
     state = cast("NetworkResult", result.state(bearing(result, count)))
     picture = NetworkPicture(state, ax, "tension", magnification, largest)
     picture.draw_springs(1)

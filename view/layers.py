@@ -85,7 +85,7 @@ def layer_of(
             axis, place = named
             low = result.lower[:, axis]
             if not np.any((low <= place) & (place < low + result.size)):
-                raise ParameterError(f"cut: no agent stands at {'xyz'[axis]} = {place:g} m")
+                raise ParameterError(f"cut: there is no agent at {'xyz'[axis]} = {place:g} m")
         cells[:, axis] = layer_at(scene, axis, place)
         within = {"xyz"[axis]: place}
     section = section_of(scene, cells, within, small.hidden if crop is None else crop)

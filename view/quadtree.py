@@ -120,11 +120,11 @@ def agents_of(
     last = len(result.generations) - 1
     if colour in OPINIONS and not result.spawned:
         raise ParameterError(
-            f"colour: equal cells have no {colour!r}, since they have one opinion; solve with a "
-            "tolerance"
+            f"colour: equal cells have no {colour!r}, because they have one stress only; solve "
+            "with a tolerance"
         )
     if colour == "balanced" and _solid(result):
-        raise ParameterError("colour: in space agents have one opinion, that which fits: 'fitted'")
+        raise ParameterError("colour: in space agents have one stress only: 'fitted'")
     if generation in (None, last):
         own = result.generations[-1] if colour in OPINIONS else result
         value = np.asarray(getattr(own, colour), dtype=np.float64)

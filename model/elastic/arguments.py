@@ -31,4 +31,4 @@ def check_numbers(
     for name, value in whole.items():
         integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
         if value is not None and not (integer and value >= 1):
-            raise ParameterError(f"{name}: must be a whole number from 1 upwards, got {value!r}")
+            raise ParameterError(f"{name}: must be a whole number, 1 or more, got {value!r}")

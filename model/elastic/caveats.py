@@ -61,8 +61,8 @@ def refuse_singular(scene: Scene, goal: AskedFor, stage: int | None, name: str =
         if fits and (reason := singular_at(scene, point, stage)):
             box = [(point - 2 * h).tolist(), (point + 2 * h).tolist()]
             raise SingularPlaceError(
-                f"{name}: the stress at {_point(point)} m has no limit, since there {reason}; "
-                f"ask for its mean over a stated region, such as Stress({{'box': {box}}}, "
+                f"{name}: the stress at {_point(point)} m has no limit, because there {reason}; "
+                f"ask for its mean over a region, such as Stress({{'box': {box}}}, "
                 f"{quantity.component!r}), or, at a re-entrant corner, for result.intensity"
             )
 
@@ -121,15 +121,15 @@ def _rough(result: ElasticResult) -> list[Caveat]:
     if result.goal or kept == "proved" or not error > ROUGH:
         return []
     if not isfinite(error):
-        said = "the energy is bounded by 0 from below, so its error cannot be told as a share: "
-        said += "supports bear the loads where they act, and hardly any energy is left"
+        said = "the lower bound of the energy is 0, so it has no relative error: "
+        said += "supports bear the loads where they act, and hardly any energy is stored"
         return [Caveat("error not known", said)]
-    said = f"the error is taken as {error:.0%} in the energy norm"
+    said = f"the error is about {error:.0%} in the energy norm"
     if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
         name, value = "tolerance", f"{0.5 * min(result.tolerance or 0.1, error):.2g}"
         if result.found.storage == "solid":  # no tolerance can be asked of these
             name, value = "resolution", f"{2 * result.subdivision}"
-        said += f": ask for less by {name}={value} (kaju solve FILE --{name} {value})"
+        said += f"; for a smaller one take {name}={value} (kaju solve FILE --{name} {value})"
     return [Caveat(f"error about {error:.0%}", said)]
 
 
@@ -142,9 +142,9 @@ def _loads(result: ElasticResult) -> list[Caveat]:
     left = result.load_error_estimate
     if left > LEFT_OUT:
         said = (
-            "loads end within faces, which take their force and moments; what that leaves "
-            f"out is at most {left:.1g} of the answer in the energy norm, and part of "
-            "`error_bound`; smaller cells, or a tolerance, lessen it"
+            "loads end within faces, which take their force and moments; the rest is at most "
+            f"{left:.1g} of the answer in the energy norm, and `error_bound` contains it; "
+            "smaller cells, or a tolerance, make it smaller"
         )
         found.append(Caveat("loads end within faces", said))
     return found
@@ -156,14 +156,14 @@ def _steps(result: ElasticResult, near: Flags) -> Caveat:
     energy = density * result.size**result.scene.lattice.dimension
     share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
     said = (
-        f"round and slanted outlines are steps of {h:.3g} m, and what is proved is proved for "
-        "the body of cells: the energy of the body described differs by an estimated "
-        f"{share:.1g} of it"
+        f"round and slanted outlines are steps of {h:.3g} m, and proofs are about the body of "
+        "cells: its energy differs from that of the body described by an estimated "
+        f"{100 * share:.1g} %"
     )
     if near[first_largest(result.von_mises)]:
         said += (
-            f"; the largest stress, at {_point(result.largest_stress.at)} m, is an artefact of a "
-            "step and grows with smaller agents"
+            f"; the largest stress, at {_point(result.largest_stress.at)} m, lies at a step: it "
+            "is not real, and grows with smaller agents"
         )
         if not near.all():
             stress = np.where(near, 0.0, result.von_mises)
@@ -189,7 +189,7 @@ def _no_limit(grid: Scene, stepped: Cells) -> list[Caveat]:
     places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
     more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
     many = f"{len(corners)} corner" + ("s" if len(corners) > 1 else "")
-    said = f"stress grows without limit under refinement at the corner {places} m{more}"
+    said = f"with smaller cells the stress grows without limit at the corner {places} m{more}"
     return [Caveat(f"no limit of stress at {many}", said)]
 
 
@@ -220,8 +220,8 @@ def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
     if load.point is not None:
         how = "with its moment" if chosen.offset is not None else "round its middle"
         said.append(
-            f"a force at a point has no limit of energy; it is spread over the {h:.3g} m of its "
-            f"cell, {how}, and smaller cells make it sharper"
+            f"a force at a point would have infinite energy, so it is spread over the {h:.3g} m "
+            f"of its cell, {how}; smaller cells make it sharper"
         )
     elif shaped and inside:
         said.append(f"takes whole cells, {edge}")
@@ -229,14 +229,14 @@ def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
         said.append(f"takes whole faces, {edge}; a box without thickness ends within them")
     elif inside and chosen.part is not None:
         said.append(
-            "its region ends inside cells, and acts on the whole of each, which moves its edge by "
-            f"up to {h:.3g} m; smaller cells or a resolution lessen it"
+            "its region ends inside cells, and the load acts on the whole of each, which moves "
+            f"its edge by up to {h:.3g} m; take smaller cells or a larger resolution"
         )
     steps = chosen.steps_of_couple(grid.lattice) if load.couple is not None else 0.0
     if steps > STEPS_OF_COUPLE:
         said.append(
-            f"a couple acts evenly on each face, where it would grow across it: steps that are "
-            f"{steps:.2g} of its moment; smaller cells lessen them"
+            "a couple acts evenly on each face, although its traction changes across a face: "
+            f"the difference is {steps:.2g} of its moment; take smaller cells"
         )
     return "; ".join(said)
 

@@ -245,8 +245,8 @@ class ElasticResult(BodyResult):
         energies = getattr(self.found, "energies", None)
         if energies is None:
             raise ResultError(
-                "energy: agents in space do not tell their energies one by one; equal cells do "
-                "(without a tolerance)"
+                "energy: is not known of single agents in space; solve without a tolerance, for "
+                "equal cells"
             )
         return np.asarray(self.found.scales.energy * energies)
 
@@ -264,7 +264,7 @@ class ElasticResult(BodyResult):
             If agents did not spawn.
         """
         if not self.spawned:
-            raise ResultError("gap: equal cells have one opinion; ask for a tolerance")
+            raise ResultError("gap: equal cells have only one stress; solve with a tolerance")
         return self.generations[-1].gap
 
     @property
@@ -387,7 +387,7 @@ class ElasticResult(BodyResult):
     def _opinions_at(self, points: Floats, name: str) -> tuple[Floats, Floats]:
         if not isinstance(self.found, PairAgents):
             raise ResultError(
-                f"{name}: agents have two opinions where they spawned in the plane; ask for a "
+                f"{name}: only agents that spawned in the plane have two stresses; solve with a "
                 "tolerance"
             )
         balanced, fitted = self.found.opinions_at(*self._located(points))
@@ -426,7 +426,7 @@ class ElasticResult(BodyResult):
     def family(self) -> Family:
         """Every agent that ever stood, with its parent, step and cause."""
         if not isinstance(self.found, (PairAgents, BrickAgents)):
-            raise ResultError("family: equal cells do not spawn; ask for a tolerance")
+            raise ResultError("family: equal cells do not spawn; solve with a tolerance")
         metre = self.grid.lattice.cell_size / self.found.ground.cell
         return Family.of(self.generations, self.scene.lattice.dimension, metre)
 
@@ -501,7 +501,7 @@ class ElasticResult(BodyResult):
             return [doubt for goal in self.goals if (doubt := goal.doubt(self.tolerance))]
         if not self.spawned or self.error_bound is not None:
             return []
-        return [f"the error is an estimate, without a proof: {self.no_bound}"]
+        return [f"the error is estimated, not proved: {self.no_bound}"]
 
     @cached_property
     def sharp_corners(self) -> Floats:
@@ -549,8 +549,8 @@ class ElasticResult(BodyResult):
 
         if self.stiffness is not None:
             raise ResultError(
-                "intensity: the factors are those of one material all round the tip, and this "
-                "answer has a field of stiffness"
+                "intensity: needs one material all around the tip, and in this answer every "
+                "cell has its own stiffness"
             )
         return intensity(self, self.error_estimate, at, radius)
 

@@ -81,14 +81,14 @@ def intensity(
         radius = room
     elif not 0.0 < radius <= room * (1.0 + ON_EDGE):
         raise ParameterError(
-            f"radius: must lie above 0 and within {room:.4g} m, as far as no other edge, load or "
+            f"radius: must lie above 0 and within {room:.4g} m, where no other edge, load or "
             f"material is near, got {radius:.4g}"
         )
     if not radius > least:
         raise ParameterError(
-            f"at: of a slit {2 * tip.slit:.3g} m wide the stress is that of a crack farther "
-            f"than {least:.3g} m from its end, and other edges or loads are nearer; take smaller "
-            "cells"
+            f"at: the slit is {2 * tip.slit:.3g} m wide, so its stress is that of a crack only "
+            f"farther than {least:.3g} m from its end; other edges or loads are nearer than "
+            "that: take smaller cells"
         )
     modes = [_Mode(tip.half, opens) for opens in (True, False)]
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)

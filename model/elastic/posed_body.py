@@ -72,7 +72,7 @@ class PosedBody:
         if spare < 1:
             raise SceneError(
                 f"body.cells: {max(lattice.shape)} cells along an axis are more than the "
-                f"2^{BITS[self.dimension] - 1} that agents can be counted in; use larger cells"
+                f"2^{BITS[self.dimension] - 1} that agents can count; use larger cells"
             )
         self.cell = 1 << min(spare, DEEPEST[self.dimension])
         self.smallest = 1 if self.resolution is None else self.cell

@@ -33,9 +33,9 @@ class Scales(NamedTuple):
         for name, size in found.items():
             if not abs(size) <= HELD:
                 raise SceneError(
-                    f"body, loads: {name} is of the order of 1e{size:.0f}, beyond the numbers that "
-                    f"a computer holds; keep it between 1e-{HELD} and 1e{HELD} by other units of "
-                    "force or length"
+                    f"body, loads: {name} is of the order of 1e{size:.0f}, outside of what can "
+                    "be computed; choose other units of force or length, so that it lies "
+                    f"between 1e-{HELD} and 1e{HELD}"
                 )
         # A power of two: what moves the supports is then scaled without rounding, and so are its
         # small differences in bodies that move by much more than they stretch.

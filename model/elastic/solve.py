@@ -91,14 +91,14 @@ def missed_note(spawning: BrickAgents | PairAgents, tolerance: float) -> str:
     kind = "a proved" if isinstance(spawning, PairAgents) else "an estimated"
     above = f"{kind} error of {error:.2g}, above the tolerance of {tolerance:g}"
     if not stopped:
-        return f"looked at after {len(spawning.generations)} steps, which leave {above}"
+        return f"after {len(spawning.generations)} steps, which leave {above}"
     if stopped == "rounding":
-        return f"rounding hides what the two opinions differ in, and leaves {above}"
+        return f"rounding hides the difference between the two stresses, and leaves {above}"
     if spawning.ground.resolution is not None:
         return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
     where = most_at(spawning)
     if stopped == "stalled":
-        return f"more agents do not lower it: they leave {above}; most of it lies {where}"
+        return f"more agents do not lower the error: they leave {above}; most of it lies {where}"
     return f"the smallest agents that can be counted leave {above}; most of it lies {where}"
 
 
@@ -172,8 +172,8 @@ def _grid(
     found = previous.found
     if not isinstance(found, CellAgents):
         raise ParameterError(
-            "previous: equal cells continue from equal cells, and its agents are of many sizes; "
-            "leave `previous` out"
+            "previous: equal cells can only start from equal cells, and this answer has agents "
+            "of many sizes; leave `previous` out"
         )
     division = resolution or previous.subdivision
     grid = grid_of(scene, stage, division, found.problem, stiffness)

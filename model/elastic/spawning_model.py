@@ -233,5 +233,5 @@ class SpawningModel(SteppedModel):
             Before the first step, when none of them has an opinion.
         """
         if not self.generation:
-            raise ResultError("result: no agent has an opinion yet; take a step first")
+            raise ResultError("result: nothing is computed yet; take a step first")
         return answer_of(self.spawner.outcome(), self.tolerance, self.seconds)

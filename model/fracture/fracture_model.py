@@ -245,7 +245,8 @@ def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:
     if pushed == moved:
         found = "both" if pushed else "neither"
         raise SceneError(
-            f"loads: forces or given displacements are scaled until something breaks, got {found}"
+            "loads: either forces or given displacements are needed, to be scaled until "
+            f"something breaks, got {found}"
         )
     return subject
 

@@ -100,7 +100,9 @@ class FractureResult(Result):
             If cells of a scene broke.
         """
         if isinstance(self.subject, Scene):
-            raise ParameterError("network: cells of a scene broke; its scene is 'subject'")
+            raise ParameterError(
+                "network: cells of a scene broke, not springs; the scene is result.subject"
+            )
         return self.subject
 
     @property
@@ -169,7 +171,9 @@ class FractureResult(Result):
             If springs of a network broke.
         """
         if not isinstance(self.subject, Scene):
-            raise ParameterError("cells: springs of a network broke; it is 'network'")
+            raise ParameterError(
+                "cells: springs of a network broke, not cells; it is result.network"
+            )
         return self.subject.lattice.centres(np.argwhere(self.subject.rasterise() >= 0))
 
     def to_dataframe(self) -> pandas.DataFrame:

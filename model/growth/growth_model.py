@@ -247,16 +247,16 @@ class GrowingBody:
     def __init__(self, scene: Scene, stage: int | None) -> None:
         if scene.body.gravity is not None:
             raise SceneError(
-                "body.gravity: the weight of a body that grows would change with it; leave it out"
+                "body.gravity: the weight would change as the body grows; leave it out"
             )
         if any(side.displacement is not None for side in scene.sides.values()):
             raise SceneError(
-                "sides: a body grows under forces; of a side that is moved the work grows with "
-                "the stiffness. Load it by [[loads]]"
+                "sides: a growing body needs forces, because a moved side does more work on a "
+                "stiffer body; load it by [[loads]]"
             )
         applied = scene.applied(stage)
         if not np.any(applied.force):
-            raise SceneError("loads: nothing grows without forces; add [[loads]]")
+            raise SceneError("loads: a body grows only under forces; add [[loads]]")
         grid = grid_of(scene, stage, stiffness=np.ones(scene.lattice.shape))
         if grid.division > 1:
             raise SceneError(f"body: {grid.notes[0]}; give smaller cells (scene.refine(2))")

@@ -135,8 +135,8 @@ def _held(
                 holds[number[name]] = literal_eval(value) if isinstance(value, str) else value
             except (ValueError, SyntaxError) as error:
                 raise SceneError(
-                    f"node {name!r}, {held}: must be true or false, or that for each of the "
-                    f"{shape[1]} axes, got {value!r}"
+                    f"node {name!r}, {held}: must be true or false, or one of these for each of "
+                    f"the {shape[1]} axes, got {value!r}"
                 ) from error
         return holds
     for name in held:
@@ -157,8 +157,8 @@ def _vectors(
         row = np.atleast_2d(_numbers(value, f"node {name!r}, {key}"))
         if row.ndim != 2 or row.shape[1] != shape[1]:
             raise SceneError(
-                f"node {name!r}, {key}: must be {shape[1]} numbers, or that for every stage, "
-                f"got {value!r}"
+                f"node {name!r}, {key}: must be {shape[1]} numbers, or a row of these for every "
+                f"stage, got {value!r}"
             )
         rows[_numbered(number, name, key)] = row
     if not rows:

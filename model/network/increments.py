@@ -163,8 +163,8 @@ class NetworkModel(Stepper[NetworkResult]):
             raise self._gives_way(start, weakness) from None
         except ConvergenceError as trouble:
             raise ConvergenceError(
-                f"rest_length: so far from the first lengths that the springs alone, before any "
-                f"load, find no balance near by ({trouble}); place the nodes nearer to it"
+                "rest_length: without any load the springs find no balance near the first "
+                f"positions ({trouble}); place the nodes nearer to it"
             ) from trouble
         self.records[0] = NetworkRecord(0.0, *balance)
 

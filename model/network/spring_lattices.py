@@ -84,7 +84,7 @@ def jittered(
     _at_least(2, width=width, rows=rows)
     _positive(spacing=spacing)
     if not 0.0 <= jitter < 0.5:
-        raise ParameterError(f"jitter: a share from 0 to below 0.5, got {jitter}")
+        raise ParameterError(f"jitter: must be a share from 0 to below 0.5, got {jitter}")
     row, place = _places(width, rows)
     positions = np.stack([place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)], axis=1)
     last = width - 1 - row % 2
@@ -140,7 +140,7 @@ def pulled(
     these are moved up (m) instead.
     """
     if network.dimension != 2:
-        raise ParameterError("network: only plane networks are pulled by their top")
+        raise ParameterError("network: only plane networks can be pulled at their top")
     across, height = network.positions.T
     low, high = (np.flatnonzero(height == level) for level in (height.min(), height.max()))
     held = np.zeros_like(network.held)

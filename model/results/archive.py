@@ -133,7 +133,7 @@ class Archive:
             raise ResultFileError(f"{self.path}: {name!r} is missing")
         text = json.dumps(self.about[name])
         if "NaN" in text and _has_nan(self.about[name]):
-            raise self._wrong(name, "hold numbers", "holds one that is none (NaN)")
+            raise self._wrong(name, "hold numbers", "holds NaN")
         try:
             return TypeAdapter(form).validate_json(text, strict=True)
         except ValidationError as error:
@@ -246,5 +246,6 @@ def reading(path: str | Path) -> Iterator[None]:
     except Exception as error:
         cause = str(error) if isinstance(error, KajuError) else f"{type(error).__name__}: {error}"
         raise ResultFileError(
-            f"{path}: is damaged, or no result of kaju's ({cause.rstrip(': ')}); compute it again"
+            f"{path}: is damaged, or is not a result of kaju ({cause.rstrip(': ')}); compute it "
+            "again"
         ) from error

@@ -97,8 +97,8 @@ def axis_of_cuts(scene: Scene, axis: str | None, stage: int | None) -> int:
     if not lattice.boxes and (lattice.kind != "hexagon" or chosen != "y"):
         layered = " across y only" if lattice.kind == "hexagon" else " across no axis"
         raise ParameterError(
-            f"axis: {lattice.kind}s lie in layers{layered}, got {chosen!r}; squares and cubes do "
-            "across every axis"
+            f"axis: {lattice.kind}s have layers{layered}, got {chosen!r}; squares and cubes have "
+            "layers across every axis"
         )
     return names.index(chosen)
 

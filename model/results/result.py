@@ -146,7 +146,7 @@ class Result:
             raise
         except ResultError as error:
             raise ResultError(
-                f"save: what could not be read again is not written: {error}"
+                f"save: this result could not be read again, so it is not written: {error}"
             ) from error
         return write_archive(path, self.kind, *parts)
 
@@ -333,7 +333,7 @@ class BodyResult(Result):
     def _carrying(self, axis: int) -> Carrying:
         """Return the parts of the body that carry anything, for cuts across an axis."""
         raise ResultError(
-            f"cuts: a {type(self).__name__} does not hold all of its stresses at once"
+            f"cuts: a {type(self).__name__} does not hold the stresses of all cells at once"
         )
 
 

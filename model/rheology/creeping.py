@@ -161,8 +161,8 @@ class CreepModel(Stepper[AnyTimeResult]):
             history = subject.history
         if not isinstance(history, History):
             raise ParameterError(
-                f"history: a History is needed, got {history!r}; such as History.step().hold(10.0)."
-                " A scene may bring its own, as [history] with times and factors"
+                "history: must be a History, such as History.step().hold(10.0), got "
+                f"{history!r}. A scene may have its own, [history] with times and factors"
             )
         require(0.0 < tolerance < 1.0, f"tolerance: must lie between 0 and 1, got {tolerance}")
         self.subject, self.history = subject, history
@@ -248,9 +248,9 @@ class CreepModel(Stepper[AnyTimeResult]):
             notes.append(NOTE)
         if at_jumps > _JUMPS_NOTED_FROM * work:
             notes.append(
-                f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does "
-                "twice the work that springs store, and no damper beside them takes up the rest; a "
-                "ramp, History().ramp(1.0, duration), leaves it out"
+                f"{at_jumps:.3g} J were released where the load jumps: a load put on at once "
+                "does twice the work that springs store, and no damper beside them takes the "
+                "rest; a ramp, History().ramp(1.0, duration), avoids it"
             )
         return tuple(notes)
 
@@ -260,7 +260,7 @@ def _system(subject: Subject, rheology: Rheology) -> Creeping:
     if isinstance(subject, SpringNetwork):
         if rheology is None:
             raise ParameterError(
-                "rheology: a spring network says nothing about time; give a ThreeElement"
+                "rheology: is needed, because springs alone do not creep; give a ThreeElement"
             )
         return CreepingNetwork(subject, rheology)
     mine = "rheology: is for spring networks; the cells of a scene have that of their material"

@@ -135,7 +135,9 @@ class ElasticCreepResult(BodyTimeResult):
     def _stepped(self, name: str) -> Floats:
         values: Floats | None = getattr(self, name)
         if values is None:
-            raise ResultError("this run followed the correspondence principle: scale `static`")
+            raise ResultError(
+                "this run is the answer `static` times a function of time; scale that"
+            )
         return values
 
 
@@ -149,7 +151,7 @@ def _spread(values: Floats, places: Flags) -> Floats:
 def cells_of(static: ElasticResult) -> CellAgents:
     """Return the equal cells of an elastic answer."""
     if not isinstance(static.found, CellAgents):
-        raise ResultError("creep: is worked out on equal cells; solve without a tolerance")
+        raise ResultError("creep: needs an answer on equal cells; solve without a tolerance")
     return static.found
 
 

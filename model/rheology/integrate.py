@@ -223,9 +223,9 @@ class Integrator:
             text = f"creep: at {state.time:.6g} s, in every step but the shortest: {trouble}"
             raise type(trouble)(text, trouble.nodes) from trouble
         raise ConvergenceError(
-            f"creep: at {state.time:.6g} s no step however short keeps the tolerance "
-            f"{self.tolerance}: there it moves ever faster, as what folds or snaps through "
-            "does; end before (duration=), or load it less"
+            f"creep: at {state.time:.6g} s even the shortest step misses the tolerance "
+            f"{self.tolerance}: the motion gets faster and faster, as if something folds or "
+            "snaps through; end earlier (duration=), or take smaller loads"
         ) from trouble
 
 

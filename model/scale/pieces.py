@@ -216,7 +216,7 @@ class PiecedResult(BodyResult):
         """Write the result to a new folder, every process its own piece; all take part."""
         target, comm = Path(path), self._comm
         if comm is None:
-            raise ResultError("save: a stored result is a folder already; copy that")
+            raise ResultError("save: this result is stored in a folder already; copy the folder")
         first = comm.Get_rank() == 0
         hidden = None
         holder = hidden_folder(target, ResultFileError) if first else None

@@ -98,7 +98,8 @@ class Body(Described):
             raise ParameterError("nearest_colour: belongs to an image; leave it out")
         if given and self.material is not None:
             raise ParameterError(
-                f"material: the legend says what the {given[0]} is of; leave it out"
+                f"material: the legend already says what the {given[0]} is made of; leave "
+                "material out"
             )
         if not given and self.cells is None:
             raise ParameterError("cells: is needed, such as [20, 10], or drawing, image or array")

@@ -58,7 +58,9 @@ class HistoryStep(Described):
         if (self.cycles is not None) != (self.period is not None):
             raise ParameterError("period: belongs to cycles, and cycles need it")
         if self.duration is not None and self.ramp is None:
-            raise ParameterError("duration: belongs to a ramp; hold and release are times already")
+            raise ParameterError(
+                "duration: belongs to a ramp; hold and release are durations themselves"
+            )
         return self
 
     def after(self, history: History) -> History:
@@ -211,7 +213,7 @@ class Description(Described):
         if isinstance(values, Mapping) and "regions" in values:
             body = values.get("body")
             if not isinstance(body, Mapping) or "regions" in body:
-                raise ParameterError("regions: belong into body; give them once")
+                raise ParameterError("regions: are given twice; leave them out here, or in body")
             inner = {**body, "regions": values["regions"]}
             return {**{k: v for k, v in values.items() if k != "regions"}, "body": inner}
         return values
@@ -233,5 +235,8 @@ class Description(Described):
     def _named_by_their_keys(cls, materials: dict[str, Material]) -> dict[str, Material]:
         for name in NOT_BODY:
             if name in materials:
-                raise ParameterError(f"{name}: is not a material's name; it means what is no body")
+                raise ParameterError(
+                    f"{name}: cannot name a material, because scenes use the word for cells that "
+                    "are not body"
+                )
         return {name: replace(material, name=name) for name, material in materials.items()}

@@ -104,7 +104,9 @@ def read_embedded(text: str, key: str) -> NDArray[Any]:
         file = BytesIO(b64decode(text.partition(",")[2], validate=True))
         return np.asarray(np.load(file, allow_pickle=False))
     except (ValueError, EOFError, OSError):
-        raise SceneFileError(f"{key}: its samples cannot be read; embed them anew") from None
+        raise SceneFileError(
+            f"{key}: the embedded numbers cannot be read; write the scene again from its file"
+        ) from None
 
 
 def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
@@ -233,7 +235,7 @@ class SampledShape(ShapeOfArrays, LevelShape):
                     arcs.append(arc)
             lines.append(np.array(arcs))
         if not lines:
-            raise SceneError(f"level: nothing is above {self.at_least:g}; take another one")
+            raise SceneError(f"level: nothing is above {self.at_least:g}; take another level")
         return lines
 
 
@@ -265,7 +267,9 @@ def _arcs_between(f: Floats) -> list[tuple[int, int, Floats]]:
         else:
             one, other = other, b + d * y0
         if one * other <= 0.0:
-            raise SceneError("level: two lines cross between samples; take one a little off")
+            raise SceneError(
+                "level: two outlines cross at this level; take a slightly different one"
+            )
         ratio = other / one
         tip = (x0 + (x1 - x0) / (1.0 + ratio), y0 + (y1 - y0) * ratio / (1.0 + ratio))
         weight = float(0.5 * (1.0 + ratio) / np.sqrt(ratio))

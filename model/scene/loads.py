@@ -76,7 +76,7 @@ class LoadTable(Described):
             raise ParameterError("side: an outline is loaded all along; leave side out")
         given = [name for name in _LOADS if getattr(self, name) is not None]
         if self.pressure_slope is not None and given != ["pressure"]:
-            raise ParameterError("pressure_slope: belongs to a pressure, that at the origin (Pa)")
+            raise ParameterError("pressure_slope: needs pressure, its value at the origin (Pa)")
         if len(given) != 1:
             raise ParameterError(
                 "force: give either force (N) or pressure (Pa) or couple (N m), and not both"

@@ -226,7 +226,7 @@ def _nearest(pixels: NDArray[np.uint8], code_of: Mapping[str, int]) -> NDArray[n
     """Return the codes of the colours nearest to pixels; what is mostly clear is "transparent"."""
     names = [name for name in code_of if name != "transparent"]
     if not names:
-        raise SceneError("legend: explains no colour, so none is the nearest")
+        raise SceneError("legend: has no colour, so none is the nearest")
     colours = np.array([_colour(name)[:3] for name in names], dtype=np.float32)
     distance = np.linalg.norm(pixels[:, None, :3].astype(np.float32) - colours, axis=2)
     codes = np.array([code_of[name] for name in names], dtype=np.int16)[distance.argmin(axis=1)]
@@ -283,9 +283,9 @@ def check_count(materials: int) -> None:
     """Refuse more materials than there are numbers for kinds of cells."""
     if materials > MOST_MATERIALS:
         raise SceneError(
-            f"materials: a body is of {MOST_MATERIALS} at most, got {materials}; where every cell "
-            "has a stiffness of its own, describe one material and solve with "
-            "kaju.solve(scene, stiffness=array)"
+            f"materials: a body has {MOST_MATERIALS} at most, got {materials}; where every cell "
+            "has a stiffness of its own, describe one material and solve with kaju.solve(scene, "
+            "stiffness=array)"
         )
 
 

@@ -25,10 +25,11 @@ _HELD = (cell_types.RIGID, cell_types.DISPLACED)
 def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:
     """Return a body with k cells along each edge of a former cell, regions asked anew."""
     if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
-        raise ParameterError(f"k: must be a whole number from 1 upwards, got {k!r}")
+        raise ParameterError(f"k: must be a whole number, 1 or more, got {k!r}")
     if not lattice.boxes:
         raise SceneError(
-            f"body.lattice: squares and cubes alone are made of smaller ones, got {lattice.kind}s"
+            "body.lattice: only squares and cubes can be split into smaller ones, got "
+            f"{lattice.kind}s"
         )
     given = dict(body)
     if body.size is None:

@@ -108,8 +108,8 @@ def _check_sides(sides: Mapping[str, SideCondition], names: tuple[str, ...]) -> 
         along = tuple(axis for axis in axes if axis != across)
         if side.free_axes not in ((), along):
             raise SceneError(
-                f"sides.{name}.displacement: a side is moved along all axes, or across itself "
-                f'alone: {"xyz"[across]} is a number then, and "free" stands for '
+                f"sides.{name}.displacement: give a number for every axis; or one for "
+                f'{"xyz"[across]}, and "free" for '
                 f"{' and '.join('xyz'[axis] for axis in along)}"
             )
 

@@ -189,9 +189,9 @@ class Scene(Description):
         """The body of cells; refused where true outlines say what the body is."""
         if self.outlined:
             raise SceneError(
-                'body.regions: outline = "true" is answered by kaju.solve alone so far; for what '
-                "needs cells (agents that pass loads on, creep, sweeps of cells, live pages) "
-                'take outline = "cells" on small cells'
+                'body.regions: only kaju.solve takes outline = "true"; for what needs cells '
+                "(agents that pass loads on, creep, growth, pages of scenes) take "
+                'outline = "cells" and small cells'
             )
         return self._resolved
 

@@ -155,8 +155,8 @@ class Selection:
         turn = np.linalg.lstsq(inertia, wanted, rcond=1e-9)[0]
         if np.abs(inertia @ turn - wanted).max() > 1e-6 * np.abs(wanted).max():
             raise SceneError(
-                "couple: the faces it acts on lie on one line along it, or are only one, and so "
-                "have no lever; take a larger side or region"
+                "couple: needs faces at a distance from each other, and has one face, or faces "
+                "on one line along it; take a larger side or region"
             )
         forces: Floats = self.share[:, None] * np.cross(turn, lever)
         return forces[:, : lattice.dimension]
@@ -215,7 +215,7 @@ def _cells_in_shape(body: ResolvedBody, shape: Shape, where: str) -> Selection:
     cells = _body_cells(body, body.cells_of(shape), where)
     cells = cells[shape.contains(body.lattice.centres(cells))]
     if len(cells) == 0:
-        raise SceneError(f"{where}: there is no middle of a cell of the body in this shape")
+        raise SceneError(f"{where}: no cell of the body has its middle in this shape")
     return Selection(cells, np.full(len(cells), -1))
 
 
@@ -232,8 +232,8 @@ def _faces_in_shape(body: ResolvedBody, shape: Shape, where: str) -> Selection:
         faces.append(cells[(beyond == cell_types.AIR) & shape.contains(middles)])
     if not any(map(len, faces)):
         raise SceneError(
-            f"{where}: no middle of a free face of the body lies in this shape; round a hole "
-            "take one that is larger by a cell"
+            f"{where}: no free face of the body has its middle in this shape; around a hole take "
+            "a shape that is larger by a cell"
         )
     return _selected_faces(range(lattice.directions), faces)
 

@@ -79,9 +79,13 @@ class SideCondition(Described):
     @model_validator(mode="after")
     def _complete(self) -> SideCondition:
         if (self.kind == "foundation") != (self.stiffness is not None):
-            raise ValueError("a foundation, and nothing else, has a stiffness (N/m³)")
+            raise ValueError(
+                "a stiffness (N/m³) belongs to a foundation, and a foundation needs it"
+            )
         if (self.kind == "displaced") != (self.displacement is not None):
-            raise ValueError("a displaced side, and nothing else, has a displacement (m)")
+            raise ValueError(
+                "a displacement (m) belongs to a displaced side, and a displaced side needs it"
+            )
         return self
 
     @property

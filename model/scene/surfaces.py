@@ -30,7 +30,9 @@ def surface_from(text: str, key: str, scale: float) -> ClosedSurface:
     if text.startswith(EMBEDDED_ARRAY):
         corners = read_embedded(text, key)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.isfinite(corners).all():
-            raise SceneFileError(f"{key}: its triangles cannot be read; embed them anew")
+            raise SceneFileError(
+                f"{key}: the embedded triangles cannot be read; write the scene again from its file"
+            )
         return ClosedSurface(np.asarray(corners, dtype=np.float64) * scale)
     corners, ambiguous = _one_body(_read(text, key), key, scale)
     return ClosedSurface(corners * scale, ambiguous)

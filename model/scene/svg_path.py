@@ -94,7 +94,7 @@ def read_path(text: str) -> list[Floats]:
             command = "L" if command == "M" else "l"
         kind = command.upper()
         if not command or (kind == "Z" and not found) or (not lines and kind != "M"):
-            raise SceneError(f"path: is no path of SVG at {text[place : place + 20]!r}")
+            raise SceneError(f"path: is not a valid SVG path at {text[place : place + 20]!r}")
         given, place = _numbers(text, place, kind)
         origin = here if command.islower() else (0.0, 0.0)
         x, y = here
@@ -134,7 +134,7 @@ def read_path(text: str) -> list[Floats]:
     _close(lines, start, here)
     kept = [np.array(arcs) for arcs in lines if len(arcs) > 1]
     if not kept:
-        raise SceneError("path: holds nothing; a path goes round it, such as M 0 0 H 1 V 1 Z")
+        raise SceneError("path: encloses nothing; write one such as M 0 0 H 1 V 1 Z")
     return kept
 
 

@@ -228,8 +228,8 @@ class AgentEngine:
         """Hand over a load of an agent's own making, unless it is too small."""
         if not isinstance(sender, MaterialAgent):
             raise AgentError(
-                "hand_over: who hands over comes first, as in hand_over(self, arm, load), got "
-                f"{sender!r:.60}"
+                "hand_over: the agent that hands over comes first, as in hand_over(self, arm, "
+                f"load), got {sender!r:.60}"
             )
         checked, arm = self.guard.load(sender, "hand_over", load, arm), int(arm)
         if not self.goes_on(checked.magnitude, False):

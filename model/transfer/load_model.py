@@ -356,7 +356,7 @@ def keywords_into(
     for name in parameters.keys() & (rule | own):
         whose = "the rule" if name in rule else model.__name__
         raise ParameterError(
-            f"{name}: {whose} has a number of this name already; call the parameter otherwise"
+            f"{name}: {whose} has a number of this name already; give the parameter another name"
         )
     for name in given.keys() - parameters.keys() - rule:
         known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
@@ -370,8 +370,8 @@ def keywords_into(
     changed = {name: value for name, value in given.items() if name in rule}
     if changed and own_rule:
         raise ParameterError(
-            f"{next(iter(changed))}: is a number of the scene's rule, and rule= brings another; "
-            "give one of them"
+            f"{next(iter(changed))}: is a number of the scene's rule, but rule= gives another "
+            "rule; give one of them"
         )
     if changed:
         # Checked as the numbers of a scene's file are; materials have no place there.

@@ -53,8 +53,8 @@ class Certificate:
 def not_known(agents: list[str]) -> Certificate:
     """Return the certificate of agents of one's own, which pass on what they like."""
     verdict = (
-        f"not known: agents of your own ({', '.join(agents)}) decide what they pass on; the run is "
-        "watched and stopped if the loads grow to 1000 times the applied ones"
+        f"not known: agents of your own ({', '.join(agents)}) decide what they pass on; the run "
+        "stops if the loads grow to 1000 times the applied ones"
     )
     return Certificate(0.0, inf, None, inf, None, stable=False, verdict=verdict, known=False)
 

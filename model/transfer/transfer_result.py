@@ -46,8 +46,8 @@ pictures and films go through all of them. It is what `LoadModel` makes unless i
 
 
 NO_EQUILIBRIUM = (
-    "the prescribed rule keeps no equilibrium: its displacements may be hardly closer to those of "
-    'the body than no answer at all; rule = { kind = "elastic" } gives these'
+    "the prescribed rule keeps no equilibrium: forces do not balance, and its displacements may be "
+    'hardly better than no answer at all; rule = { kind = "elastic" } gives those of the body'
 )
 
 

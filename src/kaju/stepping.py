@@ -39,8 +39,8 @@ def chosen(order: Order[A], waiting: list[A]) -> list[A]:
         acting, right = [], False
     if not right:
         raise ParameterError(
-            f"order: must choose at least one of the {len(waiting)} agents that it is given, "
-            f"and no others; it chose {len(acting)} ({answer!r:.60})"
+            f"order: must return at least one of the {len(waiting)} agents that it gets, and no "
+            f"others; it returned {len(acting)} ({answer!r:.60})"
         )
     return acting
 

@@ -68,11 +68,11 @@ def test_it_is_stored(tmp_path):
 
 def test_what_is_no_order_is_said():
     scene = plate(4)
-    with pytest.raises(ParameterError, match=r"order: must choose at least one of the \d+ agents"):
+    with pytest.raises(ParameterError, match=r"order: must return at least one of the \d+ agents"):
         ElasticModel(scene, order=lambda agents: []).step()
     stranger = ElasticModel(scene)
     stranger.step()
-    with pytest.raises(ParameterError, match="and no others; it chose 1"):
+    with pytest.raises(ParameterError, match="and no others; it returned 1"):
         ElasticModel(scene, order=lambda agents: [next(iter(stranger.agents))]).step()
     with pytest.raises(ParameterError, match="'arrays' knows no topmost"):
         ElasticModel(scene, engine="arrays", order=topmost)

@@ -146,7 +146,7 @@ def test_two_springs_in_a_line_by_hand():
     settled = solve(in_a_line(1.0, [0.5, 1.0]), 1)
     assert settled.displacement[0, 1, 0] == pytest.approx(-0.25)
     assert settled.tension[0] == pytest.approx([0.25, 0.25])
-    with pytest.raises(ConvergenceError, match="rest_length: so far from the first lengths"):
+    with pytest.raises(ConvergenceError, match="rest_length: "):
         solve(in_a_line(1.0, [0.01, 5.0]))
 
 

@@ -189,7 +189,7 @@ def test_surfaces_in_words_are_read(tmp_path: Path) -> None:
 
 def test_a_rough_answer_names_a_remedy_that_is_not_refused() -> None:
     answer = kaju.solve(block(4, BALL, sides={"bottom": "rigid"}), resolution=2)
-    (rough,) = [note for note in answer.notes if "ask for less" in note]
+    (rough,) = [note for note in answer.notes if "the error is about" in note]
     assert rough.endswith("resolution=4 (kaju solve FILE --resolution 4)")
 
 

@@ -452,7 +452,7 @@ def test_loads_that_cancel_are_refused():
 
 @pytest.mark.parametrize("pull", [1e-300, 1e300])
 def test_loads_that_no_number_holds_are_refused(pull):
-    with pytest.raises(kaju.KajuError, match="beyond the numbers"):
+    with pytest.raises(kaju.KajuError, match="body, loads: "):
         kaju.solve(plate().replace(loads=[{"side": "right", "force": [pull, 0.0]}]))
 
 

@@ -132,7 +132,7 @@ def test_half_the_work_of_a_sudden_load_on_springs_is_set_free_and_said():
     sudden = creep(slab(), History.step().hold(1.0))
     assert sudden.at_jumps[-1] == pytest.approx(0.5 * sudden.work[-1], rel=1e-9)
     assert sudden.stored[-1] == pytest.approx(0.5 * sudden.work[-1], rel=1e-9)
-    assert "set free where the load jumps" in sudden.notes[0]
+    assert "released where the load jumps" in sudden.notes[0]
     assert sudden.summary()["numerical_J"] == pytest.approx(0.0, abs=1e-12 * sudden.work[-1])
     slow = creep(slab(), History().ramp(1.0, 1.0).hold(1.0))
     assert slow.at_jumps[-1] == 0.0
@@ -160,7 +160,7 @@ def test_doubts_about_the_scene_are_told(rule):
         ({"duration": -1.0}, "duration: must be above 0"),
         ({"rheology": DOUGH}, "rheology: is for spring networks"),
         ({"history": History.step()}, "needs a duration"),
-        ({"history": None}, "history: a History is needed"),
+        ({"history": None}, "history: must be a History"),
         ({"subject": "dough"}, "subject: a Scene, a SpringNetwork or a ThreeElement"),
     ],
 )

@@ -53,7 +53,7 @@ PARTS = [
     ({"materials": {"m": {"youngs_modulus": 1}}}, "m.poissons_ratio: is needed, or a base"),
     ({"materials": {"m": {"base": "ice", "density": 0}}}, "materials.m.density: must be above 0"),
     ({"materials": {"m": "soft"}}, "materials.m: must be a table of youngs_modulus, .* got 'soft'"),
-    ({"materials": {"air": {"base": "ice"}}}, "materials.air: is not a material's name"),
+    ({"materials": {"air": {"base": "ice"}}}, "materials.air: cannot name a material"),
     ({"sides": {"botom": "rigid"}}, r"sides.botom: .* \(did you mean 'bottom'\?\); there is left"),
     ({"sides": {"bottom": "rigd"}}, r"sides.bottom: there is no 'rigd' \(did you mean 'rigid'\?\)"),
     ({"sides": {"bottom": {"stifness": 1}}}, r"sides.bottom.stifness: .* mean 'stiffness'"),
@@ -62,7 +62,7 @@ PARTS = [
     ({"rule": {"kind": "elastik"}}, r"rule.kind: .* 'elastik' \(did you mean 'elastic'\?\)"),
     ({"rule": {"treshold": 1.0}}, r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
     ({"rule": {"threshold": 0.0}}, "rule.threshold: must be a load above 0 N, got 0.0"),
-    ({"rule": {"alpha": [0.5, 0.5, -1]}}, "rule.alpha: α₃ must be a number from 0 upwards"),
+    ({"rule": {"alpha": [0.5, 0.5, -1]}}, "rule.alpha: α₃ must be a number, 0 or more"),
     ({"rule": {"materials": {"steel": {"beta": 3.0}}}}, "rule.materials.steel.beta: must lie betw"),
     ({"rule": {"materials": {"stel": {}}}}, r"rule.materials.stel: .* \(did you mean 'steel'\?\)"),
 ]
@@ -96,7 +96,7 @@ def test_what_is_wrong_is_named(parts, told):
 
 def test_regions_are_given_once():
     region = {"box": [[0, 0], [0.1, 0.1]], "material": "ice"}
-    with pytest.raises(SceneError, match=r"regions: belong into body; give them once"):
+    with pytest.raises(SceneError, match=r"regions: are given twice"):
         scene({"regions": [region]}, regions=[region])
 
 

@@ -118,7 +118,7 @@ def test_an_order_of_ones_own():
     by_place = [stage.taken[np.lexsort(stage.cells.T)] for stage in (alone, together)]
     np.testing.assert_allclose(*by_place, rtol=1e-12)
     assert alone.ledger.imbalance < 1e-12
-    with pytest.raises(ParameterError, match="order: must choose at least one of the 1 agents"):
+    with pytest.raises(ParameterError, match="order: must return at least one of the 1 agents"):
         LoadModel(scene, order=lambda agents: []).step()
 
 

@@ -39,7 +39,7 @@ def missing(scene, result):
     ],
 )
 def test_numbers_that_no_computer_holds_are_refused(extreme, how):
-    with pytest.raises(SceneError, match=r"1e-?\d+, beyond the numbers that a computer holds"):
+    with pytest.raises(SceneError, match=r"body, loads: .* 1e-?\d+"):
         solve(block(**extreme), **how)
 
 

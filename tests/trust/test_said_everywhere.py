@@ -72,7 +72,7 @@ def test_a_tolerance_that_is_missed_is_told_and_no_smaller_one_suggested():
     missed = solve(checkers, tolerance=0.3, resolution=4)
     assert missed.tolerance_kept == "missed"
     assert any("above the tolerance of 0.3" in note for note in missed.notes)
-    assert not any("ask for less" in note for note in missed.notes)
+    assert not any("for a smaller one take" in note for note in missed.notes)
     assert "tolerance missed" in drawn(missed, "stress")
 
 

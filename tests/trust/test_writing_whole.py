@@ -142,8 +142,8 @@ def test_who_comes_second_is_refused_and_changes_nothing(old, new):
 @pytest.mark.parametrize(
     ("place", "message"),
     [
-        (".", "is a folder that you stand in"),
-        ("..", "is a folder that you stand in"),
+        (".", "is the working folder"),
+        ("..", "is the working folder"),
         ("/proc/kaju/here", "cannot be written"),
         ("a file/here", "cannot be written"),
         ("a file", "is a file"),

@@ -156,8 +156,8 @@ def factorised(problem: ElasticProblem, discretisation: float) -> Solution:
         factors = Factors(problem)
     except RuntimeError as error:
         raise SceneError(
-            "body: some of its cells hang together by single faces, about which they turn freely; "
-            "give a larger resolution (2 halves the cells), or a tolerance, so that agents spawn"
+            "body: some of its cells are joined by a single face only, and can turn about it; "
+            "give a larger resolution (2 halves the cells), or a tolerance"
         ) from error
     system = System(problem, factors.numbering)
     run = _solve_direct(factors, system.right)

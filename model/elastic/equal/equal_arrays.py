@@ -43,8 +43,8 @@ class EqualArrays:
         count = float(np.prod(np.asarray(self.shape, dtype=np.float64)))
         if count > MOST_CELLS:
             raise ResultError(
-                f"cells: {count:.2g} cells are more than the {MOST_CELLS:.0e} that are laid out as "
-                "arrays; take a smaller resolution, or the agents' own arrays"
+                f"cells: {count:.2g} cells are more than the {MOST_CELLS:.0e} that fit into "
+                "arrays; take a smaller resolution, or the arrays of the agents"
             )
         self.cell_size = found.grid.lattice.cell_size * (own / division)
         self._found, self._grid = found, found.grid

@@ -33,7 +33,8 @@ from kaju.model.scene import Scene
 
 SMALL = 0.01  # Of the largest: errors of smaller values are relative to this share
 NEAREST = (
-    "agents cannot end where the place ends; the error is that of the nearest box where they can"
+    "agents cannot end where the place ends; the error is that of the nearest box where they "
+    "can end"
 )
 
 

@@ -188,7 +188,7 @@ def where_of(at: Place, scene: Scene) -> Where:
     d = scene.lattice.dimension
     if len(at) != d:
         raise ParameterError(
-            f"goal: {list(at)} should have {d} coordinates (m), one for each axis of the cells"
+            f"goal: {list(at)} must have {d} coordinates (m), one for each axis of the cells"
         )
     point = np.array([at])
     if np.isfinite(point).all():

@@ -225,8 +225,8 @@ def asked(goal: AskedFor | None) -> tuple[Quantity, ...]:
         )
     if len(quantities) > MOST:
         raise ParameterError(
-            f"goal: {len(quantities)} quantities are more than {MOST}, and each takes a solution "
-            "of its own; ask for the mean of a region"
+            f"goal: {len(quantities)} quantities are more than {MOST}, and each needs its own "
+            "solution; ask for the mean over a region"
         )
     return quantities
 

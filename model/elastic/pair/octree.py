@@ -125,8 +125,8 @@ class BrickLoop:
             if material.poissons_ratio > MOST_RATIO:
                 raise ParameterError(
                     f"tolerance: in space agents spawn for a Poisson's ratio of {MOST_RATIO} at "
-                    f"most, and {material.name!r} has {material.poissons_ratio:.10g}; leave the "
-                    "tolerance out: equal cells are solved for any"
+                    f"most, and {material.name!r} has {material.poissons_ratio:.10g}; solve "
+                    "without a tolerance, for which equal cells take any ratio"
                 )
         self.ground, self.tolerance = ground, tolerance
         self.most_agents = most_agents or MOST_AGENTS

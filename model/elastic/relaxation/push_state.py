@@ -137,7 +137,7 @@ class PushEngine(ABC):
 
     def relax_chosen(self, order: Order[FaceAgent]) -> None:
         """Let the agents act that an order chooses from those above γ, in turn."""
-        raise NotImplementedError("rows of arrays act in no order of one's own")
+        raise NotImplementedError("arrays do not act in an order of your own")
 
     @abstractmethod
     def wake_supports(self) -> None:

@@ -2,15 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from spawning_bodies import under_a_patch
 
 from kaju import SpawningModel, load_result, solve
 from kaju.errors import ParameterError, ResultError
-from kaju.model.elastic import spawning_model
-from kaju.model.elastic.pair.family import Family, corners
-from kaju.model.elastic.pair.leaves import morton
 
 
 def assert_same_rows(one, other):
@@ -117,19 +112,8 @@ def test_generations_can_be_looked_at_before_the_end(tmp_path):
     assert len(late.family.standing(1)) == count
 
 
-def test_history_tells_every_generation(model):
-    found = model.result()
-    for step, generation in enumerate(found.generations):
-        rows = found.family.standing(step)
-        assert len(rows) == generation.agents
-        volume = (found.family.size[rows] ** found.family.dimension).sum()
-        assert volume == pytest.approx(1.0)
-    np.testing.assert_array_equal(rows, found.family.working)
-    np.testing.assert_allclose(found.family.lower[rows], found.lower)
-
-
 def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
-    monkeypatch.setattr(spawning_model, "MOST_OBJECTS", 100)
+    monkeypatch.setattr("kaju.model.elastic.spawning_model.MOST_OBJECTS", 100)
     model = SpawningModel(under_a_patch(), 0.01)
     first = next(iter(model.agents))
     model.run()
@@ -150,26 +134,3 @@ def test_run_that_may_not_have_enough_agents_says_so():
     assert "a larger resolution" in coarse.outcome
     with pytest.raises(ParameterError, match="tolerance"):
         SpawningModel(under_a_patch(), 2.0)
-
-
-def test_child_that_spawns_in_the_same_step_is_remembered():
-    """A leaf of 4 units of which one quarter is split again at once."""
-    family = Family(2, 0.5)
-    family.grow(np.array([0]), np.array([4]))
-    family.settle(np.array([3.0]), np.array([True]))
-    family.grow(np.array([0, 1, 2, 3, 4, 8, 12]), np.array([1, 1, 1, 1, 2, 2, 2]))
-    rows = family.rows
-    assert rows["parent"].tolist() == [-1, 0, 0, 0, 0, 1, 1, 1, 1]
-    assert rows["retired_step"].tolist() == [1, 1, -1, -1, -1, -1, -1, -1, -1]
-    assert family.level.tolist() == [0, 1, 1, 1, 1, 2, 2, 2, 2]
-    np.testing.assert_array_equal(rows["cause"], [0, 3, 3, 3, 3] + 4 * [np.nan])
-    assert family.working.tolist() == [5, 6, 7, 8, 2, 3, 4]
-    assert family.standing(0).tolist() == [0]
-    np.testing.assert_array_equal(family.lower[6], [0.5, 0.0])
-
-
-@settings(max_examples=50)
-@given(st.sampled_from([2, 3]), st.lists(st.integers(0, 2**20 - 1), min_size=3, max_size=30))
-def test_codes_name_their_points(dimension, numbers):
-    points = np.array(numbers[: len(numbers) // dimension * dimension]).reshape(-1, dimension)
-    np.testing.assert_array_equal(corners(morton(points), dimension), points)

@@ -108,25 +108,6 @@ def test_a_proof_holds_to_the_last_digits_of_bodies_that_move_far(shift):
     assert lower <= 0.5 * steel.youngs_modulus * stretch**2 * 0.01 <= upper
 
 
-def test_tractions_balance_in_every_agent_and_across_every_edge():
-    """Of the last generation, which iterates; its load ends within a side."""
-    found = proved(SCENES["ends within sides"], 0.004).found.opinions
-    force = found.tractions[:, :, 0]
-    most = np.abs(found.sides.load).max()
-    np.testing.assert_allclose(force.sum(axis=1), 0.0, atol=1e-9 * most)
-    mesh = found.mesh
-    whole = np.setdiff1d(
-        np.arange(mesh.edges), np.concatenate([mesh.border, *mesh.halves, mesh.whole])
-    )
-    across = np.zeros((mesh.edges, 2))
-    np.add.at(across, mesh.edge, force)
-    np.testing.assert_allclose(across[whole], 0.0, atol=1e-9 * most)
-    free = found.sides.given.all(axis=1)
-    own = found.tractions[mesh.owner, mesh.side][free]
-    wanted = found.sides.load[mesh.owner, mesh.side][free]
-    np.testing.assert_allclose(own, wanted, atol=1e-9 * most)
-
-
 def test_a_body_that_something_leaves_free_is_refused():
     with pytest.raises(SupportError, match="could move along x"):
         kaju.solve(body(PLATE, sides={"bottom": "roller"}, loads=[TOP]), tolerance=0.1)
@@ -239,26 +220,6 @@ def test_work_of_one_load_on_the_other_is_mutual_within_the_bounds():
     )
     off = 2 * np.sqrt(right.strain_energy * top.strain_energy) * right.error_bound * top.error_bound
     assert abs(there - back) <= 4 * off
-
-
-def test_loads_that_cancel_leave_the_body_at_rest():
-    loads = [{"side": "right", "force": [5.0, -100.0]}, {"side": "right", "force": [-5.0, 100.0]}]
-    answer = kaju.solve(bar().scene.replace(loads=loads), tolerance=0.05)
-    assert answer.max_displacement == 0.0
-    assert answer.strain_energy == 0.0
-    assert answer.tolerance_kept == "proved"
-
-
-def test_two_names_of_one_material_are_one():
-    codes = PLATE.copy()
-    codes[3:, 2:7] = 3
-    same = dict(zip(("youngs_modulus", "poissons_ratio"), (206e9, 0.3), strict=True))
-    legend = {1: "a", 3: "b"}
-    how = {"legend": legend, "sides": {"bottom": "rigid"}, "loads": [TOP]}
-    one = proved(body(PLATE, materials={"a": same}, **how | {"legend": {1: "a"}}), 0.01)
-    two = proved(body(codes, materials={"a": same, "b": same}, **how), 0.01)
-    ends = (*one.energy_bounds, *two.energy_bounds)
-    assert max(ends[::2]) <= min(ends[1::2])
 
 
 def test_a_stored_answer_has_its_agents_and_finds_its_fields_again(tmp_path):

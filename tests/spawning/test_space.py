@@ -5,7 +5,7 @@ import pytest
 from spawning_bodies import quarter
 
 import kaju
-from kaju.errors import ConvergenceError, SupportError
+from kaju.errors import ConvergenceError
 
 YOUNGS = 1e9
 MIRRORS = {"left": "roller", "front": "roller", "bottom": "roller"}
@@ -33,21 +33,6 @@ def test_an_even_pull_is_exact_and_so_is_a_moved_side():
     moved = kaju.solve(block(MIRRORS | {"top": top}), tolerance=0.01)
     assert moved.strain_energy == pytest.approx(0.5 * YOUNGS * 1e-6, rel=1e-12)
     np.testing.assert_allclose(moved.reactions["top"], [0, 0, 1e6], atol=1e-6)
-
-
-def test_a_body_that_is_moved_far_keeps_its_small_strain():
-    sides = {"bottom": [0.0, 0.0, 1.0], "top": [0.0, 0.0, 1.0 + 2e-6]}
-    far, near = (
-        kaju.solve(
-            block({n: {"displacement": [0, 0, u[2] - less]} for n, u in sides.items()}),
-            tolerance=0.05,
-        )
-        for less in (0.0, 1.0)
-    )
-    assert far.strain_energy == pytest.approx(near.strain_energy, rel=1e-8)
-    np.testing.assert_allclose(
-        far.displacement - near.displacement, [[0, 0, 1.0]] * far.agents, atol=1e-9
-    )
 
 
 def test_a_bed_takes_its_share_of_the_energy():
@@ -105,27 +90,12 @@ def test_a_stiff_inclusion_on_a_bed_ends():
     np.testing.assert_allclose(sum(result.reactions.values()), [1.856, 0.675, 0.203], rtol=1e-4)
 
 
-def test_a_body_that_could_slide_is_refused():
-    with pytest.raises(SupportError, match="move along y"):
-        kaju.solve(block({"left": "roller"}, [{"side": "top", "pressure": 1.0}]), tolerance=0.1)
-
-
 def test_a_couple_turns_the_end_of_a_beam():
     beam = block({"bottom": "rigid"}, [{"side": "top", "couple": [0, 1e3, 0]}], [2, 2, 8], 0.0)
     result = kaju.solve(beam, tolerance=0.01, resolution=4)
     assert result.strain_energy == pytest.approx(
         0.5 * 1e3**2 * 2.0 * 12.0 / YOUNGS / 0.5**4, rel=2e-2
     )
-
-
-def test_stored_agents_are_read_as_they_were(tmp_path):
-    result = kaju.solve(patch(8), tolerance=0.1)
-    result.save(tmp_path / "answer.npz")
-    again = kaju.load_result(tmp_path / "answer.npz")
-    points = [[0.3, 0.4, 0.5], [0.5, 0.5, 1.0]]
-    np.testing.assert_array_equal(again.displacement_at(points), result.displacement_at(points))
-    np.testing.assert_array_equal(again.stress, result.stress)
-    assert again.error_estimate == result.error_estimate
 
 
 def test_fine_bodies_begin_on_hats():
@@ -144,18 +114,6 @@ def test_fine_bodies_begin_on_hats():
     result = kaju.solve(scene, tolerance=0.3)
     np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1.0], atol=1e-4)
     assert result.generations[0].agents > 400
-
-
-def test_a_tolerance_is_refused_for_what_is_nearly_incompressible():
-    scene = kaju.Scene(
-        body={"cells": [2, 2, 2], "cell_size": 0.1, "material": "gel"},
-        materials={"gel": {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "pressure": 10.0}],
-    )
-    with pytest.raises(kaju.KajuError, match=r"Poisson's ratio of 0\.499 at most.*'gel'"):
-        kaju.solve(scene, tolerance=0.2)
-    assert kaju.solve(scene).strain_energy > 0.0
 
 
 def test_stress_goes_on_where_agents_of_two_sizes_meet():

@@ -1,11 +1,16 @@
 """Agents spawn where their opinions differ, until the error is within the tolerance."""
 
+from itertools import product
+from math import sqrt
+
 import numpy as np
 import pytest
 from goal_bodies import plate
-from spawning_bodies import spawned_by, under_a_patch
+from scipy.ndimage import label
+from spawning_bodies import STEEL, drawn, spawned_by, under_a_patch
 
-from kaju import Scene
+from kaju import Scene, SpawningModel, solve
+from kaju.errors import SceneError
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
@@ -45,3 +50,109 @@ def test_vtk_file_holds_the_agents(tmp_path, dimension):
     np.testing.assert_allclose(edge, result.size)
     np.testing.assert_allclose(mesh.cell_data["level"][0], result.level)
     assert np.abs(mesh.point_data["displacement"]).max() > 0
+
+
+def test_small_patch_of_load_makes_agents_spawn():
+    result = solve(plate(), tolerance=0.01)
+    assert result.spawned
+    assert result.error_bound <= 0.01
+    assert sqrt(abs(result.strain_energy / LIMIT - 1)) < 0.01
+    assert result.notes == result.caveats, "there is no choice to be told of"
+
+
+def test_agents_go_where_members_are_too_thin_for_equal_cells():
+    """Cells that hang together by single faces, about which they turn freely."""
+    load = {"cell": [0, 5], "side": "top", "force": [1.0, -1.0]}
+    scene = drawn(["a.", "aa", ".a", "aa", "a.", "aa"], [STEEL], [load])
+    with pytest.raises(SceneError, match="turn freely"):
+        solve(scene)
+    result = solve(scene, tolerance=0.1)
+    assert result.spawned
+    assert result.error_bound <= 0.1
+
+
+OF_STEEL = {"material": "steel"}
+
+
+def angle(force=(100.0, 0.0)):
+    """An L of 0.8 m on its ground, loaded along its whole top."""
+    cut = {"box": [[0.4, 0.4], [0.8, 0.8]], "material": "air"}
+    top = {"region": {"box": [[0.0, 0.8], [0.4, 0.8]]}, "force": list(force)}
+    body = {"size": [0.8, 0.8], "cells": [8, 8], "thickness": 1.0, "regions": [cut], **OF_STEEL}
+    return Scene(body=body, sides={"bottom": "rigid"}, loads=[top])
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.005])  # of these the second is kept by blocks
+def test_a_corner_costs_few_agents(tolerance):
+    """Agents fall like 1/tolerance² as in a body without corners, and the bound uses all of it."""
+    result = solve(angle(), tolerance=tolerance)
+    assert result.tolerance_kept == "proved"
+    assert 0.8 * tolerance < result.error_bound <= tolerance
+    assert result.agents < 4.5 / tolerance**2
+
+
+def test_agents_round_a_corner_are_the_smallest():
+    result = solve(angle(), tolerance=0.05)
+    for end in product((-1, 1), repeat=2):
+        if end != (1, 1):
+            at = np.argmin(np.abs(result.middle - 0.4 - 1e-6 * np.array(end)).max(axis=1))
+            assert result.size[at] == result.size.min()
+
+
+def test_pure_shear_is_bounded_but_for_its_corners():
+    """All sides are dragged, the ground holds: one shear everywhere, and U = F² / (2 G t)."""
+    force = 100.0
+    ways = {"top": [force, 0.0], "right": [0.0, force], "left": [0.0, -force]}
+    loads = [{"side": side, "force": way} for side, way in ways.items()]
+    body = {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 1.0, **OF_STEEL}
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=loads)
+    result = solve(scene, tolerance=0.01)
+    (steel,) = scene.cell_materials
+    true = force**2 * (1.0 + steel.poissons_ratio) / steel.youngs_modulus
+    lower, upper = result.energy_bounds
+    assert lower * (1.0 - 1e-9) <= true <= upper < 1.0003 * true
+    assert result.error_bound < 0.01
+
+
+def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance():
+    """Stiff voxels that touch along edges are nearly hinged: no agents are small enough."""
+    rng = np.random.default_rng(0)
+    codes = rng.choice([0, 1, 2], p=[0.1, 0.5, 0.4], size=[4, 4, 4]).repeat(2, 0).repeat(2, 1)
+    codes = codes.repeat(2, axis=2)
+    codes[..., 0] = 1
+    parts, _ = label(codes > 0)
+    codes[parts != parts[0, 0, 0]] = 0
+    materials = [{"youngs_modulus": e, "poissons_ratio": 0.3} for e in (1e9, 1e4)]
+    load = {"side": "top", "force": [0.0, 0.0, -1.0]}
+    scene = drawn(codes, materials, [load], cell_size=1.0)
+    result = SpawningModel(scene, tolerance=0.1, most_agents=1_000).run()
+    assert result.tolerance_kept == "missed"
+    np.testing.assert_allclose(result.reactions["bottom"], [0.0, 0.0, 1.0], atol=1e-3)
+    energies = [generation.energy for generation in result.generations]
+    assert np.all(np.diff(energies) > 0.0), "each is a lower bound"
+
+
+def pinned(cells):
+    """A plate held by a square of rigid cells in its middle, with a force at its end."""
+    hold = {"material": "rigid", "box": [[1.0, 1.0], [1.0 + cells, 1.0 + cells]]}
+    return Scene(
+        body={"cells": [4, 4], "cell_size": 1.0, "material": "steel", "regions": [hold]},
+        loads=[{"cell": [3, 3], "side": "top", "force": [0.0, -1.0]}],
+    )
+
+
+def test_single_rigid_cell_is_a_pin_until_the_cells_beside_are_halved():
+    alone = solve(pinned(1))
+    assert any("single rigid cell" in note for note in alone.summary()["notes"])
+    for result in (alone, solve(pinned(1), tolerance=0.1)):
+        np.testing.assert_allclose(result.reactions["rigid"], [0.0, 1.0], atol=1e-9)
+    assert solve(pinned(2)).reactions["rigid"][1] == pytest.approx(1.0)
+
+
+def test_cells_held_all_round_are_no_loose_part():
+    """A part of which supports leave no face free but those between its own cells."""
+    load = {"cell": [2, 0], "side": "bottom", "force": [0.0, 1.0]}
+    rows = ["=====", "=aa==", "=====", ".aaa."]
+    scene = drawn(rows, [STEEL], [load], sides={}, cell_size=0.1)
+    result = solve(scene, tolerance=0.2)
+    np.testing.assert_allclose(result.reactions["rigid"], [0.0, -1.0], atol=1e-9)

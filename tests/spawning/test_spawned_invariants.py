@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from spawning_bodies import (
-    BRASS,
     CELL,
     FOAM,
     STEEL,
@@ -14,8 +13,6 @@ from spawning_bodies import (
     spawned_by,
     under_a_patch,
 )
-
-from kaju import Scene, load_result
 
 
 def codes_of(seed=5, size=12):
@@ -31,31 +28,8 @@ CODES = codes_of()
 FIRST, SECOND = on_top(CODES, 2, (0.7, -1.5)), on_top(CODES, 9, (-0.4, -1.0))
 
 
-def two_materials(loads, codes=CODES):
-    return drawn(codes, [STEEL, BRASS], loads)
-
-
-def mirrored(load, cells):
-    across = cells - 1 - load["cell"][0]
-    return load | {
-        "cell": [across, load["cell"][1]],
-        "force": [-load["force"][0], load["force"][1]],
-    }
-
-
 # Generations that are factorised settle to rounding; of others the last digits depend on the
 # order of the agents, and with them, now and then, who spawns.
-
-
-def test_mirrored_body_moves_like_its_mirror_image():
-    scene = two_materials([FIRST, SECOND])
-    image = two_materials([mirrored(load, len(CODES)) for load in (FIRST, SECOND)], CODES[::-1])
-    here, there = (spawned_by(s, tolerance=0.15) for s in (scene, image))
-    assert [g.agents for g in here.generations] == [g.agents for g in there.generations]
-    points = CELL * (np.argwhere(CODES > 0) + 0.3)
-    across = points * [-1, 1] + [CELL * len(CODES), 0]
-    u, v = here.displacement_at(points), there.displacement_at(across)
-    np.testing.assert_allclose(v * [-1, 1], u, atol=1e-8 * np.abs(u).max())
 
 
 def turned_plate(turns):
@@ -137,41 +111,3 @@ def test_same_numbers_bit_by_bit(scene):
     np.testing.assert_array_equal(first.displacement, second.displacement)
     assert first.residuals == second.residuals
     assert first.error_estimate == second.error_estimate
-
-
-def test_image_on_finer_cells_is_stored_as_it_was_solved(tmp_path):
-    """Regions are asked again on finer cells, so the stored body must be the fine one."""
-    Image = pytest.importorskip("PIL.Image")
-    x = (np.arange(64) + 0.5) / 64
-    dark = np.hypot(*np.meshgrid(x - 0.5, x - 0.5)) < 0.31
-    Image.fromarray(np.where(dark, 0, 255).astype(np.uint8)).save(tmp_path / "hole.png")
-    hole = {"image": {"file": str(tmp_path / "hole.png")}, "material": "air"}
-    scene = Scene(
-        body={"size": [0.2, 0.2], "cells": [16, 16], "material": "steel", "regions": [hole]},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "pressure": 1e5}],
-    )
-    result = spawned_by(scene, tolerance=0.2, resolution=4)
-    path = result.save(tmp_path / "plate")
-    (tmp_path / "hole.png").unlink()
-    again = load_result(path)
-    assert again.summary() == result.summary()
-    np.testing.assert_array_equal(again.lower, result.lower)
-    points = result.lower + 0.25 * result.size[:, None]
-    np.testing.assert_array_equal(again.displacement_at(points), result.displacement_at(points))
-    np.testing.assert_array_equal(again.stress_at(points), result.stress_at(points))
-
-
-@pytest.mark.parametrize("seed", [11, 20])
-def test_a_body_that_is_its_own_image_moves_so(seed):
-    """Of some thousand agents, which end before they have settled to rounding, within the bound."""
-    rng = np.random.default_rng(seed)
-    half = np.asarray((rng.random((4, 6)) < 0.9) * rng.integers(1, 3, (4, 6)))
-    half[:, 0] = 1
-    half[-1] = 2
-    codes = np.concatenate([half, half[::-1]])
-    load = {"cell": [3, 5], "force": [0.5, -1.0]}
-    result = spawned_by(two_materials([load, mirrored(load, 8)], codes), tolerance=0.008)
-    there = result.displacement_at(result.middle * [-1, 1] + [8 * CELL, 0.0]) * [-1, 1]
-    off = np.abs(there - result.displacement).max()
-    assert off < 0.1 * result.error_bound * result.max_displacement

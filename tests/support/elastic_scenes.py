@@ -15,11 +15,6 @@ LEGEND = {"a": "steel", "b": "soft", ".": "air", "=": "rigid"}
 SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}
 
 
-def spawned_agents(result):
-    """Tell whether an elastic answer was found by agents that spawned."""
-    return result.spawned
-
-
 def plate(cells=8, force=(0.0, -2.0), at=None, sides=None, **rule):
     """A square steel plate on rigid ground, pressed on by one cell of its top."""
     asked = {"size": [0.2, 0.2], "thickness": 0.002, "rule": ElasticRule(**rule)}

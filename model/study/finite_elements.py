@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, needing
@@ -84,14 +85,10 @@ def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementR
     element = getattr(skfem, f"Element{box}{order}")()
     basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=2 * order)
     numbers = np.full([split * n for n in scene.lattice.shape], -1)
-    numbers[tuple(_lowest(mesh, split))] = np.arange(mesh.nelements)
-    field = solve_on(scene, basis, kinds, lambda place: _box_at(numbers, split, place))
-    return reference_of(scene, field, f"squares or cubes of order {order}, {split} along a cell")
-
-
-def _lowest(mesh: Any, split: int) -> Index:
-    """Return the whole numbers of every box's lowest corner, in boxes along the axes."""
-    return np.asarray(np.rint(split * mesh.p[:, mesh.t].min(axis=1)), dtype=np.int64)
+    lowest = np.rint(split * mesh.p[:, mesh.t].min(axis=1)).astype(np.int64)  # corner, in boxes
+    numbers[tuple(lowest)] = np.arange(mesh.nelements)
+    words = f"squares or cubes of order {order}, {split} along a cell"
+    return solve_on(scene, basis, kinds, lambda place: _box_at(numbers, split, place), words)
 
 
 def _box_at(numbers: Index, split: int, place: Floats) -> Index:
@@ -108,34 +105,29 @@ def _box_at(numbers: Index, split: int, place: Floats) -> Index:
     return found
 
 
-def reference_of(scene: Scene, field: ElementField, words: str) -> ElementReference:
-    """Return the answer of a field of elements as a reference, known in the middles of cells."""
-    import skfem
-
-    points = scene.lattice.centres(np.argwhere(scene.rasterise() >= 0))
-    moved, _, stress = field.at(points)
-    unknowns = f"{field.basis.N} unknowns (scikit-fem {skfem.__version__})"
-    source = f"finite elements: {words}, {unknowns}"
-    return ElementReference(points, moved, stress, field.energy, source, field)
-
-
 @dataclass(frozen=True, eq=False)
 class ElementReference(Reference):
-    """Displacement, stress and strain energy of finite elements, defined all over the body.
+    """Displacement, stress and strain energy of finite elements, all over the body.
 
-    Its own points are the middles of the cells; these alone are saved and loaded again.
+    Its own points are the middles of the cells; these alone are saved, as a `Reference`.
     """
 
-    field: ElementField | None = None
-    """The elements' own unknowns; None if it comes from a file."""
+    field: ElementField | None = None  # the elements' own unknowns
 
-    def displacement_at(self, points: Floats) -> Floats:
+    def displacement_at(self, points: ArrayLike) -> Floats:
         """Return the displacement (m) at points (m) of the body, both (n, dimension)."""
-        return super().displacement_at(points) if self.field is None else self.field.at(points)[0]
+        assert self.field is not None
+        return self.field.at(points)[0]
 
-    def stress_at(self, points: Floats) -> Floats:
+    def stress_at(self, points: ArrayLike) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
-        return super().stress_at(points) if self.field is None else self.field.at(points)[2]
+        assert self.field is not None
+        return self.field.at(points)[1]
+
+    def save(self, path: str | Path) -> Path:
+        """Write what is known in the middles of the cells; see `Reference.save`."""
+        known = self.points, self.displacement, self.stress, self.strain_energy, self.source
+        return Reference(*known).save(path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +136,12 @@ class ElementField:
 
     basis: Any  # vector-valued, on a mesh in cells
     displacement: Floats  # of every unknown (m)
-    energy: float  # (J)
     cell_size: float  # (m)
     moduli: Moduli  # of every element (Pa)
     element_at: Callable[[Floats], Index]  # which element holds each place (in cells), (d, n)
 
-    def at(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return displacement (m), its gradient ∂u_a/∂x_b and stress (Pa) at points (m)."""
+    def at(self, points: ArrayLike) -> tuple[Floats, Floats]:
+        """Return displacement (m) and stress (Pa) at points (m)."""
         basis, (n, d) = self.basis, np.shape(points)
         place = np.asarray(points, dtype=np.float64).T / self.cell_size
         element = self.element_at(place)
@@ -165,7 +156,7 @@ class ElementField:
         strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
         lateral, shear = (m[element][:, None, None] for m in self.moduli[1:])
         volume = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(d)
-        return moved.T, gradient, 2.0 * shear * strain + lateral * volume
+        return moved.T, 2.0 * shear * strain + lateral * volume
 
 
 def surroundings(scene: Scene) -> Index:
@@ -182,12 +173,6 @@ def surroundings(scene: Scene) -> Index:
             "scene: finite elements know sides that are free, rigid or rollers only"
         )
     return np.asarray(found.reshape(cells.shape[:-1]))
-
-
-def _depth(scene: Scene) -> float:
-    """Return what turns stresses times cells into forces: thickness, or the cells' edge (m)."""
-    d = scene.lattice.dimension
-    return scene.thickness if d == 2 else scene.lattice.cell_size
 
 
 def cells_of(mesh: Any) -> Index:
@@ -225,7 +210,8 @@ def _stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
 
     ones = np.ones_like(basis.dx)
     lateral, shear = (modulus[:, None] * ones for modulus in (moduli.lateral, moduli.shear))
-    return _depth(scene) * form.assemble(basis, lateral=lateral, shear=shear)
+    depth = scene.thickness if scene.lattice.dimension == 2 else scene.lattice.cell_size  # m
+    return depth * form.assemble(basis, lateral=lateral, shear=shear)
 
 
 def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
@@ -312,16 +298,20 @@ def _held(basis: Any, kinds: Index) -> Index:
 
 
 def solve_on(
-    scene: Scene, basis: Any, kinds: Index, element_at: Callable[[Floats], Index]
-) -> ElementField:
+    scene: Scene, basis: Any, kinds: Index, element_at: Callable[[Floats], Index], words: str
+) -> ElementReference:
     """Solve a scene on the elements of a vector-valued basis on a mesh in cells."""
+    import skfem
+
     moduli = _element_moduli(scene, basis.mesh, kinds)
     matrix = _stiffness(scene, basis, moduli)
     right, u = _load_vector(scene, basis), np.zeros(basis.N)
     free = np.setdiff1d(np.arange(basis.N), _held(basis, kinds))
     u[free] = factors_of(matrix[free][:, free]).solve(right[free])
-    energy = 0.5 * float(u @ right)
-    return ElementField(basis, u, energy, scene.lattice.cell_size, moduli, element_at)
+    field = ElementField(basis, u, scene.lattice.cell_size, moduli, element_at)
+    points = scene.lattice.centres(np.argwhere(scene.rasterise() >= 0))
+    source = f"finite elements: {words}, {basis.N} unknowns (scikit-fem {skfem.__version__})"
+    return ElementReference(points, *field.at(points), 0.5 * float(u @ right), source, field)
 
 
 def within_body(whole: Any, kinds: Index) -> Any:

@@ -71,17 +71,20 @@ class Reference:
     source: str = ""
 
     def __post_init__(self) -> None:
-        points = _numbers("points", self.points)
-        if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
-            raise ParameterError(f"points: must have shape (n, 2) or (n, 3), got {points.shape}")
-        object.__setattr__(self, "points", points)
-        n, d = points.shape
-        for name, shape in (("displacement", (n, d)), ("stress", (n, d, d))):
-            if name == "stress" and self.stress is None:
+        for name in ("points", "displacement", "stress"):
+            if (given := getattr(self, name)) is None and name == "stress":
                 continue
-            values = _numbers(name, getattr(self, name))
-            if values.shape != shape:
-                raise ParameterError(f"{name}: must have shape {shape}, got {values.shape}")
+            try:
+                values = np.array(given, dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise ParameterError(f"{name}: must be numbers, got {given!r:.80}") from error
+            n, d = self.points.shape if name != "points" else (*values.shape, 0, 0)[:2]
+            shape = (n, d, d) if name == "stress" else (n, d)
+            if values.shape != shape or d not in (2, 3) or not n:
+                needed = shape if name != "points" else "(n, 2) or (n, 3)"
+                raise ParameterError(f"{name}: must have shape {needed}, got {values.shape}")
+            if not np.isfinite(values).all():
+                raise ParameterError(f"{name}: must be finite numbers")
             object.__setattr__(self, name, values)
 
     @property
@@ -94,9 +97,9 @@ class Reference:
         """What it is called beside another answer."""
         return self.source.partition(":")[0] or "reference"
 
-    def holds(self, points: Floats) -> Flags:
+    def holds(self, points: ArrayLike) -> Flags:
         """Tell which points (m) it knows."""
-        return self.rows(points) >= 0
+        return self._rows(points) >= 0
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -104,13 +107,16 @@ class Reference:
 
         return cKDTree(self.points)
 
-    def rows(self, points: Floats) -> Ints:
-        """Return for each point the row of the reference at this place, -1 if there is none."""
+    def _rows(self, points: ArrayLike) -> Ints:
+        """Return the row of every point, -1 where nothing is known."""
+        found = np.asarray(points, dtype=np.float64)
+        if found.ndim != 2 or found.shape[1] != self.dimension:
+            raise ResultError(f"points: must have shape (n, {self.dimension}), got {found.shape}")
         reach = _SAME_PLACE * float(np.ptp(self.points, axis=0).max(initial=0.0))
-        distance, row = self._tree.query(np.asarray(points, dtype=np.float64))
+        distance, row = self._tree.query(found)
         return np.where(distance <= reach, row, -1).astype(np.int64)
 
-    def displacement_at(self, points: Floats) -> Floats:
+    def displacement_at(self, points: ArrayLike) -> Floats:
         """Return the displacement (m) at points of the reference (m), both (n, dimension).
 
         Raises
@@ -120,7 +126,7 @@ class Reference:
         """
         return self.displacement[self._known(points)]
 
-    def stress_at(self, points: Floats) -> Floats:
+    def stress_at(self, points: ArrayLike) -> Floats:
         """Return stress tensors (Pa) at points of the reference.
 
         Raises
@@ -132,13 +138,10 @@ class Reference:
             raise ResultError("stress: the reference has none; give it as stress=")
         return self.stress[self._known(points)]
 
-    def _known(self, points: Floats) -> Ints:
-        points = np.asarray(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != self.dimension:
-            raise ResultError(f"points: must have shape (n, {self.dimension}), got {points.shape}")
-        rows = self.rows(points)
+    def _known(self, points: ArrayLike) -> Ints:
+        rows = self._rows(points)
         if (rows < 0).any():
-            where = ", ".join(f"{value:g}" for value in points[np.argmax(rows < 0)])
+            where = ", ".join(f"{value:g}" for value in np.asarray(points)[np.argmax(rows < 0)])
             raise ResultError(
                 f"points: the reference knows nothing at ({where}) m; take points from its "
                 f"own {len(self.points)}"
@@ -149,8 +152,8 @@ class Reference:
         """Write the reference to one ``.npz`` file, from which `load` reads it again."""
         return write_archive(path, "reference", *taken_apart(self))
 
-    @classmethod
-    def load(cls, path: str | Path) -> Reference:
+    @staticmethod
+    def load(path: str | Path) -> Reference:
         """Read a reference that `save` wrote.
 
         Raises
@@ -160,15 +163,5 @@ class Reference:
         """
         archive = open_archive(path, "reference")
         with reading(path):
-            found: Reference = put_together(cls, archive.arrays, archive.about)
+            found: Reference = put_together(Reference, archive.arrays, archive.about)
             return found
-
-
-def _numbers(name: str, given: ArrayLike | None) -> Floats:
-    try:
-        values = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f"{name}: numbers are needed, got {given!r}") from error
-    if not np.isfinite(values).all():
-        raise ParameterError(f"{name}: must be finite numbers")
-    return values

@@ -12,7 +12,6 @@ from kaju.model.scene.cell_types import RIGID, ROLLER
 from kaju.model.study.finite_elements import (
     ElementReference,
     Index,
-    reference_of,
     separated,
     solve_on,
     surroundings,
@@ -32,8 +31,8 @@ def graded_elements(scene: Scene, *, order: int = 3, levels: int = 8) -> Element
     # Exact for products of slopes and for loads that are uniform in an element.
     element = skfem.ElementVector(getattr(skfem, f"ElementTriP{order}")())
     basis = skfem.Basis(mesh, element, intorder=max(2 * order - 2, order))
-    field = solve_on(scene, basis, kinds, lambda place: _triangle_at(basis, place))
-    return reference_of(scene, field, f"triangles of order {order}, {levels} times halved")
+    words = f"triangles of order {order}, {levels} times halved"
+    return solve_on(scene, basis, kinds, lambda place: _triangle_at(basis, place), words)
 
 
 def _triangle_at(basis: Any, place: Floats) -> Index:

@@ -81,17 +81,6 @@ def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):
     assert names(".") == [], "nothing half-written"
 
 
-@pytest.mark.parametrize("verb", ["run", "solve"])
-def test_json_is_the_summary_and_quiet_is_quiet(kaju, verb):
-    _, out, err = kaju(verb, PLATE, "--out", "loud", "--no-pictures", "--json")
-    assert json.loads(out) == json.loads(Path("loud/summary.json").read_text())
-    assert err == ""
-    code, out, err = kaju(verb, PLATE, "--out", "still", "--no-pictures", "--quiet")
-    assert (code, out, err) == (0, "", "")
-    assert names("still") == names("loud")
-    assert kaju(verb, PLATE, "--json", "--quiet")[0] == 2
-
-
 def test_the_commands_work_in_their_order(kaju):
     text = (EXAMPLES.parent / "docs" / "commands.md").read_text()
     block = text.partition("## A first session")[2].split("```")[1]
@@ -106,28 +95,6 @@ def test_the_commands_work_in_their_order(kaju):
         assert (code, err) == (0, ""), words
         drawn.add(words[1])
     assert {"summary.json", "result.npz", "agents.png"} <= set(names("my-result"))
-
-
-def test_a_run_names_the_picture_to_look_at_and_says_what_the_numbers_are(kaju):
-    code, out, _ = kaju("run", PLATE, "--out", "here")
-    assert code == 0
-    assert {name for name in names("here") if name.endswith(".png")} == {"agents.png"}
-    assert out.splitlines()[-1] == f"look first at {Path('here/agents.png')}"
-    first = out[: out.index("agents of the prescribed rule")]
-    assert all(word in first for word in ("keeps", "α₁P", "α₂P", "α₃P", "(1−β)να₁P", "above γ"))
-    _, out, _ = kaju("run", PLATE, "--out", "all", "--pictures", "all", "--quiet")
-    assert len([name for name in names("all") if name.endswith(".png")]) > 4
-    assert out == ""
-
-
-def test_check_gives_the_verdict(kaju):
-    code, out, _ = kaju("check", PLATE)
-    assert code == 0
-    assert "every load ends within 8 generations" in out
-    assert "1.15" in out
-    code, out, _ = kaju("check", PLATE, "--set", "rule.accumulate=true")
-    assert code == 1
-    assert "forward (α₂) below 0.35" in out
 
 
 def test_check_reads_the_bracket_of_the_tutorial(kaju):

@@ -29,13 +29,6 @@ def test_the_rule_carries_ever_less_of_two_newtons():
     np.testing.assert_allclose(cuts.missing, 2.0 - cuts.carried)
 
 
-def test_a_cut_is_the_squeeze_of_its_row():
-    result = LoadModel(plate()).run()
-    kept, row = result.last.kept[:, 1], result.last.cells[:, 1]
-    squeeze = np.bincount(row, kept, minlength=20)
-    np.testing.assert_allclose(result.cuts().carried, squeeze, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     "how",
     [

@@ -23,28 +23,16 @@ def square(**changes):
     return SpringNetwork.build(**described)
 
 
-def test_the_load_path_runs_evenly_through_its_stages():
-    forces = np.zeros((2, 4, 2))
-    forces[0, 2], forces[1, 2] = (4.0, 0.0), (0.0, 8.0)
-    network = square(forces=forces)
-    path = {0.0: [0, 0], 0.25: [1, 0], 1.0: [4, 0], 1.5: [2, 4], 2: [0, 8]}
-    assert {stage: network.force_at(stage)[2].tolist() for stage in path} == path
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
         ({"positions": SQUARE * [1.0, np.nan]}, ParameterError, r"positions\[0, 1\]: must be"),
         ({"stiffness": [1, 1, -3, 1, 1]}, ParameterError, "stiffness of spring 2 .* got -3"),
-        ({"stiffness": [1, 1, np.inf, 1, 1]}, ParameterError, r"stiffness\[2\]"),
-        ({"rest_length": -1.0}, ParameterError, "rest_length of spring 0"),
         ({"springs": [[0, 1], [2, 2]]}, SceneError, "spring 1 .* joins a node to itself"),
         ({"springs": [[0, 7]], "rest_length": 1.0}, SceneError, "count from 0 to 3"),
-        ({"springs": np.empty((0, 2), int)}, SceneError, "there are none"),
         ({"positions": SQUARE[[0, 0, 2, 3]]}, SceneError, "spring 0 .* both ends lie at"),
         ({"names": ["a", "b", "b", "c"]}, SceneError, "which 3 differ"),
         ({"forces": np.ones((3, 2))}, SceneError, r"forces: must have the shape \(4, 2\)"),
-        ({"displacements": np.ones((4, 2))}, SceneError, "is not held there"),
         ({"forces": [[0, 1], [0, 0], [0, 0], [0, 0]]}, SceneError, "straight into the supports"),
         ({"springs": [[0, 1], [2, 3]]}, SupportError, "nothing holds the nodes 2, 3"),
         (
@@ -52,7 +40,6 @@ def test_the_load_path_runs_evenly_through_its_stages():
             SceneError,
             "2 stages and displacements 3",
         ),
-        ({"held": False}, SupportError, "nothing holds the nodes 0, 1, 2, 3 along x"),
         ({"held": [[1, 0], [0, 0], [0, 0], [0, 0]]}, SupportError, "along y"),
     ],
 )
@@ -243,19 +230,6 @@ def test_a_wall_that_moves_takes_the_body_along():
     assert strain.stiffness[0] / stress.stiffness[0] == pytest.approx(1.0 / (1.0 - 0.25**2))
     assert strain.notes == ()
     assert "ratio 0.25" in stress.notes[0]
-
-
-def test_two_materials_meet_over_half_a_spring_of_each():
-    materials = {
-        name: {"youngs_modulus": modulus, "poissons_ratio": 1.0 / 3.0}
-        for name, modulus in (("steel", 1e6), ("rubber", 3e6))
-    }
-    load, how = {"cell": [1, 1], "force": [0.0, -1.0]}, {"lattice": "hexagon", "thickness": 1.0}
-    scene = loaded("aabb\n====", load, materials=materials, sides={}, **how)
-    network = hexagon_body(scene)
-    soft = np.sqrt(3.0) / 2.0 * 1e6
-    inner = network.stiffness[(network.springs < 4).all(axis=1)]
-    assert inner == pytest.approx([soft, 1.5 * soft, 3.0 * soft])
 
 
 def test_squares_and_elastic_foundations_are_refused():

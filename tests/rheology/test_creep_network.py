@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kaju import History, SpringNetwork, ThreeElement, creep
-from kaju.errors import ConvergenceError, MechanismError, ParameterError
-from kaju.model.network import solve, triangular
+from kaju.errors import ConvergenceError, MechanismError
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
 BITE = History().ramp(1.0, 0.2).hold(2.0).release(0.1).hold(6.0)
@@ -84,28 +83,6 @@ def test_a_truss_that_snaps_through_is_reported():
         creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, rheology=ELEMENT)
 
 
-def test_springs_that_are_let_go_come_to_rest():
-    history = History().ramp(1.0, 1.0).hold(5.0).release(1.0).hold(20.0)
-    times = [0.5, 1.0, 6.0, 7.0, 27.0]
-    result = creep(
-        triangular(5, force=0.05), history, times=times, rheology=ThreeElement.spring(1.0)
-    )
-    static = solve(triangular(5, force=0.05))
-    np.testing.assert_allclose(result.displacement[2], static.displacement[-1], atol=1e-12)
-    np.testing.assert_allclose(result.displacement[3:], 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("apart", [3e-17, 1e-10])
-def test_times_that_differ_by_rounding_are_one(apart):
-    history = History().ramp(1.0, duration=0.2).hold(1.0)
-    times = [0.2 - apart, 0.2, 1.2]
-    result = creep(truss(), history, times=times, rheology=ELEMENT)
-    np.testing.assert_allclose(result.displacement[0], result.displacement[1], atol=1e-9)
-    plain = creep(truss(), history, times=[0.2, 1.2], rheology=ELEMENT)
-    np.testing.assert_allclose(result.displacement[1:], plain.displacement, atol=1e-12)
-    np.testing.assert_array_equal(result.times, times)
-
-
 @pytest.mark.filterwarnings("error")
 def test_a_chain_without_stiffness_across_is_named():
     chain = SpringNetwork.build(
@@ -114,19 +91,3 @@ def test_a_chain_without_stiffness_across_is_named():
     )  # fmt: skip
     with pytest.raises(MechanismError, match="is a mechanism"):
         creep(chain, History.step(), 3.0, rheology=ELEMENT)
-
-
-def test_moments_are_records_of_a_loaded_network():
-    result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
-    outside = result.outside_forces(record=1)
-    np.testing.assert_allclose(outside[2], [0.01, -0.3], rtol=1e-9)
-    np.testing.assert_allclose(outside.sum(axis=0), 0.0, atol=1e-12)
-    with pytest.raises(ParameterError, match="rheology: is needed"):
-        creep(truss(), BITE)
-    with pytest.raises(ParameterError, match=r"rheology: .* springs need as many elements"):
-        creep(truss(), BITE, rheology=[ELEMENT])
-    records = result.to_network_result()
-    assert records.increments == len(TIMES) - 1
-    np.testing.assert_array_equal(records.positions(2), truss().positions + result.displacement[2])
-    np.testing.assert_array_equal(records.stage, BITE.at(TIMES))
-    np.testing.assert_allclose(records.reactions(1)[:2], result.outside_forces(1)[:2])

@@ -84,25 +84,6 @@ def test_it_is_drawn_and_filmed(tmp_path, coarse):
         assert film.n_frames == len(course.times)
 
 
-def test_what_stays_is_what_has_flowed():
-    history = History.step(3.0).hold(4.0).release().hold(200.0)
-    course = creep(LAW, history, times=[4.0, 204.0])
-    assert course.what_stays() == pytest.approx(3.0 * 4.0 / LAW.D_d, rel=1e-3)
-    assert creep(LAW, History.step(3.0), 4.0).what_stays() is None
-    assert course.summary()["displacement_that_stays"] == course.what_stays()
-
-
-def test_bodies_and_networks_are_drawn_at_a_time(tmp_path):
-    body, network = COURSES["elastic body"](), COURSES["network"]()
-    for course in (body, network):
-        for record, time in ((1, "0.5 s"), (-1, "6.5 s")):
-            told = plot(course, "deformed", record=record).axes[0].texts
-            assert any(f"time {time}" in text.get_text() for text in told)
-        with pytest.raises(ParameterError, match="times 0 to 4"):
-            plot(course, "deformed", record=5)
-    assert plot(body, "scene").axes
-
-
 STEPS = plate([4, 4], [2, 3], [0.0, -1.0]).to_toml() + "[history]\n"
 
 

@@ -2,9 +2,7 @@
 
 import json
 import sys
-from dataclasses import replace
 from importlib import util
-from math import inf
 from pathlib import Path
 from types import ModuleType
 
@@ -48,18 +46,6 @@ def test_a_held_noodle_gives_on_and_what_flowed_stays(firm, soft):
         assert dent[-1] > dent[bite.rested]
     assert firm.deepest[0] < soft.deepest[0]
     assert firm.dent[-1] / firm.deepest[0] < soft.dent[-1] / soft.deepest[0]
-
-
-def test_without_flow_nothing_stays():
-    springy = replace(noodle.FIRM, flow_time=inf)
-    bite = noodle.eat(springy, 5, noodle.Meal(chews=0, hold=0.5, rest=3.0))
-    assert abs(bite.dent[-1]) < 1e-6 * noodle.HEIGHT
-
-
-def test_more_nodes_leave_the_material_alone(firm):
-    finer = noodle.eat(noodle.FIRM, 9, noodle.Meal(chews=0, hold=2.0, rest=3.0))
-    stays = firm.dent[firm.rested] / firm.deepest[0]
-    assert finer.dent[-1] / finer.deepest[0] == pytest.approx(stays, rel=0.03)
 
 
 def test_the_script_writes_pictures_and_figures(tmp_path):

@@ -1,9 +1,11 @@
-"""One element: its limits, its exact answers, and what is refused."""
+"""One element and one history: exact responses, limits, and what is refused."""
 
 from math import exp, inf, nan
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from kaju import History, ThreeElement
 from kaju.errors import ParameterError
@@ -37,20 +39,6 @@ def test_creep_under_a_held_force():
     np.testing.assert_allclose(
         ELEMENT.creep(force=7.0, times=t, scheme="exact"), expected, rtol=1e-14
     )
-
-
-def test_force_at_constant_speed_and_then_held():
-    speed, end, tau = 0.7, 3.0, 4.0
-    history = History().ramp(speed * end, end)
-    t = np.array([0.1, 2.0, 3.0])
-    growing = 5.0 * speed * (1.0 - 5.0 / 8.0 * np.exp(-t / tau))
-    np.testing.assert_allclose(
-        ELEMENT.relaxation(displacement=history, times=t, scheme="exact"), growing, rtol=1e-13
-    )
-    held = ELEMENT.relaxation(displacement=history, times=[3.0, 3.0 + 1e-9, 6.0], scheme="exact")
-    assert held[0] - held[1] == pytest.approx(5.0 * 3.0 * speed / 8.0, rel=1e-7)
-    expected = 25.0 * speed / 8.0 * (1.0 - exp(-end / tau)) * exp(-(6.0 - end) / tau)
-    assert held[2] == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.parametrize("scheme", ["backward_euler", "exact"])
@@ -91,17 +79,6 @@ def test_each_limit_is_exact(scheme):
     np.testing.assert_allclose(creep(ThreeElement(0.0, 4.0, 12.0)), 0.75 * t + 0.25 * t, rtol=1e-14)
 
 
-def test_limits_are_approached_from_inside():
-    t = np.linspace(0.0, 6.0, 13)
-
-    def creep(*numbers):
-        return ThreeElement(*numbers).creep(force=3.0, times=t)[1:]
-
-    np.testing.assert_allclose(creep(2.0, 3.0, 1e15), creep(2.0, 3.0, inf), rtol=1e-13)
-    np.testing.assert_allclose(creep(2.0, 1e-15, 5.0), creep(2.0, 0.0, 5.0), rtol=1e-13)
-    np.testing.assert_allclose(creep(1e-15, 3.0, 5.0), creep(0.0, 3.0, 5.0), rtol=1e-13)
-
-
 def test_times_and_schemes_are_checked():
     with pytest.raises(ParameterError, match="do not fall"):
         ELEMENT.creep(force=1.0, times=[2.0, 1.0])
@@ -115,16 +92,6 @@ def test_times_and_schemes_are_checked():
         ELEMENT.relaxation(displacement=1.0, times=[1.0])
     faded = ThreeElement.maxwell(2.0, 4.0).relaxation(displacement=0.5, times=[1.0], scheme="exact")
     assert faded[0] == pytest.approx(exp(-0.5), rel=1e-14)
-
-
-@pytest.mark.parametrize("numbers", [(0.0, 4.0, 12.0), (2.0, 0.0, 5.0), (2.0, 3.0, inf)])
-def test_ramp_compliance_is_the_integral_of_the_compliance(numbers):
-    element = ThreeElement(*numbers)
-    nodes, weights = np.polynomial.legendre.leggauss(20)
-    for end in (1e-9, 0.05, 0.0999999, 0.1000001, 1.0, 7.0):
-        times = 0.5 * end * (nodes + 1.0)
-        integral = 0.5 * end * np.sum(weights * element.creep_compliance(times))
-        assert element.ramp_compliance(end) == pytest.approx(integral, rel=1e-10)
 
 
 PACES = 10.0 ** np.arange(-6, 13, 3)
@@ -158,12 +125,48 @@ def test_creep_relaxation_and_recovery_never_turn_back(pace):
     assert np.all(force >= -rounding)
 
 
-@pytest.mark.parametrize("driven", ["force", "displacement"])
-def test_backward_euler_is_of_first_order(driven):
-    history = History().ramp(1.0, 1.0).hold(2.0).release(1.0).hold(4.0)
-    answer = ELEMENT.creep if driven == "force" else ELEMENT.relaxation
-    errors = []
-    for count in (64, 128, 256):
-        asked = {driven: history, "times": np.linspace(0.0, 8.0, count + 1)[1:]}
-        errors.append(np.abs(answer(**asked) - answer(**asked, scheme="exact")).max())
-    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 1.0, atol=0.06)
+def test_words_make_a_chain_of_straight_pieces():
+    history = History().ramp(1.0, 2.0).hold(3.0).release(1.0).cycles(2, 4.0, high=0.5)
+    assert history.times == (0.0, 2.0, 5.0, 6.0, 8.0, 10.0, 12.0, 14.0)
+    assert history.factors == (0.0, 1.0, 1.0, 0.0, 0.5, 0.0, 0.5, 0.0)
+    np.testing.assert_array_equal(
+        history.at([0.0, 1.0, 2.0, 4.0, 5.5, 7.0, 99.0]), [0.0, 0.5, 1.0, 1.0, 0.5, 0.25, 0.0]
+    )
+
+
+def test_at_a_jump_the_value_before_it_counts():
+    history = History.step(2.0).hold(3.0).release()
+    np.testing.assert_array_equal(history.at([0.0, 1e-300, 3.0, 3.1]), [0.0, 2.0, 2.0, 0.0])
+    np.testing.assert_array_equal(history.after([0.0, 3.0]), [2.0, 0.0])
+    first = History((0.0, 1.0), (1.0, 1.0))  # a first factor is a jump at the start
+    assert (first.at(0.0), first.at(0.5), first.corners()[0].jump) == (0.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("times", "factors", "message"),
+    [
+        ((0.0, 1.0), (0.0,), "as many factors"),
+        ((0.0, 2.0, 1.0), (0.0, 1.0, 2.0), "never fall"),
+        ((1.0,), (0.0,), "start at 0"),
+        ((0.0, float("inf")), (0.0, 1.0), "finite"),
+    ],
+)
+def test_impossible_histories_are_refused(times, factors, message):
+    with pytest.raises(ParameterError, match=message):
+        History(times, factors)
+
+
+pieces = st.lists(st.tuples(st.integers(0, 5), st.integers(-4, 4)), min_size=1, max_size=6)
+
+
+@given(pieces, st.integers(0, 200))
+def test_jumps_and_bends_superpose_to_the_history(moves, eighths):
+    history = History()
+    for duration, factor in moves:
+        history = history.ramp(factor, duration)
+    t = eighths / 8.0
+    superposed = sum(
+        (corner.jump if t > corner.time else 0.0) + corner.bend * max(t - corner.time, 0.0)
+        for corner in history.corners()
+    )
+    assert history.at(t) == pytest.approx(superposed, abs=1e-9)

@@ -47,15 +47,6 @@ def test_a_row_is_the_run_that_it_stands_for():
         assert row["last.ledger.dropped"] == result.last.ledger.dropped
 
 
-def test_what_is_varied_need_not_be_a_number():
-    table = alone(SCENE, {"sides.left": ["rigid", "free"]}, "rigid_boundary_agents")
-    assert table["sides.left"].tolist() == ["rigid", "free"]
-    alphas = [[0.5, 0.5, 0.25], [0.5, 0.3, 0.1]]
-    table = alone(SCENE, {"rule.alpha": alphas}, "load_taken")
-    assert table["rule.alpha"].tolist() == ["[0.5, 0.5, 0.25]", "[0.5, 0.3, 0.1]"]
-    assert table["load_taken"][0] > table["load_taken"][1]
-
-
 class OnlyAhead(MaterialAgent):
     """Passes half of everything straight on."""
 
@@ -153,13 +144,6 @@ def test_what_cannot_be_swept_is_refused(arguments, options, error, message):
     with pytest.raises(error, match=message) as raised:
         sweep(*arguments, progress=False, **options)
     assert isinstance(raised.value, kaju.KajuError)
-
-
-def test_a_measure_that_is_not_there_names_those_that_are():
-    table = alone(SCENE, {"rule.threshold": [0.01]}, "load_takn")
-    assert "the result has no 'load_takn'; its summary has" in table["error"][0]
-    table = alone(SCENE, {"rule.threshold": [0.01]}, lambda result: np.zeros(3))
-    assert "must be one number" in table["error"][0]
 
 
 def test_pictures_show_what_was_swept(tmp_path):

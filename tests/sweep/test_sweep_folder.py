@@ -1,4 +1,4 @@
-"""Sweeps that are kept: resumed, killed, protected, and no larger than their table."""
+"""Sweeps that are kept: resumed, killed, protected, on any back end, and typed."""
 
 import json
 import sqlite3
@@ -6,12 +6,15 @@ import sys
 import time
 from contextlib import closing
 
+import joblib
 import pandas
 import pytest
 import sweep_work
+from plates import PLATE
 
 import kaju
-from kaju import sweep
+from kaju import Scene, sweep
+from kaju.errors import KajuError
 from kaju.model.study.sweep import load_sweep
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -86,3 +89,64 @@ def interrupted(x):
     if x == 20 and not getattr(sweep_work, "patience", False):
         raise KeyboardInterrupt
     return sweep_work.square(x)
+
+
+def own(**options):
+    points = {"x": [0.5 * k for k in range(200)]}
+    return sweep(sweep_work.square, points, **{"workers": 2, "progress": False} | options)
+
+
+def test_threads():
+    with joblib.parallel_config(backend="threading"):
+        assert own().equals(own(workers=1))
+
+
+def test_a_run_that_kills_its_process_ends_the_sweep_and_the_rows_are_kept(tmp_path):
+    points = {"x": list(range(40))}
+    with pytest.raises(kaju.KajuError, match="TerminatedWorkerError"):
+        sweep(sweep_work.deadly, points, workers=2, out=tmp_path, progress=False)
+    rows = load_sweep(tmp_path)
+    assert rows["square"].tolist() == [x * x for x in rows["x"]]
+
+
+@pytest.fixture
+def swept(tmp_path, typed):
+    """Sweep the worked plate into a folder; return the folder and what was told."""
+    file, out = tmp_path / "plate.toml", tmp_path / "sweep"
+    Scene(**PLATE).save(file)
+
+    def run(*words):
+        return out, typed("sweep", file, *words, "--out", out, "--workers", 1)
+
+    return run
+
+
+def table_of(out):
+    return pandas.read_parquet(out / "table.parquet")
+
+
+def test_a_sweep_from_the_command(swept):
+    words = ("--vary", "rule.threshold=0.01,0.001", "--workers", 2)
+    out, done = swept(*words)
+    assert done.exit_code == 0, done.output
+    assert done.output.startswith("2 runs, 0 failed")
+    assert table_of(out)["load_taken"].round(6).tolist() == [12.879375, 21.104766]
+    names = ["effects.png", "sweep.sqlite", "table.parquet"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert swept(*words)[1].output == done.output  # nothing is computed again
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--vary", "rule.beta"], "KEY=VALUE,VALUE or KEY=LOW:HIGH"),
+        (["--vary", "rule.beta=2:1"], "LOW below HIGH"),
+        (["--vary", "rule.beta=0:1:log"], "above 0"),
+        (["--vary", "rule.beta=0:1"], "method='sobol' or 'lhs'"),
+        (["--vary", "rule.beta=0,1", "--run", "fem"], "--run: auto, agents, solve, stability"),
+    ],
+)
+def test_what_is_misspelt_is_refused(swept, tmp_path, options, message):
+    with pytest.raises(KajuError, match=message):
+        swept(*options)
+    assert not (tmp_path / "sweep").exists()

@@ -8,10 +8,9 @@ from artists import axes_of, drawn
 from PIL import Image
 
 from kaju import LoadModel, Scene, load_scene, plot
-from kaju.cli.commands_run import LOW
-from kaju.cli.options import worked_plate
 from kaju.errors import SceneError
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAME = "#######\n" + 5 * "#.....#\n"
 
 
@@ -41,17 +40,12 @@ def test_ground_is_hatched_only_where_the_body_stands():
 
 
 def test_strain_has_a_unit_and_the_ledger_counts():
-    run = LoadModel(Scene.from_toml(worked_plate())).run()
+    run = LoadModel(load_scene(EXAMPLES / "plate.toml")).run()
     assert "(10⁻" in plot(run, "strain").axes[1].get_ylabel()
     ledger = plot(run, "ledger").axes[0]
     assert [label.get_text() for label in ledger.get_yticklabels()][3] == "of it kept"
     told = " ".join(text.get_text() for text in ledger.texts)
     assert "taken 6.44 times over" in told.replace("\n", " ")
-
-
-def test_the_lower_plate_of_the_demo_wakes_the_ground():
-    run = LoadModel(Scene.from_toml(worked_plate()).with_overrides(LOW)).run()
-    assert run.summary()["rigid_boundary_agents"] == 3
 
 
 @pytest.fixture
@@ -82,18 +76,3 @@ def test_smoothed_images_take_the_nearest_colour(smoothed):
     assert (solid == (true[::-1].transpose(1, 0, 2)[:, :, 0] == 140)).mean() > 0.9
     assert Scene.from_toml(scene.to_toml()) == scene
     assert (scene.refine(2).rasterise() >= 0).sum() == 4 * solid.sum()
-
-
-def test_nearest_colours_belong_to_images():
-    with pytest.raises(SceneError, match="nearest_colour: belongs to an image"):
-        Scene.from_drawing("#", legend={"#": "steel"}, cell_size=1.0, nearest_colour=True)
-
-
-def test_the_huge_cube_of_its_page_is_pressed_on_top():
-    examples = Path(__file__).parents[2] / "examples"
-    text = (examples / "cube.md").read_text()
-    words = text.partition("Make the body huge:")[2].partition("How much")[0].split()
-    changes = [word.strip("`.").partition("=") for word in words if "=" in word]
-    scene = load_scene(examples / "cube.toml", {key: value for key, _, value in changes})
-    run = LoadModel(scene).run()
-    assert len(run.last.cells) == 60

@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
-from matplotlib.text import Text
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import AppliedLoads, Scene, cell_types
 
+from . import style
 from .section import Section
-from .style import (
-    BODY,
-    BODY_HATCHES,
-    FORCE,
-    INK,
-    LEGEND_COLUMNS,
-    LINE,
-    add_polygons,
-    arrow_polygons,
-    caption,
-    fit_figure,
-    label_axis,
-    legend,
-    new_axes,
-)
+from .style import BODY, BODY_HATCHES, FORCE, INK, LINE
 from .units import counted, quantity
 
 SIDE_BY_SIDE = 5
@@ -137,8 +124,8 @@ def draw_forces(
     along = (share * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
     head = np.where(pulls[:, None], place + along, place)
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)
-    outlines = arrow_polygons(head - along, head, width)
-    add_polygons(ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=8)
+    outlines = style.arrow_polygons(head - along, head, width)
+    style.add_polygons(ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=8)
     return applied_text(applied)
 
 
@@ -168,20 +155,12 @@ def draw_body(
         if not chosen.any():
             continue
         colour, hatch = BODY[number % len(BODY)], BODY_HATCHES[number % len(BODY_HATCHES)]
-        add_polygons(
-            ax,
-            (section.polygons if separate else section.stripes)(tiles[chosen]),
-            f"material {material.name}",
-            facecolors=colour,
-            edgecolors="#b5b5b5" if hatch else edge,
-            linewidths=0.4 if separate else 0.0,
-            hatch=hatch or None,
-            antialiased=separate,
-            zorder=1,
-        )
-        entries.append(
-            Patch(facecolor=colour, edgecolor="#9a9a9a", hatch=hatch, label=material.name)
-        )
+        corners = (section.polygons if separate else section.stripes)(tiles[chosen])
+        look: dict[str, Any] = {"facecolors": colour, "hatch": hatch or None, "zorder": 1}
+        look |= {"edgecolors": "#b5b5b5" if hatch else edge, "antialiased": separate}
+        look["linewidths"] = 0.4 if separate else 0.0
+        style.add_polygons(ax, corners, f"material {material.name}", **look)
+        entries.append(Patch(fc=colour, ec="#9a9a9a", hatch=hatch, label=material.name))
     entries += _draw_supports(ax, section, tiles, kind)
     if outlined:
         for lines, width in zip(section.outlines(), (0.9, 0.6), strict=True):
@@ -196,17 +175,10 @@ def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[
         chosen = (kind == code) & ~idle
         if not chosen.any():
             continue
-        add_polygons(
-            ax,
-            section.stripes(tiles[chosen]),
-            f"support {name}",
-            facecolors="white",
-            edgecolors="#6b6b6b",
-            linewidths=0.0,
-            hatch=hatch,
-            zorder=1,
-        )
-        entries.append(Patch(facecolor="white", edgecolor="#6b6b6b", hatch=hatch, label=name))
+        look: dict[str, Any] = {"fc": "white", "ec": style.FAINT, "hatch": hatch}
+        corners = section.stripes(tiles[chosen])
+        style.add_polygons(ax, corners, f"support {name}", lw=0.0, zorder=1, **look)
+        entries.append(Patch(label=name, **look))
     return entries
 
 
@@ -223,46 +195,14 @@ def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
     return np.asarray(~inside & ~near[tuple((tiles - first).T)])
 
 
-def finish(ax: Axes, section: Section, title: str, notes: list[str], entries: list[Artist]) -> Text:
-    """Set scales, labels, title, notes and legend of a picture of a section; return the notes."""
-    lower, upper = section.box
-    width, height = upper - lower
-    ratio = width / height
-    notes = [*notes, *section.notes]
-    if not 1.0 / _TRUE_UP_TO <= ratio <= _TRUE_UP_TO:
-        ax.set_aspect("auto")
-        notes.append("not to scale: the picture is stretched across the body's length")
-    else:
-        ax.set_aspect("equal")
-        # Long bodies lie in a frame of moderate form, so that there is room for words.
-        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        half = np.maximum(half, [half[1] * _NARROWEST, half[0] / _WIDEST])
-        lower, upper = middle - half, middle + half
-    reach = _reach(ax, section)
-    lower, upper = np.minimum(lower, reach.min(axis=0)), np.maximum(upper, reach.max(axis=0))
-    ax.set_xlim(lower[0], upper[0])
-    ax.set_ylim(lower[1], upper[1])
-    for axis, name, low, high in zip(
-        (ax.xaxis, ax.yaxis), section.axis_names, lower, upper, strict=True
-    ):
-        label_axis(axis, name, [float(low), float(high)], "m")
-    for spine in ax.spines.values():
-        spine.set_color(LINE)
-    stretched = ax.get_aspect() == "auto"
-    form = 1.6 if stretched else float((upper - lower)[0] / (upper - lower)[1])
-    fit_figure(ax, form, -(-len(entries) // LEGEND_COLUMNS))
-    legend(ax, entries)
-    return caption(ax, title, notes)
-
-
-def _reach(ax: Axes, section: Section) -> Floats:
-    """Return the box of everything that may stick out of the section: arrows, moved cells."""
+def reach_of(ax: Axes, section: Section, names: Sequence[str] = ("forces", "moved")) -> Floats:
+    """Return the box of a section and of what may stick out of it, shape (2, 2)."""
     found = [section.box]
     for collection in ax.collections:
-        if collection.get_gid() in ("forces", "moved") and collection.get_paths():
-            points = np.concatenate([path.vertices for path in collection.get_paths()])
-            found.append(np.stack([points.min(axis=0), points.max(axis=0)]))
-    return np.concatenate(found)
+        if collection.get_gid() in names and collection.get_paths():
+            found += [np.asarray(path.vertices) for path in collection.get_paths()]
+    points = np.concatenate(found)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 class BodyPicture:
@@ -279,17 +219,35 @@ class BodyPicture:
         share: float = 1.0,
     ) -> None:
         self.section = section
-        self.ax = new_axes(ax)
+        self.ax = style.new_axes(ax)
         self.entries = draw_body(self.ax, section, filled=filled, outlined=outlined)
         self.notes = draw_forces(self.ax, section, stage, share)  # on the sum
 
     def finish(self, title: str, notes: list[str]) -> Axes:
         """Set scales, labels, title, notes and legend; return the axes."""
-        finish(self.ax, self.section, title, notes, self.entries)
-        return self.ax
-
-
-def draw_scene(section: Section, ax: Axes | None = None) -> Axes:
-    """Draw a scene: body, supports and loads."""
-    picture = BodyPicture(section, ax)
-    return picture.finish("The scene", picture.notes)
+        ax, section = self.ax, self.section
+        lower, upper = section.box
+        ratio = float(np.divide(*(upper - lower)))
+        stretched = not 1.0 / _TRUE_UP_TO <= ratio <= _TRUE_UP_TO
+        ax.set_aspect("auto" if stretched else "equal")
+        notes = [*notes, *section.notes]
+        if stretched:
+            notes.append("not to scale: the picture is stretched across the body's length")
+        else:
+            # Long bodies lie in a frame of moderate form, so that there is room for words.
+            middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+            half = np.maximum(half, [half[1] * _NARROWEST, half[0] / _WIDEST])
+            lower, upper = middle - half, middle + half
+        reach = reach_of(ax, section)
+        lower, upper = np.minimum(lower, reach[0]), np.maximum(upper, reach[1])
+        ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]))
+        ends = np.stack([lower, upper], axis=1).tolist()
+        for axis, name, values in zip((ax.xaxis, ax.yaxis), section.axis_names, ends, strict=True):
+            style.label_axis(axis, name, values, "m")
+        for spine in ax.spines.values():
+            spine.set_color(LINE)
+        form = 1.6 if stretched else float(np.divide(*(upper - lower)))
+        style.fit_figure(ax, form, -(-len(self.entries) // style.LEGEND_COLUMNS))
+        style.legend(ax, self.entries)
+        style.caption(ax, title, notes)
+        return ax

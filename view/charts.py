@@ -1,9 +1,8 @@
-"""Charts: loads and displacements in stages, the ledger, forces through cuts, curves in time."""
+"""Charts: what changes along a run, the ledger, forces through cuts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,22 +14,27 @@ from kaju.model.results.cuts import Cuts
 from kaju.model.results.result import BodyResult, Curves
 from kaju.model.transfer.transfer_result import TransferResult
 
+from .films import PER_SECOND, Film
 from .load_plots import threshold_of
 from .style import (
     COLOURS,
     FAINT,
-    FORCE,
     INK,
     LINE,
     caption,
     figure_of,
-    frame_curves,
     label_axis,
     legend,
     new_axes,
     new_figure,
 )
 from .units import counted, quantity
+
+if TYPE_CHECKING:
+    from kaju.model.fracture.fracture_result import FractureResult
+    from kaju.model.growth.growth_result import GrowthResult
+    from kaju.model.network.network_result import NetworkResult
+    from kaju.model.rheology.creep_result import TimeResult
 
 
 def applied_loads(result: TransferResult) -> Floats:
@@ -40,61 +44,165 @@ def applied_loads(result: TransferResult) -> Floats:
     return np.array([np.linalg.norm(force, axis=1).sum() for force in forces])
 
 
-def _loaded_displacements(result: TransferResult) -> Floats:
-    """Return the mean displacement (m) of the loaded cells, weighted with and along the forces."""
-    applied = result.scene.applied()
-    weight = np.linalg.norm(applied.force, axis=1).sum()
+def stage_curves(result: TransferResult) -> list[Curves]:
+    """Return displacement of the loaded cells, weighted with the forces, and agents over load."""
+    applied, count = result.scene.applied(), len(result.stages)
+    weight = float(np.linalg.norm(applied.force, axis=1).sum()) or 1.0
     points = result.scene.lattice.centres(applied.cells)
-    given = []
-    for stage in range(1, len(result.stages) + 1):
-        moved = result.at_stage(stage).displacement_at(points)
-        given.append(np.einsum("ij,ij->", moved, applied.force) / weight if weight else 0.0)
-    return np.array(given)
-
-
-def plot_stages(
-    result: TransferResult,
-    ax: Axes | None = None,
-    *,
-    quantity_shown: Literal["displacement", "agents"] | None = None,
-) -> Axes | Figure:
-    """Draw displacement or number of agents against the load; side by side unless one is asked."""
-    if quantity_shown not in (None, "displacement", "agents"):
-        raise ParameterError(f"quantity_shown: 'displacement' or 'agents', got {quantity_shown!r}")
-    if ax is None and quantity_shown is None:
-        figure = new_figure((9.6, 4.2))
-        left, right = figure.subplots(1, 2)
-        plot_stages(result, left, quantity_shown="displacement")
-        plot_stages(result, right, quantity_shown="agents")
-        about = f"{counted(len(result.stages), 'stage')} of loading, each run from the start"
-        figure.suptitle(about, x=0.01, ha="left", fontsize=9, color=FAINT)
-        return figure
-    ax = new_axes(ax, (6.4, 4.2))
+    ended = [result.at_stage(stage).displacement_at(points) for stage in range(1, count + 1)]
+    moved = np.append(0.0, [(at * applied.force).sum() / weight for at in ended])
     load = np.append(0.0, applied_loads(result))
-    gamma = threshold_of(result)
-    if quantity_shown == "agents":
-        title = "Agents against load"
-        values = np.append(0, [len(stage.cells) for stage in result.stages])
-        boundary = np.append(0, [len(stage.boundary_cells) for stage in result.stages])
-        label_axis(ax.yaxis, "number of agents", [1.0], "")
-        ax.plot(load, values, marker="s", ms=4, lw=1.4, color=INK, label="material agents")
-        ax.plot(load, boundary, marker="o", ms=4, lw=1.2, mfc="white", color=FORCE,
-                label="boundary agents")  # fmt: skip
+    straight = moved[-1] * load / (load[-1] or 1.0)
+    over = "sum of the applied loads", "N", load
+    agents = {
+        "material agents": np.append(0.0, [len(stage.cells) for stage in result.stages]),
+        "boundary agents": np.append(0.0, [len(stage.boundary_cells) for stage in result.stages]),
+    }
+    moves = {"load transfer": moved, "proportional": straight}
+    return [
+        Curves("Displacement under the load", *over, moves, "m"),
+        Curves("Number of agents", *over, agents, ""),
+    ]
+
+
+def network_curves(result: NetworkResult) -> list[Curves]:
+    """Return the largest displacement and the largest forces along the load path."""
+    moved = np.linalg.norm(result.displacement, axis=2).max(axis=1)
+    pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
+    over = "stage", "", result.stage
+    return [
+        Curves("Displacement", *over, {"largest displacement": moved}, "m"),
+        Curves("Largest forces", *over, pull, "N"),
+    ]
+
+
+def growth_curves(result: GrowthResult) -> list[Curves]:
+    """Return compliance and volume after every step."""
+    over = ("step", "", np.arange(result.steps + 1.0))
+    return [
+        Curves("Compliance", *over, {"compliance": result.compliances}, "J"),
+        Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
+    ]
+
+
+def fracture_curves(result: FractureResult) -> list[Curves]:
+    """Return load, load over way, avalanches and energies at every break."""
+    force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
+    # What bears hardly anything any more moves so far that the rest would not be seen.
+    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
+    sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
+    energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
+    over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}
+    return [
+        Curves("Load", *over, {"load": force}, "N"),
+        Curves("Load over displacement", "displacement", "m", way[:loaded], course, "N"),
+        Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
+        Curves("Energy", *over, energy, "J"),
+    ]
+
+
+_CURVES: Any = {
+    "load transfer": stage_curves,
+    "spring network": network_curves,
+    "growth": growth_curves,
+    "fracture": fracture_curves,
+}
+
+
+def plot_curves(result: Any, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
+    """Draw all curves of a result, or one panel of them on axes that are given."""
+    every = _CURVES[result.kind](result) if result.kind in _CURVES else result.curves()
+    panels = [ax] if ax is not None else _panels(len(every))
+    for drawn, curves in zip(panels, every if ax is None else every[panel:], strict=False):
+        draw_curves(drawn, curves)
+    return ax if ax is not None else figure_of(panels[0])
+
+
+def _panels(count: int) -> list[Axes]:
+    """Return axes in a new figure, two side by side."""
+    rows, across = -(-count // 2), min(2, count)
+    figure = new_figure((4.9 * across, 3.6 * rows))
+    panels: list[Axes] = figure.subplots(rows, across, squeeze=False).ravel().tolist()
+    for empty in panels[count:]:
+        empty.set_axis_off()
+    return panels[:count]
+
+
+_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+
+
+def draw_curves(ax: Axes, curves: Curves) -> None:
+    """Draw the lines of one panel, with units and, if there are several, their names."""
+    single = len(curves.lines) == 1
+    for number, (name, values) in enumerate(curves.lines.items()):
+        colour = INK if single else COLOURS[number % len(COLOURS)]
+        dash = _DASHES[number % len(_DASHES)]
+        ax.plot(curves.at, values, lw=1.4, color=colour, ls=dash, label=name)
+    ends = [float(curves.at.min()), float(curves.at.max())]
+    label_axis(ax.xaxis, curves.along, ends, curves.along_unit)
+    called = next(iter(curves.lines)) if single else curves.title.lower()
+    if curves.logarithmic:
+        ax.set_yscale("log")
+        ax.set_ylabel(f"{called} ({curves.unit})" if curves.unit else called, fontsize=9)
+        ax.tick_params(labelsize=8)
     else:
-        title = "Displacement against load"
-        values = np.append(0.0, _loaded_displacements(result))
-        label_axis(ax.yaxis, "displacement of the loaded cells", list(values), "m")
-        ax.plot(load[[0, -1]], values[[0, -1]], ls="--", lw=1.0, color=FAINT, label="proportional")
-        ax.plot(load, values, marker="o", ms=4, lw=1.4, color=INK, label="load transfer")
-    # The band alone could not be seen where γ is a hundredth of the load; its edge can.
-    ax.axvspan(0.0, gamma, color="#e6e6e6", lw=0.0)
-    ax.axvline(gamma, color=FAINT, lw=1.0, ls=":", label=f"γ = {quantity(gamma, 'N')}")
-    label_axis(ax.xaxis, "sum of the applied loads", list(load), "N")
-    ax.set_xlim(0.0, 1.04 * float(load.max(initial=0.0)) or 1.0)
-    grown = float(values.max(initial=0.0))
-    ax.set_ylim(0.0, 1.06 * grown or 1.0)
-    notes = [] if grown else ["no load exceeds γ: nothing happens"]
-    return frame_curves(ax, title, notes, loc="upper left")
+        every = np.concatenate(list(curves.lines.values()))
+        label_axis(ax.yaxis, called, [float(every.min()), float(every.max())], curves.unit)
+        ax.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
+    ax.grid(color=LINE, lw=0.4)
+    for spine in ax.spines.values():
+        spine.set_color(LINE)
+    if not single:
+        ax.legend(fontsize=8, frameon=False, loc="best")
+    caption(ax, curves.title, [])
+
+
+def plot_stages(result: TransferResult, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
+    """Draw displacement and number of agents against the load, and γ."""
+    drawn, gamma = plot_curves(result, ax, panel=panel), threshold_of(result)
+    for each in drawn.axes if isinstance(drawn, Figure) else [drawn]:
+        label = f"γ = {quantity(gamma, 'N')}"
+        each.axvline(gamma, color=FAINT, lw=1.0, ls=":", label=label, gid="threshold")
+        each.legend(fontsize=8, frameon=False, loc="best")
+        if not len(result.last.cells):
+            caption(each, each.get_title(loc="left"), ["no load exceeds γ: nothing happens"])
+    if isinstance(drawn, Figure):
+        about = f"{counted(len(result.stages), 'stage')} of loading, each run from the start"
+        drawn.suptitle(about, x=0.01, ha="left", fontsize=9, color=FAINT)
+    return drawn
+
+
+def checked_record(course: TimeResult, record: int) -> int:
+    """Return the number of one of the times asked for, counted from 0."""
+    count = len(course.times)
+    if not -count <= record < count:
+        raise ParameterError(f"record: this result has the times 0 to {count - 1}, got {record}")
+    return record % count
+
+
+def moment_text(course: TimeResult, record: int) -> str:
+    """Return a time, and the factor of the history then."""
+    return f"time {course.times[record]:.4g} s; history at {course.factors[record]:.3g}"
+
+
+def plot_curves_in_time(
+    course: TimeResult, ax: Axes | None = None, *, panel: int = 0, record: int | None = None
+) -> Axes | Figure:
+    """Draw all curves of what creeps, with a dot at one of the times if that is asked for."""
+    drawn = plot_curves(course, ax, panel=panel)
+    if record is None:
+        return drawn
+    panels = drawn.axes if isinstance(drawn, Figure) else [drawn]
+    for each, curves in zip(panels, course.curves()[0 if ax is None else panel :], strict=False):
+        now = float(curves.at[checked_record(course, record)])
+        reached = [float(values[record]) for values in curves.lines.values()]
+        each.axvline(now, color="#9a9a9a", lw=0.8, zorder=1)
+        each.plot([now] * len(reached), reached, "o", ms=4, color=INK, zorder=5)
+    return drawn
+
+
+IN_TIME = Film("curves", "record", lambda course: range(len(course.times)), fps=PER_SECOND)
+"""The curves of what creeps, and a dot that runs along them."""
 
 
 _SHARES = ("#3b6a8f", "#e2c14d", "#9fbfcf", "#b9b9b9")
@@ -158,16 +266,8 @@ def _draw_bar(ax: Axes, row: int, parts: dict[str, float], longest: float) -> No
             ax.text(middle, row, label, ha="center", va="center", fontsize=7.5, color=INK, bbox=box)
         else:
             side = "right" if left > 0.5 * longest else "left"
-            ax.annotate(
-                label.replace("\n", " "),
-                (middle, row + 0.25),
-                (0, -3),
-                textcoords="offset points",
-                ha=side,
-                va="top",
-                fontsize=7.5,
-                color=INK,
-            )
+            look: Any = {"textcoords": "offset points", "va": "top", "fontsize": 7.5, "color": INK}
+            ax.annotate(label.replace("\n", " "), (middle, row + 0.25), (0, -3), ha=side, **look)
         left += load
 
 
@@ -225,63 +325,3 @@ def _balance_notes(cuts: Cuts, prescribed: bool) -> list[str]:
     if prescribed:
         notes.append("the prescribed rule shows how a pattern emerges, it keeps no equilibrium")
     return notes
-
-
-_ACROSS = 2  # panels side by side
-_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
-
-
-class HasCurves(Protocol):
-    """An answer that changes along something."""
-
-    def curves(self) -> Sequence[Curves]:
-        """Return what changes, a panel each."""
-
-
-def plot_curves(result: HasCurves, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
-    """Draw all curves of a result, or one panel of them on axes that are given."""
-    every = result.curves()
-    if ax is not None:
-        return draw_curves(ax, every[panel])
-    figure, panels = panels_for(every)
-    for drawn, curves in zip(panels, every, strict=True):
-        draw_curves(drawn, curves)
-    return figure
-
-
-def panels_for(every: Sequence[Curves]) -> tuple[Figure, list[Axes]]:
-    """Return a new figure, and axes in it for each of some curves."""
-    rows, across = -(-len(every) // _ACROSS), min(_ACROSS, len(every))
-    figure = new_figure((4.9 * across, 3.6 * rows))
-    panels = figure.subplots(rows, across, squeeze=False).ravel().tolist()
-    for empty in panels[len(every) :]:
-        empty.set_axis_off()
-    return figure, panels[: len(every)]
-
-
-def draw_curves(ax: Axes, curves: Curves) -> Axes:
-    """Draw the lines of one panel, with units and, if there are several, their names."""
-    single = len(curves.lines) == 1
-    for number, (name, values) in enumerate(curves.lines.items()):
-        colour = INK if single else COLOURS[number % len(COLOURS)]
-        dash = _DASHES[number % len(_DASHES)]
-        ax.plot(curves.at, values, lw=1.4, color=colour, ls=dash, label=name)
-    label_axis(
-        ax.xaxis, curves.along, [float(curves.at.min()), float(curves.at.max())], curves.along_unit
-    )
-    called = next(iter(curves.lines)) if single else curves.title.lower()
-    if curves.logarithmic:
-        ax.set_yscale("log")
-        ax.set_ylabel(f"{called} ({curves.unit})" if curves.unit else called, fontsize=9)
-        ax.tick_params(labelsize=8)
-    else:
-        every = np.concatenate(list(curves.lines.values()))
-        label_axis(ax.yaxis, called, [float(every.min()), float(every.max())], curves.unit)
-        ax.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
-    ax.grid(color=LINE, lw=0.4)
-    for spine in ax.spines.values():
-        spine.set_color(LINE)
-    if not single:
-        ax.legend(fontsize=8, frameon=False, loc="best")
-    caption(ax, curves.title, [])
-    return ax

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
 from kaju.agents.materials import suggestion
@@ -20,22 +21,23 @@ from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
-from .charts import applied_loads
-from .films import IN_TIME, Film
-from .layers import OUTLINED, Layer, layer_of, squares_of, usual_top
-from .section import Section, section_of
+from .charts import applied_loads, checked_record, moment_text
+from .films import PER_SECOND, Film
+from .layers import OUTLINED, layer_of, squares_of, usual_top
+from .section import Cut, Section, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.rheology.creep_result import BodyTimeResult
 
 
 MovedAt = Callable[["Floats"], "Floats"]
 """Displacements (m) at points (m)."""
 
-CORNERS = 180.0
-"""Corners are the same if they are as near as such a part of a cell, which rounding never is."""
+_SAME = 180.0
+"""Corners nearer to each other than this part of a cell are one; rounding is far less."""
 _WITHIN = 1e-6
 """Corners are asked for this share inside the cell, where they belong to no other."""
 _LARGEST_SHIFT = 0.09  # of the picture's width
@@ -60,37 +62,12 @@ class Joined(NamedTuple):
 
 
 def join(corners: Floats, apart: Floats) -> Joined:
-    """Join cells, corners of shape (n, corners, dimension), where they touch; see `CORNERS`."""
+    """Join cells of a size (m), corners of shape (n, corners, dimension), where they touch."""
     flat = corners.reshape(-1, corners.shape[2])
-    first, number = same_points(flat, apart / CORNERS)
+    first, number = same_points(flat, apart / _SAME)
     middles = np.repeat(corners.mean(axis=1), corners.shape[1], axis=0)
     inside = flat + _WITHIN * (middles - flat)
     return Joined(flat[first], number.reshape(corners.shape[:2]), inside)
-
-
-def corner_displacements(
-    result: BodyResult, section: Section, tiles: Ints, moved_at: MovedAt | None = None
-) -> Floats:
-    """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
-
-    Cells that share a corner move it together: by the mean of what each of them would.
-    `moved_at` takes the place of the result's own displacements.
-    """
-    joined = join(section.polygons(tiles), section.tile_size)
-
-    def seen_at(points: Floats) -> Floats:
-        return section.in_plane(_within(result, section.in_body(points), moved_at))
-
-    return np.asarray(joined.moved(seen_at)[joined.parts])
-
-
-def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Floats:
-    """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
-    grid = result.grid
-    body = grid.kinds(grid.lattice.locate(points)) >= 0
-    moved = np.zeros_like(points)
-    moved[body] = (moved_at or result.displacement_at)(points[body])
-    return moved
 
 
 class Moving(NamedTuple):
@@ -114,17 +91,29 @@ class Moving(NamedTuple):
 
 
 def moving_cells(result: BodyResult, section: Section, moved_at: MovedAt | None = None) -> Moving:
-    """Return the tiles of a body of equal cells; for `moved_at` see `corner_displacements`."""
+    """Return the tiles of a body of equal cells; `moved_at`: instead of its own displacements.
+
+    Cells that share a corner move it together: by the mean of what each of them would.
+    """
     every, kind = section.ground
-    tiles = every[kind >= 0]
-    moved = corner_displacements(result, section, tiles, moved_at)
-    middles = _within(result, section.in_body(section.centres(tiles)), moved_at)
-    edge = np.full(len(tiles), float(section.tile_size.min()))
-    size = np.linalg.norm(middles, axis=1)
-    return Moving(section.polygons(tiles), moved, size, edge, size)
+    tiles, grid = every[kind >= 0], result.grid
+    rest = section.polygons(tiles)
+
+    def moved_in_body(points: Floats) -> Floats:
+        """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
+        places = section.in_body(points)
+        body = grid.kinds(grid.lattice.locate(places)) >= 0
+        moved = np.zeros_like(places)
+        moved[body] = (moved_at or result.displacement_at)(places[body])
+        return moved
+
+    joined = join(rest, section.tile_size)
+    moved = joined.moved(lambda points: section.in_plane(moved_in_body(points)))[joined.parts]
+    size = np.linalg.norm(moved_in_body(section.centres(tiles)), axis=1)
+    return Moving(rest, moved, size, np.full(len(tiles), float(section.tile_size.min())), size)
 
 
-def moving_agents(result: ElasticResult, layer: Layer, value: Floats) -> Moving:
+def moving_agents(result: ElasticResult, layer: Section, value: Floats) -> Moving:
     """Return agents of many sizes; squares that stand for several move as one of these does."""
     squares = squares_of(layer, result.tiles(value))
     size = np.linalg.norm(result.displacement, axis=1)[squares.row]
@@ -160,76 +149,50 @@ def check_magnification(magnification: float | None) -> None:
         raise ParameterError(f"magnification: a number above 0 is needed, got {magnification}")
 
 
-class DeformedPicture(BodyPicture):
-    """A body at rest, dashed, on which it is drawn deformed; all magnified alike.
-
-    `largest`: where the colours end.
-    """
-
-    def __init__(
-        self,
-        section: Section,
-        magnification: float,
-        largest: float,
-        ax: Axes | None = None,
-        stage: int | None = None,
-        share: float = 1.0,
-    ) -> None:
-        super().__init__(section, ax, stage, filled=False, outlined=False, share=share)
-        self.magnification, self.norm = magnification, Normalize(0.0, largest or 1.0)
-        surface, _ = section.outlines()
-        rest = LineCollection(
-            list(surface), colors=FAINT, linewidths=0.7, linestyles="--", zorder=2, gid="at rest"
-        )
-        self.ax.add_collection(rest)
-
-    def draw(self, tiles: Moving) -> PolyCollection:
-        """Draw tiles where they have moved to, coloured; those of next to nothing stay light."""
-        large = tiles.edge > self.section.span / OUTLINED
-        still = _UNMOVED * float(tiles.value.max(initial=0.0))
-        return add_polygons(
-            self.ax,
-            tiles.rest + self.magnification * tiles.moved,
-            "moved",
-            array=np.ma.masked_less_equal(tiles.value, still),
-            cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
-            norm=self.norm,
-            edgecolors="#8a8a8a",
-            linewidths=np.where(large, 0.4, 0.0),
-            antialiaseds=large,
-            zorder=3,
-        )
-
-    @property
-    def magnified(self) -> str:
-        """The magnification in words."""
-        return f"deformation shown {times(self.magnification)}"
-
-
-def plot_tiles_deformed(
+def draw_deformed(
     section: Section,
     tiles: Moving,
-    magnification: float | None,
     ax: Axes | None,
     stage: int | None,
-    share: float = 1.0,
+    *,
+    magnification: float | None = None,
     largest: float | None = None,
+    share: float = 1.0,
     label: tuple[str, str] = ("displacement", "m"),
     extend: str = "neither",
-) -> DeformedPicture:
-    """Draw a deformed body over itself at rest, magnified until the eye can see it."""
+) -> tuple[BodyPicture, str]:
+    """Draw a deformed body over itself at rest, dashed; return also the magnification in words.
+
+    `largest`: where the colours end; tiles of next to nothing stay light.
+    """
     check_magnification(magnification)
     factor = magnification or magnification_for(section, tiles)
     most = largest or float(tiles.value.max(initial=0.0))
-    picture = DeformedPicture(section, factor, most, ax, stage, share)
-    drawn = picture.draw(tiles)
+    picture = BodyPicture(section, ax, stage, filled=False, outlined=False, share=share)
+    rest: dict[str, Any] = {"colors": FAINT, "linewidths": 0.7, "linestyles": "--", "zorder": 2}
+    surface, _ = section.outlines()
+    picture.ax.add_collection(LineCollection(list(surface), gid="at rest", **rest))
+    large, still = tiles.edge > section.span / OUTLINED, _UNMOVED * tiles.value.max(initial=0.0)
+    drawn = add_polygons(
+        picture.ax,
+        tiles.rest + factor * tiles.moved,
+        "moved",
+        array=np.ma.masked_less_equal(tiles.value, still),
+        cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
+        norm=Normalize(0.0, most or 1.0),
+        edgecolors="#8a8a8a",
+        linewidths=np.where(large, 0.4, 0.0),
+        antialiaseds=large,
+        zorder=3,
+    )
     if most > 0.0:
         colour_bar(picture.ax, drawn, *label, extend)
-    return picture
+    return picture, f"deformation shown {times(factor)}"
 
 
 COLOURS = {"von_mises": ("equivalent stress", "Pa"), "displacement": ("displacement", "m")}
 """What a deformed answer may be coloured by, with its unit; the usual one first."""
+STILL = "nothing has moved: largest displacement 0 m"
 
 
 def plot_deformed(
@@ -239,7 +202,7 @@ def plot_deformed(
     colour: str = "von_mises",
     share: float = 1.0,
     magnification: float | None = None,
-    cut: Mapping[str, float] | None = None,
+    cut: Cut = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw the deformed agents, coloured by their stress, over the outline of the body at rest."""
@@ -251,29 +214,34 @@ def plot_deformed(
         )
     if not 0.0 <= share <= 1.0:
         raise ParameterError(f"share: of the load, a number from 0 to 1 is needed, got {share}")
+    result = settled(result)
     layer = layer_of(result, cut, crop)
     size = np.linalg.norm(result.displacement, axis=1)
     tiles = moving_agents(result, layer, size if colour == "displacement" else result.von_mises)
     top, beyond = usual_top(tiles.value, tiles.edge)
-    picture = plot_tiles_deformed(
+    picture, magnified = draw_deformed(
         layer,
         tiles.scaled(share),
-        magnification or magnification_for(layer, tiles),
         ax,
         result.stage,
-        share,
-        top,
-        COLOURS[colour],
-        "max" if beyond else "neither",
+        magnification=magnification or magnification_for(layer, tiles),
+        largest=top,
+        share=share,
+        label=COLOURS[colour],
+        extend="max" if beyond else "neither",
     )
-    farthest = result.max_displacement
-    if not farthest:
-        notes = ["nothing has moved: largest displacement 0 m"]
-    else:
-        notes = [stress_text(result), f"largest displacement {quantity(farthest, 'm')}"]
-        notes[1] += f"; {picture.magnified}"
+    notes, farthest = [STILL], result.max_displacement
+    if farthest:
+        moved = f"largest displacement {quantity(farthest, 'm')}"
+        notes = [stress_text(result), f"{moved}; {magnified}"]
     part = f"{share:.0%} of the load; " if share < 1.0 else ""
     return picture.finish("Deformed body", [part + notes[0], *notes[1:], *picture.notes])
+
+
+def settled(result: Any) -> ElasticResult:
+    """Return an elastic answer, or that to which agents of the elastic rule have settled."""
+    answer: ElasticResult = getattr(result, "result", result)
+    return answer
 
 
 def stress_text(result: ElasticResult) -> str:
@@ -291,7 +259,7 @@ def plot_cells_deformed(
     stage: int | None = None,
     magnification: float | None = None,
     largest: float | None = None,
-    cut: Mapping[str, float] | None = None,
+    cut: Cut = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw the deformed cells over the outline of the body at rest, at the end of a stage."""
@@ -299,20 +267,38 @@ def plot_cells_deformed(
     count = len(result.stages)
     if stage is not None and not 0 <= stage <= count:
         raise ParameterError(f"stage: this run has the stages 0 to {count}, got {stage}")
-    state = result.at_stage(stage) if stage else result
-    tiles, farthest = moving_cells(state, section), state.max_displacement
-    if stage == 0:
-        tiles, farthest = tiles.scaled(0.0), 0.0
-    picture = plot_tiles_deformed(
-        section, tiles, magnification, ax, stage or result.stage, float(stage != 0), largest
-    )
-    moved = f"{picture.magnified}; largest displacement {quantity(farthest, 'm')}"
-    if not farthest:
-        moved = "nothing has moved: largest displacement 0 m"
-    notes = [moved, *picture.notes]
+    state, share = result.at_stage(stage) if stage else result, float(stage != 0)
+    tiles, farthest = moving_cells(state, section), share * state.max_displacement
+    options: dict[str, Any] = {"magnification": magnification, "largest": largest, "share": share}
+    shown = stage or result.stage
+    picture, magnified = draw_deformed(section, tiles.scaled(share), ax, shown, **options)
+    moved = f"{magnified}; largest displacement {quantity(farthest, 'm')}"
+    notes = [moved if farthest else STILL, *picture.notes]
     if stage is not None:
         load = [0.0, *applied_loads(result).tolist()]
-        notes = [f"applied: {quantity(load[stage], 'N')} of {quantity(load[-1], 'N')}", moved]
+        notes = [f"applied: {quantity(load[stage], 'N')} of {quantity(load[-1], 'N')}", notes[0]]
+    return picture.finish("Deformed body", notes)
+
+
+def plot_body_in_time(
+    course: BodyTimeResult,
+    ax: Axes | None = None,
+    *,
+    record: int = -1,
+    magnification: float | None = None,
+    largest: float | None = None,
+    cut: Cut = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw the deformed body at one of the times asked for, the last unless given."""
+    record, static = checked_record(course, record), course.static
+    section = section_of(course.grid, static.focus, cut, crop)
+    tiles = moving_cells(static, section, partial(course.displacement_at, record=record))
+    options: dict[str, Any] = {"magnification": magnification, "largest": largest}
+    options["share"] = float(course.factors[record] != 0.0)
+    picture, magnified = draw_deformed(section, tiles, ax, static.stage, **options)
+    farthest = f"largest displacement {quantity(course.max_displacement(record), 'm')}"
+    notes = [f"{moment_text(course, record)}; {farthest}", magnified]
     return picture.finish("Deformed body", notes)
 
 
@@ -326,7 +312,17 @@ def _over_stages(result: TransferResult, options: Mapping[str, Any]) -> dict[str
     return {"magnification": min(factors, default=1.0), "largest": largest}
 
 
+def _over_times(course: BodyTimeResult, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the magnification and the end of the colours, by the time of the largest move."""
+    section = section_of(course.grid, course.static.focus, options.get("cut"), options.get("crop"))
+    peak = int(np.argmax(course.largest_displacement()))
+    tiles = moving_cells(course.static, section, partial(course.displacement_at, record=peak))
+    return {"magnification": magnification_for(section, tiles), "largest": tiles.largest}
+
+
 STAGES = Film("deformed", "stage", lambda result: range(len(result.stages) + 1), _over_stages)
 """The stages of loading: the body deforms as the load grows."""
-LOADING = Film("deformed", "share", lambda _: np.linspace(0.0, 1.0, 25).tolist(), fps=IN_TIME)
+LOADING = Film("deformed", "share", lambda _: np.linspace(0.0, 1.0, 25).tolist(), fps=PER_SECOND)
 """An elastic body whose load grows evenly."""
+TIMES = Film("deformed", "record", lambda of: range(len(of.times)), _over_times, PER_SECOND)
+"""A body that creeps, at all times asked for."""

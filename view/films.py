@@ -21,7 +21,7 @@ from kaju.errors import ResultFileError, needing
 
 RESOLUTION = 100
 """Dots per inch of films."""
-IN_TIME = 25.0
+PER_SECOND = 25.0
 """Frames a second of films of what moves in time."""
 _BARE = 6.4  # longer side of a film without words (inches)
 _LOOKED_AT = 3  # pictures of a film that decide how much room all of them get

@@ -1,4 +1,4 @@
-"""What breaks: where the crack runs, what load is borne, how large avalanches are."""
+"""What breaks: where the crack runs, and how large avalanches are."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -19,20 +18,9 @@ from kaju.model.scene import Scene
 from .body_plots import BodyPicture
 from .films import Film
 from .network_plots import NetworkPicture, visible
-from .section import section_of
-from .style import (
-    DIVERGING,
-    FAINT,
-    FORCE,
-    INK,
-    add_polygons,
-    colour_bar,
-    frame_curves,
-    label_axis,
-    legend,
-    new_axes,
-)
-from .units import counted, quantity, times
+from .section import Cut, section_of
+from .style import DIVERGING, FAINT, INK, LINE, add_polygons, caption, colour_bar, legend, new_axes
+from .units import counted, times
 
 if TYPE_CHECKING:
     from kaju.model.fracture.fracture_result import FractureResult
@@ -48,7 +36,7 @@ def plot_crack(
     breaks: int | None = None,
     magnification: float | None = None,
     largest: float | None = None,
-    cut: Mapping[str, float] | None = None,
+    cut: Cut = None,
 ) -> Axes:
     """Draw what is left after breaks by what it bears: springs deformed, cells at rest.
 
@@ -67,11 +55,13 @@ def plot_crack(
         raise ParameterError("cut: networks are drawn as a whole; leave it out")
     state = cast("NetworkResult", result.state(bearing(result, count)))
     picture = NetworkPicture(state, ax, "tension", magnification, largest)
-    picture.draw_springs(1)
-    _draw_broken(picture, result, count)
-    picture.finish([_text(result, count), f"deformation shown {times(picture.factor)}"])
+    picture.draw(1)
+    springs = result.network.springs
+    width = max(0.8, min(2.2, 60.0 / np.sqrt(len(springs))))
+    look: dict[str, Any] = {"colors": _BROKEN, "linewidths": width, "zorder": 5}
+    picture.draw_lines(picture.places(1), springs[result.broken[:count]], "broken", **look)
     legend(picture.ax, [Line2D([], [], color=_BROKEN, lw=1.6, label="broken")])
-    return picture.ax
+    return picture.finish([_text(result, count), f"deformation shown {times(picture.factor)}"])
 
 
 def bearing(result: FractureResult, count: int) -> int:
@@ -102,15 +92,6 @@ BREAKS = Film("crack", "breaks", lambda result: range(result.breaks + 1), _scale
 """What is left after every break."""
 
 
-def _draw_broken(picture: NetworkPicture, result: FractureResult, count: int) -> Artist:
-    """Draw the springs that broke, between the nodes that they joined."""
-    springs = result.network.springs
-    width = max(0.8, min(2.2, 60.0 / np.sqrt(len(springs))))
-    broken = springs[result.broken[:count]]
-    look: dict[str, Any] = {"colors": _BROKEN, "linewidths": width, "zorder": 5}
-    return picture.draw_lines(picture.places(1), broken, "broken", **look)
-
-
 def _text(result: FractureResult, count: int) -> str:
     """Return how much is broken, and the load factor."""
     at = max(count - 1, 0)
@@ -120,22 +101,28 @@ def _text(result: FractureResult, count: int) -> str:
     return f"{load}, largest so far {result.load_factor[: at + 1].max(initial=0.0):.4g}"
 
 
-def plot_load_and_displacement(result: FractureResult, ax: Axes | None = None) -> Axes:
-    """Draw the load at every break over how far it had moved, and the largest."""
-    ax = new_axes(ax, (6.4, 4.2))
-    moved = np.concatenate([[0.0], result.displacement])
-    force = np.concatenate([[0.0], result.force])
-    ax.plot(moved, force, lw=1.0, color=INK, marker="o", ms=2.5, label="breaks, in their order")
-    if result.breaks:
-        top = 1 + int(np.argmax(result.force))
-        label = f"largest load {quantity(force[top], 'N')}"
-        ax.plot(moved[top], force[top], ls="", marker="o", ms=8, mfc="none", mec=FORCE, label=label)
-    label_axis(ax.xaxis, "displacement of the load", list(moved), "m")
-    label_axis(ax.yaxis, "load", list(force), "N")
-    ax.set_xlim(left=0.0)
-    ax.set_ylim(bottom=0.0)
-    title = f"Load and displacement while {result.parts}s break"
-    return frame_curves(ax, title, [result.outcome])
+def _plot_broken_cells(
+    result: FractureResult, ax: Axes | None, count: int, largest: float | None, cut: Cut
+) -> Axes:
+    """Draw the cells that are left, by their largest principal stress, and those that broke."""
+    shown = bearing(result, count)
+    (body,) = result.replayed([shown])
+    borne = result.factor_after(shown) * body.borne()
+    most = largest or float(np.abs(borne).max(initial=0.0)) or 1.0
+    picture = BodyPicture(section_of(cast(Scene, result.subject), None, cut), ax)
+    section, cells = picture.section, np.argwhere(picture.section.scene.rasterise() >= 0)
+    tiles, values = section.gather(cells, borne, "max")
+    look: dict[str, Any] = {"array": values, "cmap": DIVERGING, "norm": Normalize(-most, most)}
+    look |= {"edgecolors": "none", "linewidths": 0.0, "antialiased": False, "zorder": 2}
+    add_polygons(picture.ax, section.polygons(tiles), "cells", **look)
+    mappable = ScalarMappable(look["norm"], DIVERGING)
+    colour_bar(picture.ax, mappable, "largest principal stress", "Pa")
+    if count:
+        tiles, _ = section.gather(cells[result.broken[:count]], np.ones(count), "max")
+        broken: dict[str, Any] = {"facecolors": _BROKEN, "zorder": 3}
+        add_polygons(picture.ax, section.polygons(tiles), "broken", **broken)
+    picture.entries.append(Patch(color=_BROKEN, label="broken"))
+    return picture.finish("What is left of a body", [_text(result, count), *picture.notes])
 
 
 def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
@@ -143,8 +130,7 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, (6.4, 4.2))
     sizes = result.avalanche_sizes[:-1]  # the last one ends the network, or was cut off
     edges = np.unique(np.geomspace(1, max(int(sizes.max(initial=1)) + 1, 2), 24).astype(int))
-    count, _ = np.histogram(sizes, edges)
-    per_size = count / np.diff(edges)
+    per_size = np.histogram(sizes, edges)[0] / np.diff(edges)
     middle = np.sqrt(edges[:-1] * np.maximum(edges[1:] - 1, 1))
     found = per_size > 0
     ax.loglog(middle[found], per_size[found], ls="", marker="o", color=INK, label="avalanches")
@@ -154,34 +140,7 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
         ax.set_ylim(bottom=0.5 * per_size[found].min())
     ax.set_xlabel(f"{result.parts}s that break in one avalanche")
     ax.set_ylabel("avalanches of that size")
-    return frame_curves(
-        ax, "Avalanches", [f"{counted(len(sizes), 'avalanche')} before the last one"]
-    )
-
-
-def _plot_broken_cells(
-    result: FractureResult,
-    ax: Axes | None,
-    count: int,
-    largest: float | None,
-    cut: Mapping[str, float] | None,
-) -> Axes:
-    """Draw the cells that are left, by their largest principal stress, and those that broke."""
-    shown = bearing(result, count)
-    (body,) = result.replayed([shown])
-    borne = result.factor_after(shown) * body.borne()
-    most = largest or float(np.abs(borne).max(initial=0.0)) or 1.0
-    norm = Normalize(-most, most)
-    picture = BodyPicture(section_of(cast(Scene, result.subject), None, cut), ax)
-    colour_bar(picture.ax, ScalarMappable(norm, DIVERGING), "largest principal stress", "Pa")
-    picture.entries.append(Patch(color=_BROKEN, label="broken"))
-    section, cells = picture.section, np.argwhere(picture.section.scene.rasterise() >= 0)
-    look: dict[str, Any] = {"edgecolors": "none", "linewidths": 0.0, "antialiased": False}
-    tiles, values = section.gather(cells, borne, "max")
-    look |= {"array": values, "cmap": DIVERGING, "norm": norm, "zorder": 2}
-    add_polygons(picture.ax, section.polygons(tiles), "cells", **look)
-    if count:
-        tiles, _ = section.gather(cells[result.broken[:count]], np.ones(count), "max")
-        places = section.polygons(tiles)
-        add_polygons(picture.ax, places, "broken", facecolors=_BROKEN, zorder=3)
-    return picture.finish("What is left of a body", [_text(result, count), *picture.notes])
+    ax.grid(color=LINE, lw=0.4)
+    ax.legend(fontsize=8, framealpha=1.0, edgecolor="white")
+    caption(ax, "Avalanches", [f"{counted(len(sizes), 'avalanche')} before the last one"])
+    return ax

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from math import ceil, log2
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,9 +15,8 @@ from kaju.errors import ParameterError
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Tiles
 
-from .section import Section, axis_across, layer_at, named_cut, section_of
+from .section import Cut, Section, axis_across, layer_at, named_cut, section_of
 from .style import add_polygons
-from .units import quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
@@ -33,45 +31,7 @@ SMALL = 0.25
 """The agents that pictures are about are the smallest: this share of all."""
 
 
-@dataclass(frozen=True, eq=False)
-class Layer(Section):
-    """A rectangle of a body in the plane, or in a plane through its agents."""
-
-    place: float = 0.0
-    """Where the plane lies along the axis that it cuts (m); 0 for bodies in the plane."""
-
-    def in_body(self, points: Floats) -> Floats:
-        """Return points of the picture, shape (n, 2), as points of the body."""
-        full = super().in_body(points)
-        if self.cut is not None:
-            full[:, self.cut[0]] = self.place
-        return full
-
-    def meets(self, lower: Floats, size: Floats) -> Ints:
-        """Return which of the agents the picture shows."""
-        low, high = self.box
-        flat = lower[:, self.axes]
-        shown = np.all((flat < high) & (flat + size[:, None] > low), axis=1)
-        if self.cut is not None:
-            ahead = self.place - lower[:, self.cut[0]]
-            shown &= (ahead >= 0.0) & (ahead < size)
-        return np.flatnonzero(shown)
-
-    @property
-    def notes(self) -> list[str]:
-        """The cut, the crop, and what is approximate of the answer."""
-        shown = []
-        if self.cut is not None:
-            shown.append(f"cut at {'xyz'[self.cut[0]]} = {quantity(self.place, 'm')}")
-        if self.cropped:
-            part = " × ".join(quantity(float(n), "m") for n in self.box[1] - self.box[0])
-            shown.append(f"cropped to {part}")
-        return ["; ".join(words) for words in (shown, self.caveats) if words]
-
-
-def layer_of(
-    result: ElasticResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
-) -> Layer:
+def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -> Section:
     """Show a plane (of itself one through small agents), cropped where they are hard to see."""
     scene, small = result.grid, small_agents(result)
     named = named_cut(scene, cut)
@@ -88,9 +48,9 @@ def layer_of(
                 raise ParameterError(f"cut: there is no agent at {'xyz'[axis]} = {place:g} m")
         cells[:, axis] = layer_at(scene, axis, place)
         within = {"xyz"[axis]: place}
-    section = section_of(scene, cells, within, small.hidden if crop is None else crop)
-    fields = {name: getattr(section, name) for name in Section.__dataclass_fields__}
-    return Layer(**fields | {"caveats": result.caveats_in_brief}, place=place)
+    crop = small.hidden if crop is None else crop
+    section = section_of(scene, cells, within, crop, caveats=result.caveats_in_brief)
+    return replace(section, place=place, tiled=False)
 
 
 class Small(NamedTuple):
@@ -125,7 +85,7 @@ class DrawnSquares(NamedTuple):
         return np.asarray(self.lower[:, None] + corner_order(2) * self.size[:, None, None])
 
 
-def squares_of(layer: Layer, tiles: Tiles) -> DrawnSquares:
+def squares_of(layer: Section, tiles: Tiles) -> DrawnSquares:
     """Return the squares in which a layer meets agents, those too small to be seen together."""
     rows = layer.meets(tiles.lower, tiles.size)
     met = Tiles(tiles.lower[rows][:, layer.axes], tiles.size[rows], tiles.value[rows])
@@ -168,17 +128,9 @@ def usual_top(values: Floats, edge: Floats) -> tuple[float, bool]:
 
 
 def draw_squares(
-    ax: Axes, layer: Layer, drawn: DrawnSquares, name: str, **look: Any
+    ax: Axes, layer: Section, drawn: DrawnSquares, name: str, **look: Any
 ) -> PolyCollection:
-    """Draw agents with outlines where these can be seen."""
+    """Draw agents in the colours of their values, with outlines where these can be seen."""
     large = drawn.size > layer.span / OUTLINED
-    return add_polygons(
-        ax,
-        drawn.corners,
-        name,
-        **look,
-        edgecolors="#7d7d7d",
-        linewidths=np.where(large, 0.3, 0.0),
-        antialiaseds=large,
-        zorder=2,
-    )
+    look |= {"edgecolors": "#7d7d7d", "linewidths": np.where(large, 0.3, 0.0), "zorder": 2}
+    return add_polygons(ax, drawn.corners, name, array=drawn.value, antialiaseds=large, **look)

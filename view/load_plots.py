@@ -2,49 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.lines import Line2D
 
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, first_largest
-from kaju.errors import ParameterError
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult, load_path
 
 from .body_plots import BodyPicture
-from .section import WHOLE_UP_TO, Section, section_of
-from .style import (
-    FORCE,
-    INK,
-    LOADS,
-    PULL,
-    PULLS,
-    RIM,
-    add_polygons,
-    arrow_polygons,
-    colour_bar,
-)
+from .section import WHOLE_UP_TO, Cut, Section, section_of
+from .style import FORCE, INK, LOADS, PULL, PULLS, RIM, add_polygons, arrow_polygons, colour_bar
 from .units import counted, grouped, quantity
-
-if TYPE_CHECKING:
-    import networkx
-
 
 ARROWS_ACROSS = 64
 """Where more tiles than this lie side by side, arrows stand for blocks of cells."""
-
 FILM_ARROWS_ACROSS = 24
 """The same in films, where a frame is seen for half a second."""
-
 CLOSE_UP = 12
 """Bodies of more cells across than this are cropped to the agents, so that arrows can be read."""
 
@@ -105,10 +86,9 @@ def draw_loads(
     row, state = np.nonzero(loads)
     across = np.linalg.norm(normals, axis=1)[state % len(normals)] < 0.5
     row, state = row[~across], state[~across]
-    load = loads[row, state]
-    lightest_first = np.argsort(load)
-    row, state, load = (column[lightest_first] for column in (row, state, load))
-    along, pull = normals[state % len(normals)], state >= len(normals)
+    lightest_first = np.argsort(loads[row, state])
+    row, state = row[lightest_first], state[lightest_first]
+    load, along, pull = loads[row, state], normals[state % len(normals)], state >= len(normals)
     share = np.sqrt(np.clip(load / norm.vmax, 0.0, 1.0)) if len(load) else load
     size = float(section.tile_size.min())
     # In a film arrows are the only thing that moves on: they reach into the next tile.
@@ -129,28 +109,16 @@ def draw_loads(
 
 
 def plot_loads(
-    result: TransferResult,
-    ax: Axes | None = None,
-    *,
-    generation: int | None = None,
-    cut: Mapping[str, float] | None = None,
-    crop: bool | None = None,
+    result: TransferResult, ax: Axes | None = None, *, cut: Cut = None, crop: bool | None = None
 ) -> Axes:
     """Draw the applied forces, and the loads that each agent took, by direction."""
-    stage = result.last
-    if generation is not None and not 1 <= generation <= stage.generations:
-        raise ParameterError(
-            f"generation: this run has the generations 1 to {stage.generations}, got {generation}"
-        )
+    stage, caveats = result.last, result.caveats_in_brief
     whole = CLOSE_UP if len(stage.cells) else WHOLE_UP_TO
-    section = section_of(
-        result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole, result.caveats_in_brief
-    )
+    section = section_of(result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole, caveats)
     picture = BodyPicture(section, ax, result.stage)
-    loads = loads_taken(stage, generation)
-    title = "Loads taken" if generation is None else f"Loads taken in generation {generation}"
+    loads = loads_taken(stage, None)
     if not loads.any():
-        return picture.finish(title, [stage.outcome, *picture.notes])
+        return picture.finish("Loads taken", [stage.outcome, *picture.notes])
     norm = load_norm(section.gather(stage.cells, loads, "sum")[1])
     across = draw_loads(picture.ax, section, stage, loads, norm)
     pulls = sense_entries(loads, stage.taken.shape[1])
@@ -160,110 +128,79 @@ def plot_loads(
     notes = ["; ".join(picture.notes), total]
     notes += ["pulls in shades of red-violet, as dark as pushes of their size"] if pulls else []
     notes += ["loads across the section are not shown"] if across else []
-    return picture.finish(title, notes)
+    return picture.finish("Loads taken", notes)
 
 
 MOST_AGENTS = 4000
 """Of more agents than this, only those around the one that took most are drawn."""
 REACH = 30
 """How far around it (cells)."""
-
+_OF_AGENTS = ("cells", "material", "spawn_step", "woken_by", "taken", "pulled", "kept",
+              "shortened", "widened", "passed", "dropped")  # fmt: skip
+_OF_BOUNDARY = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned", "arrived")
 _MARKERS = {"material": "s", "free": "o", "rigid": "^", "roller": "D"}
 
 
-def around_heaviest(stage: Stage, most: int = MOST_AGENTS) -> Stage:
+def _around_heaviest(stage: Stage) -> Stage:
     """Return a stage with only the agents around the one that took most, if there are many."""
-    if len(stage.cells) <= most:
+    if len(stage.cells) <= MOST_AGENTS:
         return stage
     heaviest = stage.cells[first_largest(stage.taken.sum(axis=1))]
     kept = np.abs(stage.cells - heaviest).max(axis=1) <= REACH
-    loads = ("taken", "pulled", "kept", "shortened", "widened", "passed", "dropped")
-    names = ("cells", "material", "spawn_step", "woken_by", *loads)
     beside = np.abs(stage.boundary_cells - heaviest).max(axis=1) <= REACH + 1
-    edge = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned", "arrived")
-    columns = {name: getattr(stage, name)[kept] for name in names}
-    columns |= {name: getattr(stage, name)[beside] for name in edge}
-    return replace(stage, **columns)
+    columns = {name: getattr(stage, name)[kept] for name in _OF_AGENTS}
+    return replace(stage, **columns, **{n: getattr(stage, n)[beside] for n in _OF_BOUNDARY})
 
 
-def edges_in(section: Section, graph: networkx.DiGraph) -> tuple[Floats, Floats, Floats]:
-    """Return tails and heads (m), each (n, 2), and loads (N) of the edges within a section."""
-    edges = [(a, b, weight) for a, b, weight in graph.edges(data="weight") if weight > 0.0]
-    if not edges:
-        return np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
-    shown = np.ones(len(edges), dtype=np.bool_)
-    ends = []
-    for end in (0, 1):
-        shown &= section.holds(np.array([edge[end] for edge in edges], dtype=np.int64))
-        points = np.array([graph.nodes[edge[end]]["pos"] for edge in edges], dtype=np.float64)
-        ends.append(section.in_plane(points))
-    weight = np.array([edge[2] for edge in edges])
-    return ends[0][shown], ends[1][shown], weight[shown]
-
-
-def draw_edges(
-    ax: Axes, section: Section, tail: Floats, head: Floats, load: Floats, norm: LogNorm
-) -> PolyCollection:
-    """Draw edges as arrows from cell to cell, each on the right of its own direction."""
-    order = np.argsort(load)
-    tail, head, load = tail[order], head[order], load[order]
-    along = head - tail
+def _draw_edges(
+    ax: Axes, section: Section, tail: Floats, head: Floats, load: Floats
+) -> ScalarMappable:
+    """Draw loads (N) as arrows from cell to cell, each on the right of its own direction."""
+    order, norm = np.argsort(load), load_norm(load)
+    tail, along, load = tail[order], (head - tail)[order], load[order]
     right = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    size = float(section.tile_size.min())
-    share = np.clip(norm(load), 0.0, 1.0)
-    outlines = arrow_polygons(
-        tail + 0.17 * along + 0.1 * right,
-        head - 0.17 * along + 0.1 * right,
-        size * (0.012 + 0.085 * share),
-    )
+    width = float(section.tile_size.min()) * (0.012 + 0.085 * np.clip(norm(load), 0.0, 1.0))
+    start = tail + 0.1 * right
+    outlines = arrow_polygons(start + 0.17 * along, start + 0.83 * along, width)
     return add_polygons(ax, outlines, "edges", array=load, cmap=LOADS, norm=norm, zorder=6, **RIM)
 
 
-def draw_nodes(ax: Axes, section: Section, graph: networkx.DiGraph) -> list[Artist]:
-    """Draw cells as small symbols; return what explains them."""
-    entries: list[Artist] = []
-    lower, upper = section.box
-    across = float(((upper - lower) / section.tile_size).max())
-    size = max(1.2, min(5.0, 75.0 / across))
-    for kind, marker in _MARKERS.items():
-        chosen = [node for node, of in graph.nodes(data="kind") if of == kind]
-        if not chosen:
-            continue
-        shown = section.holds(np.array(chosen, dtype=np.int64))
-        points = np.array([graph.nodes[node]["pos"] for node in chosen], dtype=np.float64)
-        if shown.any():
-            place = section.in_plane(points[shown])
-            face = INK if kind == "material" else "white"
-            style = {"ls": "", "marker": marker, "mfc": face, "mec": INK, "mew": 0.7}
-            drawn = ax.plot(*place.T, ms=size, zorder=7, **style)[0]  # type: ignore[arg-type]
-            drawn.set_gid(f"{kind} nodes")
-            name = "material agent" if kind == "material" else f"{kind} boundary agent"
-            entries.append(Line2D([], [], ms=5, label=name, **style))  # type: ignore[arg-type]
-    return entries
-
-
 def plot_load_path(
-    result: TransferResult,
-    ax: Axes | None = None,
-    *,
-    cut: Mapping[str, float] | None = None,
-    crop: bool | None = None,
+    result: TransferResult, ax: Axes | None = None, *, cut: Cut = None, crop: bool | None = None
 ) -> Axes:
     """Draw how much each agent passed to which: the graph of `TransferResult.load_path`."""
-    whole = result.last
-    stage = around_heaviest(whole)
-    graph = load_path(result.scene, stage)
+    whole, caveats = result.last, result.caveats_in_brief
+    stage = _around_heaviest(whole)
     focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (result.focus, WHOLE_UP_TO)
-    section = section_of(result.scene, focus, cut, crop, 2**62, close, result.caveats_in_brief)
+    section = section_of(result.scene, focus, cut, crop, 2**62, close, caveats)
     picture = BodyPicture(section, ax, result.stage)
-    tail, head, load = edges_in(section, graph)
+    graph = load_path(result.scene, stage)
+    row = {cell: number for number, cell in enumerate(graph)}
+    edges = [(row[a], row[b], weight) for a, b, weight in graph.edges(data="weight") if weight > 0]
+    if not edges:
+        return picture.finish("Load path", [whole.outcome, *picture.notes])
+    seen = section.holds(np.array(list(graph), dtype=np.int64))
+    place = section.in_plane(np.array([at for _, at in graph.nodes(data="pos")], dtype=np.float64))
+    kinds = np.array([kind for _, kind in graph.nodes(data="kind")])
+    tail, head, load = (np.array(column) for column in zip(*edges, strict=True))
+    shown = seen[tail] & seen[head]
+    tail, head, load = tail[shown], head[shown], load[shown]
     if not len(load):
         return picture.finish("Load path", [whole.outcome, *picture.notes])
-    drawn = draw_edges(picture.ax, section, tail, head, load, load_norm(load))
+    drawn = _draw_edges(picture.ax, section, place[tail], place[head], load)
     colour_bar(picture.ax, drawn, "load passed on", "N")
-    picture.entries += draw_nodes(picture.ax, section, graph)
-    drawn_edges = f"{counted(len(load), 'edge')}; each is drawn to the right of its own way"
-    notes = [drawn_edges, *picture.notes]
+    across = float((np.ptp(section.box, axis=0) / section.tile_size).max())
+    for kind, marker in _MARKERS.items():
+        chosen = seen & (kinds == kind)
+        if chosen.any():
+            look: dict[str, Any] = {"ls": "", "marker": marker, "mec": INK, "mew": 0.7}
+            look["mfc"] = INK if kind == "material" else "white"
+            size = max(1.2, min(5.0, 75.0 / across))
+            picture.ax.plot(*place[chosen].T, ms=size, zorder=7, gid=f"{kind} nodes", **look)
+            name = "material agent" if kind == "material" else f"{kind} boundary agent"
+            picture.entries.append(Line2D([], [], ms=5, label=name, **look))
+    notes = [f"{counted(len(load), 'edge')}; each is drawn to the right of its own way"]
+    notes += picture.notes
     if stage is not whole:
         notes.append(
             f"only the {grouped(len(stage.cells))} agents around the one that took most, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -17,9 +17,10 @@ from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
+from .deformed import settled
 from .layers import draw_squares, layer_of, squares_of, usual_top
 from .load_plots import load_norm
-from .section import Section, section_of
+from .section import Cut, Section, section_of
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar
 from .units import quantity
 
@@ -94,14 +95,11 @@ def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCo
 
 def colours_of(shown: Quantity, values: Floats, largest: float | None = None) -> dict[str, Any]:
     """Return colour map and scale for values, or for all up to a largest one."""
-    size = (largest or float(np.abs(values).max(initial=0.0))) or 1.0
-    norm: Normalize = Normalize(-size, size) if shown.signed else Normalize(0.0, size)
     if shown.logarithmic:
-        norm = load_norm(values)
-    return {
-        "cmap": DIVERGING if shown.signed else LOADS if shown.logarithmic else SIZE,
-        "norm": norm,
-    }
+        return {"cmap": LOADS, "norm": load_norm(values)}
+    size = (largest or float(np.abs(values).max(initial=0.0))) or 1.0
+    low, cmap = (-size, DIVERGING) if shown.signed else (0.0, SIZE)
+    return {"cmap": cmap, "norm": Normalize(low, size)}
 
 
 def plot_map(
@@ -110,35 +108,32 @@ def plot_map(
     ax: Axes | None = None,
     *,
     component: str | None = None,
-    cut: Mapping[str, float] | None = None,
+    cut: Cut = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw a field as the colours of cells, or of agents; cells that have none stay light."""
-    shown = quantity_of(result, what, component)
-    drawn, extend = None, "neither"
-    if result.kind == "elastic":
-        elastic = cast("ElasticResult", result)
-        layer = layer_of(elastic, cut, crop)
-        picture = BodyPicture(layer, ax, result.stage, filled=False)
+    if result.kind.startswith("elastic"):
+        elastic = settled(result)
+        shown, layer = quantity_of(elastic, what, component), layer_of(elastic, cut, crop)
+        picture = BodyPicture(layer, ax, elastic.stage, filled=False)
         squares = squares_of(layer, elastic.tiles(shown.values))
         top, beyond = usual_top(squares.value, squares.size)
-        if beyond:
-            extend = "both" if shown.signed else "max"
         look = colours_of(shown, squares.value, top)
-        drawn = draw_squares(picture.ax, layer, squares, "map", array=squares.value, **look)
+        drawn = draw_squares(picture.ax, layer, squares, "map", **look)
+        extend = ("both" if shown.signed else "max") if beyond else "neither"
     else:
-        section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
-        picture = BodyPicture(section, ax, result.stage)
-        if len(shown.values):
-            cells = cast("TransferResult", result).last.cells
-            drawn = draw_map(picture.ax, section, cells, shown)
-    if drawn is None:
-        return picture.finish(shown.title, ["no cell has taken a load", *picture.notes])
+        run, extend = cast(TransferResult, result), "neither"
+        shown = quantity_of(run, what, component)
+        section = section_of(run.grid, run.focus, cut, crop, caveats=run.caveats_in_brief)
+        picture = BodyPicture(section, ax, run.stage)
+        if not len(shown.values):
+            return picture.finish(shown.title, ["no cell has taken a load", *picture.notes])
+        drawn = draw_map(picture.ax, section, run.last.cells, shown)
     label = shown.title[0].lower() + shown.title[1:]
     colour_bar(picture.ax, drawn, label, shown.unit, extend)
     extreme = float(shown.values[first_largest(np.abs(shown.values))])
     notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(picture.notes)]
-    if result.kind == "elastic" and what in ("strain", "stress", "von_mises"):
+    if result.kind.startswith("elastic") and what in ("strain", "stress", "von_mises"):
         reason = elastic.largest_stress.no_limit
         notes += [f"the largest stress has no limit: {reason}"] if reason else []
     return picture.finish(shown.title, notes)
@@ -152,8 +147,6 @@ def _map_of(what: str) -> Callable[..., Axes]:
     return draw
 
 
-plot_displacement = _map_of("displacement")
-plot_strain = _map_of("strain")
-plot_stress = _map_of("stress")
-plot_von_mises = _map_of("von_mises")
-plot_taken = _map_of("taken")
+plot_displacement, plot_strain, plot_stress, plot_von_mises, plot_taken = map(
+    _map_of, ("displacement", "strain", "stress", "von_mises", "taken")
+)

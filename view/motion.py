@@ -21,6 +21,7 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import force_arrows
+from .charts import fracture_curves, growth_curves, network_curves
 from .deformed import Joined, join, stress_text
 from .fracture_plots import bearing
 from .quadtree import errors_of
@@ -173,14 +174,7 @@ def loaded(result: ElasticResult) -> Motion:
 
 def network(result: NetworkResult) -> Motion:
     """Return the states of a spring network along its load path."""
-    moved = np.linalg.norm(result.displacement, axis=2).max(axis=1)
-    pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
-    over = "stage", "", result.stage
-    curves = [
-        Curves("Displacement", *over, {"largest displacement": moved}, "m"),
-        Curves("Largest forces", *over, pull, "N"),
-    ]
-    return _springs(result, result.stage, "stage", curves)
+    return _springs(result, result.stage, "stage", network_curves(result))
 
 
 def network_in_time(result: NetworkCreepResult) -> Motion:
@@ -350,16 +344,12 @@ def growth_steps(result: GrowthResult) -> Motion:
     kept = len(result.designs) > 0
     steps = chosen_frames(result.steps + 1) if kept else np.array([result.steps])
     designs = result.designs[steps] if kept else result.cells[None]
-    over = ("step", "", np.arange(result.steps + 1.0))
     return Motion(
         **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
         at=steps.astype(float),
         along="step",
         values={"density": ("", np.rint(256.0 * designs) / 256.0)},  # more would not deflate
-        curves=[
-            Curves("Compliance", *over, {"compliance": result.compliances}, "J"),
-            Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
-        ],
+        curves=growth_curves(result),
         forces=applied(result.scene, result.stage),
         outcome=result.outcome,
     )
@@ -378,12 +368,6 @@ def breaks(result: FractureResult) -> Motion:
     points, parts = body.points
     gone = np.full(len(parts), result.breaks + 1)
     gone[result.broken] = np.arange(1, result.breaks + 1)
-    force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
-    # What bears hardly anything any more moves so far that the rest would not be seen.
-    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
-    sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
-    energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
-    over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}
     supports: dict[str, Any]
     if isinstance(result.subject, Scene):
         name, unit, supports = "stress", "Pa", {"forces": applied(result.subject)}
@@ -397,12 +381,7 @@ def breaks(result: FractureResult) -> Motion:
         values={name: (unit, np.array(borne))},
         moved=np.array(moved),
         gone=gone,
-        curves=[
-            Curves("Load", *over, {"load": force}, "N"),
-            Curves("Load over displacement (m)", "displacement", "m", way[:loaded], course, "N"),
-            Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
-            Curves("Energy", *over, energy, "J"),
-        ],
+        curves=fracture_curves(result),
         **supports,
         outcome=result.outcome,
     )

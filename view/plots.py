@@ -18,26 +18,24 @@ from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
-from .body_plots import draw_scene
+from .body_plots import BodyPicture
 from .picture_files import save
-from .section import section_of
+from .section import Cut, section_of
 from .space import plot_body_in_space
 from .style import figure_of
 
 Picture = Callable[..., "Axes | Figure"]
 
 
-Cut = Mapping[str, float]
-
-
 def plot_scene(
-    scene: Scene, ax: Axes | None = None, *, cut: Cut | None = None, crop: bool = False
+    scene: Scene, ax: Axes | None = None, *, cut: Cut = None, crop: bool = False
 ) -> Axes:
     """Draw what is asked: body, supports and forces; all of it, or where the forces are."""
     if scene.lattice.dimension == 3 and cut is None:
         return plot_body_in_space(scene, ax)
     cells = scene.applied().cells if crop else None
-    return draw_scene(section_of(scene, cells, cut, crop), ax)
+    picture = BodyPicture(section_of(scene, cells, cut, crop), ax)
+    return picture.finish("The scene", picture.notes)
 
 
 @wraps(plot_scene)
@@ -89,16 +87,15 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     **options
         What the picture takes; an option that it has not is refused by name.
 
-        - ``cut={"y": 0.05}``: the plane through a body of cubes to show (m); unless given
-          one through the agents, or the whole body in space.
+        - ``cut={"y": 0.05}``: the plane through a body of cubes to show (m), ``cut={}`` one
+          through the agents; unless given that, or the whole body in space.
         - ``crop``: whether to show only the surroundings of the agents; by itself for
           large bodies.
         - ``component`` of maps: of displacements "magnitude" (as unless given) or an axis; of
           stresses and strains a pair of axes such as "xy", unless given the largest.
         - ``magnification`` of "deformed": how many times larger than true displacements are
           drawn; unless given a round number that makes them visible. The picture states it.
-        - ``generation`` of "loads": only the loads taken in it, from 1; of agents: the
-          generation to show, from 0.
+        - ``generation`` of agents: the one to show, from 0.
         - ``share`` of "deformed" of an elastic result: of the load, from 0 to 1; ``stage`` of that
           of load transfer; ``largest``: where the colours end.
         - ``moment`` of "left": which, the last unless given.
@@ -106,13 +103,12 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
           "displacement"; of agents of many sizes: "level" (as unless given), "spawn_step",
           "gap" (between their two opinions), "fitted" or "balanced" (the stress of each opinion) or
           "von_mises"; of networks "tension" or "strain".
-        - ``step`` of agents of many sizes in the plane: outline those that spawned then; of
-          "design": after which step, the last unless given.
+        - ``step`` of "design": after which step, the last unless given.
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
         - ``record`` of networks and of what creeps: which state; the last unless given.
         - ``breaks`` of "crack": after how many; all unless given.
         - ``axis`` of "cuts": across which the body is cut.
-        - ``panel`` of "curves", ``quantity_shown`` ("displacement" or "agents") of "stages".
+        - ``panel`` of "curves", "response", "history" and "stages" on given axes: which.
 
     Returns
     -------
@@ -164,12 +160,13 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     names = [name for name in result.pictures if name not in seldom]
     if result.kind == "load transfer":
         names = [name for name in USUAL if name in names]
-    section, written = KINDS[result.kind].section, []
+    written = []
     for name in names:
-        written.append(save(plot(result, name), folder / f"{name}.png"))
-        if name == "agents" and section and cast(Any, result).scene.lattice.dimension == 3:
-            drawn = figure_of(fetch(section)(result))
-            written.append(save(drawn, folder / "agents_section.png"))
+        figure = plot(result, name)
+        written.append(save(figure, folder / f"{name}.png"))
+        if name == "agents" and figure.axes[0].name == "3d":
+            section = plot(result, name, cut={})
+            written.append(save(section, folder / "agents_section.png"))
     return written
 
 

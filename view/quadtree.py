@@ -5,8 +5,6 @@ In space cubes are drawn where they can be seen, one quarter of the body cut awa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import wraps
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -26,72 +24,59 @@ from kaju.model.scene import Scene
 from .body_plots import BodyPicture
 from .films import Film
 from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
+from .section import Cut
 from .space import FACES, DrawnBox, box_around, space_for
-from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar
+from .style import SEQUENTIAL, SIZE, caption, colour_bar
 from .units import grouped, quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
 
-
-class Colour(NamedTuple):
-    """What agents can be coloured by."""
-
-    label: str
-    unit: str
-    whole: bool = False  # whether it counts something
-
-
 COLOURS = {
-    "level": Colour("level: how often the largest agent was halved", "", whole=True),
-    "spawn_step": Colour("step in which the agent spawned", "", whole=True),
-    "gap": Colour("gap between the agent's two opinions", "J"),
-    "fitted": Colour("equivalent stress of the opinion that fits", "Pa"),
-    "balanced": Colour("equivalent stress of the opinion that balances", "Pa"),
-    "von_mises": Colour("equivalent stress", "Pa"),
+    "level": ("level: how often the largest agent was halved", ""),
+    "spawn_step": ("step in which the agent spawned", ""),
+    "gap": ("gap between the agent's two opinions", "J"),
+    "fitted": ("equivalent stress of the opinion that fits", "Pa"),
+    "balanced": ("equivalent stress of the opinion that balances", "Pa"),
+    "von_mises": ("equivalent stress", "Pa"),
 }
+"""What agents can be coloured by, in words, with its unit."""
+COUNTED = ("level", "spawn_step")
+"""Those of them that are whole numbers."""
 OPINIONS = ("gap", "fitted", "balanced")
-OF_EVERY_GENERATION = ("level", "spawn_step", *OPINIONS)
-"""What is stored of agents that have retired, too."""
 DECADES = 6
+"""Of the scale of colours that are no whole numbers."""
 
 
-def plot_quadtree(
+def plot_agents_of_many_sizes(
     result: ElasticResult,
     ax: Axes | None = None,
     *,
     colour: str = "level",
-    cut: Mapping[str, float] | None = None,
+    cut: Cut = None,
     crop: bool | None = None,
     generation: int | None = None,
-    step: int | None = None,
 ) -> Axes:
-    """Draw agents at their places and in their sizes."""
-    tiles, spawn_step = agents_of(result, colour, generation)
+    """Draw agents at their places and in their sizes, of bodies of cubes in space unless cut."""
+    tiles, scale = agents_of(result, colour, generation), _scale_of(result, colour, generation)
+    norm, title = _norm(colour, scale), [_title(result, generation)]
+    look: dict[str, Any] = {"cmap": SIZE if colour == "level" else SEQUENTIAL, "norm": norm}
+    if result.scene.lattice.dimension == 3 and cut is None:
+        view = view_of(result, crop)
+        space, notes = space_for(ax, result.grid, view.box, result.stage, MOST_ARROWS)
+        _draw_cubes(space, result.grid, view, tiles, look)
+        _bar(cast(Axes, space), ScalarMappable(**look), colour, scale)
+        title += [*notes, *view.notes, "; ".join(result.caveats_in_brief)]
+        caption(space, "Agents", title)
+        return cast("Axes", space)
     layer = layer_of(result, cut, crop)
     picture = BodyPicture(layer, ax, result.stage, filled=False)
-    shown = squares_of(layer, tiles)
-    scale = _scale_of(result, colour, generation, tiles)
-    look = look_of(colour, scale)
-    drawn = draw_squares(picture.ax, layer, shown, "agents", array=shown.value, **look)
-    if step is not None:
-        born = spawn_step[shown.row] == step
-        bold: dict[str, Any] = {"facecolors": "none", "edgecolors": FORCE, "linewidths": 0.8}
-        add_polygons(picture.ax, shown.corners[born], "spawned", **bold, zorder=3)
-    bar_of(picture.ax, drawn, colour, scale)
-    return picture.finish("Agents", [generation_text(result, generation), *picture.notes])
+    drawn = draw_squares(picture.ax, layer, squares_of(layer, tiles), "agents", **look)
+    _bar(picture.ax, drawn, colour, scale)
+    return picture.finish("Agents", [*title, *picture.notes])
 
 
-@wraps(plot_quadtree)
-def plot_agents_of_many_sizes(
-    result: ElasticResult, ax: Axes | None = None, **options: Any
-) -> Axes:
-    """Draw agents of many sizes, of bodies of cubes in space unless cut."""
-    whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
-    return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
-
-
-def generation_text(result: ElasticResult, generation: int | None) -> str:
+def _title(result: ElasticResult, generation: int | None) -> str:
     """Return how many agents there are after how many steps, and their error."""
     if not result.spawned:
         return f"{grouped(result.agents)} equal cells, error {result.error_estimate:.2g}"
@@ -108,10 +93,8 @@ def errors_of(result: ElasticResult) -> list[float]:
     return [*(g.error for g in before), result.error_estimate]
 
 
-def agents_of(
-    result: ElasticResult, colour: str, generation: int | None = None
-) -> tuple[Tiles, Ints]:
-    """Return the agents of a generation with what their colours show, and when they spawned."""
+def agents_of(result: ElasticResult, colour: str, generation: int | None = None) -> Tiles:
+    """Return the agents of a generation with what their colours show."""
     if colour not in COLOURS:
         raise ParameterError(
             f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "
@@ -123,67 +106,51 @@ def agents_of(
             f"colour: equal cells have no {colour!r}, because they have one stress only; solve "
             "with a tolerance"
         )
-    if colour == "balanced" and _solid(result):
+    if colour == "balanced" and result.scene.lattice.dimension == 3:
         raise ParameterError("colour: in space agents have one stress only: 'fitted'")
-    if generation in (None, last):
+    if generation is None or generation == last:
         own = result.generations[-1] if colour in OPINIONS else result
-        value = np.asarray(getattr(own, colour), dtype=np.float64)
-        return result.tiles(value), result.spawn_step
+        return result.tiles(np.asarray(getattr(own, colour), dtype=np.float64))
     if not 0 <= generation <= last:
         raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
-    if colour not in OF_EVERY_GENERATION:
-        raise ParameterError(
-            f"colour: {colour!r} is known of the last generation only; of earlier ones there is "
-            f"{', '.join(OF_EVERY_GENERATION)}"
-        )
     family = result.family
     rows = family.standing(generation)
-    values = {
-        "level": family.level[rows],
-        "spawn_step": family.rows["spawn_step"][rows],
-    }
-    known = values[colour] if colour in values else getattr(result.generations[generation], colour)
-    value = np.asarray(known, dtype=np.float64)
-    return Tiles(family.lower[rows], family.size[rows], value), values["spawn_step"]
+    known = {"level": family.level[rows], "spawn_step": family.rows["spawn_step"][rows]}
+    known |= {name: getattr(result.generations[generation], name) for name in OPINIONS}
+    if colour not in known:
+        raise ParameterError(
+            f"colour: {colour!r} is known of the last generation only; of earlier ones there is "
+            f"{', '.join(known)}"
+        )
+    value = np.asarray(known[colour], dtype=np.float64)
+    return Tiles(family.lower[rows], family.size[rows], value)
 
 
-def _scale_of(result: ElasticResult, colour: str, generation: int | None, tiles: Tiles) -> Floats:
+def _scale_of(result: ElasticResult, colour: str, generation: int | None) -> Floats:
     """Return the values that a scale covers: of one generation among others those of all."""
-    if generation is None:
-        return tiles.value
-    if colour in OPINIONS:
-        # The two opinions are seen on one scale.
-        names = ("fitted", "balanced") if colour != "gap" and not _solid(result) else (colour,)
-        every = [getattr(one, name) for one in result.generations for name in names]
-        return np.concatenate(every)
-    return agents_of(result, colour)[0].value
-
-
-def _solid(result: ElasticResult) -> bool:
-    return result.scene.lattice.dimension == 3
-
-
-def look_of(colour: str, values: Floats) -> dict[str, Any]:
-    """Return colour map and scale."""
-    return {"cmap": SIZE if colour == "level" else SEQUENTIAL, "norm": _norm(colour, values)}
-
-
-def bar_of(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
-    """Add the colour bar."""
-    what = COLOURS[colour]
-    bar = colour_bar(ax, drawn, what.label, what.unit or None)
-    if what.whole:
-        last = int(values.max())
-        bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))
-        bar.ax.minorticks_off()
+    if generation is None or colour not in OPINIONS:
+        return agents_of(result, colour).value
+    # The two opinions are seen on one scale.
+    two = colour != "gap" and result.scene.lattice.dimension == 2
+    names = ("fitted", "balanced") if two else (colour,)
+    return np.concatenate([getattr(one, n) for one in result.generations for n in names])
 
 
 def _norm(colour: str, values: Floats) -> Normalize:
-    if COLOURS[colour].whole:
+    if colour in COUNTED:
         return BoundaryNorm(np.arange(-0.5, values.max() + 1.0), 256)
     high = float(values.max(initial=0.0)) or 1.0
     low = float(values[values > 0].min(initial=high))
     return LogNorm(max(low, high / 10**DECADES, np.finfo(float).tiny), high * (1 + 1e-12))
+
+
+def _bar(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
+    label, unit = COLOURS[colour]
+    bar = colour_bar(ax, drawn, label, unit or None)
+    if colour in COUNTED:
+        last = int(values.max())
+        bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))
+        bar.ax.minorticks_off()
 
 
 MOST_ARROWS = 5
@@ -208,27 +175,6 @@ class View(NamedTuple):
         x, y = (quantity(place, "m") for place in self.planes)
         crops = [note for note in self.box.notes if note.startswith("cropped")]
         return [f"cut away: x above {x}, y below {y}", *crops]
-
-
-def plot_octree(
-    result: ElasticResult,
-    ax: Axes | None = None,
-    *,
-    colour: str = "level",
-    crop: bool | None = None,
-    generation: int | None = None,
-) -> Axes:
-    """Draw agents as cubes in space, with a quarter of the body cut away at small ones."""
-    tiles, _ = agents_of(result, colour, generation)
-    view = view_of(result, crop)
-    space, notes = space_for(ax, result.grid, view.box, result.stage, MOST_ARROWS)
-    scale = _scale_of(result, colour, generation, tiles)
-    look = look_of(colour, scale)
-    draw_cubes(space, result.grid, view, tiles, look)
-    bar_of(space, ScalarMappable(**look), colour, scale)
-    notes = [*notes, *view.notes, "; ".join(result.caveats_in_brief)]
-    caption(space, "Agents", [generation_text(result, generation), *notes])
-    return cast("Axes", space)
 
 
 def view_of(result: ElasticResult, crop: bool | None = None) -> View:
@@ -257,9 +203,7 @@ def _plane(place: Floats, unit: float) -> float:
     return float(roundest[np.abs(roundest - middle).argmin()])
 
 
-def draw_cubes(
-    ax: Axes3D, scene: Scene, view: View, tiles: Tiles, look: dict[str, Any]
-) -> Poly3DCollection:
+def _draw_cubes(ax: Axes3D, scene: Scene, view: View, tiles: Tiles, look: dict[str, Any]) -> None:
     """Draw the faces of agents that can be seen, coloured by their values."""
     finest = 2.0 * float((view.upper - view.lower).max()) / FINEST
     (lower, size, value), _ = merge_small(tiles, finest)
@@ -267,16 +211,11 @@ def draw_cubes(
     colours = colormaps[look["cmap"]](look["norm"](value[owner]))
     colours[:, :3] *= light[:, None]
     small = size[owner] < 4.0 * finest
+    rims = np.where(small[:, None], colours, (0.2, 0.2, 0.2, 1.0))
     drawn = Poly3DCollection(
-        list(faces),
-        facecolors=colours,
-        edgecolors=np.where(small[:, None], colours, (0.2, 0.2, 0.2, 1.0)),
-        linewidths=0.25,
-        zorder=3,
+        list(faces), facecolors=colours, edgecolors=rims, linewidths=0.25, zorder=3, gid="agents"
     )
-    drawn.set_gid("agents")
     ax.add_collection3d(drawn)
-    return drawn
 
 
 def seen_faces(

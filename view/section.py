@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,16 @@ from kaju.model.scene import Scene
 
 from .units import grouped, quantity
 
+Cut: TypeAlias = Mapping[str, float] | None
+"""Axis and place (m) of a plane; an empty one is a plane through the agents."""
+How: TypeAlias = Literal["min", "max", "sum"]
+"""How the values of the cells of one tile become one."""
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
 _SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
 
 
-def one_a_place(
-    places: Ints, values: NDArray[Any], how: Literal["min", "max", "sum"]
-) -> tuple[Ints, NDArray[Any]]:
+def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDArray[Any]]:
     """Return places (n, dimension), each once, and one value of all that stand there."""
     order = np.lexsort(places.T)
     places, values = places[order], values[order]
@@ -53,6 +55,8 @@ class Section:
     block: int  # a tile is block × block cells
     cropped: bool  # whether there is more body outside the picture
     caveats: tuple[str, ...] = ()  # what is approximate of the answer, in a few words each
+    place: float = 0.0  # where the cut lies along its axis (m)
+    tiled: bool = True  # whether tiles are what is shown, or agents of many sizes
 
     @property
     def outlined(self) -> bool:
@@ -86,14 +90,10 @@ class Section:
         """Return the tiles, shape (n, 2), that cells of the body belong to."""
         return np.floor_divide(cells[:, self.axes], self.block)
 
-    def gather(
-        self, cells: Ints, values: NDArray[Any], how: Literal["min", "max", "sum"]
-    ) -> tuple[Ints, NDArray[Any]]:
-        """Return the tiles that show cells, and for each of them one value.
+    def gather(self, cells: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDArray[Any]]:
+        """Return the tiles that show cells, (n, dimension), and one value each; leave out others.
 
-        `cells`, shape (n, dimension): cells of the body; those out of the picture are left out;
-        `values`, shape (n,) or (n, m): what they have; `how`: how the values of the cells of one
-        tile become one.
+        `values`, shape (n,) or (n, m): what the cells have.
         """
         shown = self.holds(cells)
         return one_a_place(self.tiles(cells[shown]), np.asarray(values)[shown], how)
@@ -108,8 +108,18 @@ class Section:
             return points
         full = np.empty((len(points), 3))
         full[:, self.axes] = points
-        full[:, self.cut[0]] = (self.cut[1] + 0.5) * self.scene.lattice.cell_size
+        full[:, self.cut[0]] = self.place
         return full
+
+    def meets(self, lower: Floats, size: Floats) -> Ints:
+        """Return which agents of these lower corners and edges (m) are in the picture."""
+        low, high = self.box
+        flat = lower[:, self.axes]
+        shown = np.all((flat < high) & (flat + size[:, None] > low), axis=1)
+        if self.cut is not None:
+            ahead = self.place - lower[:, self.cut[0]]
+            shown &= (ahead >= 0.0) & (ahead < size)
+        return np.flatnonzero(shown)
 
     def centres(self, tiles: Ints) -> Floats:
         """Return the middles of tiles (m), shape (n, 2)."""
@@ -204,15 +214,13 @@ class Section:
         shown = []
         shape = np.array(self.scene.lattice.shape)
         if self.cut is not None:
-            axis, index = self.cut
-            place = (index + 0.5) * self.scene.lattice.cell_size
-            shown.append(f"section at {'xyz'[axis]} = {quantity(place, 'm')}")
+            shown.append(f"cut at {'xyz'[self.cut[0]]} = {quantity(self.place, 'm')}")
         if self.cropped:
             seen = np.minimum(self.upper, shape[[*self.axes]]) - np.maximum(self.lower, 0)
             part = " × ".join(grouped(n) for n in seen)
             whole = " × ".join(grouped(n) for n in shape[[*self.axes]])
             shown.append(f"cropped to {part} of {whole} cells")
-        if self.block > 1:
+        if self.block > 1 and self.tiled:
             shown.append(f"each tile stands for {self.block} × {self.block} cells")
         return ["; ".join(words) for words in (shown, self.caveats) if words]
 
@@ -228,7 +236,7 @@ _WORTH_CROPPING = 0.6
 def section_of(
     scene: Scene,
     cells: Ints | None = None,
-    cut: Mapping[str, float] | None = None,
+    cut: Cut = None,
     crop: bool | None = None,
     most_across: int = MOST_ACROSS,
     whole_up_to: int = WHOLE_UP_TO,
@@ -242,12 +250,12 @@ def section_of(
     """
     if cells is None:
         cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False
-    named, where = named_cut(scene, cut), None
+    named, where, place = named_cut(scene, cut), None, 0.0
     axes = (0, 1)
     if scene.lattice.dimension == 3:
         where = (named[0], layer_at(scene, *named)) if named else _fullest_layer(scene, cells)
         first, second = (axis for axis in range(3) if axis != where[0])
-        axes = (first, second)
+        axes, place = (first, second), (where[1] + 0.5) * scene.lattice.cell_size
         cells = cells[cells[:, where[0]] == where[1]]
     shape = np.array(scene.lattice.shape)[[*axes]]
     lower, upper = np.zeros(2, dtype=np.int64), shape
@@ -265,12 +273,12 @@ def section_of(
             lower, upper = near
     block = ceil(int((upper - lower).max()) / most_across)
     rim = max(1, round(0.04 * int((upper - lower).max())))
-    return Section(scene, lower - rim, upper + rim, axes, where, block, cropped, caveats)
+    return Section(scene, lower - rim, upper + rim, axes, where, block, cropped, caveats, place)
 
 
-def named_cut(scene: Scene, cut: Mapping[str, float] | None) -> tuple[int, float] | None:
+def named_cut(scene: Scene, cut: Cut) -> tuple[int, float] | None:
     """Return axis and place (m) of a cut, None unless one is asked for; refuse what is none."""
-    if cut is None:
+    if not cut:
         return None
     if scene.lattice.dimension == 2:
         raise ParameterError(

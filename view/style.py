@@ -199,18 +199,6 @@ def colour_bar(
     return bar
 
 
-def frame_curves(ax: Axes, title: str, notes: Sequence[str], **key: Any) -> Axes:
-    """Put a light grid, a title, and a legend of what has a label, round curves; return the axes.
-
-    `key`: further looks of the legend.
-    """
-    ax.grid(color=LINE, lw=0.4)
-    if key.get("handles") or ax.get_legend_handles_labels()[0]:
-        ax.legend(**{"fontsize": 8, "framealpha": 1.0, "edgecolor": "white"} | key)
-    caption(ax, title, notes)
-    return ax
-
-
 def legend(ax: Axes, handles: Sequence[Artist]) -> None:
     """Explain symbols below the picture."""
     if not handles:

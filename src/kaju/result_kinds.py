@@ -15,8 +15,8 @@ _MAPS = ("displacement", "strain", "stress", "von_mises")
 _FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
 _CURVES = {"curves": "view.charts:plot_curves"}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
-_CREPT = {"curves": "view.creep:plot_curves_at"}
-_IN_TIME = {"times": "view.creep:BODY", "curves": "view.creep:CURVES"}
+_CREPT = {"curves": "view.charts:plot_curves_in_time"}
+_IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
 _COLUMNS = "model.results.formats"
 _MOTION = "view.motion"
 NOTEBOOK = "view.page.notebook:html_of"
@@ -33,14 +33,13 @@ class Kind:
     meshes: Mapping[str, str] = field(default_factory=dict)  # that give it a mesh that moves
     page: str | None = None  # what it replays on a page; None if a page cannot show it
     columns: Mapping[str, str] = field(default_factory=dict)  # tables of its stored arrays
-    section: str | None = None  # draws a section through the agents of a body in space
 
 
 KINDS = {
     "load transfer": Kind(
         "model.transfer.transfer_result:TransferResult",
         pictures={
-            "agents": "view.agents:plot_material_agents",
+            "agents": "view.agents:plot_agents",
             "loads": "view.load_plots:plot_loads",
             "deformed": "view.deformed:plot_cells_deformed",
             **_FIELDS,
@@ -54,7 +53,6 @@ KINDS = {
         films={"generations": "view.agents:GENERATIONS", "stages": "view.deformed:STAGES"},
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
         page=f"{_MOTION}:generations",
-        section="view.agents:plot_agents",
     ),
     "elastic": Kind(
         "model.elastic.elastic_result:ElasticResult",
@@ -72,7 +70,6 @@ KINDS = {
         },
         meshes={"loading": "view.motion:loaded"},
         page=f"{_MOTION}:elastic_answer",
-        section="view.quadtree:plot_quadtree",
     ),
     "true outlines": Kind(
         "model.outline.outline_result:OutlineResult",
@@ -86,7 +83,9 @@ KINDS = {
             "agents": "view.face_agents:plot_face_agents",
             "left": "view.face_agents:plot_left",
             **_CURVES,
-            **{name: f"view.face_agents:{name}" for name in ("deformed", *_MAPS, "cuts")},
+            "deformed": "view.deformed:plot_deformed",
+            **_FIELDS,
+            "cuts": "view.charts:plot_cuts",
             **_SCENE,
         },
         films={"waves": "view.face_agents:WAVES"},
@@ -97,7 +96,7 @@ KINDS = {
         "model.network.network_result:NetworkResult",
         pictures={
             "deformed": "view.network_plots:plot_network",
-            "response": "view.network_plots:plot_response",
+            "response": "view.charts:plot_curves",
         },
         films={"increments": "view.network_plots:INCREMENTS"},
         meshes={"increments": f"{_MOTION}:network"},
@@ -107,7 +106,7 @@ KINDS = {
         "model.fracture.fracture_result:FractureResult",
         pictures={
             "crack": "view.fracture_plots:plot_crack",
-            "response": "view.fracture_plots:plot_load_and_displacement",
+            "response": "view.charts:plot_curves",
             "avalanches": "view.fracture_plots:plot_avalanches",
         },
         films={"breaks": "view.fracture_plots:BREAKS"},
@@ -117,7 +116,7 @@ KINDS = {
         "model.growth.growth_result:GrowthResult",
         pictures={
             "design": "view.growth_plots:plot_design",
-            "history": "view.growth_plots:plot_growth",
+            "history": "view.charts:plot_curves",
         },
         films={"steps": "view.growth_plots:STEPS"},
         page=f"{_MOTION}:growth_steps",
@@ -125,20 +124,20 @@ KINDS = {
     "element in time": Kind(
         "model.rheology.creep_result:CreepResult",
         pictures=_CREPT,
-        films={"times": "view.creep:CURVES"},
+        films={"times": "view.charts:IN_TIME"},
         page=f"{_MOTION}:element",
     ),
     "network in time": Kind(
         "model.rheology.creeping_network:NetworkCreepResult",
-        pictures=_CREPT | {"deformed": "view.creep:plot_network_at"},
-        films=_IN_TIME | {"times": "view.creep:NETWORK"},
+        pictures=_CREPT | {"deformed": "view.network_plots:plot_network"},
+        films=_IN_TIME | {"times": "view.network_plots:TIMES"},
         meshes={"times": f"{_MOTION}:network_in_time"},
         page=f"{_MOTION}:network_in_time",
     ),
 } | {
     name: Kind(
         result,
-        pictures=_CREPT | {"deformed": "view.creep:plot_body_at"} | _SCENE,
+        pictures=_CREPT | {"deformed": "view.deformed:plot_body_in_time"} | _SCENE,
         films=_IN_TIME,
         meshes={"times": f"{_MOTION}:body_in_time"},
         page=f"{_MOTION}:body_in_time",

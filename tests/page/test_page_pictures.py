@@ -329,7 +329,7 @@ def test_what_breaks_is_there_until_then(shown, broken, name):
         assert np.flatnonzero(~there).tolist() == sorted(result.broken[:g].tolist())
         far[g] = page.js("page.magnification()")
     assert far[frames - 1] == far[0]  # one magnification through the film
-    curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement (m)"]
+    curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement"]
     assert curve["course"]
     assert curve["at"][1:] == result.displacement[: len(curve["at"]) - 1].tolist()
 

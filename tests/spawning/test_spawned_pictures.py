@@ -35,10 +35,9 @@ COLOURS = ["level", "spawn_step", "gap", "von_mises"]
 
 @pytest.mark.parametrize("colour", COLOURS)
 def test_every_agent_is_drawn_in_its_colour(flat, colour):
-    figure = plot(flat, "agents", colour=colour, step=1)
-    agents, born = drawn(figure, "agents"), drawn(figure, "spawned")
+    figure = plot(flat, "agents", colour=colour)
+    agents = drawn(figure, "agents")
     np.testing.assert_array_equal(agents.get_array(), getattr(flat, colour))
-    assert len(born.get_paths()) == np.count_nonzero(flat.spawn_step == 1)
     edges = [np.ptp(path.vertices[:, 0]) for path in agents.get_paths()]
     np.testing.assert_allclose(edges, flat.size)
     assert f"{flat.agents} agents" in words(figure)

@@ -111,7 +111,7 @@ def test_what_cannot_be_drawn_is_named(flat, options, match):
 
 
 def test_agents_of_one_opinion_say_so(solid):
-    with pytest.raises(ParameterError, match="one opinion"):
+    with pytest.raises(ParameterError, match="one stress only"):
         plot(solid, "agents", colour="balanced")
-    with pytest.raises(ParameterError, match="one opinion"):
+    with pytest.raises(ParameterError, match="one stress only"):
         plot(solve(under_a_patch(2)), "agents", colour="gap")

@@ -1,7 +1,5 @@
 """Pictures of elastic results and of spring networks, and the words that go with numbers."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from artists import axes_of, drawn, notes, part
@@ -43,15 +41,6 @@ def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
     segments = np.array(part(ax, "springs").get_segments())
     np.testing.assert_allclose(segments, result.positions()[result.network.springs])
     assert "deformation shown ×1" in notes(ax)
-
-
-def test_one_stage_is_drawn_beside_what_is_proportional() -> None:
-    net = triangular(3, force=0.1)
-    stages = {name: np.tile(getattr(net, name), (2, 1, 1)) for name in ("forces", "displacements")}
-    twice = dataclasses.replace(net, **stages)
-    for network, beside in ((net, True), (twice, False)):
-        lines = axes_of(solve_network(network, 2), "response").lines
-        assert any(line.get_label() == "proportional" for line in lines) == beside
 
 
 @pytest.mark.parametrize(

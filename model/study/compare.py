@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError, ResultFileError
+from kaju.errors import ResultError
 from kaju.model.results.archive import open_archive
 from kaju.model.results.loading import answer_of, load_result
 from kaju.model.results.result import line_of
@@ -27,8 +27,8 @@ FINE = 64  # cells along the longer side, at whose middles answers with true out
 _SAME = 1e-9
 
 
-class Comparable(Protocol):
-    """What is asked of an answer to compare it: `BodyResult` and its like have all of it."""
+class Answer(Protocol):
+    """What is asked of an answer: `BodyResult` and its like have all of it."""
 
     scene: Scene
 
@@ -248,12 +248,7 @@ def load_answer(path: str | Path) -> Any:
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
     if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)
-    try:
-        return _comparable(load_result(source))
-    except ResultFileError:
-        raise
-    except ResultError as error:
-        raise ResultFileError(f"{source}: {error}") from error
+    return _comparable(load_result(source))
 
 
 def _comparable(given: Any) -> Any:
@@ -264,19 +259,18 @@ def _comparable(given: Any) -> Any:
     answer = getattr(answer, "result", answer)  # of agents the answer that they settled to
     if not all(hasattr(answer, name) for name in _ASKED):
         raise ResultError(
-            "compare: results of load transfer, of elasticity and references can be compared, "
-            f"got {answer!r:.80}"
+            "compare: takes results of load transfer and of elasticity, and references, got "
+            f"{answer!r:.80}"
         )
     if answer.scene.outlined and answer.scene.lattice.dimension == 3:
         raise ResultError(
-            "compare: what cells that an outline cuts in space tell are means over all of each, "
-            "which no other answer knows; compare its energy, or ask both answers at points that "
-            "lie in whole cells (displacement_at, stress_at)"
+            "compare: cells that an outline cuts in space know mean values only; compare "
+            "energies, or values at points in whole cells (displacement_at, stress_at)"
         )
     return answer
 
 
-def _pairs(result: Comparable, reference: Any, points: Floats) -> tuple[Pair, Pair | None]:
+def _pairs(result: Answer, reference: Any, points: Floats) -> tuple[Pair, Pair | None]:
     """Return displacements and, if both know them, stresses at points (m)."""
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
@@ -290,11 +284,11 @@ def near_line(points: Floats, first: Floats, direction: Floats, length: float) -
     along = (points - first) @ direction
     across = points - first - along[:, None] * direction
     near = np.linalg.norm(across, axis=1) < 1e-6 * length
-    near &= (along > -1e-6 * length) & (along < (1.0 + 1e-6) * length)
+    near &= np.abs(along - 0.5 * length) < (0.5 + 1e-6) * length
     return np.asarray(points[near][np.argsort(along[near], kind="stable")])
 
 
-def _energy_error(judged: Comparable, points: Floats, stress: Pair) -> float:
+def _energy_error(judged: Answer, points: Floats, stress: Pair) -> float:
     """Return the error in the energy norm, from σ:ε = (1+ν)/E (σ:σ - c (tr σ)²).
 
     c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
@@ -319,19 +313,17 @@ def _moduli(scene: Scene) -> Floats:
 # Where answers are compared.
 
 
-def _common_points(result: Comparable, other: Any) -> Floats:
+def _common_points(result: Answer, other: Any) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both reach."""
     coarse, fine = _cells_of(result, other)
-    lone = isinstance(other, Reference)
-    exact = not lone and result.scene.outlined and other.scene.outlined
+    exact = result.scene.outlined and getattr(other, "scene", result.scene).outlined
     _refuse_other_body(coarse, fine, exact)
     points = _middles(coarse)
     points = points[coarse.kinds(coarse.lattice.locate(points)) >= 0]
     points = points[result.holds(points)]
     known: Flags = other.holds(points)
-    if lone:
-        own: Floats = other.points
-        return points if known.all() else own
+    if isinstance(other, Reference):
+        return points if known.all() else other.points
     return points[known]
 
 
@@ -388,14 +380,16 @@ def _middles(scene: Scene) -> Floats:
 
 def _refuse_different(result: Any, other: Any) -> None:
     """Refuse what cannot be compared: other dimensions, thickness or loads."""
-    for answer in (result, other):
-        if getattr(answer, "stiffness", None) is not None:
-            raise ResultError(
-                "compare: an answer with a field of stiffness is of another body than its scene's; "
-                "compare its `energy` and `displacement` with those of another by yourself"
-            )
-    ours, lone = result.scene.lattice.dimension, isinstance(other, Reference)
-    theirs = other.dimension if lone else other.scene.lattice.dimension
+    if any(getattr(answer, "stiffness", None) is not None for answer in (result, other)):
+        raise ResultError(
+            "compare: an answer with an array of stiffness is of another body than its scene; "
+            "compare its `energy` and `displacement` yourself"
+        )
+    lone = isinstance(other, Reference)
+    ours, theirs = (
+        answer.dimension if answer is other and lone else answer.scene.lattice.dimension
+        for answer in (result, other)
+    )
     if ours != theirs:
         raise ResultError(f"compare: a body in {ours} dimensions and one in {theirs} differ")
     if lone:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, isfinite, sqrt
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -34,15 +34,6 @@ CELLS_ACROSS = {2: 160, 3: 48}  # cells of a believed answer across a body, by d
 SIMPLEX = 0.05  # edge of the first simplex, in the box
 
 
-class Misfit(NamedTuple):
-    """How far a quantity was off before the fit, and is after it: see `Pair.misfit`."""
-
-    quantity: Quantity
-    weight: float  # how much it counted; 0 if it was only watched
-    before: float
-    after: float
-
-
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The coefficients that were found."""
@@ -50,25 +41,33 @@ class Fit:
     rule: PrescribedRule  # the scene's with the fitted α and β, for `Scene.replace(rule=...)`
     before: Comparison  # the scene's own rule against the reference
     after: Comparison  # the fitted rule against it
-    misfits: tuple[Misfit, ...]  # of both quantities, whether fitted or not
+    weights: Mapping[Quantity, float]  # of the quantities that were fitted
     evaluations: int  # how often the rule was run
+
+    @property
+    def misfits(self) -> dict[Quantity, tuple[float, float]]:
+        """Misfit of each quantity that the reference knows, fitted or not, before and after."""
+        known = [name for name in get_args(Quantity) if getattr(self.before, name) is not None]
+        return {
+            name: (_pair(self.before, name).misfit, _pair(self.after, name).misfit)
+            for name in known
+        }
 
     @property
     def misfit(self) -> tuple[float, float]:
         """Weighted misfit of what was fitted, before and after."""
-        weights = [row.weight for row in self.misfits]
-        before = _weighted([row.before for row in self.misfits], weights)
-        return before, _weighted([row.after for row in self.misfits], weights)
+        before, after = zip(*(self.misfits[name] for name in self.weights), strict=True)
+        weights = list(self.weights.values())
+        return _weighted(before, weights), _weighted(after, weights)
 
     @property
     def trade_off(self) -> str:
         """What has become worse, and what better for it; empty if nothing has become worse."""
-        changed = [row for row in self.misfits if row.after != row.before]
         better, worse = (
             ", ".join(
-                f"{row.quantity} ({row.before:.3g} to {row.after:.3g})"
-                for row in changed
-                if (row.after > row.before) == up
+                f"{name} ({before:.3g} to {after:.3g})"
+                for name, (before, after) in self.misfits.items()
+                if (after > before if up else after < before)
             )
             for up in (False, True)
         )
@@ -82,14 +81,13 @@ class Fit:
             "beta": self.rule.beta,
             "misfit_before": before,
             "misfit_after": after,
-            "misfits": [row._asdict() for row in self.misfits],
             "trade_off": self.trade_off or None,
             "runs": self.evaluations,
         }
 
     def __str__(self) -> str:
-        before, after = self.misfit
         alpha = ", ".join(f"{share:.4g}" for share in self.rule.alpha or ())
+        before, after = self.misfit
         text = (
             f"alpha = ({alpha}), beta = {self.rule.beta:.4g}: misfit {before:.3g} before, "
             f"{after:.3g} after, {self.evaluations} runs"
@@ -159,13 +157,7 @@ def fit_rule(
     _check(scene, weights, evaluations)
     search = _Search(scene, elastic_reference(scene) if reference is None else reference, weights)
     best = search.rule(search.run(evaluations))
-    before, after = search.before, search.compare(best)
-    misfits = tuple(
-        Misfit(name, weights.get(name, 0.0), own.misfit, _pair(after, name).misfit)
-        for name in get_args(Quantity)
-        if (own := getattr(before, name)) is not None
-    )
-    return Fit(best, before, after, misfits, search.runs)
+    return Fit(best, search.before, search.compare(best), weights, search.runs)
 
 
 def _check(scene: Scene, weights: Mapping[Quantity, float], evaluations: int) -> None:
@@ -176,17 +168,14 @@ def _check(scene: Scene, weights: Mapping[Quantity, float], evaluations: int) ->
             f"scene: its rule is {scene.rule.kind!r}; the coefficients of a prescribed rule "
             "can be fitted, so replace it: scene.replace(rule=PrescribedRule())"
         )
-    for name in weights:
-        if name not in get_args(Quantity):
-            raise ParameterError(
-                f"quantity: 'displacement' or 'stress', got {name!r}"
-                f"{suggestion(str(name), get_args(Quantity))}"
-            )
+    for name in weights.keys() - set(get_args(Quantity)):
+        known = suggestion(str(name), get_args(Quantity))
+        raise ParameterError(f"quantity: must be 'displacement' or 'stress', got {name!r}{known}")
     each = list(weights.values())
     if not (all(isfinite(w) and w >= 0.0 for w in each) and sum(each) > 0.0):
-        raise ParameterError(f"quantity: weights from 0 upwards, not all 0, are needed, got {each}")
+        raise ParameterError(f"quantity: weights must be 0 or more, and not all 0, got {each}")
     if evaluations < 10:
-        raise ParameterError(f"evaluations: 10 or more are needed, got {evaluations}")
+        raise ParameterError(f"evaluations: must be 10 or more, got {evaluations}")
 
 
 class _Search:
@@ -202,8 +191,7 @@ class _Search:
         self.scene, self.own, self.runs = scene.in_one_step(), scene.rule, 0
         first = LoadModel(self.scene, engine="arrays", allow_unstable=True).run()
         self.before = compare(first, reference)
-        self.pairs = {name: _pair(self.before, name) for name in weights}
-        self.weights = list(weights.values())
+        self.names, self.weights = list(weights), list(weights.values())
         self.beside = 2 * (scene.lattice.dimension - 1)
         self.best, self.box = np.inf, self.start()
 
@@ -231,14 +219,9 @@ class _Search:
     def __call__(self, box: Floats) -> float:
         """Return the weighted misfit at a point of the box."""
         self.runs += 1
-        points, misfits = self.before.points, []
         try:
-            scene = self.scene.replace(rule=self.rule(box))
-            result = LoadModel(scene, engine="arrays").run()
-            for name, pair in self.pairs.items():
-                at = result.stress_at if name == "stress" else result.displacement_at
-                misfits.append(replace(pair, values=at(points)).misfit)
-            value = _weighted(misfits, self.weights)
+            found = self.compare(self.rule(box))
+            value = _weighted([_pair(found, name).misfit for name in self.names], self.weights)
         except StabilityError:
             value = UNSTABLE
         if value < self.best:

@@ -10,7 +10,7 @@ import json
 import os
 import sqlite3
 import sys
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
@@ -31,7 +31,6 @@ from .sweep_runs import (
     ERROR,
     RUN,
     Measure,
-    Method,
     Row,
     SweepPoints,
     SweepRun,
@@ -54,7 +53,7 @@ def sweep(
     measure: Measure = None,
     *,
     samples: int | None = None,
-    method: Method = "grid",
+    method: str = "grid",
     run: Callable[..., Any] = by_its_kind,
     workers: int | None = None,
     out: str | Path | None = None,
@@ -72,16 +71,16 @@ def sweep(
         What is changed: key paths of the scene such as ``"rule.alpha[1]"`` or
         ``"loads[0].force[1]"``, with lists of values or distributions of `scipy.stats`. Keys
         that begin with ``run.`` are options of `run`: ``"run.tolerance"``.
-    measure : str, sequence of str, callable or mapping of callables, optional
+    measure : str, sequence of str or callable, optional
         What goes into the table: figures of the result's summary or attributes
-        (``"last.ledger.taken"``, ``"reaction.bottom[1]"``), or functions of the result that
-        return a number, or several by name. None: all single figures of the summary.
+        (``"last.ledger.taken"``, ``"reaction.bottom[1]"``), or a function of the result that
+        returns a number, or several by name. None: all single figures of the summary.
     samples : int, optional
         Number of points, for the methods that draw them.
-    method : {"grid", "list", "sobol", "lhs"} or sequence of mappings
-        "grid": every combination of the values. "list": the values go together one by one.
-        "sobol", "lhs": samples of the distributions (lists are drawn from evenly). Or the
-        points themselves, with an empty `vary`.
+    method : {"grid", "list", "sobol", "lhs"}
+        "grid": every combination of the values. "list": first values together, then second
+        ones, and so on. "sobol", "lhs": samples of the distributions (lists are drawn from
+        evenly).
     run : callable
         What is done with every subject: a function such as `kaju.solve`, `kaju.stability` or
         ``functools.partial(kaju.creep, times=[1.0])``, or the class of a model, yours or
@@ -131,7 +130,8 @@ def sweep(
     _try_scenes(runs, points)
     workers = _whole("workers", workers or _processors(), 1)
     folder = Path(out) if out is not None else None
-    with store_of(folder, _described(runs, points)) as rows, progress_line(progress) as report:
+    store = closing(_store_of(folder, _described(runs, points)))
+    with store as rows, progress_line(progress) as report:
         missing = rows.missing(len(points))
         with closing(_rows_of(runs, points, missing, min(workers, len(missing)))) as came:
             for done, row in enumerate(came, len(points) - len(missing) + 1):
@@ -139,21 +139,22 @@ def sweep(
                 report(f"{done:,} of {len(points):,} runs")
         table = rows.table()
     if folder is not None and len(missing):
-        write_table(table, folder)
+        with atomic_file(folder / TABLE, ResultFileError) as scratch:
+            bare = table.copy(deep=False)
+            bare.attrs = {}
+            bare.to_parquet(scratch, index=False)
     return table
 
 
 def _checked(measure: Measure) -> Measure:
-    """Return a measure, or refuse what is none."""
+    """Return a measure; refuse anything else."""
     if measure is None or isinstance(measure, str) or callable(measure):
         return measure
-    if isinstance(measure, Mapping) and all(map(callable, measure.values())):
-        return dict(measure)
     if isinstance(measure, Sequence) and measure and all(isinstance(m, str) for m in measure):
         return tuple(measure)
     raise ParameterError(
-        "measure: a name of the summary, a list of them, a function of the result, "
-        f"or a mapping of names to functions is needed, got {measure!r}"
+        "measure: must be a name of the summary, a list of names, or a function of the result, "
+        f"got {measure!r}"
     )
 
 
@@ -253,124 +254,102 @@ def _end_with(home: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
-# Where rows are kept: every row is a transaction, so that all finished ones are there whenever a
-# sweep is killed; whatever is computed twice counts once.
-
-
 class SweepStore:
-    """The rows of one sweep."""
+    """The rows of one sweep in SQLite, in memory or in a folder.
 
-    def __init__(self, database: sqlite3.Connection) -> None:
-        self._database = database
+    Every row is a transaction, so all finished ones are there whenever a sweep is killed.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._place: str | Path = ":memory:" if folder is None else folder / STORE
+        self._database = sqlite3.connect(self._place, isolation_level=None)
+        self.close = self._database.close
+        # Appends to a journal: a row costs no wait for the disk, and readers block nothing.
+        self._do("PRAGMA journal_mode=WAL")
+        self._do("PRAGMA synchronous=NORMAL")
 
     def begin(self, about: dict[str, Any]) -> None:
         """Make the tables of a new store; leave those that are there."""
-        with self._database:  # one transaction
-            self._database.execute("BEGIN IMMEDIATE")
-            if not self._database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-                self._database.execute("CREATE TABLE about (text)")
-                self._database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text)")
-                text = json.dumps(about, default=str)
-                self._database.execute("INSERT INTO about VALUES (?)", (text,))
+        self._do("CREATE TABLE IF NOT EXISTS about (text)")
+        self._do("CREATE TABLE IF NOT EXISTS rows (run INTEGER PRIMARY KEY, text)")
+        text = json.dumps(about, default=str)
+        self._do("INSERT INTO about SELECT ? WHERE NOT EXISTS (SELECT * FROM about)", text)
 
     def missing(self, count: int) -> Ints:
         """Return the runs, of `count`, that have no row."""
-        there = [run for (run,) in self._database.execute("SELECT run FROM rows")]
-        return np.setdiff1d(np.arange(count), there)
+        return np.setdiff1d(np.arange(count), [run for (run,) in self._do("SELECT run FROM rows")])
 
     def add(self, row: Row) -> None:
         """Keep a row."""
-        values = row[RUN], json.dumps(row)
-        self._database.execute("INSERT OR IGNORE INTO rows VALUES (?, ?)", values)
+        self._do("INSERT OR IGNORE INTO rows VALUES (?, ?)", row[RUN], json.dumps(row))
 
     def about(self) -> dict[str, Any]:
         """Return what the sweep is."""
-        ((text,),) = self._database.execute("SELECT * FROM about")
-        about: dict[str, Any] = json.loads(text)
-        return about
+        with self._readable():
+            ((text,),) = self._do("SELECT * FROM about")
+            return dict(json.loads(text))
 
     def table(self) -> pandas.DataFrame:
         """Return all rows in the order of their runs, errors last, and what the sweep is."""
         import pandas
 
-        texts = self._database.execute("SELECT text FROM rows ORDER BY run")
-        rows = [json.loads(text) for (text,) in texts]
-        table = pandas.DataFrame.from_records(rows, columns=None if rows else [RUN, ERROR])
-        table = table[[*(name for name in table if name != ERROR), ERROR]]
+        with self._readable():
+            texts = self._do("SELECT text FROM rows ORDER BY run")
+            rows = [json.loads(text) for (text,) in texts]
+            table = pandas.DataFrame.from_records(rows, columns=None if rows else [RUN, ERROR])
+            table = table[[*(name for name in table if name != ERROR), ERROR]]
         for name in table:
             if table[name].dtype == object and len({type(v) for v in table[name].dropna()}) > 1:
                 table[name] = table[name].map(lambda v: v if v != v else str(v))
         table.attrs["sweep"] = self.about()
         return table
 
+    def _do(self, command: str, *values: Any) -> list[Any]:
+        with self._readable():
+            return self._database.execute(command, values).fetchall()
 
-@contextmanager
-def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
-    """Yield a store for a sweep alone: in memory, or in a folder that is new or its own."""
-    if out is None:
-        with closing(sqlite3.connect(":memory:", isolation_level=None)) as database:
-            store = SweepStore(database)
-            store.begin(about)
-            yield store
-        return
-    with needing(
-        "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
-        "without out= the table is returned all the same"
-    ):
-        import pyarrow  # noqa: F401
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        strangers = [path.name for path in out.iterdir()]
-    except OSError as error:
-        raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
-    if strangers and STORE not in strangers:
-        raise ResultFileError(f"{out}: is not empty ({strangers[0]}); take another folder")
-    with _opened(out) as store:
-        with _reading(out):
-            store.begin(about)
-            identity = store.about()["identity"]
-        if identity != about["identity"]:
+    @contextmanager
+    def _readable(self) -> Iterator[None]:
+        """Name the file where it cannot be read."""
+        try:
+            yield
+        except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
             raise ResultFileError(
-                f"{out}: holds another sweep (other points, scene, seed or measures); "
-                "take another folder, or delete this one"
-            )
-        yield store
+                f"{self._place}: cannot be read ({error}); delete it, and its runs are computed "
+                "again"
+            ) from error
 
 
-def write_table(table: pandas.DataFrame, out: Path) -> None:
-    """Write the table of a finished sweep beside its store, for everybody to read."""
-    with atomic_file(out / TABLE, ResultFileError) as scratch:
-        bare = table.copy(deep=False)
-        bare.attrs = {}
-        bare.to_parquet(scratch, index=False)
+def _store_of(out: Path | None, about: dict[str, Any]) -> SweepStore:
+    """Return a store for a sweep alone: in memory, or in a folder that is new or its own."""
+    if out is not None:
+        with needing(
+            "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
+            "without out= the table is returned all the same"
+        ):
+            import pyarrow  # noqa: F401
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            strangers = [path.name for path in out.iterdir()]
+        except OSError as error:
+            raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
+        if strangers and STORE not in strangers:
+            raise ResultFileError(f"{out}: is not empty ({strangers[0]}); take another folder")
+    store = SweepStore(out)
+    store.begin(about)
+    if store.about()["identity"] != about["identity"]:
+        store.close()
+        raise ResultFileError(
+            f"{out}: holds another sweep (other points, scene, seed or measures); "
+            "take another folder, or delete this one"
+        )
+    return store
 
 
 def load_sweep(folder: str | Path) -> pandas.DataFrame:
     """Return the rows, as `sweep` does, that it has written to `out` so far, ended or not."""
     place = Path(folder)
     if not is_there(place / STORE):
-        raise ResultFileError(f"{place}: is no folder of a sweep: it has no {STORE}")
-    with _opened(place) as store, _reading(place):
+        raise ResultFileError(f"{place}: is not the folder of a sweep: it has no {STORE}")
+    with closing(SweepStore(place)) as store:
         return store.table()
-
-
-@contextmanager
-def _opened(folder: Path) -> Iterator[SweepStore]:
-    with closing(sqlite3.connect(folder / STORE, isolation_level=None)) as database:
-        with _reading(folder):
-            # Appends to a journal: a row costs no wait for the disk, and readers block nothing.
-            database.execute("PRAGMA journal_mode=WAL")
-            database.execute("PRAGMA synchronous=NORMAL")
-        yield SweepStore(database)
-
-
-@contextmanager
-def _reading(folder: Path) -> Iterator[None]:
-    """Name the file where it cannot be read."""
-    try:
-        yield
-    except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
-        raise ResultFileError(
-            f"{folder / STORE}: cannot be read ({error}); delete it, and its runs are computed "
-            "again"
-        ) from error

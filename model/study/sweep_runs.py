@@ -28,7 +28,7 @@ from kaju.progress import without_progress
 from .solving import solve
 
 Row = dict[str, Any]
-Measure = str | Callable[[Any], Any] | Sequence[str] | Mapping[str, Callable[[Any], Any]] | None
+Measure = str | Callable[[Any], Any] | Sequence[str] | None
 
 RUN, ERROR = "run", "error"
 _OPTION = "run."
@@ -36,7 +36,6 @@ _NOT_REPEATABLE = ("seconds", "kaju_version")
 """Figures of a summary that say nothing about the point."""
 
 Vary = Mapping[str, Any]
-Method = str | Sequence[Mapping[str, Any]]
 
 GRID, LISTED = "grid", "list"
 SAMPLED = ("sobol", "lhs")
@@ -110,12 +109,10 @@ def _measured(result: Any, measure: Measure) -> Row:
         return _everything(result)
     if isinstance(measure, str):
         measure = (measure,)
-    if isinstance(measure, Mapping):
-        found: Mapping[str, Any] = {name: each(result) for name, each in measure.items()}
-    elif callable(measure):
+    if callable(measure):
         value = measure(result)
         name = getattr(measure, "__name__", "measure").replace("<lambda>", "measure")
-        found = value if isinstance(value, Mapping) else {name: value}
+        found: Mapping[str, Any] = value if isinstance(value, Mapping) else {name: value}
     else:
         table = _table(result)
         found = {name: _found(result, table, name) for name in measure}
@@ -204,15 +201,13 @@ class SweepPoints:
         return {key: plain(column[number]) for key, column in self.columns.items()}
 
 
-def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> SweepPoints:
+def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPoints:
     """Return the points that `sweep` is asked for."""
-    if not isinstance(method, str):
-        return _given(vary, method)
     if method not in (GRID, LISTED, *SAMPLED):
         known = (GRID, LISTED, *SAMPLED)
         raise ParameterError(
-            f"method: {', '.join(map(repr, known))}, or a list of points, "
-            f"got {method!r}{suggestion(method, known)}"
+            f"method: must be one of {', '.join(map(repr, known))}, got {method!r}"
+            f"{suggestion(str(method), known)}"
         )
     if not isinstance(vary, Mapping) or not vary:
         raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")
@@ -242,18 +237,6 @@ def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> Swe
         for (key, column), along in zip(values.items(), places, strict=True)
     }
     return SweepPoints(columns, GRID)
-
-
-def _given(vary: Vary, points: Sequence[Mapping[str, Any]]) -> SweepPoints:
-    if vary:
-        raise ParameterError("vary: points that are given say themselves what they vary; pass {}")
-    if not points or not all(isinstance(point, Mapping) and point for point in points):
-        raise ParameterError("method: points are mappings such as {'rule.threshold': 0.01}")
-    keys = list(points[0])
-    for number, point in enumerate(points):
-        if set(point) != set(keys):
-            raise ParameterError(f"method: point {number} varies {sorted(point)}, not {keys}")
-    return SweepPoints({key: [point[key] for point in points] for key in keys}, LISTED)
 
 
 def _values(key: str, given: Any) -> Sequence[Any]:

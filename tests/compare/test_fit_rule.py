@@ -65,7 +65,7 @@ def test_several_quantities_are_weighed():
 
     def both_after(**weights):
         fit = fit_rule(plate(), reference, quantity=weights, evaluations=30)
-        return np.hypot(*(row.after for row in fit.misfits))
+        return np.hypot(*(after for _, after in fit.misfits.values()))
 
     both = both_after(displacement=1.0, stress=1.0)
     assert both < both_after(displacement=1.0)
@@ -76,9 +76,9 @@ def test_several_quantities_are_weighed():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"quantity": "strain"}, "quantity: 'displacement' or 'stress', got 'strain'"),
-        ({"evaluations": 3}, "evaluations: 10 or more"),
-        ({"quantity": {"displacement": -1.0}}, "quantity: weights from 0 upwards"),
+        ({"quantity": "strain"}, "quantity: must be 'displacement' or 'stress', got 'strain'"),
+        ({"evaluations": 3}, "evaluations: must be 10 or more"),
+        ({"quantity": {"displacement": -1.0}}, "quantity: weights must be"),
         ({"quantity": {"displacment": 1.0}}, "did you mean 'displacement'"),
     ],
 )

@@ -2,7 +2,7 @@
 
 In comes a TOML file or keyword arguments; out go kinds of cells and forces on their faces.
 Read `scene` (the whole), `description` (what each table may hold), `body` and `regions` (where
-material is), `sides` and `loads` (what holds and presses it), then `resolve` and `selection`
+material is), `sides` and `loads` (what holds and presses it), then `resolved_body` and `selection`
 (which cells and faces these are).
 """
 

@@ -1,8 +1,14 @@
-"""A body made ready to be asked: the kind of any cell, worked out when it is asked for."""
+"""A body made ready to be asked: the kind of any cell, or box of cells, when it is asked for.
+
+Names become materials, shapes become cells. Boxes are those of a quadtree or octree: 2^k cells
+along every edge, at multiples of 2^k. One that lies in one shape or outside of all of them is of
+one kind; one that an edge may cross counts as mixed, and its parts have to be asked again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from math import floor, prod
@@ -10,12 +16,16 @@ from math import floor, prod
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.materials import Material
+from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.arrays import Flags, Ints
+from kaju.errors import SceneError
 
+from .body import Body
+from .cell_types import AIR, NOT_BODY
 from .lattice import Cells, Lattice
-from .pictures import Picture, check_size
-from .shapes import Shape
+from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
+from .shapes import Points, Relation, Shape
+from .sides import FREE, SideCondition, unknown_side
 
 CellBox = tuple[Ints, Ints]
 """Lower corner, included, and upper corner, not included, of a box of cells."""
@@ -178,3 +188,196 @@ def sample(box: CellBox, most: int = 100_000) -> Cells:
             for low, high in zip(lower, upper, strict=True)
         ]
     )
+
+
+MIXED = -99
+"""A box that may hold cells of several kinds."""
+
+Kinds = NDArray[np.int64]
+
+
+class BoxKinds:
+    """Answers for a body; keeps a pyramid of kinds for a body given cell by cell."""
+
+    def __init__(self, resolved: ResolvedBody) -> None:
+        self._resolved = resolved
+        self._pyramid: list[NDArray[np.int16]] = []
+        if not isinstance(resolved.base, int):
+            self._pyramid = _pyramid(resolved.base)
+
+    def kinds(self, lower: Cells, exponent: int) -> Kinds:
+        """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
+        shape = np.asarray(self._resolved.lattice.shape)
+        upper = lower + (1 << exponent)
+        inside = np.all((lower >= 0) & (upper <= shape), axis=1)
+        beyond = (upper <= 0) | (lower >= shape)
+        outside = np.any(beyond, axis=1)
+        found = np.full(len(lower), MIXED, dtype=np.int64)
+        found[outside] = self._outside(lower[outside], upper[outside], beyond[outside])
+        found[inside] = self._inside(lower[inside], exponent)
+        return found
+
+    def _outside(self, lower: Cells, upper: Cells, beyond: Flags) -> Kinds:
+        """Beyond one side its condition holds, beyond two there is air."""
+        shape = np.asarray(self._resolved.lattice.shape)
+        axis = np.argmax(beyond, axis=1)
+        each = np.arange(len(lower))
+        index = 2 * axis + (lower[each, axis] >= shape[axis])
+        along = np.ones_like(beyond)
+        along[each, axis] = False
+        straddles = np.any(along & ~beyond & ((lower < 0) | (upper > shape)), axis=1)
+        kind = np.where(beyond.sum(axis=1) > 1, AIR, self._resolved.beyond[index])
+        return np.where(straddles & (kind != AIR), MIXED, kind)
+
+    def _inside(self, lower: Cells, exponent: int) -> Kinds:
+        base, h = self._resolved.base, self._resolved.lattice.cell_size
+        if isinstance(base, int):
+            kind = np.full(len(lower), base, dtype=np.int64)
+        elif exponent < len(self._pyramid):
+            kind = self._pyramid[exponent][tuple((lower >> exponent).T)].astype(np.int64)
+        else:
+            kind = np.full(len(lower), MIXED, dtype=np.int64)
+        # A box is of a region's kind if the region holds the centres of all of its cells.
+        low = np.asarray((lower + 0.5) * h)
+        high = np.asarray((lower + (1 << exponent) - 0.5) * h)
+        for region in self._resolved.regions:
+            inside, apart = relation(region.shape, low, high)
+            crossed = np.where(kind == region.kind, kind, MIXED)
+            kind = np.where(inside, region.kind, np.where(apart, kind, crossed))
+        return kind
+
+
+def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
+    """Return the kinds of the boxes of 1, 2, 4, ... cells, MIXED where they differ."""
+    levels = [base]
+    while max(levels[-1].shape) > 1:
+        values = levels[-1]
+        for axis in range(values.ndim):
+            pad = [(0, values.shape[a] % 2 if a == axis else 0) for a in range(values.ndim)]
+            lines = np.moveaxis(np.pad(values, pad, constant_values=MIXED), axis, 0)
+            pair = np.where(lines[0::2] == lines[1::2], lines[0::2], MIXED)
+            values = np.moveaxis(pair, 0, axis).astype(np.int16)
+        levels.append(values)
+    return levels
+
+
+def relation(shape: Shape, low: Points, high: Points) -> Relation:
+    """Tell which boxes of centres lie surely inside a shape, and which surely outside.
+
+    A centre on the edge is inside: `Shape.relation`, of boxes that touch, is asked a little wider.
+    """
+    if np.array_equal(low, high):
+        inside = shape.contains(low)
+        return inside, ~inside
+    margin = 1e-6 * (high - low)
+    return shape.relation(low - margin, high + margin)
+
+
+_FEW = 10_000
+
+
+def resolve(
+    body: Body,
+    legend: Mapping[str, str],
+    materials: Mapping[str, Material],
+    sides: Mapping[str, SideCondition],
+) -> ResolvedBody:
+    """Return a body whose names are materials, and whose regions are shapes."""
+    picture = _picture(body, legend)
+    shape = body.cells if picture is None else picture.codes.shape
+    assert shape is not None
+    lattice = body.lattice_of(shape)
+    _check_sides(sides, lattice.sides)
+    found = _materials(body, picture, materials)
+    check_count(len(found))
+    kind_of = NOT_BODY | {name: index for index, name in enumerate(found)}
+    base: int | NDArray[np.int16]
+    if picture is None:
+        assert body.material is not None
+        base = kind_of[body.material]
+    else:
+        kinds_of_codes = np.array([kind_of[name] for name in picture.names], dtype=np.int16)
+        base = kinds_of_codes[picture.codes]
+    regions = tuple(
+        FilledShape(region.shape_in(lattice, f"body.regions.{number}"), kind_of[region.material])
+        for number, region in enumerate(body.regions)
+    )
+    beyond = np.array([sides.get(side, FREE).code for side in lattice.sides], dtype=np.int64)
+    resolved = ResolvedBody(lattice, base, regions, beyond, tuple(found.values()), picture)
+    if not body.outlined:
+        _check_regions(resolved)
+    return resolved
+
+
+def _picture(body: Body, legend: Mapping[str, str]) -> Picture | None:
+    if body.picture_key is None:
+        if legend:
+            raise SceneError("legend: explains a drawing, an image or an array; the body has none")
+        return None
+    if not legend:
+        raise SceneError(
+            f"legend: is needed to explain the {body.picture_key}, such as "
+            '{"." = "air", "#" = "steel"}'
+        )
+    if body.drawing is not None:
+        return from_drawing(body.drawing, legend)
+    if body.image is not None:
+        return from_image(body.image, legend, body.nearest_colour)
+    assert body.array is not None
+    return from_array(body.array, legend)
+
+
+def _materials(
+    body: Body, picture: Picture | None, described: Mapping[str, Material]
+) -> dict[str, Material]:
+    """Return the materials that a body is made of, by name."""
+    if picture is not None:
+        keys = dict.fromkeys(picture.names, "legend")
+    else:
+        assert body.material is not None
+        keys = {body.material: "body.material"}
+    for number, region in enumerate(body.regions):
+        keys.setdefault(region.material, f"body.regions.{number}.material")
+    found = LIBRARY | dict(described)
+    for name, key in keys.items():
+        if name not in found and name not in NOT_BODY:
+            names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
+            written = name if name.isidentifier() else json.dumps(name)  # as TOML quotes keys
+            raise SceneError(
+                f"{key}: there is no material {name!r}{suggestion(name, names)}; describe it under "
+                f"[materials.{written}] or use {', '.join(names)}"
+            )
+    return {name: found[name] for name in keys if name not in NOT_BODY}
+
+
+def _check_sides(sides: Mapping[str, SideCondition], names: tuple[str, ...]) -> None:
+    axes = range(len(names) // 2)
+    for name, side in sides.items():
+        if name not in names:
+            raise unknown_side(name, names, f"sides.{name}")
+        if side.displacement is not None and len(side.displacement) != len(axes):
+            raise SceneError(
+                f"sides.{name}.displacement: {len(axes)} numbers are needed, one for each "
+                f"axis, got {list(side.displacement)}"
+            )
+        across = names.index(name) // 2
+        along = tuple(axis for axis in axes if axis != across)
+        if side.free_axes not in ((), along):
+            raise SceneError(
+                f"sides.{name}.displacement: give a number for every axis; or one for "
+                f'{"xyz"[across]}, and "free" for '
+                f"{' and '.join('xyz'[axis] for axis in along)}"
+            )
+
+
+def _check_regions(resolved: ResolvedBody) -> None:
+    """Refuse a region so small that no cell's centre lies in it: it would do nothing."""
+    for number, region in enumerate(resolved.regions):
+        box = resolved.cells_of(region.shape)
+        if count(box) > _FEW:
+            continue
+        if not region.shape.contains(resolved.lattice.centres(grid(*box))).any():
+            raise SceneError(
+                f"body.regions.{number}: holds no cell's centre; cells are "
+                f"{resolved.lattice.cell_size:g} m wide. Make it larger or the cells smaller"
+            )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -17,23 +17,22 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import text_of_file
-from kaju.model.scene.box_kinds import BoxKinds
 from kaju.result_kinds import NOTEBOOK, fetch
 
+from . import cell_types
 from .body import Body
+from .checks import check_body, check_no_outlines, check_outlines
 from .description import Description, check_rule
 from .lattice import Cells, Lattice
 from .level_sets import SampledShape
-from .places import with_lines
-from .refinement import refined_body, refined_loads
+from .loads import LoadTable
+from .pictures import Picture, check_size
 from .regions import Region
-from .resolve import resolve
-from .resolved_body import CellBox, ResolvedBody
+from .resolved_body import BoxKinds, CellBox, ResolvedBody, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Mask
 from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition, unknown_side
-from .support import check_body
 from .surfaces import ClosedSurface
 from .svg_path import PathShape
 from .text import (
@@ -45,7 +44,7 @@ from .text import (
     table_of,
     text_of,
 )
-from .true_outlines import check_no_outlines, check_outlines
+from .validation import with_lines
 
 SOFTEST = 1e3
 """Pa: foams and gels are stiffer, from some kilopascals on."""
@@ -353,11 +352,11 @@ class Scene(Description):
             If the cells are neither squares nor cubes, which alone nest.
         """
         picture = self._of_cells.picture
-        body = refined_body(self.body, self.lattice, picture, k)
+        body = _refined_body(self.body, self.lattice, picture, k)
         names = picture.names if picture else ()
         legend = {str(code): name for code, name in enumerate(names)}
         bare = self.replace(body=body, legend=legend, loads=())
-        loads = refined_loads(self.loads, self.selections, self.lattice, bare.kinds, int(k))
+        loads = _refined_loads(self.loads, self.selections, self.lattice, bare.kinds, int(k))
         return bare.replace(loads=tuple(loads))
 
     def with_overrides(self, changes: Mapping[str, Any]) -> Scene:
@@ -468,6 +467,68 @@ def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
         cells[place] = moved[inside]
         outside[place] = False
     return cells, ~outside
+
+
+def _refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:
+    """Return a body with k cells along each edge of a former cell, regions asked anew."""
+    if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
+        raise ParameterError(f"k: must be a whole number, 1 or more, got {k!r}")
+    if not lattice.boxes:
+        raise SceneError(
+            "body.lattice: only squares and cubes can be split into smaller ones, got "
+            f"{lattice.kind}s"
+        )
+    given = dict(body)
+    if body.size is None:
+        given["cell_size"] = lattice.cell_size / k
+    if picture is None:
+        given["cells"] = tuple(k * count for count in lattice.shape)
+        return Body(**given)
+    check_size(tuple(k * count for count in lattice.shape), "body")
+    codes = picture.codes
+    for axis in range(codes.ndim):
+        codes = np.repeat(codes, k, axis=axis)
+    return Body(
+        **(given | {"drawing": None, "image": None, "nearest_colour": False, "array": codes})
+    )
+
+
+def _refined_loads(
+    loads: Sequence[LoadTable],
+    selections: Sequence[Selection],
+    lattice: Lattice,
+    fine_kinds: Callable[[Cells], Ints],
+    k: int,
+) -> Iterator[LoadTable]:
+    """Yield loads of the same force on the same places of the finer lattice.
+
+    Points, regions and sides are places in metres and stay. A load on a face of a cell is
+    spread over the smaller cells along that face, a load in a cell's middle over all of
+    the cell.
+    """
+    for load, chosen in zip(loads, selections, strict=True):
+        if load.cell is None:
+            yield load
+            continue
+        given = dict(load) | {"cell": None, "side": None}
+        direction = int(chosen.direction[0])
+        lower, upper = ([(i + end) * lattice.cell_size for i in load.cell] for end in (0, 1))
+        along = [range(k * index, k * index + k) for index in load.cell]
+        axis, upper_end = divmod(max(direction, 0), 2)
+        along[axis] = along[axis][-1:] if upper_end else along[axis][:1]
+        children = np.array(list(product(*along)), dtype=np.int64)  # the smaller cells on the face
+        body = children[fine_kinds(children) >= 0]
+        if direction >= 0 and len(body):
+            beyond = fine_kinds(lattice.neighbours(children, direction))
+            held = np.isin(beyond, (cell_types.RIGID, cell_types.DISPLACED))
+            if len(body) < len(children) or np.any((beyond >= 0) | held):
+                force = None if load.force is None else tuple(f / len(body) for f in load.force)
+                given |= {"side": lattice.sides[direction], "force": force}
+                for child in body.tolist():
+                    yield LoadTable(**given | {"cell": tuple(child)})
+                continue
+            lower[axis] = upper[axis] = (upper if upper_end else lower)[axis]
+        yield LoadTable(**given | {"region": {"box": (lower, upper)}})
 
 
 def scene_needed(given: object) -> None:

@@ -15,9 +15,8 @@ from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import text_of_file
 from kaju.model.rheology.element import ThreeElement
-from kaju.model.scene.validation import Described, Number, Text, built_by, optional
 
-from .places import with_lines
+from .validation import Described, Number, Text, built_by, optional, with_lines
 
 LONGEST = 100_000_000
 """Bytes of a scene's text; larger bodies come from images and arrays."""

@@ -19,9 +19,9 @@ from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.uneven_loads import Portions, data_error, softest
 from kaju.model.scene import Scene
-from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells
+from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.shapes import Box, Shape
 
 from .corners import sharp_corners, singular_at

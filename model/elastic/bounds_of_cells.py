@@ -1,4 +1,4 @@
-"""Bounds of the energy of equal cells: agents of two minds prove them on the same body."""
+"""What agents of two minds prove of the energy of equal cells: on the same body."""
 
 from __future__ import annotations
 
@@ -16,25 +16,21 @@ from kaju.stopping import interrupt_requested
 
 CLOSEST = 1e-3
 """Bounds are no closer than those of this error: a second or two on a plate with a hole."""
-IN_SPACE = "in space errors are estimated, not proved"
 
 
-def energies_round(found: CellAgents) -> tuple[float, float] | str:
-    """Return energies (J) below and above the true one, or in words why there are none."""
+def bounds_of_cells(cells: CellAgents) -> tuple[float, float] | None:
+    """Return energies (J) below and above that of a plane body, None if there are none."""
     # As close as the estimated error of the cells: the energy of their answer is hardly closer.
-    if found.grid.lattice.dimension == 3:
-        return IN_SPACE
-    scene = found.grid
-    if found.factor is not None:
-        division = scene.lattice.shape[0] // found.factor.shape[0]
-        scene = of_as_many_materials(scene, np.asarray(repeated(found.factor, division)))
+    scene = cells.grid
+    if cells.factor is not None:
+        scene = of_as_many_materials(scene, np.asarray(repeated(cells.factor, cells.division)))
     try:
-        body = PosedBody(scene, found.stage)
-        agents = PairLoop(body, max(found.solution.error, CLOSEST))
+        body = PosedBody(scene, cells.stage)
+        agents = PairLoop(body, max(cells.solution.error, CLOSEST))
         while not agents.finished and not (agents.last and interrupt_requested()):
             agents.step()
-    except KajuError as error:
-        return str(error)
+    except KajuError:
+        return None
     assert agents.last is not None
     bounds, unit = agents.last.bounds, body.scales.energy
     return bounds.lower * unit, bounds.upper * unit

@@ -12,6 +12,7 @@ import numpy as np
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import ResultError
+from kaju.model.elastic.bounds_of_cells import bounds_of_cells
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals.quantities import (
     Goal,
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
     from kaju.model.elastic.equal.equal_arrays import EqualArrays
     from kaju.model.elastic.goals.quantities import Place
-    from kaju.model.elastic.pair.gap import Bounds
     from kaju.model.elastic.pair.history import Generation
 
     from .intensity import Intensity
@@ -276,31 +276,20 @@ class ElasticResult(BodyResult):
         """
         return self.found.solution.error
 
-    @property
-    def _bounds(self) -> Bounds | None:
-        """Scaled bounds of the energy, if there are any."""
-        bounds = self.found.bracket
-        return None if isinstance(bounds, str) else bounds
-
-    @property
+    @cached_property
     def energy_bounds(self) -> tuple[float, float] | None:
-        """Energies (J) below and above the true one; None where there are none (`no_bound`).
+        """Energies (J) below and above the true one; None where there are none.
 
         From a stress that balances and a displacement without gaps (Prager and Synge 1947). For
         equal cells in the plane agents of two minds find them on the same body, as close as
         `error_estimate`, when they are first asked for; the cells' own energy may lie outside.
         """
-        bounds, unit = self._bounds, self.found.scales.energy
-        if bounds is None:
-            return None if isinstance(self._energies_round, str) else self._energies_round
-        return bounds.lower * unit, bounds.upper * unit
-
-    @cached_property
-    def _energies_round(self) -> tuple[float, float] | str:
-        """Bounds (J) of the energy of a body of equal cells, or why there are none."""
-        from .bounds_of_cells import energies_round
-
-        return self.no_bound if self.found.storage != "cells" else energies_round(self.found)
+        if self.spawned and not self.no_bound:
+            last = self.generations[-1]
+            return None if last.lower is None or last.upper is None else (last.lower, last.upper)
+        if type(self.found) is CellAgents and self.scene.lattice.dimension == 2:
+            return bounds_of_cells(self.found)
+        return None
 
     @property
     def error_bound(self) -> float | None:
@@ -309,7 +298,7 @@ class ElasticResult(BodyResult):
         A theorem about that stress, where `error_estimate` of other answers is an opinion; None
         where there is none (`no_bound`).
         """
-        return None if self._bounds is None else self._bounds.error
+        return None if self.no_bound else self.error_estimate
 
     def checks(self) -> list[Check]:
         """Return whether the supports bear the loads, as far as the notes do not say otherwise."""
@@ -342,7 +331,7 @@ class ElasticResult(BodyResult):
     @property
     def no_bound(self) -> str:
         """Why there is no `error_bound`, in words; empty if there is one."""
-        return self.found.bracket if isinstance(self.found.bracket, str) else ""
+        return self.found.no_bound
 
     def balanced_stress_at(self, points: Floats) -> Floats:
         """Return the stress (Pa) of the opinion that balances, at points (m).
@@ -599,7 +588,7 @@ class ElasticResult(BodyResult):
         SingularPlaceError
             If it is a stress where stresses have no limit.
         """
-        from kaju.model.elastic.goals.duals import Read, goal_of
+        from kaju.model.elastic.goals.duals import goal_of
 
         from .caveats import refuse_singular
 
@@ -608,16 +597,7 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         refuse_singular(self.scene, asked, self.stage, "value_of")
-        found, metre = self.found, self.grid.lattice.cell_size
-        read = Read(
-            lambda points: found.displacement_at(metre * points.place, points.cell),
-            lambda points: found.stress_at(metre * points.place, points.cell),
-            lambda points: found.law_at(metre * points.place, points.cell),
-            found.moduli,
-            found.reactions,
-        )
-        value = goal_of(asked, self.grid).read(read, found.lower, found.size)
-        return plain(unit_of(asked, found.scales) * value)
+        return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
 
     def cells(self, resolution: int | None = None) -> EqualArrays:
         """Return the answer as arrays over equal cells.

@@ -41,7 +41,7 @@ class SolidAgents(CellAgents):
     """Agents of one size, whole or cut by outlines."""
 
     storage: ClassVar[Literal["cells", "solid"]] = "solid"
-    bracket: ClassVar[str] = NO_BOUND
+    no_bound: ClassVar[str] = NO_BOUND
 
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""

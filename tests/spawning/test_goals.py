@@ -270,7 +270,7 @@ def test_goals_in_space_are_estimated(make, quantity):
     ("asked", "match"),
     [
         ((0.3, 0.1), r"\(0\.3, 0\.1\) m lies outside the body"),
-        ((0.1, 0.1, 0.1), "should have 2 coordinates"),
+        ((0.1, 0.1, 0.1), "must have 2 coordinates"),
         ("botom", "no side 'botom'.*did you mean 'bottom'"),
         ([], "a point, a region .* is needed"),
         ({"box": [[0.3, 0.3], [0.4, 0.4]]}, "box: lies outside the array"),

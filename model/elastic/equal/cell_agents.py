@@ -34,7 +34,7 @@ class CellAgents:
     """
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
-    bracket: ClassVar[str] = (
+    no_bound: ClassVar[str] = (
         "errors of equal cells are estimated; a tolerance lets agents of two minds prove theirs"
     )
     goals: ClassVar[tuple[()]] = ()

@@ -7,7 +7,6 @@ agents there, that of a reaction the movement of its support (Maxwell's influenc
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from itertools import combinations
 from typing import NamedTuple
 
@@ -15,7 +14,8 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.goals.goal_places import GoalBox, Points, Where, where_of
+from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.goals.goal_places import GoalBox, Where, where_of
 from kaju.model.elastic.goals.quantities import (
     Deflection,
     Goal,
@@ -27,6 +27,7 @@ from kaju.model.elastic.goals.quantities import (
     support_of,
 )
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
+from kaju.model.elastic.pair.history import GrownAgents
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Scene
@@ -38,14 +39,8 @@ NEAREST = (
 )
 
 
-class Read(NamedTuple):
-    """How an answer is read."""
-
-    displacement: Callable[[Points], Floats]
-    stress: Callable[[Points], Floats]  # Tensors
-    law: Callable[[Points], Ints]
-    moduli: Moduli
-    reactions: Callable[[], dict[str, Floats]]
+Found = CellAgents | GrownAgents
+"""Agents whose fields are read."""
 
 
 class Forces(NamedTuple):
@@ -84,16 +79,12 @@ class DualGoal(ABC):
         self.quantity, self.directions = quantity, directions
 
     @abstractmethod
-    def loads(self, leaves: LeafCells, slope: Floats | None) -> list[DualLoad]:
-        """Return the dual load of each component; `slope` is what `slope` has returned."""
+    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
+        """Return the dual load of each component, by what was found before if anything was."""
 
     @abstractmethod
-    def read(self, found: Read, lower: Floats, size: Floats) -> Floats:
-        """Return the quantity of agents with these lower corners and edges (in cells)."""
-
-    def slope(self, found: Read, lower: Floats, size: Floats) -> Floats | None:
-        """Return by what strain a quantity that is not linear grows; None of one that is."""
-        return None
+    def read(self, found: Found) -> Floats:
+        """Return the quantity of agents."""
 
     def goal(self, value: Floats, error: float, largest: dict[type[Quantity], float]) -> Goal:
         """Return what has been found, with what its error is relative to."""
@@ -123,16 +114,16 @@ class Displaced(_At):
         super().__init__(quantity, directions_of(quantity.along, d))
         self._place(body, flat=True)
 
-    def loads(self, leaves: LeafCells, slope: Floats | None) -> list[DualLoad]:
+    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return a force along each direction."""
         assert self.box is not None
         agent, side, share = self.box.cover(leaves)
         return [Forces(agent, side, share[:, None] * along) for along in self.directions]
 
-    def read(self, found: Read, lower: Floats, size: Floats) -> Floats:
+    def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
-        points = self.where.points(lower, size)
-        return np.asarray(self.directions @ (points.weight @ found.displacement(points)))
+        place, cell, weight = self.where.points(found.lower, found.size)
+        return np.asarray(self.directions @ (weight @ found.displacement_at(place, cell)))
 
 
 class Stressed(_At):
@@ -147,35 +138,32 @@ class Stressed(_At):
         if self._component is None:
             self.no_bound = "the equivalent stress is no linear quantity, and only such are proved"
 
-    def loads(self, leaves: LeafCells, slope: Floats | None) -> list[DualLoad]:
+    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return the stress of the strain by which the quantity grows."""
         assert self.box is not None
         agent, _, share = self.box.cover(leaves)
-        if self._component is not None:
-            strain = np.eye(len(self._pairs))[self._pairs.index(self._component)]
-        else:
-            strain = np.eye(len(self._pairs))[0] if slope is None else slope
+        if self._component is None and found is not None:
+            return [Strained(agent, share, self._slope(found))]
+        strain = np.eye(len(self._pairs))[self._pairs.index(self._component or (0, 0))]
         return [Strained(agent, share, strain)]
 
-    def read(self, found: Read, lower: Floats, size: Floats) -> Floats:
+    def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
-        points = self.where.points(lower, size)
-        stress = found.stress(points)
-        return np.array([points.weight @ self._measured(stress, found.law(points), found.moduli)])
+        place, cell, weight = self.where.points(found.lower, found.size)
+        stress, law = found.stress_at(place, cell), found.law_at(place, cell)
+        return np.array([weight @ self._measured(stress, law, found.moduli)])
 
     def _measured(self, stress: Floats, law: Ints, moduli: Moduli) -> Floats:
         if self._component is None:
             return equivalent_stress(stress, moduli, law, self._plane)
         return np.asarray(stress[:, self._component[0], self._component[1]])
 
-    def slope(self, found: Read, lower: Floats, size: Floats) -> Floats | None:
+    def _slope(self, found: Found) -> Floats:
         """Return the slopes of the equivalent stress by the components of the mean stress."""
-        if self._component is not None:
-            return None
-        points = self.where.points(lower, size)
-        mean = np.tensordot(points.weight, found.stress(points), 1)
+        place, cell, weight = self.where.points(found.lower, found.size)
+        mean = np.tensordot(weight, found.stress_at(place, cell), 1)
         step = 1e-4 * float(np.abs(mean).max()) or 1.0
-        law, slopes = found.law(points)[:1], []
+        law, slopes = found.law_at(place, cell)[:1], []
         for a, b in self._pairs:
             by = np.zeros_like(mean)
             by[a, b] = by[b, a] = step
@@ -192,11 +180,11 @@ class Supported(DualGoal):
         scene = body if isinstance(body, Scene) else body.scene
         self.support, self._name = support_of(quantity.side, scene.lattice.sides), quantity.side
 
-    def loads(self, leaves: LeafCells, slope: Floats | None) -> list[DualLoad]:
+    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return the movement of the support along each direction."""
         return [Moved(self.support, along) for along in self.directions]
 
-    def read(self, found: Read, lower: Floats, size: Floats) -> Floats:
+    def read(self, found: Found) -> Floats:
         """Return the force."""
         reactions = found.reactions()
         if self._name not in reactions:

@@ -31,11 +31,9 @@ SAMPLES = {2: 8, 3: 4}  # Points along an axis by which round shapes are measure
 class Points(NamedTuple):
     """Points that stand for a place."""
 
-    place: Floats  # In cells; shape (n, dimension)
-    agent: Ints  # That each lies in or on
+    place: Floats  # (m), shape (n, dimension)
+    cell: Ints  # In or on which each lies
     weight: Floats  # Adds up to 1
-    inside: Floats  # Where in its agent, from 0 to 1
-    cell: Ints  # That holds the agent there
 
 
 class Cover(NamedTuple):
@@ -60,10 +58,9 @@ class Where:
 
     def points(self, lower: Floats, size: Floats) -> Points:
         """Return the points of agents with these lower corners and edges, in cells."""
+        h = self.scene.lattice.cell_size
         if self.cell is not None:
-            near = np.all((lower < self.cell + 1) & (lower + size[:, None] > self.cell), axis=1)
-            near &= np.all((lower <= self.lower) & (lower + size[:, None] >= self.lower), axis=1)
-            return _points(self.lower[None], np.flatnonzero(near)[:1], np.ones(1), lower, size)
+            return Points(h * self.lower[None], self.cell[None], np.ones(1))
         agent = np.flatnonzero(self._met(lower, size))
         first = np.maximum(lower[agent], self.lower)
         span = np.minimum(lower[agent] + size[agent, None], self.upper) - first
@@ -82,11 +79,13 @@ class Where:
         place = (first[:, None] + inside * span[:, None]).reshape(-1, d)
         agent, weight = np.repeat(agent, len(inside)), weight.ravel()
         if self.shape is not None:
-            within = self.shape.contains(place * self.scene.lattice.cell_size)
+            within = self.shape.contains(place * h)
             place, agent, weight = place[within], agent[within], weight[within]
         if not len(agent):
             raise ParameterError(f"goal: there is no body at {self.name}")
-        return _points(place, agent, weight / weight.sum(), lower, size)
+        low, high = np.floor(lower[agent]), np.ceil(lower[agent] + size[agent, None]) - 1
+        cell = np.clip(np.floor(place), low, np.maximum(high, low)).astype(np.int64)
+        return Points(h * place, cell, weight / weight.sum())
 
     def _met(self, lower: Floats, size: Floats) -> Flags:
         """Tell which agents lie in reach; on top of a section only those with nothing below."""
@@ -100,15 +99,6 @@ class Where:
             below[:, axis] = np.ceil(plane) - 1
             met[:, axis] |= top & (self.scene.kinds(below) < 0)
         return np.asarray(met.all(axis=1))
-
-
-def _points(place: Floats, agent: Ints, weight: Floats, lower: Floats, size: Floats) -> Points:
-    """Return points in agents of these lower corners and edges."""
-    low, edge = lower[agent], size[agent, None]
-    cell = np.clip(
-        np.floor(place), np.floor(low), np.maximum(np.ceil(low + edge) - 1, np.floor(low))
-    )
-    return Points(place, agent, weight, (place - low) / edge, cell.astype(np.int64))
 
 
 @dataclass(frozen=True, eq=False)

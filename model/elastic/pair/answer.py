@@ -18,7 +18,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.elastic.pair.elements import quadratic_values, rule, strains, stresses
-from kaju.model.elastic.pair.gap import Bounds, energies, stress_of
+from kaju.model.elastic.pair.gap import energies, stress_of
 from kaju.model.elastic.pair.history import Generation, GrownAgents, trees_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
@@ -31,6 +31,7 @@ class PairAgents(GrownAgents):
     """Agents of a plane body along a space-filling curve, and their generations; scaled."""
 
     method: ClassVar[str] = METHOD
+    no_bound: ClassVar[str] = ""
     known: InitVar[tuple[list[LeafCells], Opinions] | None] = None
 
     def __post_init__(self, known: tuple[list[LeafCells], Opinions] | None) -> None:
@@ -60,14 +61,6 @@ class PairAgents(GrownAgents):
     def gap(self) -> Floats:
         """Squared difference of each agent's two opinions."""
         return self.generations[-1].gap
-
-    @property
-    def bracket(self) -> Bounds:
-        """What is proved."""
-        last = self.generations[-1]
-        assert last.lower is not None
-        assert last.upper is not None
-        return Bounds(last.lower, last.upper, last.error, False)
 
     @property
     def energy(self) -> float:
@@ -148,9 +141,8 @@ def generation_of(found: Opinions, chosen: Flags) -> Generation:
         equivalent_stress(tensors(stress), body.moduli, kind, body.scene.plane)
         for stress in means_of(found)
     )
-    energy = 0.5 * (bounds.lower + bounds.upper)
     leaves, shares = found.leaves, found.shares
-    figures = (bounds.error, energy, bounds.lower, bounds.upper)
+    figures = (bounds.error, bounds.energy, bounds.lower, bounds.upper)
     return Generation(*figures, leaves.code, leaves.size, shares, fitted, balanced, chosen)
 
 

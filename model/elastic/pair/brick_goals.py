@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.model.elastic.goals.duals import DualLoad, Forces, Read, Strained, aligned, goal_of
+from kaju.model.elastic.goals.duals import DualLoad, Forces, Strained, aligned, goal_of
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair import bricks
 from kaju.model.elastic.pair.brick_field import NO_BOUND, BrickField
 from kaju.model.elastic.pair.brick_levels import BrickLevel
+from kaju.model.elastic.pair.history import GrownAgents
 from kaju.model.elastic.posed_body import PosedBody
 
 FACTOR = 2.0
@@ -32,16 +33,13 @@ class BrickGoals:
         self.start = aligned(self.goals, body.start(across)) if self.goals else body.start(across)
         self._duals: list[BrickField] = []
 
-    def solve(self, field: BrickField, load: Floats, enough: float) -> None:
+    def solve(self, found: GrownAgents, field: BrickField, enough: float) -> None:
         """Find the displacements under the dual loads; steps end that gain less than `enough`.
 
-        It is a share of their estimated errors; `load` is that of the body, on the masters.
+        It is a share of their estimated errors.
         """
         level, before = field.level, self._duals
-        read, boxes = read_of(field, load), boxes_of(field)
-        loads = []
-        for goal in self.goals:
-            loads += goal.loads(field.mesh.leaves, goal.slope(read, *boxes))
+        loads = [load for goal in self.goals for load in goal.loads(found.leaves, found)]
         self._duals = []
         for number, dual in enumerate(loads):
             force, master, beside = dual_of(dual, level)
@@ -54,45 +52,28 @@ class BrickGoals:
             change = level.solve(left, least)[0]
             self._duals.append(BrickField(level, field.moduli, master + change, beside))
 
-    def judge(self, field: BrickField, load: Floats, wanting: float) -> tuple[list[Goal], Floats]:
+    def judge(
+        self, found: GrownAgents, field: BrickField, wanting: float
+    ) -> tuple[list[Goal], Floats]:
         """Return what is found, and what leaves add to the errors of the goals, as shares."""
-        found, part, duals = [], np.zeros(len(field.shares)), iter(self._duals)
-        read, largest = read_of(field, load), _largest(field, load)
+        goals, part, duals = [], np.zeros(len(field.shares)), iter(self._duals)
+        largest = _largest(found, field)
         for goal in self.goals:
             off = []
             for _, dual in zip(goal.directions, duals, strict=False):
                 both = np.sqrt(field.shares * dual.shares)
                 off.append(FACTOR * wanting * float(both.sum()))
                 part += both / (both.sum() or 1.0)
-            value = goal.read(read, *boxes_of(field))
-            told = goal.goal(value, float(np.linalg.norm(off)), largest)
-            found.append(replace(told, no_bound=NO_BOUND))
-        return found, part
+            told = goal.goal(goal.read(found), float(np.linalg.norm(off)), largest)
+            goals.append(replace(told, no_bound=NO_BOUND))
+        return goals, part
 
-    def read(self, field: BrickField, load: Floats, found: list[Goal]) -> list[Goal]:
-        """Return what was found with the values of another field."""
-        read, boxes = read_of(field, load), boxes_of(field)
+    def read(self, found: GrownAgents, goals: list[Goal]) -> list[Goal]:
+        """Return what was found of goals with the values of other fields."""
         return [
-            replace(told, components=tuple(goal.read(read, *boxes).tolist()))
-            for goal, told in zip(self.goals, found, strict=True)
+            replace(told, components=tuple(goal.read(found).tolist()))
+            for goal, told in zip(self.goals, goals, strict=True)
         ]
-
-
-def boxes_of(field: BrickField) -> tuple[Floats, Floats]:
-    """Return the lower corners and edges of leaves in cells."""
-    mesh = field.mesh
-    return mesh.leaves.lower / mesh.ground.cell, mesh.edge
-
-
-def read_of(field: BrickField, load: Floats) -> Read:
-    """Return how a field is read."""
-    return Read(
-        lambda points: field.displacement_at(points.agent, points.inside),
-        lambda points: field.stress_at(points.agent, points.inside),
-        lambda points: field.mesh.leaves.kind[points.agent],
-        field.moduli,
-        lambda: field.reactions(load),
-    )
 
 
 def dual_of(dual: DualLoad, level: BrickLevel) -> tuple[Floats, Floats, Floats | None]:
@@ -130,12 +111,12 @@ def dual_of(dual: DualLoad, level: BrickLevel) -> tuple[Floats, Floats, Floats |
     return np.asarray(mesh.ties.T @ force), moved, beside
 
 
-def _largest(field: BrickField, load: Floats) -> dict[type[Quantity], float]:
+def _largest(found: GrownAgents, field: BrickField) -> dict[type[Quantity], float]:
     """Return the largest displacement, stress and reaction."""
     moved = field.moved[:, :8] + field.mesh.shift
     six = field.corner_stress.mean(axis=1)
     square = (six[:, :3] ** 2).sum(axis=1) + 2.0 * (six[:, 3:] ** 2).sum(axis=1)
-    forces = [float(np.linalg.norm(force)) for force in field.reactions(load).values()]
+    forces = [float(np.linalg.norm(force)) for force in found.reactions().values()]
     return {
         Deflection: float(np.linalg.norm(moved, axis=2).max()),
         Stress: float(np.sqrt(square.max())),

@@ -27,14 +27,13 @@ from kaju.model.elastic.goals.duals import (
     DualGoal,
     DualLoad,
     Forces,
-    Read,
     Strained,
     Supported,
     aligned,
     goal_of,
 )
-from kaju.model.elastic.goals.goal_places import Points
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
+from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.border import Sides, supports_of, torn
 from kaju.model.elastic.pair.elements import EDGE_OF_SIDE
 from kaju.model.elastic.pair.gap import energies, stress_of
@@ -70,10 +69,8 @@ class Goals:
 
     def aims(self, leaves: LeafCells, last: Opinions | None) -> list[Aim]:
         """Return the dual loads of the next generation."""
-        loads = []
-        for goal in self.goals:
-            slope = goal.slope(read_of(last), *_boxes(last)) if last is not None else None
-            loads += goal.loads(leaves, slope)
+        found = None if last is None else agents_of(last)
+        loads = [load for goal in self.goals for load in goal.loads(leaves, found)]
         return [partial(sides_under, load, self.body) for load in loads]
 
     def judge(self, found: Opinions, tolerance: float) -> Judged:
@@ -95,7 +92,7 @@ class Goals:
     ) -> tuple[Goal, Floats, float]:
         """Return what is found, what agents add to its relative error, and what rounding does."""
         found, gap = primal.found, float(primal.apart.sum())
-        value = goal.read(read_of(found), *_boxes(found))
+        value = goal.read(agents_of(found))
         if isinstance(goal, Supported) and self._tears(goal, found):
             goal.no_bound = "its support meets another: moved alone it would tear the body"
             told = goal.goal(value, 0.0, primal.largest)
@@ -140,8 +137,9 @@ class Goals:
         return works
 
 
-def _boxes(found: Opinions) -> tuple[Floats, Floats]:
-    return found.leaves.lower / found.body.cell, found.size
+def agents_of(found: Opinions) -> PairAgents:
+    """Return agents with some opinions, of which values are read."""
+    return PairAgents(found.body, [], [], "", [], ([found.leaves], found))
 
 
 class _Primal:
@@ -201,22 +199,6 @@ def _products(primal: _Primal, dual: Opinions) -> tuple[float, float]:
     handed = found.work_on(dual.fit.sum(axis=0)) + found.work_of_supports(dual.sides.moved)
     missed += abs(zs - handed)
     return 0.5 * (ts + te + zs - ze) - borne, missed + ROUNDING * (abs(ts) + abs(te) + abs(zs))
-
-
-def read_of(found: Opinions) -> Read:
-    """Return how opinions are read: the displacement that fits, the mean of both stresses."""
-
-    def stress(points: Points) -> Floats:
-        mean = 0.5 * np.add(*found.stresses_at(points.agent, points.inside))
-        return np.asarray(mean[:, [[0, 2], [2, 1]]])
-
-    return Read(
-        lambda points: found.displacement_at(points.agent, points.inside),
-        stress,
-        lambda points: found.leaves.kind[points.agent],
-        found.body.moduli,
-        found.reactions,
-    )
 
 
 def sides_under(

@@ -135,6 +135,15 @@ class GrownAgents:
         def leaves(self) -> LeafCells:
             """The agents."""
 
+        def reactions(self) -> dict[str, Floats]:
+            """Return the force of every support on the body."""
+
+        def displacement_at(self, points: Floats, cells: Ints) -> Floats:
+            """Return the displacement at points (m) in or on cells of the grid."""
+
+        def stress_at(self, points: Floats, cells: Ints) -> Floats:
+            """Return stress tensors at points (m) in or on cells of the grid."""
+
         @property
         def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
             """Shape functions, their numbers for each agent, and the shift of all."""

@@ -48,7 +48,7 @@ class BrickAgents(GrownAgents):
     """Agents in space that spawned, along a space-filling curve; scaled."""
 
     method: ClassVar[str] = "bricks"
-    bracket: ClassVar[str] = NO_BOUND
+    no_bound: ClassVar[str] = NO_BOUND
     master: Annotated[Floats, Column("masters 3")]  # Displacement of the nodes that are free
     energy: float
     error: float  # Estimated, in the energy norm, relative
@@ -171,7 +171,7 @@ class BrickLoop:
         left = self._load - level.summed(level.force(level.gathered(master)))
         change, self.residuals, last = level.solve(left, enough)
         self._field = BrickField(level, self.ground.moduli, master + change)
-        self.goals.solve(self._field, self._load, ENOUGH)
+        self.goals.solve(self.outcome(), self._field, ENOUGH)
         self._judge(last)
         if self.finished and level.below is not None:
             # What is read has its forces in balance; the mesh would not need it.
@@ -181,7 +181,7 @@ class BrickLoop:
             self.residuals += [residual * self.residuals[-1] for residual in residuals[1:]]
             self._field = BrickField(level, self.ground.moduli, master + change)
             self.energy = self._field.energy(float(np.vdot(self._load, self._field.master)))
-            self.found = self.goals.read(self._field, self._load, self.found)
+            self.found = self.goals.read(self.outcome(), self.found)
             self.generations[-1] = replace(
                 self.generations[-1],
                 energy=self.energy,
@@ -201,7 +201,7 @@ class BrickLoop:
         error, part = self.error, field.shares
         if self.goals.goals:
             wanting = sqrt(total / (float(field.shares.sum()) or 1.0))
-            self.found, part = self.goals.judge(field, self._load, max(wanting, 1.0))
+            self.found, part = self.goals.judge(self.outcome(), field, max(wanting, 1.0))
             error = max(answer.relative_error for answer in self.found)
         power = 1 if self.goals.goals else 2
         allowed = (SPARE * self.tolerance / (error or 1.0)) ** power * float(part.sum())

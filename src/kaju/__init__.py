@@ -1,7 +1,9 @@
 """kaju (荷重, load): agents that carry load through a body.
 
 Describe a body and press on it (`Scene`, `load_scene`), let agents pass the load on
-(`LoadModel`), and look at what they did (`plot`, `animate`).
+(`LoadModel`), and look at what they did (`plot`, `animate`). Public names are listed below, each
+with the module that has it. The ground of all rooms is here: read `errors`, `arrays`, `files`,
+then `result_kinds` (the one list of kinds of results) and `stepping` (what steps).
 """
 
 from __future__ import annotations

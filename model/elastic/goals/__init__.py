@@ -1,1 +1,6 @@
-"""Quantities of interest: what a tolerance can be asked of, and its error by dual solutions."""
+"""Quantities of interest: one displacement, stress or reaction, and its error.
+
+In comes what a tolerance is about; out go the places it is taken at, and the second load (the dual)
+whose answer tells its error.
+Read `quantities` (what can be asked), `goal_places` (where), then `duals` (the second loads).
+"""

@@ -1,4 +1,9 @@
-"""Agents in Python in a page: what runs in it, and how it gets there."""
+"""Agents in Python in a page: what runs in it, and how it gets there.
+
+In comes a scene; out go the sources of agents and engine, as text that the page runs.
+Read `heart` (the sources, stripped), `engine` (what they need in a page), then `ready` (the agents
+to begin with).
+"""
 
 from __future__ import annotations
 

@@ -168,5 +168,5 @@ def test_a_killed_process_ends_the_run_and_leaves_no_torn_file(tmp_path):
 
 def test_what_petsc_cannot_do_is_refused():
     scene = scale_work.plate()
-    with pytest.raises(ValueError, match="tolerance: must lie"):
+    with pytest.raises(ValueError, match="tolerance: must be"):
         kaju.solve_petsc(scene, tolerance=2.0)

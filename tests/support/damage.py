@@ -84,8 +84,7 @@ def in_pieces(folder):
         "seconds": 1.0, "subdivision": 1, "strain_energy": found.strain_energy,
         "error_estimate": found.error_estimate, "iterations": 7,
     }  # fmt: skip
-    whole = PiecedResult.of_processes(scene, scene, None, piece, found.reactions, figures, Alone())
-    return whole.save(folder / "pieces")
+    return PiecedResult(scene, None, (piece,), figures, Alone()).save(folder / "pieces")
 
 
 def contents_of(told):

@@ -93,14 +93,9 @@ def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
 
 def _processes(shape: tuple[int, ...], size: int) -> tuple[int, ...]:
     """Return into how many parts each axis is cut, so that the cuts are small."""
-    fits = [
-        parts
-        for parts in product(range(1, size + 1), repeat=len(shape))
-        if int(np.prod(parts)) == size
-    ]
-    return min(
-        fits, key=lambda parts: (sum(p / n for p, n in zip(parts, shape, strict=True)), parts)
-    )
+    every = product(range(1, size + 1), repeat=len(shape))
+    fits = [parts for parts in every if int(np.prod(parts)) == size]
+    return min(fits, key=lambda parts: (float(np.sum(np.divide(parts, shape))), parts))
 
 
 def _cuts(

@@ -100,7 +100,7 @@ class PiecedResult(BodyResult):
         return dict(self.figures)
 
     @property
-    def seconds(self) -> float:
+    def seconds(self) -> float:  # type: ignore[override]
         """Time that the computation took (s)."""
         return float(self.figures["seconds"])
 

@@ -18,6 +18,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from kaju import __version__
@@ -150,7 +151,7 @@ def _piece(window: Window, faces: FaceFields) -> Piece:
     stress = fields.cell_tensor(problem, fields.stress_parts(problem, faces))
     nodes = fields.node_displacement(problem, faces)[corners]
     lower, upper = (tuple((corner + window.first).tolist()) for corner in window.cells)
-    cells = {
+    cells: dict[str, NDArray[Any]] = {
         "kind": problem.kinds[problem.inner][own],
         "displacement": unit.displacement * fields.cell_means(problem, faces)[own],
         "stress": unit.stress * stress[own],
@@ -290,7 +291,7 @@ def rows_on(window: Window) -> Rows:
     matrix = csr_array((value, (entry_row, column)), shape=(len(mine), level.size))
     right = np.zeros(len(mine))
     right[moves] = load[mine[moves]]
-    return numbers, matrix, right, 1.0 * moves
+    return numbers, matrix, right, moves.astype(np.float64)
 
 
 def assembled(

@@ -72,6 +72,8 @@ def own_classes(
 
 def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
     """Refuse what is no class of agents, or one whose constructor takes other arguments."""
+    if agent is base:
+        return
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(
             f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "

@@ -52,4 +52,4 @@ class Stepper(ABC, Generic[R]):
         `progress`: whether to show a line of progress, None does so at a terminal.
         """
         with progress_line(progress) as report:
-            return step_to_end(self, until, self.result, lambda: report(self.progress()))
+            return step_to_end(self, until, self.result, lambda: report(self.progress))

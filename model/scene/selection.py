@@ -95,11 +95,9 @@ class Selection:
     def uneven(self, load: LoadTable, force: Floats, lattice: Lattice, thickness: float) -> Uneven:
         """Return which faces the load covers in part, or not evenly, and how."""
         n, d = self.cells.shape
-        if self.part is None and self.offset is None and load.pressure_slope is None:
-            n = 0
         whole = np.tile(np.array([[0.0], [1.0]]), (n, 1, d))
         part = whole if self.part is None else self.part
-        direction, growth = self.direction[:n], np.zeros((n, d, d))
+        direction, growth = self.direction, np.zeros((n, d, d))
         if load.pressure_slope is not None:
             change = np.asarray(load.pressure_slope) * lattice.cell_size
             area = lattice.face_area(thickness)
@@ -450,11 +448,14 @@ def at_stage(
     lattice = body.lattice
     no_cells = np.empty((0, lattice.dimension), dtype=np.int64)
     parts = [(no_cells, no_cells[:, 0], np.empty(no_cells.shape), BY_SIDE)]
-    uneven, first = [], 0
+    d, first = lattice.dimension, 0
+    none = Uneven(no_cells[:, 0], np.empty((0, 2, d)), np.empty((0, d, d)))
+    uneven = [none] if lattice.boxes and loads else []
     for load, chosen in zip(loads, selections, strict=True):
         factor = min(1.0, stage / load.steps)
         force = chosen.forces(load, lattice, thickness)
-        if lattice.boxes:
+        even = chosen.part is None and chosen.offset is None and load.pressure_slope is None
+        if lattice.boxes and not even:
             found = chosen.uneven(load, force, lattice, thickness)
             uneven.append(Uneven(found.row + first, found.part, factor * found.growth))
         first += len(force)

@@ -1,66 +1,53 @@
-"""Load transfer on arrays: only agents and their loads are stored, never the body.
+"""Load transfer on arrays: only cells near agents and their loads are stored, never the body.
 
-A row stands for equal loads that wait in one cell: agent, state, number of their magnitude, copies.
-A generation takes the rows, and lets each send out its shares. What a row sends follows from its
-*kind*: form of the cell, state and magnitude. Kinds are few, for magnitudes are products of few
-shares, so what they send is laid out first. Where loads that meet are added up, all loads have
-the magnitude 1 N, and copies are newtons. Many rows are passed on by a compiled loop. `AgentEngine`
-does the same with objects.
+A *place* is a cell and the state of a load in it; equal loads at a place are one row. Where loads
+go from a place is the same in every generation, and is looked up once. What a load sends out
+follows from its *kind*: the form and material of its cell, its state and its magnitude. Kinds are
+few, for magnitudes are products of few shares. So a generation reads two tables, and adds up what
+comes to each place. Where loads that meet are added up, all loads have the magnitude 1 N, and
+copies are newtons. `AgentEngine` does the same with objects.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
-from math import prod
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError
 
 from .stage import Ledger, Stage, TakenHistory, TakenRows, Totals
 from .transfer import Transfer
 
-MANY_ROWS = 200_000
-"""From so many rows on the compiled loop pays for its import."""
+LOOKED_AT_ONCE = 256
+"""An agent that wakes looks at blocks of about so many cells."""
+
+ROWS_AT_ONCE = 2**18
+"""So many rows are passed on at once: more take more memory, and no less time."""
+
+MOST_EMPTY = 256
+"""Loads are added up in a table, unless it had so many times more entries than there are rows."""
 
 
-class Waiting(NamedTuple):
-    """Loads that wait, ordered by cell, state and magnitude; equal ones are one row."""
+class Rows(NamedTuple):
+    """Loads that wait, ordered by place and magnitude; equal ones are one row."""
 
-    agent: NDArray[np.int32]
-    state: NDArray[np.int8]  # as `Transfer` numbers them
-    number: NDArray[np.int32]  # of the magnitude in a table of all magnitudes
+    place: Ints  # number of the cell times the number of states, plus the state
+    number: Ints  # of the magnitude in a table of all magnitudes
     copies: Floats  # how many equal loads the row stands for
 
 
-class Arrivals(NamedTuple):
-    """Loads on their way to cells."""
-
-    key: Ints  # number of the cell, as the lattice counts
-    state: Ints
-    number: Ints
-    copies: Floats
-    bits: Ints  # arms over which they come, one bit each; 0 from outside or a boundary
-
-    def part(self, chosen: Any) -> Arrivals:
-        """Return some of them."""
-        key, state, number, copies, bits = self
-        return Arrivals(key[chosen], state[chosen], number[chosen], copies[chosen], bits[chosen])
-
-
 class Sent(NamedTuple):
-    """What kinds of load send out; arrays have a row for each kind, a column for each emission."""
+    """What a copy of each kind of load does. A kind is a column of the rule and a magnitude."""
 
-    column: NDArray[np.int32]  # of each row of loads its row in the rule's tables: form and state
-    kind: NDArray[np.int32]  # and in this one
-    of_kind: Ints  # the row in the rule's tables of each kind
-    size: Floats  # what is handed over for each copy (N)
-    copies: Floats  # the same in copies
-    number: Ints  # of the magnitude in the next generation's table; -1: it ends, up to γ
+    # Of each emission state · (magnitudes + 1) + magnitude, as they will be, (kinds, emissions);
+    # one magnitude more than there are: it ends.
+    entry: Ints
+    books: Floats  # what is taken by state, passed by arm, and dropped (N), a row for each kind
 
 
 class ArrayEngine:
@@ -72,26 +59,24 @@ class ArrayEngine:
         self.transfer, self.scene, self.lattice = transfer, transfer.scene, transfer.lattice
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
         self.states, self.directions = transfer.states, transfer.lattice.directions
-        arm, state, share = transfer.tables  # here by form and state in one, then by emission
+        # The rule's tables: a row for each material, form and state, a column for each emission.
+        arm, state, share = transfer.tables
         most = share.shape[2]
         self.arm, self.next_state = arm.reshape(-1, most), state.reshape(-1, most)
         self.share = share.reshape(-1, most)
-        self.cells = prod(count + 2 for count in self.lattice.shape)
-        every = range(self.directions)
-        self.has_arm = np.array([[arm in arms for arm in every] for arms in self.lattice.arms])
-        form = np.arange(len(self.arm))[:, None] // self.states % self.lattice.forms
-        self.step = self.lattice.key_steps[form, self.arm]  # what an emission adds to a cell's key
-
-    @cached_property
-    def leaving(self) -> Ints:
-        """The emissions that leave over an arm, then -1: by form and state, arm, one by one."""
-        leaves = (self.arm[:, None] == np.arange(self.directions)[:, None]) & (self.share > 0.0)[
-            :, None
-        ]
-        found = np.where(leaves, np.arange(self.arm.shape[1]), self.arm.shape[1])
-        found.sort(axis=2)
-        most = max(1, int(leaves.sum(axis=2).max()))
-        return np.where(found == self.arm.shape[1], -1, found)[:, :, :most].copy()
+        self.shares, which = np.unique(self.share, return_inverse=True)
+        self.which_share = which.reshape(self.share.shape)
+        # What enters the books of an agent: of a load, and of shares that are passed or dropped.
+        every, entries = np.arange(len(self.share)), self.states + self.directions + 1
+        books = np.zeros((len(every), 1 + 2 * len(self.shares), entries))
+        books[every, 0, every % self.states] = 1.0
+        for over, one in zip(self.arm.T, self.which_share.T, strict=True):
+            books[every, 1 + one, self.states + over] += 1.0
+            books[every, 1 + len(self.shares) + one, -1] += 1.0
+        self.books_of = books
+        self.edge = round(LOOKED_AT_ONCE ** (1.0 / self.lattice.dimension))
+        block = product(range(self.edge), repeat=self.lattice.dimension)
+        self.block = np.array(list(block), dtype=np.int64)
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
         """Put the applied loads (N) on the body; they are taken in the next step.
@@ -101,30 +86,42 @@ class ArrayEngine:
         if not live_on:
             self._clear()
         self.applied += float(magnitude.sum())
-        number = np.zeros(len(state), dtype=np.int64)
-        self.values, copies = np.ones(1), magnitude
+        self.values, number = np.ones(1), np.zeros(len(state), dtype=np.int64)
+        copies = magnitude
         if not self.accumulate:
             above = magnitude > self.threshold
             self.dropped += float(magnitude[~above].sum())
             cells, state = cells[above], state[above]
             self.values, number = np.unique(magnitude[above], return_inverse=True)
             copies = np.ones(len(state))
-        bits = np.zeros(len(state), dtype=np.int64)
-        self._arrive(self._merged(Arrivals(self.lattice.key(cells), state, number, copies, bits)))
+        self._look_round(cells)
+        place = self.find(self.lattice.key(cells)) * self.states + state
+        self.woken: list[tuple[Ints, Ints]] = []
+        self.waiting = Rows(place, number, copies)
+        self._arrive([(place * (len(self.values) + 1) + number, copies)])
 
     def _clear(self) -> None:
         """Begin without agents, loads and generations."""
-        none, d = np.empty(0, dtype=np.int64), self.directions
         self.generation, self.acted, self.awake = 0, True, 0
-        # Agents in the order in which they woke; `find` looks for them by the numbers of cells.
-        self.key = self.material = self.form = self.spawn_step = self.woken_by = none
-        self.sorted_key = self.sorted_agent = none
-        self.beyond = np.empty((0, d), dtype=np.int16)  # over each arm a material, or a boundary
-        self.taken_by, self.passed_by = np.empty((0, self.states)), np.empty((0, d))
-        self.dropped_by = np.empty(0)
-        self.record: list[tuple[NDArray[np.int32], Floats]] = []  # taken by agent and state, in one
-        self.given_back = [TakenRows(none, none, none, np.empty(0))]  # by cell beside the body
+        # Cells by number, in the order in which they were seen. Nobody is in the cell 0.
+        none, self.blocks = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self.key = none - 1
+        self.seen_key = self.seen = none[:0]  # keys of cells; their numbers, or kinds below 0
+        self.material = self.form = self.shift = self.woken_by = none
+        self.spawn_step = none - 1  # 0: it sleeps
+        # The first place over each arm, below 0 of a boundary; 0: not seen yet.
+        self.over = np.zeros((1, self.directions), dtype=np.int32)
+        self.books = np.zeros((1, self.states + self.directions + 1))  # as those of `Sent`
+        # A boundary for each cell and arm with nothing of the body over it, its places below 0.
+        self.wall = np.zeros((2, 0), dtype=np.int64)  # cell and arm
+        self.home = np.zeros(0, dtype=np.int64)  # the places where they give back
         self.applied = self.taken = self.passed = self.returned = self.dropped = 0.0
+        self.record: list[
+            tuple[int, NDArray[np.int32], Floats]
+        ] = []  # generation, place, load taken
+        none = none[:0]
+        self.given_back: list[tuple[int, Ints, Floats]] = []  # generation, place of `home`, load
+        self.waiting = Rows(none, none, np.empty(0))
 
     # One generation: begin, agents act, end.
 
@@ -138,15 +135,9 @@ class ArrayEngine:
         if self.acted:
             return
         self.acted = True
-        rows = self.waiting
-        self._take(rows)
-        sent = self._sent(rows)
+        self.taken += self.pending
         returned, self.returned = self.returned, 0.0  # the difference of totals loses small loads
-        if len(rows.agent) < MANY_ROWS:
-            came = self._merged(self._emit(rows, sent))
-        else:
-            came = self._emit_many(rows, sent)
-        self._arrive(came)
+        self._arrive(self._passed_on(self.waiting, self.values, self._sent()))
         self.passed += self.pending - self.returned
         self.returned += returned
 
@@ -158,217 +149,257 @@ class ArrayEngine:
                 "act; to let them act yourself take engine='agents'"
             )
 
-    def _take(self, rows: Waiting) -> None:
-        """Book what each agent takes in each state."""
-        slot = rows.agent * np.int64(self.states) + rows.state
-        first = _firsts(slot)
-        slot, load = slot[first], np.add.reduceat(self.values[rows.number] * rows.copies, first)
-        self.taken_by.reshape(-1)[slot] += load
-        self.taken += self.pending
-        self.record.append((slot.astype(np.int32), load))
-
-    def _sent(self, rows: Waiting) -> Sent:
-        """Lay out what each kind of load sends out; book what ends."""
-        column, count = self.form[rows.agent] * self.states + rows.state, len(self.values)
-        kinds, kind = _numbered(column * count + rows.number, len(self.share) * count)
-        of_kind, magnitude = np.divmod(kinds, count)
-        size = self.share[of_kind] * self.values[magnitude, None]
-        above = size > (0.0 if self.accumulate else self.threshold)
-        ended = np.where(above, 0.0, size).sum(axis=1)
-        copies, number = np.where(above, size, 0.0), above.astype(np.int64) - 1
-        if not self.accumulate:
-            copies = above.astype(np.float64)
-            self.values, number[above] = np.unique(size[above], return_inverse=True)
-        dropped = ended[kind] * rows.copies
-        np.add.at(self.dropped_by, rows.agent, dropped)
-        self.dropped += float(dropped.sum())
-        return Sent(column.astype(np.int32), kind.astype(np.int32), of_kind, size, copies, number)
-
-    def _emit(self, rows: Waiting, sent: Sent) -> Arrivals:
-        """Return the shares that go on, one row each, where boundaries have turned theirs."""
-        # Emissions one after another, each in the order of cells; `place` is its place in tables.
-        emission, row = np.nonzero((sent.number >= 0).T[:, sent.kind])
-        place = sent.kind[row] * np.int64(sent.number.shape[1]) + emission
-        arm, state = self.arm[sent.of_kind].take(place), self.next_state[sent.of_kind].take(place)
-        sender, copies = rows.agent[row].astype(np.int64), rows.copies[row]
-        load, over = sent.size.take(place) * copies, sender * self.directions + arm
-        np.add.at(self.passed_by.reshape(-1), over, load)
-        came = Arrivals(
-            key=self.key[sender] + self.step[sent.of_kind].take(place),
-            state=state,
-            number=sent.number.take(place),
-            copies=load if self.accumulate else copies,
-            bits=(1 << self.lattice.opposite)[arm],
-        )
-        leaving = self.beyond.reshape(-1)[over] < 0
-        if not leaving.any():
-            return came
-        sender, arm, state, load = sender[leaving], arm[leaving], state[leaving], load[leaving]
-        back = came.part(leaving)
-        if self.accumulate:  # what one agent hands to one boundary in one state is judged as a sum
-            place = over[leaving] * self.states + state
-            _, first, met = np.unique(place, return_index=True, return_inverse=True)
-            above, load = self._judged(np.bincount(met, load).astype(np.float64, copy=False))
-            sender, arm, state = (c[first][above] for c in (sender, arm, state))
-            back = back.part(first[above])._replace(copies=load)
-        state = self._give_back(sender, arm, state, load)
-        back = back._replace(key=self.key[sender], state=state, bits=np.zeros_like(sender))
-        columns: Any = zip(came.part(~leaving), back, strict=True)
-        return Arrivals(*map(np.concatenate, columns))
-
-    def _judged(self, load: Floats) -> tuple[Flags, Floats]:
-        """Tell which sums of loads are above γ, and return these; the others end."""
-        above = load > self.threshold
-        self.dropped += float(load[~above].sum())
-        return above, load[above]
-
-    def _give_back(self, sender: Ints, arm: Ints, state: Ints, load: Floats) -> Ints:
-        """Book loads that boundary agents turn round; return the states in which they go back."""
-        when = np.full(len(sender), self.generation)
-        self.given_back.append(TakenRows(when, self._over(sender, arm), state, load))
-        self.returned += float(load.sum())
-        return self.transfer.turned[self.beyond[sender, arm], arm, state]
-
-    def _emit_many(self, rows: Waiting, sent: Sent) -> Arrivals:
-        """Do what `_emit` and `_merged` do, cell by cell, in a compiled loop."""
-        from .compiled_generation import gathered, handed_over
-
-        first = _firsts(rows.agent)
-        active, start = rows.agent[first].astype(np.int64), np.append(first, len(rows.agent))
-        key = self.key[active]
-        beyond = self.beyond[active]
-        goes, back = handed_over(
-            start, active, beyond, rows.copies, sent.column, sent.kind, sent.size, sent.number,
-            self.arm, self.next_state, self.passed_by, self.states,
-        )  # fmt: skip
-        turned = np.zeros(back.shape, dtype=np.int64)
+    def _sent(self) -> Sent:
+        """Lay out what each kind of load sends out; the magnitudes become the next ones."""
+        size = self.shares[:, None] * self.values
+        passes = size > (0.0 if self.accumulate else self.threshold)
+        passed = np.where(passes, size, 0.0)
+        books = np.concatenate([self.values[None], passed, size - passed]).T @ self.books_of
         if self.accumulate:
-            back[~self._judged(back)[0]] = 0.0
-        who, arm, state = np.nonzero(back)
-        load = back[who, arm, state]
-        turned[who, arm, state] = self._give_back(active[who], arm, state, load)
-        # Whoever may get something: neighbours, and those to whom boundaries give back.
-        who, arm = np.nonzero(goes & (beyond >= 0))
-        target = np.append(self._over(active[who], arm), key)
-        target.sort(kind="stable")
-        target = target[_firsts(target)]
-        form = self.lattice.form(self.lattice.cells(target))
-        near = target[:, None] + self.lattice.key_steps[form]
-        source = np.where(self.has_arm[form], _places(key, near), -1)
-        which, slot, copies, bits = gathered(
-            source, _places(key, target), self.lattice.opposite, start, beyond,
-            rows.copies, sent.column, sent.kind, sent.copies, sent.number, self.leaving,
-            self.next_state, back, turned, self.accumulate, self.states, len(self.values),
-        )  # fmt: skip
-        state, number = np.divmod(slot.astype(np.int64), len(self.values))
-        return Arrivals(target[which], state, number, copies, bits.astype(np.int64))
-
-    def _merged(self, rows: Arrivals) -> Arrivals:
-        """Let equal loads wait together, in order."""
-        key, names, count = rows.key, None, len(self.values)
-        if self.cells * self.states * count >= 2**62:  # no integer numbers all these: name anew
-            names, key = np.unique(key, return_inverse=True)
-        order, code = _sorted((key * self.states + rows.state) * count + rows.number)
-        first = _firsts(code)
-        if not len(first):
-            return rows
-        key, rest = np.divmod(code[first], self.states * count)
-        state, number = np.divmod(rest, count)
-        copies = np.add.reduceat(rows.copies[order], first)
-        bits = np.bitwise_or.reduceat(rows.bits[order], first)
-        return Arrivals(key if names is None else names[key], state, number, copies, bits)
-
-    def _arrive(self, rows: Arrivals) -> None:
-        """Let merged loads wait to be taken; agents wake in the cells that they have reached."""
-        if self.accumulate:
-            rows = rows.part(self._judged(rows.copies)[0])
+            number = 1 - passes
         else:
-            used = np.bincount(rows.number, minlength=len(self.values)) > 0
-            self.values, number = self.values[used], np.cumsum(used) - 1
-            rows = rows._replace(number=number[rows.number])
-        first = _firsts(rows.key)
-        agent = self.find(rows.key[first])
-        new = np.flatnonzero(agent < 0)
-        if len(new):
-            woken_by = np.bitwise_or.reduceat(rows.bits, first)[new]
-            self._wake(rows.key[first[new]], woken_by)
-            agent[new] = np.arange(self.awake - len(new), self.awake)
-        self.waiting = Waiting(
-            np.repeat(agent.astype(np.int32), np.diff(np.append(first, len(rows.key)))),
-            rows.state.astype(np.int8),
-            rows.number.astype(np.int32),
-            rows.copies,
-        )
-        self.pending = float((self.values[rows.number] * rows.copies).sum())
+            self.values = np.unique(size[passes])
+            number = np.searchsorted(self.values, size)
+            number[~passes] = len(self.values)
+        entry = number.T[:, self.which_share].transpose(1, 0, 2)  # by column, magnitude, emission
+        entry = entry + (self.next_state * (len(self.values) + 1))[:, None]
+        return Sent(entry.reshape(-1, entry.shape[2]), books.reshape(-1, books.shape[2]))
 
-    def _wake(self, key: Ints, woken_by: Ints) -> None:
-        """Add agents in cells; they see what they are, and what lies over their arms."""
-        cells, newborn = self.lattice.cells(key), self.awake + np.arange(len(key))
-        form = self.lattice.form(cells)
-        seen = np.concatenate([cells[:, None], cells[:, None] + self.lattice.steps[form]], axis=1)
-        kinds = self.scene.kinds(seen.reshape(-1, cells.shape[1])).reshape(len(key), -1)
-        every = np.append(self.sorted_key, key)
-        order = np.argsort(every, kind="stable")
-        self.sorted_key = every[order]
-        self.sorted_agent = np.append(self.sorted_agent, newborn)[order]
-        self.key, self.woken_by = np.append(self.key, key), np.append(self.woken_by, woken_by)
-        self.material = np.append(self.material, kinds[:, 0])
-        self.form = np.append(self.form, kinds[:, 0] * self.lattice.forms + form)
-        self.beyond = np.append(self.beyond, kinds[:, 1:].astype(np.int16), axis=0)
-        self.spawn_step = np.append(self.spawn_step, np.full(len(key), self.generation + 1))
-        nothing = np.zeros((len(key), self.states))
-        self.taken_by = np.append(self.taken_by, nothing, axis=0)
-        self.passed_by = np.append(self.passed_by, nothing[:, : self.directions], axis=0)
-        self.dropped_by = np.append(self.dropped_by, np.zeros(len(key)))
-        self.awake = len(self.key)
+    def _passed_on(self, rows: Rows, values: Floats, sent: Sent) -> Iterator[tuple[Ints, Floats]]:
+        """Book what is done with loads; yield where their shares come, and how many copies."""
+        self.woken, count = [], len(self.values) + 1
+        cells = rows.place // self.states
+        for first in _parts(_firsts(cells), len(cells)):
+            part = slice(first[0], first[-1])
+            place, cell, copies = rows.place[part], cells[part], rows.copies[part]
+            column = self.shift.take(cell) + place
+            kind = column * len(values) + rows.number[part]
+            self._book(cells[first[:-1]], first[:-1] - first[0], kind, copies, sent.books)
+            arm = self.arm.take(column, axis=0)
+            arm += (cell * self.directions)[:, None]
+            over = self.over.take(arm)
+            came = np.multiply(over, count, dtype=np.int64)
+            came += sent.entry.take(kind, axis=0)
+            self._note_woken(over, came, arm)
+            if self.accumulate:
+                yield came.reshape(-1), (self.share.take(column, axis=0) * copies[:, None]).ravel()
+            else:
+                yield came.reshape(-1), copies.repeat(came.shape[1])
+
+    def _book(self, cell: Ints, first: Ints, kind: Ints, copies: Floats, books: Floats) -> None:
+        """Book what agents take, pass on and drop, whose rows begin at `first`."""
+        done = books.take(kind, axis=0)
+        done *= copies[:, None]
+        done = np.add.reduceat(done, first, axis=0)
+        self.books[cell] += done
+        taken = done[:, : self.states]
+        act, state = (taken > 0.0).nonzero()
+        place = (cell[act] * self.states + state).astype(np.int32)
+        self.record.append((self.generation, place, taken[act, state]))
+
+    def _note_woken(self, over: NDArray[np.int32], came: Ints, arm: Ints) -> None:
+        """Note over which arms loads come to cells where nobody is awake."""
+        asleep = np.zeros(len(self.key) * self.states + len(self.home), dtype=np.bool_)
+        asleep[: len(self.key) * self.states] = (self.spawn_step == 0).repeat(self.states)
+        entry = asleep.take(over).reshape(-1).nonzero()[0]
+        if len(entry):
+            count, where = len(self.values) + 1, came.take(entry)
+            goes_on = (where % count < count - 1).nonzero()[0]
+            arm = arm.take(entry[goes_on]) % self.directions
+            self.woken.append((where[goes_on] // count, 1 << self.lattice.opposite[arm]))
+
+    def _arrive(self, came: Iterable[tuple[Ints, Floats]]) -> None:
+        """Let loads that meet wait together; agents wake in the cells that they have reached."""
+        place, number, copies = self._met(came)
+        if self.accumulate:
+            above = copies > self.threshold
+            self.dropped += float(copies[~above].sum())
+            place, number, copies = place[above], number[above], copies[above]
+        elif 8 * len(self.values) > len(place):  # some may not occur
+            used = np.bincount(number, minlength=len(self.values)) > 0
+            self.values, number = self.values[used], (np.cumsum(used) - 1)[number]
+        self.waiting = Rows(place, number, copies)
+        self.pending = float(self.values.take(number) @ copies)
+        cell = place // self.states
+        new = cell[self.spawn_step.take(cell) == 0]
+        if len(new):
+            self._wake(new[_firsts(new)], place)
+
+    def _met(self, came: Iterable[tuple[Ints, Floats]]) -> tuple[Ints, Ints, Floats]:
+        """Add up what comes to each place, and what boundaries give back; leave out what ends."""
+        count, places = len(self.values) + 1, len(self.key) * self.states
+        size = all_entries = (places + len(self.home)) * count
+        cells, names = places * count, None
+        if size > MOST_EMPTY * len(self.waiting.place) + 2**16:  # a table of those that occur
+            came = [(where % size, copies) for where, copies in came]
+            names = np.concatenate([where for where, _ in came])
+            names = np.append(names, self._back(names[names >= cells] - size, count))
+            names.sort()
+            names = names[_firsts(names)]
+            came = [(np.searchsorted(names, where), copies) for where, copies in came]
+            size, cells = len(names), int(np.searchsorted(names, cells))
+        table = np.zeros(size)
+        for where, copies in came:
+            np.add.at(table, where, copies)
+        walls = cells + (table[cells:] > 0.0).nonzero()[0]
+        if len(walls):
+            entry = walls if names is None else names[walls]
+            where, copies = self._given_back(entry - all_entries, table[walls], count)
+            np.add.at(table, where if names is None else np.searchsorted(names, where), copies)
+        if names is None:
+            table[: self.states * count] = table[count - 1 :: count] = 0.0
+        else:
+            table[(names < self.states * count) | (names % count == count - 1)] = 0.0
+        where = (table[:cells] > 0.0).nonzero()[0]
+        copies, where = table[where], where if names is None else names[where]
+        place = where // count
+        return place, where - place * count, copies
+
+    def _given_back(self, where: Ints, copies: Floats, count: int) -> tuple[Ints, Floats]:
+        """Let boundaries give loads back; book them, and return where they come."""
+        number = where % count
+        goes_on = number < count - 1
+        if self.accumulate:  # what one agent hands to one boundary in one state is judged as a sum
+            small = goes_on & ~(copies > self.threshold)
+            self.dropped += float(copies[small].sum())
+            goes_on &= ~small
+        where, copies = where[goes_on], copies[goes_on]
+        load = self.values.take(number[goes_on]) * copies
+        self.given_back.append((self.generation, self._wall(where // count), load))
+        self.returned += float(load.sum())
+        return self._back(where, count), copies
+
+    def _back(self, where: Ints, count: int) -> Ints:
+        """Return where loads go that have come to boundaries."""
+        place = where // count
+        return self.home[self._wall(place)] * count + where - place * count
+
+    def _wall(self, place: Ints) -> Ints:
+        """Return the numbers of places of boundaries, which count from 0 up, wall after wall."""
+        wall = place // self.states
+        return place - (2 * wall + 1) * self.states
+
+    def _wake(self, cell: Ints, place: Ints) -> None:
+        """Wake agents in cells, in which loads wait at `place`; they look round."""
+        self.spawn_step[cell] = self.generation + 1
+        self.awake += len(cell)
+        for at, arm in self.woken:
+            if self.accumulate:  # loads that met may have ended
+                alive = np.zeros(len(self.key) * self.states, dtype=np.bool_)
+                alive[place] = True
+                at, arm = at[alive[at]], arm[alive[at]]
+            np.bitwise_or.at(self.woken_by, at // self.states, arm)
+        if (self.over[cell] == 0).any():
+            self._look_round(self.lattice.cells(self.key[cell]))
+
+    # What is where.
+
+    def _look_round(self, cells: Ints) -> None:
+        """See the blocks that cells and their neighbours are in, and number their cells."""
+        lattice, edge, before = self.lattice, self.edge, len(self.key)
+        near = cells[:, None] + lattice.steps[lattice.form(cells)]
+        near = np.concatenate([cells, near.reshape(-1, lattice.dimension)])
+        corner = lattice.key((near + 1) // edge * edge - 1)  # from -1 on: the rim is seen, too
+        blocks = np.setdiff1d(corner, self.blocks)
+        self.blocks = np.append(self.blocks, blocks)
+        for part in _slices(len(blocks), len(self.block)):
+            seen = lattice.cells(blocks[part])[:, None] + self.block
+            self._number(seen[(seen <= lattice.shape).all(axis=2)])
+        order = np.argsort(self.seen_key)
+        self.seen_key, self.seen = self.seen_key[order], self.seen[order]
+        changed = (self.over == 0).any(axis=1)
+        changed[0], changed[before:] = False, True
+        cell = changed.nonzero()[0]
+        for part in _slices(len(cell)):
+            self._see_over(cell[part])
+
+    def _number(self, cells: Ints) -> None:
+        """See cells, and number those of the body; all sleep."""
+        lattice, kinds, key = self.lattice, self.scene.kinds(cells), self.lattice.key(cells)
+        body = (kinds >= 0).nonzero()[0]
+        number = len(self.key) + np.arange(len(body))
+        form, material, seen = lattice.form(cells[body]), kinds[body], kinds
+        column = (material * lattice.forms + form) * self.states
+        seen[body] = number
+        self.seen_key, self.seen = np.append(self.seen_key, key), np.append(self.seen, seen)
+        self.key = np.append(self.key, key[body])
+        self.material, self.form = np.append(self.material, material), np.append(self.form, form)
+        self.shift = np.append(self.shift, column - number * self.states)
+        self.spawn_step, self.woken_by, self.over, self.books = (
+            _longer(table, len(body))
+            for table in (self.spawn_step, self.woken_by, self.over, self.books)
+        )
+
+    def _see_over(self, cell: Ints) -> None:
+        """Look up what lies over arms of cells, as far as it is seen."""
+        row, arm = (self.over[cell] == 0).nonzero()
+        cell = cell[row]
+        over = self.find(self._beside(cell, arm)) * self.states
+        wall = (over < 0).nonzero()[0]
+        at, over_arm = cell[wall], arm[wall]
+        kind = over[wall] // self.states
+        turned = self.transfer.turned[kind, over_arm] + at[:, None] * self.states
+        over[wall] = -(len(self.home) + self.states * np.arange(1, 1 + len(wall)))
+        self.home = np.append(self.home, turned)
+        self.wall = np.append(self.wall, [at, over_arm], axis=1)
+        self.over[cell, arm] = over
+
+    def _beside(self, cell: Ints, arm: Ints) -> Ints:
+        """Return the keys of what lies over arms of cells."""
+        return self.key[cell] + self.lattice.key_steps[self.form[cell], arm]
 
     def find(self, key: Ints) -> Ints:
-        """Return the agents of cells, -1 where there is none."""
-        place = _places(self.sorted_key, key)
-        return np.append(self.sorted_agent, -1)[place]
-
-    def _over(self, agent: Ints, arm: Ints) -> Ints:
-        """Return the cells over arms of agents."""
-        return self.key[agent] + self.lattice.key_steps[self.form[agent] % self.lattice.forms, arm]
+        """Return the numbers of cells, kinds below 0 of what is none, and 0 of what is not seen."""
+        place = np.minimum(np.searchsorted(self.seen_key, key), len(self.seen_key) - 1)
+        return np.where(self.seen_key[place] == key, self.seen[place], 0)
 
     # What has happened.
 
+    def _agents(self) -> Ints:
+        """Return the cells of agents, in the order in which they woke."""
+        cell = (self.spawn_step > 0).nonzero()[0]
+        return cell[np.lexsort((self.key[cell], self.spawn_step[cell]))]
+
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
-        transfer, material = self.transfer, self.material
-        kept = transfer.kept(material, self.taken_by)
+        transfer, cell = self.transfer, self._agents()
+        material, books = self.material[cell], self.books[cell]
+        kept = transfer.kept(material, books[:, : self.states])
         modulus = np.array([each.youngs_modulus for each in transfer.materials])[material]
         widening = np.array([shares.widening for shares in transfer.shares])[material]
         shortened = kept / (transfer.cross_section * modulus[:, None])
         return Totals(
-            cells=self.lattice.cells(self.key),
+            cells=self.lattice.cells(self.key[cell]),
             material=material,
             kept=kept,
             shortened=shortened,
             widened=shortened * widening[:, None],
-            passed=self.passed_by,
-            dropped=self.dropped_by,
+            passed=books[:, self.states : -1],
+            dropped=books[:, -1],
         )
 
     def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far; its ledger tells how it ended."""
-        d, taken = self.directions, self.taken_by.sum(axis=1)
-        pulled = self.taken_by[:, d:] if self.states > d else np.zeros_like(self.taken_by)
-        back = TakenRows.joined(self.given_back)
+        d, agent = self.directions, self._agents()
+        by_state = self.books[agent, : self.states]
+        taken = by_state.sum(axis=1)
+        pulled = by_state[:, d:] if self.states > d else np.zeros_like(by_state)
+        back = self._returned()
         key, first, number = np.unique(back.key, return_index=True, return_inverse=True)
         arrived = np.zeros((len(key), d))
         np.add.at(arrived, (number, back.state % d), back.load)
         step = back.generation[first] + 1  # a load handed over in g is taken again in g + 1
         by_step = np.lexsort((key, step))
         cells = self.lattice.cells(key[by_step])
+        form = self.material[agent] * self.lattice.forms + self.form[agent]
         ledger = Ledger(
             applied=self.applied,
             taken=float(taken.sum()),
-            kept=float((self.transfer.own[self.material] * taken).sum()),
-            emitted=float((self.transfer.emitted[self.form] * self.taken_by).sum()),
+            kept=float((self.transfer.own[self.material[agent]] * taken).sum()),
+            emitted=float((self.transfer.emitted[form] * by_state).sum()),
             passed=self.passed,
             returned=self.returned,
-            dropped=self.dropped,
+            dropped=self.dropped + float(self.books[:, -1].sum()),
             pending=self.pending,
         )
         return Stage(
@@ -376,63 +407,73 @@ class ArrayEngine:
             factor=factor,
             outcome=outcome(ledger),
             generations=self.generation,
-            spawn_step=self.spawn_step,
-            woken_by=self.woken_by,
-            taken=self.taken_by[:, :d] + pulled,
+            spawn_step=self.spawn_step[agent],
+            woken_by=self.woken_by[agent],
+            taken=by_state[:, :d] + pulled,
             pulled=pulled,
             boundary_cells=cells,
             boundary_kind=self.scene.kinds(cells),
             boundary_spawn_step=step[by_step],
             returned=arrived[by_step].sum(axis=1),
             arrived=arrived[by_step],
-            history=self._history(),
+            history=self._history(agent),
             ledger=ledger,
         )
 
-    def _history(self) -> TakenHistory:
-        slot = np.concatenate([np.empty(0, dtype=np.int32), *(slot for slot, _ in self.record)])
-        load = np.concatenate([np.empty(0), *(load for _, load in self.record)])
-        count = [len(load) for _, load in self.record]
-        generation = np.repeat(np.arange(1, len(count) + 1), count)
-        agent, state = np.divmod(slot.astype(np.int64), self.states)
-        pull, direction = np.divmod(state, self.directions)
-        return TakenHistory(generation, agent, direction, load, pull > 0)
+    def _returned(self) -> TakenRows:
+        """Return what boundaries gave back, by their cells and the states in which it came."""
+        none = np.empty(0, dtype=np.int64)
+        given = [(0, none, np.empty(0)), *self.given_back]
+        generation = np.repeat([row[0] for row in given], [len(row[1]) for row in given])
+        wall, state = np.divmod(np.concatenate([row[1] for row in given]), self.states)
+        load = np.concatenate([row[2] for row in given])
+        return TakenRows(generation, self._beside(*self.wall[:, wall]), state, load)
+
+    def _history(self, agents: Ints) -> TakenHistory:
+        """Return what was taken, by generation, then by place in the body and state."""
+        row = np.empty_like(self.key)
+        row[agents] = np.arange(len(agents))
+        start = 0, self.waiting.place[:0], self.books[:0, 0]
+        when, places, loads = zip(start, *self.record, strict=True)
+        generation = np.repeat(when, list(map(len, places)))
+        place, load = np.concatenate(places).astype(np.int32), np.concatenate(loads)
+        if (self.key[1:] < self.key[:-1]).any():  # not all cells were seen at once
+            rank = np.empty_like(self.key)
+            rank[np.argsort(self.key)] = np.arange(len(rank))
+            acted = generation * len(rank) + rank[place // self.states]
+            order = np.argsort(acted, kind="stable")
+            generation, place, load = generation[order], place[order], load[order]
+        state = place % self.states
+        agent, direction = row[place // self.states], state % self.directions
+        pull = state >= self.directions
+        return TakenHistory(generation, agent, direction.astype(np.int64), load, pull)
 
 
-def _numbered(code: Ints, most: int) -> tuple[Ints, Ints]:
-    """Return the numbers that occur, all below `most`, and of which each is."""
-    if most > 4 * len(code) + 10_000:
-        return np.unique(code, return_inverse=True)
-    occurs = np.zeros(most, dtype=np.bool_)
-    occurs[code] = True
-    return np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[code]
+def _parts(first: Ints, rows: int) -> Iterator[Ints]:
+    """Yield where the rows of agents begin, and at last where they end, so many rows at once."""
+    starts = np.append(first, rows)
+    if rows <= ROWS_AT_ONCE:
+        yield starts
+        return
+    cuts = np.searchsorted(starts, np.arange(0, rows, ROWS_AT_ONCE))
+    for begin, end in pairwise((*cuts.tolist(), len(first))):
+        if begin < end:
+            yield starts[begin : end + 1]
 
 
-def _sorted(code: Ints) -> tuple[Ints, Ints]:
-    """Return in which order codes rise, equal ones as they stand, and the codes in that order.
-
-    Sorting numbers is several times faster than sorting their places, so each takes its place
-    along in its lowest bits where there is room.
-    """
-    bits = len(code).bit_length()
-    if not len(code) or int(code.max()) >> (62 - bits):
-        order = np.argsort(code, kind="stable")
-        return order, code[order]
-    packed = (code << bits) | np.arange(len(code))
-    packed.sort(kind="stable")  # they come in long rising runs, which only this kind sees
-    return packed & ((1 << bits) - 1), packed >> bits
+def _slices(count: int, each: int = 1) -> Iterator[slice]:
+    """Yield slices of so many rows, of which `each` belong together."""
+    most = max(1, ROWS_AT_ONCE // each)
+    return (slice(first, first + most) for first in range(0, count, most))
 
 
-def _places(rising: Ints, number: Ints) -> Ints:
-    """Return where numbers are among rising ones, -1 where they are not."""
-    if not len(rising):
-        return np.full(number.shape, -1)
-    place = np.minimum(np.searchsorted(rising, number), len(rising) - 1)
-    return np.where(rising[place] == number, place, -1)
+def _longer(table: Any, rows: int) -> Any:
+    """Return a table with so many more rows of zeros."""
+    return np.concatenate([table, np.zeros((rows, *table.shape[1:]), dtype=table.dtype)])
 
 
-def _firsts(rising: Ints | NDArray[np.int32]) -> Ints:
+def _firsts(rising: Ints) -> Ints:
     """Return where each new number begins."""
     begins = np.ones(len(rising), dtype=np.bool_)
     np.not_equal(rising[1:], rising[:-1], out=begins[1:])
-    return np.flatnonzero(begins)
+    return begins.nonzero()[0]

@@ -208,7 +208,7 @@ class LoadModel(SteppedModel):
         `progress`: show a progress line; None: on a terminal, when the run takes over two seconds.
         """
         with progress_line(progress) as report:
-            return step_to_end(self, until, self.result, lambda: report(self.course.progress()))
+            return step_to_end(self, until, self.result, lambda: report(self.course.progress))
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
@@ -351,6 +351,8 @@ def keywords_into(
     is; with `own_rule` another rule stands in for the scene's.
     """
     parameters = declared(classes, Parameter)
+    if not (parameters or given):
+        return scene, {}
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
     for name in parameters.keys() & (rule | own):

@@ -14,7 +14,7 @@ from kaju.model.stepper import Stepper
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify, not_known
 from .stage import Ledger, Stage
-from .transfer import Transfer, states_of
+from .transfer import Transfer
 from .transfer_result import TransferResult
 
 MOST_GROWTH = 1e12
@@ -73,8 +73,7 @@ class LoadTransfer(Stepper[TransferResult]):
         self.stage, self._over = stage, False
         live_on = stage > 1 and self.scene.loading == "continue"
         self._generations_before = self.engine.generation if live_on else 0
-        states = states_of(self.scene, stage, self.transfer.rule.sense)
-        self.engine.start(*states, live_on=live_on)
+        self.engine.start(*self.transfer.loads(stage), live_on=live_on)
 
     def advance(self) -> None:
         """Let one generation of loads be taken."""

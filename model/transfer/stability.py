@@ -23,7 +23,7 @@ from kaju.arrays import Floats, first_largest
 from kaju.model.scene import Scene
 
 from .array_engine import ArrayEngine
-from .transfer import Transfer, split_force, states_of
+from .transfer import Transfer, split_force
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -98,7 +98,7 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
     known = upper - lower <= 1e-6 * upper
     radius = 0.5 * (lower + upper) if known else None
     largest_share = float(transfer.tables.share.max(initial=0.0))
-    applied = split_force(scene.lattice, scene.applied().force)[2]
+    applied = split_force(scene.lattice, transfer.applied(scene.stages).force)[2]
     if transfer.rule.accumulate:
         generations = _generations(float(applied.sum()), upper, transfer.rule.threshold)
     else:
@@ -133,10 +133,10 @@ def _tried(scene: Scene, transfer: Transfer) -> tuple[int | None, bool]:
     engine, rows, last = ArrayEngine(transfer), 0, 0
     for stage in range(1, scene.stages + 1):
         live_on = stage > 1 and scene.loading == "continue"
-        engine.start(*states_of(scene, stage, transfer.rule.sense), live_on=live_on)
+        engine.start(*transfer.loads(stage), live_on=live_on)
         begun = engine.generation
         while engine.pending != 0.0:
-            rows += len(engine.waiting.agent)
+            rows += len(engine.waiting.place)
             grown = not engine.pending <= GROWN * engine.applied
             if grown or rows > MOST_ROWS or engine.generation - begun >= MOST_TRIED:
                 return None, grown

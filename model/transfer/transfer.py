@@ -63,6 +63,7 @@ class Transfer:
         self.shares: tuple[Shares, ...] = tuple(map(self._shares_of, self.materials))
         self.cross_section = self.lattice.cell_volume(scene.thickness) / self.lattice.cell_size
         self._opposite: list[int] = self.lattice.opposite.tolist()
+        self._applied: dict[int, AppliedLoads] = {}
 
     def _shares_of(self, material: Material) -> Shares:
         """Ask the rule for the shares of a material."""
@@ -75,6 +76,12 @@ class Transfer:
         if problem:
             raise ParameterError(f"rule: {material.name!r} {problem}")
         return shares
+
+    def applied(self, stage: int) -> AppliedLoads:
+        """Return the scene's forces at a stage, which many parts ask for, and which take long."""
+        if stage not in self._applied:
+            self._applied[stage] = self.scene.applied(stage)
+        return self._applied[stage]
 
     @property
     def states(self) -> int:
@@ -152,6 +159,20 @@ class Transfer:
         along = pushes[:, lattice.axes] + pushes[:, lattice.opposite[lattice.axes]]
         return along * self.own[material, None]
 
+    def loads(self, stage: int) -> tuple[Cells, Ints, Floats]:
+        """Return the loads applied at a stage: cells, states and magnitudes (N).
+
+        Where agents live on from stage to stage they are what comes on top of the stage before.
+        """
+        scene, applied = self.scene, self.applied(stage)
+        if stage > 1 and scene.loading == "continue":
+            applied = replace(applied, force=applied.force - self.applied(stage - 1).force)
+        row, direction, magnitude = split_force(scene.lattice, applied.force)
+        state = direction
+        if self.rule.sense:
+            state = direction + scene.lattice.directions * pulls(scene, applied, row, direction)
+        return applied.cells[row], state, magnitude
+
 
 def _check_rule(rule: ShareRule) -> None:
     for name in ("shares", "threshold", "accumulate", "sense"):
@@ -172,21 +193,6 @@ def check_shares(shares: Shares, sense: bool) -> str:
         if not (isinstance(share, Real) and isfinite(share) and float(share) >= least):
             return f"has the share {name!r} = {share!r}, which must be a number from 0 upwards"
     return ""
-
-
-def states_of(scene: Scene, stage: int, sense: bool) -> tuple[Cells, Ints, Floats]:
-    """Return the loads applied at a stage: cells, states and magnitudes (N).
-
-    Where agents live on from stage to stage they are what comes on top of the stage before.
-    """
-    applied = scene.applied(stage)
-    if stage > 1 and scene.loading == "continue":
-        applied = replace(applied, force=applied.force - scene.applied(stage - 1).force)
-    row, direction, magnitude = split_force(scene.lattice, applied.force)
-    state = direction
-    if sense:
-        state = direction + scene.lattice.directions * pulls(scene, applied, row, direction)
-    return applied.cells[row], state, magnitude
 
 
 def pulls(scene: Scene, applied: AppliedLoads, row: Ints, direction: Ints) -> Flags:

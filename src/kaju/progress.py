@@ -13,15 +13,19 @@ _one_of_many = ContextVar("_one_of_many", default=False)
 
 
 @contextmanager
-def progress_line(shown: bool | None = None) -> Iterator[Callable[[str], None]]:
-    """Yield what shows a line on the terminal after two seconds; None: only if it is a terminal."""
+def progress_line(shown: bool | None = None) -> Iterator[Callable[[str | Callable[[], str]], None]]:
+    """Yield what shows a line, or what returns one, on the terminal after two seconds.
+
+    None: only if it is a terminal.
+    """
     began = monotonic()
     status = None
 
-    def report(text: str) -> None:
+    def report(line: str | Callable[[], str]) -> None:
         nonlocal status
         if not visible or monotonic() - began < _PATIENCE:
             return
+        text = line() if callable(line) else line
         if status is None:
             from rich.console import Console
 

@@ -95,12 +95,13 @@ def test_a_wrong_engine_is_refused():
 
 @pytest.mark.parametrize("accumulate", [False, True])
 @pytest.mark.parametrize("lattice", ["square", "hexagon", Triangles])
-def test_the_compiled_loop_for_many_loads_gives_the_same(monkeypatch, accumulate, lattice):
+def test_many_loads_in_parts_and_sparse_tables_give_the_same(monkeypatch, accumulate, lattice):
     rule = {"threshold": 1e-3, "accumulate": accumulate, "alpha": [0.5, 0.4, 0.1], "sense": True}
     sides = {"bottom": "rigid", "left": "roller"}
     scene = plate([8, 6], [3, 5], [0.3, -2.0], lattice=lattice, sides=sides, rule=rule)
     few = LoadModel(scene, engine="arrays").run().last
-    monkeypatch.setattr(array_engine, "MANY_ROWS", 0)
+    for name, value in {"ROWS_AT_ONCE": 5, "MOST_EMPTY": -1e9, "LOOKED_AT_ONCE": 4}.items():
+        monkeypatch.setattr(array_engine, name, value)
     many = LoadModel(scene, engine="arrays").run().last
     assert_same_stage(few, many)
     assert many.ledger.imbalance < 1e-12

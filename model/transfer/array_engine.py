@@ -33,7 +33,7 @@ MOST_EMPTY = 256
 """Loads are added up in a table, unless it had so many times more entries than there are rows."""
 
 
-class Waiting(NamedTuple):
+class Waits(NamedTuple):
     """Loads that wait, ordered by place and magnitude; equal ones are one row."""
 
     place: Ints  # number of the cell times the number of states, plus the state
@@ -97,7 +97,7 @@ class ArrayEngine:
         self._look_round(cells)
         place = self.find(self.lattice.key(cells)) * self.states + state
         self.woken: list[tuple[Ints, Ints]] = []
-        self.waiting = Waiting(place, number, copies)
+        self.waiting = Waits(place, number, copies)
         self._arrive([(place * (len(self.values) + 1) + number, copies)])
 
     def _clear(self) -> None:
@@ -121,7 +121,7 @@ class ArrayEngine:
         ] = []  # generation, place, load taken
         none = none[:0]
         self.given_back: list[tuple[int, Ints, Floats]] = []  # generation, place of `home`, load
-        self.waiting = Waiting(none, none, np.empty(0))
+        self.waiting = Waits(none, none, np.empty(0))
 
     # One generation: begin, agents act, end.
 
@@ -165,7 +165,7 @@ class ArrayEngine:
         entry = entry + (self.next_state * (len(self.values) + 1))[:, None]
         return Sent(entry.reshape(-1, entry.shape[2]), books.reshape(-1, books.shape[2]))
 
-    def _passed_on(self, rows: Waiting, values: Floats, sent: Sent) -> Iterator[tuple[Ints, Floats]]:
+    def _passed_on(self, rows: Waits, values: Floats, sent: Sent) -> Iterator[tuple[Ints, Floats]]:
         """Book what is done with loads; yield where their shares come, and how many copies."""
         self.woken, count = [], len(self.values) + 1
         cells = rows.place // self.states
@@ -218,7 +218,7 @@ class ArrayEngine:
         elif 8 * len(self.values) > len(place):  # some may not occur
             used = np.bincount(number, minlength=len(self.values)) > 0
             self.values, number = self.values[used], (np.cumsum(used) - 1)[number]
-        self.waiting = Waiting(place, number, copies)
+        self.waiting = Waits(place, number, copies)
         self.pending = float(self.values.take(number) @ copies)
         cell = place // self.states
         new = cell[self.spawn_step.take(cell) == 0]

@@ -661,8 +661,8 @@ class ElasticResult(BodyResult):
             if not self.goal and self.spawned:
                 bound = finite(self.error_bound)
                 figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
-            figures["goal_error"] = finite(self.goal_error)
         if self.goals:
+            figures["goal_error"] = finite(self.goal_error)
             figures["goals"] = [goal.figures() for goal in self.goals]
         figures |= self.found.history()
         return figures | {

@@ -63,11 +63,12 @@ class Fit:
     @property
     def trade_off(self) -> str:
         """What has become worse, and what better for it; empty if nothing has become worse."""
+        told = {name: [f"{m:.3g}" for m in both] for name, both in self.misfits.items()}
         better, worse = (
             ", ".join(
-                f"{name} ({before:.3g} to {after:.3g})"
+                f"{name} ({' to '.join(told[name])})"
                 for name, (before, after) in self.misfits.items()
-                if (after > before if up else after < before)
+                if len({*told[name]}) == 2 and (after > before) == up
             )
             for up in (False, True)
         )

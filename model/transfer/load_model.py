@@ -362,8 +362,9 @@ def keywords_into(
         )
     for name in given.keys() - parameters.keys() - rule:
         known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
+        meant = "threshold" if name in ("gamma", "γ") else name
         raise ParameterError(
-            f"{name}: {model.__name__} has no such argument{suggestion(name, known)}; there is "
+            f"{name}: {model.__name__} has no such argument{suggestion(meant, known)}; there is "
             f"{', '.join(known)}"
         )
     values = {

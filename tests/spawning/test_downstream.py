@@ -58,7 +58,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     code, out, _ = kaju("solve", PLATE, "--out", "agents", *spawning_words)
     assert code == 0
     summary = json.loads(Path("agents/summary.json").read_text())
-    assert (summary["method"], summary["tolerance"]) == ("agents of two minds", 0.1)
+    assert (summary["method"], summary["tolerance"]) == ("agents with two opinions", 0.1)
     assert summary["error_bound"] <= 0.1
     names = {path.name for path in Path("agents").iterdir()}
     assert {"result.npz", "agents.png", "von_mises.png", "deformed.png"} <= names

@@ -180,3 +180,8 @@ def test_random_shares_come_from_the_seed():
     first = model.run().last.taken
     model.reset()
     np.testing.assert_array_equal(model.run().last.taken, first)
+
+
+def test_gamma_is_told_by_its_name():
+    with pytest.raises(ParameterError, match=r"gamma: .* 'threshold'"):
+        LoadModel(plate([4, 4], [2, 3]), gamma=0.1)

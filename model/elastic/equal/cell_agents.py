@@ -35,7 +35,8 @@ class CellAgents:
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
     no_bound: ClassVar[str] = (
-        "errors of equal cells are estimated; a tolerance lets agents of two minds prove theirs"
+        "errors of equal cells are estimated; with a tolerance agents have two opinions, which "
+        "prove theirs"
     )
     goals: ClassVar[tuple[()]] = ()
     generations: ClassVar[tuple[()]] = ()

@@ -23,7 +23,7 @@ from kaju.model.elastic.pair.history import Generation, GrownAgents, trees_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions, first, following
 
-METHOD = "agents of two minds"
+METHOD = "agents with two opinions"
 
 
 @dataclass(eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -15,20 +15,12 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import AppliedLoads, Scene, cell_types
 
 from . import style
-from .section import Section
+from .section import Arrows, Section
 from .style import BODY, BODY_HATCHES, FORCE, INK, LINE
 from .units import counted, quantity
 
 SIDE_BY_SIDE = 5
 """A load along a side, or a weight, becomes at most so many arrows beside each other."""
-
-
-class Arrows(NamedTuple):
-    """Where forces start (`pulls`) or end (m), and how large they are (N), shape (n, dimension)."""
-
-    place: Floats
-    force: Floats
-    pulls: np.ndarray
 
 
 def force_arrows(
@@ -111,14 +103,19 @@ def draw_forces(
     ax: Axes, section: Section, stage: int | None = None, share: float = 1.0
 ) -> list[str]:
     """Draw the applied forces of a section, shortened to a share; return notes on their sum."""
-    applied = section.scene.applied(stage)
-    rows = np.flatnonzero(section.holds(applied.cells))
-    arrows = force_arrows(section.scene, applied, rows)
+    if section.curves is None:
+        applied = section.scene.applied(stage)
+        rows = np.flatnonzero(section.holds(applied.cells))
+        arrows, notes = force_arrows(section.scene, applied, rows), applied_text(applied)
+    else:
+        arrows = section.curves.arrows
+        total = float(np.linalg.norm(arrows.force, axis=1).sum())
+        notes = [f"applied: {quantity(total, 'N')}"]
     force, place = section.in_plane(arrows.force), section.in_plane(arrows.place)
     size = np.linalg.norm(force, axis=1)
     seen = size > 1e-9 * size.max(initial=0.0)
     if not (share and seen.any()):
-        return applied_text(applied)
+        return notes
     force, place, size, pulls = force[seen], place[seen], size[seen], arrows.pulls[seen]
     span = section.span
     along = (share * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
@@ -126,7 +123,7 @@ def draw_forces(
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)
     outlines = style.arrow_polygons(head - along, head, width)
     style.add_polygons(ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=8)
-    return applied_text(applied)
+    return notes
 
 
 SUPPORTS = {

@@ -104,7 +104,7 @@ def moving_cells(result: BodyResult, section: Section, moved_at: MovedAt | None 
         places = section.in_body(points)
         body = grid.kinds(grid.lattice.locate(places)) >= 0
         moved = np.zeros_like(places)
-        moved[body] = (moved_at or result.displacement_at)(places[body])
+        moved[body] = (moved_at or result.displacement_near)(places[body])
         return moved
 
     joined = join(rest, section.tile_size)
@@ -121,7 +121,7 @@ def moving_agents(result: ElasticResult, layer: Section, value: Floats) -> Movin
     own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
     corners = squares.corners[own].reshape(-1, 2)
     first, number = same_points(corners, float(result.size.min()))
-    at_corners = result.displacement_at(layer.in_body(corners[first]))
+    at_corners = result.displacement_near(layer.in_body(corners[first]))
     moved[own] = layer.in_plane(at_corners)[number].reshape(-1, 4, 2)
     return Moving(squares.corners, moved, size, squares.size, squares.value)
 
@@ -185,6 +185,8 @@ def draw_deformed(
         antialiaseds=large,
         zorder=3,
     )
+    if section.curves is not None:
+        section.curves.clip(drawn, factor * share)
     if most > 0.0:
         colour_bar(picture.ax, drawn, *label, extend)
     return picture, f"deformation shown {times(factor)}"

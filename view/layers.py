@@ -12,10 +12,11 @@ from matplotlib.collections import PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Tiles
 
-from .section import Cut, Section, axis_across, layer_at, named_cut, section_of
+from .section import Arrows, Cut, Section, TrueLines, axis_across, layer_at, named_cut, section_of
 from .style import add_polygons
 
 if TYPE_CHECKING:
@@ -50,7 +51,17 @@ def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -
         within = {"xyz"[axis]: place}
     crop = small.hidden if crop is None else crop
     section = section_of(scene, cells, within, crop, caveats=result.caveats_in_brief)
-    return replace(section, place=place, tiled=False)
+    return replace(section, place=place, tiled=False, curves=_curves_of(result))
+
+
+def _curves_of(result: ElasticResult) -> TrueLines | None:
+    """Return the true outlines of a plane body, if it has any."""
+    if not isinstance(result.found, CutAgents):
+        return None
+    found, joints = result.found, np.empty((0, 2, 2))
+    if len(result.scene.cell_materials) > 1:
+        joints = found.ground.edge * np.concatenate(found.pair.along)
+    return TrueLines(found.rings(), joints, Arrows(*found.arrows()))
 
 
 class Small(NamedTuple):
@@ -133,4 +144,7 @@ def draw_squares(
     """Draw agents in the colours of their values, with outlines where these can be seen."""
     large = drawn.size > layer.span / OUTLINED
     look |= {"edgecolors": "#7d7d7d", "linewidths": np.where(large, 0.3, 0.0), "zorder": 2}
-    return add_polygons(ax, drawn.corners, name, array=drawn.value, antialiaseds=large, **look)
+    shown = add_polygons(ax, drawn.corners, name, array=drawn.value, antialiaseds=large, **look)
+    if layer.curves is not None:
+        layer.curves.clip(shown)
+    return shown

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult, Curves, solved_scene
 from kaju.model.scene import Scene
@@ -24,6 +25,7 @@ from .body_plots import force_arrows
 from .charts import fracture_curves, growth_curves, network_curves
 from .deformed import Joined, join, stress_text
 from .fracture_plots import bearing
+from .outlines import along_outlines, curves_of
 from .quadtree import errors_of
 from .units import quantity
 
@@ -159,7 +161,7 @@ def loaded(result: ElasticResult) -> Motion:
     places = result.lower[:, None] + result.size[:, None, None] * corner_order(d)
     body = join(places, np.full(d, result.size.min()))
     values = {"von_mises": ("Pa", result.von_mises), "level": ("", result.level.astype(np.float64))}
-    moved = body.moved(result.displacement_at)
+    moved = body.moved(result.displacement_near)
     return Motion(
         points=body.points,
         parts=body.parts,
@@ -167,7 +169,7 @@ def loaded(result: ElasticResult) -> Motion:
         along="share",
         values={name: (unit, np.stack([0.0 * of, of])) for name, (unit, of) in values.items()},
         moved=np.stack([0.0 * moved, moved]),
-        forces=applied(solved_scene(result)),
+        forces=loads_of(result),
         outcome=stress_text(result),
     )
 
@@ -290,7 +292,7 @@ def spawned(result: ElasticResult) -> Motion:
     agents = {"agents": np.array([float(g.agents) for g in result.generations])}
     errors = {"error": 100.0 * np.array(errors_of(result))}
     retired = rows["retired_step"].astype(np.int64)
-    return Motion(
+    shown = Motion(
         **_apart(family.lower[:, None] + family.size[:, None, None] * corner_order(dimension)),
         at=np.arange(float(count)),
         along="generation",
@@ -303,9 +305,33 @@ def spawned(result: ElasticResult) -> Motion:
             Curves("Error", *over, errors, "%", logarithmic=True),
             Curves("Strain energy", *over, _energies(result), "J"),
         ],
-        forces=applied(result.scene),
+        forces=loads_of(result),
         outcome="; ".join([_error_of(result), stress_text(result)]),
     )
+    return _within_outlines(result, shown)
+
+
+def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
+    """Return agents as their body's true outlines cut them, if it has any."""
+    if not isinstance(result.found, CutAgents) or shown.moved is None:
+        return shown
+    places, moved, regions = curves_of(result, result.found)
+    still = np.zeros((len(shown.moved) - 1, *moved.shape))
+    return replace(
+        shown,
+        points=np.concatenate([shown.points, places]),
+        moved=np.concatenate([shown.moved, np.concatenate([still, moved[None]])], axis=1),
+        curves=[*shown.curves, *along_outlines(result, result.found)],
+        outlines=regions,
+    )
+
+
+def loads_of(result: ElasticResult) -> Forces:
+    """Return the places and forces of what acts on an elastic body, as few arrows."""
+    if not isinstance(result.found, CutAgents):
+        return applied(solved_scene(result))
+    place, force, _ = result.found.arrows()
+    return list(zip(place.tolist(), force.tolist(), strict=True))
 
 
 def _energies(result: ElasticResult) -> dict[str, Floats]:

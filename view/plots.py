@@ -19,6 +19,7 @@ from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
 from .body_plots import BodyPicture
+from .layers import layer_of
 from .picture_files import save
 from .section import Cut, section_of
 from .space import plot_body_in_space
@@ -41,6 +42,9 @@ def plot_scene(
 @wraps(plot_scene)
 def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     """Draw what was asked; within true outlines in space the cells that count."""
+    if result.scene.outlined and result.scene.lattice.dimension == 2:
+        picture = BodyPicture(layer_of(result, crop=False), ax)
+        return picture.finish("The scene", picture.notes)
     return plot_scene(solved_scene(result), ax, **options)
 
 

@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
@@ -43,6 +45,29 @@ def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDA
     return places[starts], values
 
 
+class Arrows(NamedTuple):
+    """Where forces start (`pulls`) or end (m), and how large they are (N), shape (n, dimension)."""
+
+    place: Floats
+    force: Floats
+    pulls: NDArray[Any]
+
+
+class TrueLines(NamedTuple):
+    """What pictures show of a body within true outlines."""
+
+    rings: list[tuple[Floats, Floats]]
+    """Closed lines (m) that hold it on their left, and how they move (m)."""
+    joints: Floats  # lines (m) along which materials meet, shape (n, 2, 2)
+    arrows: Arrows
+
+    def clip(self, drawn: PolyCollection, factor: float = 0.0) -> None:
+        """Show of what is drawn what lies within the body, moved times a factor."""
+        paths = [Path(ring + factor * moved, closed=True) for ring, moved in self.rings]
+        assert drawn.axes is not None
+        drawn.set_clip_path(Path.make_compound_path(*paths), drawn.axes.transData)
+
+
 @dataclass(frozen=True, eq=False)
 class Section:
     """A rectangle of tiles in a plane of a body."""
@@ -57,6 +82,7 @@ class Section:
     caveats: tuple[str, ...] = ()  # what is approximate of the answer, in a few words each
     place: float = 0.0  # where the cut lies along its axis (m)
     tiled: bool = True  # whether tiles are what is shown, or agents of many sizes
+    curves: TrueLines | None = None
 
     @property
     def outlined(self) -> bool:
@@ -176,6 +202,9 @@ class Section:
 
         A joint lies where two materials meet.
         """
+        if self.curves is not None:
+            ends = [np.stack([ring[:-1], ring[1:]], axis=1) for ring, _ in self.curves.rings]
+            return np.concatenate(ends), self.curves.joints
         tiles, kinds = self.ground
         shape = tiles[-1] - tiles[0] + 1
         raster = np.full(shape + 2, -1000, dtype=np.int64)

@@ -95,8 +95,12 @@ def steps_near(grid: Scene, middle: Floats) -> tuple[Cells, Flags]:
 
 def no_limit(result: ElasticResult, agent: int, *, near_step: bool) -> str:
     """Return why the stress of an agent has no limit under refinement; empty if it has."""
-    if result.scene.outlined:
+    if result.scene.outlined and result.scene.lattice.dimension == 3:
         return "perhaps; corners are not looked at within true outlines"
+    if result.scene.outlined:
+        away = result.sharp_corners - result.lower[agent]
+        near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
+        return "a sharp corner of an outline" if near.any() else ""
     if near_step:
         return "a step of an outline that is not along the axes"
     for corner in corner_ends(result.scene.lattice.dimension):
@@ -109,6 +113,8 @@ def no_limit(result: ElasticResult, agent: int, *, near_step: bool) -> str:
 def caveats_of(result: ElasticResult, stepped: Cells, near: Flags) -> tuple[Caveat, ...]:
     """Return what is approximate beside the error that an answer estimates."""
     found = [*_rough(result), *_loads(result)]
+    if result.scene.outlined and result.scene.lattice.dimension == 2:
+        return (*found, *_at_corners(result.sharp_corners))
     if len(stepped):
         found.append(_steps(result, near))
     return (*found, *_no_limit(result.grid, stepped))
@@ -184,6 +190,10 @@ def _no_limit(grid: Scene, stepped: Cells) -> list[Caveat]:
         inside = lattice.contains(around)
         inside[inside] = np.isin(lattice.key(around[inside]), lattice.key(stepped))
         corners = corners[~inside.reshape(len(corners), -1).any(axis=1)]
+    return _at_corners(corners)
+
+
+def _at_corners(corners: Floats) -> list[Caveat]:
     if not len(corners):
         return []
     places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from kaju.errors import MissingExtraError
 from kaju.model.elastic.equal.staggered import axis_pairs
 from kaju.model.elastic.goals.quantities import AXES
-from kaju.model.results.mesh import corner_order, write_vtk
+from kaju.model.elastic.pair.cut_agents import CutAgents
+from kaju.model.results.mesh import corner_order, write_polygons, write_vtk
 
 if TYPE_CHECKING:
     import xarray
@@ -82,6 +83,8 @@ def dataset(result: ElasticResult, resolution: int | None) -> xarray.Dataset:
 def write_mesh(result: ElasticResult, path: str | Path) -> Path:
     """Write agents as quadrilaterals or hexahedra; see `ElasticResult.to_vtk`."""
     d = result.lower.shape[1]
+    if isinstance(result.found, CutAgents):
+        return _write_pieces(result, result.found, path)
     values = {
         "size": result.size,
         "level": result.level,
@@ -93,3 +96,16 @@ def write_mesh(result: ElasticResult, path: str | Path) -> Path:
     }
     corners = result.lower[:, None] + corner_order(d) * result.size[:, None, None]
     return write_vtk(path, corners, result.size.min(), values, result.displacement_at)
+
+
+def _write_pieces(result: ElasticResult, found: CutAgents, path: str | Path) -> Path:
+    """Write what agents within outlines hold as polygons."""
+    agent, polygons = found.pieces()
+    moved = found.scales.displacement * found.displacement_at(np.concatenate(polygons))
+    values = {
+        "von_mises": result.von_mises[agent],
+        "stress": result.stress[agent].reshape(-1, 4),
+        "material": result.material[agent],
+        "agent": agent,
+    }
+    return write_polygons(path, polygons, 1e-8 * found.scales.length, values, moved)

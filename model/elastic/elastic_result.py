@@ -15,8 +15,10 @@ from kaju.errors import ResultError
 from kaju.model.elastic.bounds_of_cells import bounds_of_cells
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals.quantities import (
+    HOOP,
     Goal,
     Quantity,
+    Stress,
     plain,
     quantities_of,
     told,
@@ -24,6 +26,7 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.octree import BrickAgents
 from kaju.model.results.cuts import Carrying
@@ -33,7 +36,6 @@ from kaju.model.results.result import (
     BodyResult,
     Check,
     Tiles,
-    cells_of_points,
     finite,
 )
 from kaju.model.scene import Scene
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.equal.equal_arrays import EqualArrays
     from kaju.model.elastic.goals.quantities import Place
     from kaju.model.elastic.pair.history import Generation
+    from kaju.model.outline.hoop_stress import HoopStress
 
     from .intensity import Intensity
 
@@ -70,7 +73,7 @@ class ElasticResult(BodyResult):
 
     Attributes
     ----------
-    found : PairAgents, BrickAgents, CellAgents or SolidAgents
+    found : PairAgents, CutAgents, BrickAgents, CellAgents or SolidAgents
         The question, the agents and what they have found, in the solver's units.
     seconds : float
     tolerance : float or None
@@ -92,7 +95,7 @@ class ElasticResult(BodyResult):
     """
 
     kind: ClassVar[str] = "elastic"
-    found: PairAgents | BrickAgents | CellAgents | SolidAgents
+    found: PairAgents | CutAgents | BrickAgents | CellAgents | SolidAgents
     seconds: float
     tolerance: float | None = None
 
@@ -109,7 +112,8 @@ class ElasticResult(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        return ("deformed", *FIELDS, "cuts", "agents", "scene")
+        cuts = () if isinstance(self.found, CutAgents) else ("cuts",)
+        return ("deformed", *FIELDS, *cuts, "agents", "scene")
 
     @property
     def films(self) -> tuple[str, ...]:
@@ -302,7 +306,7 @@ class ElasticResult(BodyResult):
 
     def checks(self) -> list[Check]:
         """Return whether the supports bear the loads, as far as the notes do not say otherwise."""
-        applied = self.grid.applied(self.stage).force
+        applied = self.found.applied(self.stage)
         reactions = self.reactions.values()
         missing = sum(reactions, applied.sum(axis=0))
         forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in reactions)
@@ -499,6 +503,8 @@ class ElasticResult(BodyResult):
         """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
         from .corners import sharp_corners
 
+        if isinstance(self.found, CutAgents):
+            return self.found.ground.without_limit
         return sharp_corners(self.scene)
 
     def intensity(self, at: tuple[float, ...], radius: float | None = None) -> Intensity:
@@ -545,6 +551,82 @@ class ElasticResult(BodyResult):
             )
         return intensity(self, self.error_estimate, at, radius)
 
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""
+        return self.found.holds(points)
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return which of the scene's materials is at points (m), below 0 outside of the body."""
+        return self.found.material_at(points)
+
+    @property
+    def area(self) -> Floats:
+        """What each agent of a plane body (m²) holds, within true outlines at least."""
+        unit = self.grid.lattice.cell_size**2
+        return unit * self.found.area if isinstance(self.found, CutAgents) else self.size**2
+
+    def outline_stress(self, name: str) -> tuple[Floats, Floats]:
+        """Return positions (m) along a named true outline, and the hoop stress (Pa) there.
+
+        Means along each agent of the stress of the displacement, of which nothing is proved.
+        `notes` tell by how much the stress in balance differs. Where two materials meet
+        along the outline the stress is that of the material outside: the one inside has another.
+
+        Raises
+        ------
+        ResultError
+            If no region with a true outline in the plane has that name.
+
+        Examples
+        --------
+        >>> from kaju import Scene, solve
+        >>> hole = {"disk": {"centre": [0.1, 0.1], "radius": 0.031}, "material": "air"}
+        >>> plate = Scene(
+        ...     body={
+        ...         "size": [0.2, 0.2], "cells": [8, 8], "material": "steel", "thickness": 0.01,
+        ...         "regions": [hole | {"outline": "true", "name": "bore"}],
+        ...     },
+        ...     sides={"left": "rigid"},
+        ...     loads=[{"side": "right", "force": [1000.0, 0.0]}],
+        ... )
+        >>> places, stress = solve(plate, tolerance=0.1).outline_stress("bore")
+        >>> places.shape[1], len(places) == len(stress)
+        (2, True)
+        """
+        along = self._outline(name, "outline_stress")
+        return along.place * self._first_edge, self.found.scales.stress * along.moved
+
+    def outline_traction(self, name: str) -> tuple[Floats, Floats]:
+        """Return positions (m) along an outline between two materials, and tractions (Pa) there.
+
+        Those of the stress in balance, from outside on the region: the tension across the
+        outline, and the stress along it, counter-clockwise. Shapes (n, 2). Nothing is proved of
+        them.
+
+        Raises
+        ------
+        ResultError
+            If no region with a true outline has that name, or no two materials meet along it.
+        """
+        along = self._outline(name, "outline_traction")
+        if not along.met.any():
+            raise ResultError(
+                f"outline_traction: along {name!r} no two materials meet; what acts there are loads"
+            )
+        return along.place * self._first_edge, self.found.scales.stress * along.traction
+
+    def _outline(self, name: str, asked: str) -> HoopStress:
+        known = self.found.along if isinstance(self.found, CutAgents) else {}
+        if name not in known:
+            names = ", ".join(known) or "none has a name"
+            raise ResultError(f"{asked}: there is no outline {name!r}; there is {names}")
+        return known[name]
+
+    @property
+    def _first_edge(self) -> float:
+        """Length (m) that is 1 along outlines."""
+        return self.found.scales.length
+
     @property
     def max_displacement(self) -> float:
         """Largest displacement (m): of corners, sides and middles of agents."""
@@ -554,6 +636,12 @@ class ElasticResult(BodyResult):
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         moved = self.found.displacement_at(*self._located(points))
         return self.found.scales.displacement * moved
+
+    def displacement_near(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), beyond a true outline that of what is near."""
+        if isinstance(self.found, CutAgents):
+            return self.found.scales.displacement * self.found.displacement_at(points)
+        return super().displacement_near(points)
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
@@ -569,6 +657,8 @@ class ElasticResult(BodyResult):
         return self._strain_of(self.stress_at(points), self.found.law_at(*self._located(points)))
 
     def _carrying(self, axis: int) -> Carrying:
+        if isinstance(self.found, CutAgents):
+            raise ResultError("cuts: agents that an outline cuts do not lie in layers")
         volume = self.size**self.scene.lattice.dimension
         if self.scene.lattice.dimension == 2:
             volume = volume * self.scene.thickness
@@ -598,7 +688,11 @@ class ElasticResult(BodyResult):
         for goal in self.goals:
             if goal.quantity == asked:
                 return goal.value
-        refuse_singular(self.scene, asked, self.stage, "value_of")
+        if isinstance(asked, Stress) and asked.component == HOOP:
+            stress = self.outline_stress(str(asked.at))[1]
+            return float(stress[np.abs(stress).argmax()])
+        if not self.scene.outlined:
+            refuse_singular(self.scene, asked, self.stage, "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
 
     def cells(self, resolution: int | None = None) -> EqualArrays:
@@ -704,7 +798,7 @@ class ElasticResult(BodyResult):
         return write_mesh(self, path)
 
     def _located(self, points: Floats) -> tuple[Floats, Ints]:
-        return cells_of_points(self.grid, points)
+        return self.found.located(points)
 
     def _strain_of(self, stress: Floats, law: Ints) -> Floats:
         return strain_of(stress / self.found.scales.modulus, self.found.moduli, law)

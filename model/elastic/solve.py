@@ -18,10 +18,12 @@ from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.goals.quantities import AskedFor, Quantity, asked
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
 from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, interrupt_requested
 
@@ -43,15 +45,16 @@ def solve_spawning(
     """
     start = perf_counter()
     tolerance = TOLERANCE if tolerance is None else tolerance
-    goals = asked(goal)
+    goals = peak_asked(scene, goal) if scene.outlined else asked(goal)
     check_numbers(tolerance, resolution, stage)
-    spawner = spawner_of(PosedBody(scene, stage, resolution), tolerance, None, goals)
+    ground = OutlinedBody(scene) if scene.outlined else PosedBody(scene, stage, resolution)
+    spawner = spawner_of(ground, tolerance, None, goals)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
     spawning.notes += [NOTE] if interrupt_requested() else []
     result = answer_of(spawning, tolerance, perf_counter() - start)
-    if spawning.stopped == "agents":
+    if spawning.stopped == "agents" and error_of(spawning) > tolerance:
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an error of "
             f"{error_of(spawning):.2g}, and a tolerance of {tolerance:g} needs more than the "
@@ -64,12 +67,14 @@ def solve_spawning(
 
 
 def spawner_of(
-    ground: PosedBody,
+    ground: PosedBody | OutlinedBody,
     tolerance: float,
     most_agents: int | None,
     goals: tuple[Quantity, ...] = (),
 ) -> BrickLoop | PairLoop:
     """Return the loop that agents spawn in: of two minds in the plane, of bricks in space."""
+    if isinstance(ground, OutlinedBody):
+        return CutLoop(ground, tolerance, most_agents, goals)
     loop = BrickLoop if ground.dimension == 3 else PairLoop
     return loop(ground, tolerance, most_agents, goals)
 
@@ -88,7 +93,8 @@ def missed_note(spawning: BrickAgents | PairAgents, tolerance: float) -> str:
     error, stopped = error_of(spawning), spawning.stopped
     if error <= tolerance or stopped == "agents":
         return ""
-    kind = "a proved" if isinstance(spawning, PairAgents) else "an estimated"
+    proved = not (spawning.no_bound or any(goal.no_bound for goal in spawning.goals))
+    kind = "a proved" if proved else "an estimated"
     above = f"{kind} error of {error:.2g}, above the tolerance of {tolerance:g}"
     if not stopped:
         return f"after {len(spawning.generations)} steps, which leave {above}"
@@ -111,10 +117,10 @@ def most_at(spawning: BrickAgents | PairAgents) -> str:
     """Say where most of the error lies, and why."""
     leaves, ground = spawning.leaves, spawning.ground
     agent, scene = first_largest(spawning.generations[-1].gap), spawning.ground.scene
-    metre = scene.lattice.cell_size / ground.cell
+    metre, reason = scene.lattice.cell_size / ground.cell, ""
     for corner in corner_ends(ground.dimension):
         point = (leaves.lower[agent] + corner * leaves.size[agent]) * metre
-        if reason := singular_at(scene, point):
+        if not isinstance(ground, OutlinedBody) and (reason := singular_at(scene, point)):
             break
     place = ", ".join(f"{x:.4g}" for x in point)
     return f"at ({place}) m" + (f", where {reason}" if reason else "")

@@ -1,6 +1,6 @@
-"""Bodies with true outlines in the plane: agents that are cut by curves.
+"""Bodies with true outlines in the plane: curves, and what square agents hold of the body.
 
-In comes a scene with outlines; out goes its answer, with both bounds and the stress along curves.
-Read `true_shapes` (the curves), `outline_problem` (loads and supports on them), `outlined_scene`
-(the way to an answer), then `outline_result` and `hoop_stress`.
+In comes a scene with outlines; out goes what is within agents, between two polygons of every curve.
+Read `true_shapes` (the curves), `posed_outlines` (loads and supports on them), `leaf_polygons`
+(what agents hold), then `hoop_stress`; their two opinions are found in elastic/pair (cut files).
 """

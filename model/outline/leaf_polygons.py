@@ -13,12 +13,11 @@ from functools import reduce
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.scene.curves import Point
+from kaju.model.elastic.pair.leaves import LeafCells
 
-from .convex_pieces import painted
+from .convex_pieces import Corners, painted
 from .laws import AIR, Law
-from .square_leaves import SquareLeaves
-from .true_shapes import TrueBody, snapped
+from .true_shapes import UNIT, TrueBody, leaf_at, snapped
 
 NUDGE = 2.0**-34  # less than the grid of corners: tells the sides of a line that leaves meet along
 MOST_CORNERS = 10  # of one polygon; leaves with more, or with holes, are halved first
@@ -62,6 +61,10 @@ class Rings:
         """Return some of the polygons."""
         corners = np.repeat(kept, self.count)
         return Rings(self.place[kept], self.law[kept], self.count[kept], self.points[corners])
+
+    def placed(self, row: Ints) -> Rings:
+        """Return the polygons in the leaves of these rows."""
+        return Rings(row[self.place], self.law, self.count, self.points)
 
     def with_law(self, place: Ints, law: Ints) -> Rings:
         """Return the polygons with other places and laws."""
@@ -129,7 +132,7 @@ def _parted(
     return np.where((k > 0)[:, None], np.roll(ends, 1, axis=0), start[row]), ends, row
 
 
-def _marched(rings: list[Floats], leaves: SquareLeaves) -> _Pieces:
+def _marched(rings: list[Floats], leaves: LeafCells) -> _Pieces:
     """Return the pieces of closed lines within leaves."""
     start = np.concatenate([np.empty((0, 2)), *rings])
     end = np.concatenate([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)])
@@ -142,10 +145,10 @@ def _marched(rings: list[Floats], leaves: SquareLeaves) -> _Pieces:
         run, middle = end - start, 0.5 * (start + end)
         straight = (run == 0.0).any(axis=1)
         left = NUDGE * np.sign(np.stack([-run[:, 1], run[:, 0]], axis=1)) * straight[:, None]
-        own, other = leaves.at(middle + left), leaves.at(middle - left)
+        own, other = leaf_at(leaves, middle + left), leaf_at(leaves, middle - left)
         leaf = np.where(chosen, np.where(own != other, -1, own), leaf)
         # as long as leaves on either side are smaller it may run along a side in part
-        size = [np.where(one >= 0, leaves.size[one] * leaves.unit, np.inf) for one in (own, other)]
+        size = [np.where(one >= 0, leaves.size[one] * UNIT, np.inf) for one in (own, other)]
         chosen &= np.minimum(*size) < spacing
         spacing *= 0.5
     kept = (start != end).any(axis=1)
@@ -175,17 +178,14 @@ def _begun(pieces: _Pieces) -> _Pieces:
     return pieces.at(order)
 
 
-def _around(points: Floats, leaf: Ints, leaves: SquareLeaves) -> Floats:
+def _around(points: Floats, leaf: Ints, leaves: LeafCells) -> Floats:
     """Return how far round their leaf points are, 0 to 4 from its lower left corner."""
-    low = np.stack([leaves.x, leaves.y], axis=1)[leaf] * leaves.unit
-    x, y = ((points - low) / (leaves.size[leaf] * leaves.unit)[:, None]).T
+    x, y = ((points - leaves.lower[leaf] * UNIT) / (leaves.size[leaf] * UNIT)[:, None]).T
     on = [y == 0.0, x == 1.0, y == 1.0]
     return np.asarray(np.select(on, [x, 1.0 + y, 3.0 - x], 4.0 - y) % 4.0)
 
 
-def _closed(
-    pieces: _Pieces, place: Ints, leaf_of: Ints, leaves: SquareLeaves
-) -> tuple[Rings, Ints]:
+def _closed(pieces: _Pieces, place: Ints, leaf_of: Ints, leaves: LeafCells) -> tuple[Rings, Ints]:
     """Return what lies to the left of pieces in places, and the places where they do not tell.
 
     Each path goes on along the sides of its leaf to where the next one begins.
@@ -239,8 +239,7 @@ def _closed(
     k = np.arange(corners.sum()) - np.repeat(np.cumsum(corners) - corners, corners)
     corner = (np.floor(leaves_it[owner[len(path) + n :]]).astype(np.int64) + 1 + k) % 4
     of = leaf[owner[len(path) + n :]]
-    low = np.stack([leaves.x, leaves.y], axis=1)[of] * leaves.unit
-    low = low + SQUARE[corner] * (leaves.size[of] * leaves.unit)[:, None]
+    low = (leaves.lower[of] + SQUARE[corner] * leaves.size[of, None]) * UNIT
     points = np.concatenate([start, end[last], low])
     many = len(points) + 1
     within = np.concatenate([np.arange(len(path)) - first[path], np.full(n, many), many + 1 + k])
@@ -285,20 +284,21 @@ def _holding(rings: list[list[Floats]], points: Floats) -> Flags:
 
 
 class VagueError(Exception):
-    """Leaves that have to be halved before it is known what they hold."""
+    """Leaves, by their codes, that have to be halved before it is known what they hold."""
 
-    def __init__(self, leaves: Ints):
-        super().__init__(leaves)
-        self.leaves = leaves
+    def __init__(self, codes: Ints):
+        super().__init__(codes)
+        self.codes = codes
 
 
 def leaf_polygons(
-    body: TrueBody, leaves: SquareLeaves, most: bool
+    body: TrueBody, leaves: LeafCells, held: Flags, most: bool
 ) -> tuple[list[Law], Ints, Rings, list[Floats]]:
     """Return the laws, that of each leaf that is whole (else -1), and the polygons of the others.
 
     What they hold is no less and no softer than the body (`most`), or no more and no stiffer.
-    Last, the straight pieces of the outline of each region, shape (n, 2, 2).
+    Last, the straight pieces of the outline of each region, shape (n, 2, 2). Only leaves that are
+    `held` count, others may hold what they like.
 
     Raises
     ------
@@ -312,7 +312,7 @@ def leaf_polygons(
     region = owner[pieces.line]
     cut = np.zeros((len(body.regions), len(leaves)), dtype=np.bool_)
     cut[region[pieces.leaf >= 0], pieces.leaf[pieces.leaf >= 0]] = True
-    middle = leaves.lower() + 0.5 * (leaves.size * leaves.unit)[:, None]
+    middle = (leaves.lower + 0.5 * leaves.size[:, None]) * UNIT
     holds = _holding(lines, middle) & ~cut
     several = cut.sum(axis=0) > 1
     # by the only region that cuts a leaf: the law within it, and beyond
@@ -342,14 +342,15 @@ def leaf_polygons(
     inside = rings.with_law(of[rings.place], within[of[rings.place]])
     found = [inside.only(~several[inside.place] & (inside.law >= 0)), rest]
     vague = of[vague[vague >= 0]]
-    for leaf in np.flatnonzero(several).tolist():
+    for leaf in np.flatnonzero(several & held).tolist():
         mine = np.flatnonzero(inside.place == leaf)
-        parts: dict[int, list[list[Point]]] = {k: [] for k in regions}
+        parts: dict[int, list[Corners]] = {k: [] for k in regions}
         stop = np.cumsum(rings.count)
         for j in mine.tolist():
             ring = rings.points[stop[j] - rings.count[j] : stop[j]]
             parts[int(rings.place[j] // len(leaves))].append([(x, y) for x, y in ring.tolist()])
-        square = leaves.squares(np.array([leaf]))[0]
+        corners = (leaves.lower[leaf] + SQUARE * leaves.size[leaf]) * UNIT
+        square = [(x, y) for x, y in corners.tolist()]
         layers = [
             (body.regions[k].law, parts[k] if cut[k, leaf] else bool(holds[k, leaf]), body.mixed(k))
             for k in regions
@@ -359,12 +360,13 @@ def leaf_polygons(
                 at = snapped(np.array(polygon))[None]
                 found.append(Rings.of(np.array([leaf]), np.array([_number(laws, of_law)]), at))
     rings = Rings.joined(found).without_repeats()
-    edge = leaves.size[rings.place] * leaves.unit
+    rings = rings.only(held[rings.place])
+    edge = leaves.size[rings.place] * UNIT
     rings = rings.only(rings.area > NOTHING * edge**2)
-    vague = np.union1d(vague, rings.place[rings.count > MOST_CORNERS])
+    vague = np.union1d(vague[held[vague]], rings.place[rings.count > MOST_CORNERS])
     small = leaves.size[vague] <= 1
     if (~small).any():
-        raise VagueError(vague[~small])
+        raise VagueError(leaves.code[vague[~small]])
     # leaves that cannot be halved hold the stiffest or the softest of all that is there
     for leaf in vague.tolist():
         there = [
@@ -375,7 +377,7 @@ def leaf_polygons(
         whole[leaf] = _number(laws, least)
     rings = rings.only(~np.isin(rings.place, vague))
     # what all but fills a leaf fills it, and slivers of the others are rounding
-    edge = leaves.size[rings.place] * leaves.unit
+    edge = leaves.size[rings.place] * UNIT
     full = rings.area > (1.0 - ROUNDING) * edge**2
     whole[rings.place[full]] = rings.law[full]
     kept = whole[rings.place] < 0

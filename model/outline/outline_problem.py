@@ -8,6 +8,7 @@ from functools import reduce
 import numpy as np
 
 from kaju.arrays import Floats
+from kaju.model.elastic.scales import Scales
 
 from .arc_triangles import ArcFrames
 from .convex_pieces import ON_LINE
@@ -72,7 +73,7 @@ class OutlineProblem:
     tractions: dict[str, Floats]  # further forces on a unit of length of sides
     outlines: tuple[LoadedOutline, ...]
     weight: Floats  # force on a unit of area, shape (2,)
-    strain: float  # what loads of 1 stand for: stress over Young's modulus
+    scales: Scales
 
     @property
     def band(self) -> float:

@@ -3,24 +3,129 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from math import gcd
-from typing import cast
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import gcd, inf
+from typing import ClassVar, cast
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
+from kaju.model.elastic.moduli import Moduli, scene_moduli
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
-from kaju.model.scene import Scene
+from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.shapes import OutlinedShape
 
 from .arc_triangles import TouchError, keep_apart
 from .laws import AIR, Law
 from .outline_problem import SIDES, LoadedOutline, OutlineProblem, along
-from .true_shapes import TrueBody, TrueRegion
+from .true_shapes import KINK, UNIT, TrueBody, TrueRegion, first_leaves
 
+FINE = 64  # cells along the longer side, by which pictures and comparisons know the body
 FIRST = 8  # first agents along the longer side, where the cells' number has such a divisor
+
+
+@dataclass(frozen=True, eq=False)
+class OutlinedBody:
+    """A scene with true outlines, posed: what agents within outlines stand in."""
+
+    dimension: ClassVar[int] = 2
+    smallest: ClassVar[int] = 1
+    stage: ClassVar[None] = None
+    resolution: ClassVar[None] = None
+    asked: Scene
+
+    @cached_property
+    def _posed(self) -> tuple[OutlineProblem, float]:
+        return problem_of(self.asked)
+
+    @property
+    def problem(self) -> OutlineProblem:
+        """What is solved."""
+        return self._posed[0]
+
+    @property
+    def edge(self) -> float:
+        """Edge of the first agents (m)."""
+        return self._posed[1]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Cells of what lies in their middles, held as the body is."""
+        return cells_within(self.asked)
+
+    @property
+    def cell(self) -> float:
+        """Edge of these cells, in units."""
+        return float(self.scene.lattice.cell_size / self.edge / UNIT)
+
+    @property
+    def scales(self) -> Scales:
+        """Units of what is found."""
+        return self.problem.scales
+
+    @cached_property
+    def moduli(self) -> Moduli:
+        """Scaled moduli of every material."""
+        return scene_moduli(self.asked, self.scales.modulus)
+
+    @cached_property
+    def own_laws(self) -> list[Law]:
+        """The law of every material."""
+        return list(laws_of(self.asked).values())
+
+    @cached_property
+    def sharp(self) -> Ints:
+        """The units that hold corners of outlines, shape (n, 2)."""
+        return np.floor(self.problem.body.kinks(KINK) / UNIT).astype(np.int64)
+
+    @property
+    def without_limit(self) -> Floats:
+        """Corners (m) at which stress grows without limit, shape (n, 2)."""
+        return self.edge * self.problem.body.without_limit(KINK, self.problem.shape)
+
+    def start(self) -> LeafCells:
+        """Return the first agents."""
+        return first_leaves(self.problem.shape)
+
+    def check_rounding(self, tolerance: float) -> None:
+        """Refuse materials so unlike that rounding hides whether a tolerance is kept."""
+        rounding = self.problem.rounding
+        left = 0.5 * (2.0 * rounding / (1.0 - rounding)) ** 0.5 if rounding < 1.0 else inf
+        if len(self.problem.body.laws) > 1 and left > tolerance:
+            raise SceneError(
+                f"body.regions: materials this unlike leave an error of {left:.2g} to rounding "
+                f"alone, above the tolerance of {tolerance:g}; take a larger one, rigid sides for "
+                "what is all but rigid, or air for what is all but air"
+            )
+
+
+def cells_within(scene: Scene) -> Scene:
+    """Return cells of what lies in their middles in a body with true outlines, without loads."""
+    many = -(-FINE // max(scene.lattice.shape))
+    shape = tuple(many * count for count in scene.lattice.shape)
+    lattice = type(scene.lattice)(shape, scene.lattice.cell_size / many)
+    centres = lattice.centres(np.indices(shape).reshape(2, -1).T)
+    names = [material.name for material in scene.cell_materials]
+    code = {name: names.index(name) if name in names else len(names) for name in (
+        scene.body.material, *(region.material for region in scene.body.regions)
+    )}  # fmt: skip
+    codes = np.full(len(centres), code[scene.body.material], dtype=np.int16)
+    for number, region in enumerate(scene.body.regions):
+        shape_of = region.shape_in(scene.lattice, f"body.regions.{number}")
+        codes[shape_of.contains(centres)] = code[region.material]
+    body = Body(
+        array=codes.reshape(shape),
+        cell_size=lattice.cell_size,
+        thickness=scene.body.thickness,
+        plane=scene.body.plane,
+        allow_floating=True,
+    )
+    legend = {str(number): name for number, name in enumerate([*names, "air"])}
+    return Scene(body=body, legend=legend, materials=scene.materials, sides=scene.sides)
 
 
 def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
@@ -69,8 +174,8 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
             "loads: without a load or gravity, or with loads of sides that cancel, there is no "
             "energy to bound; give one of them"
         )
-    # refuses what no number holds
-    Scales.of(modulus, strain * unit, edge, modulus * scene.thickness)
+    scales = Scales.of(modulus, strain * unit, edge, modulus * scene.thickness)
+    strain = scales.displacement / edge
     problem = OutlineProblem(
         body,
         shape,
@@ -79,7 +184,7 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         {side: traction / strain for side, traction in tractions.items()},
         tuple(replace(one, stress=one.stress / strain) for one in outlines),
         weight / strain,
-        strain,
+        scales,
     )
     return problem, edge
 

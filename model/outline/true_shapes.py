@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -9,6 +10,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import (
@@ -21,10 +23,32 @@ from .arc_triangles import (
     kept_apart,
 )
 from .laws import AIR, Law
-from .square_leaves import SquareLeaves
 
 SMOOTH = 1e-9  # arcs that meet at a smaller angle go on in one direction
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
+DEPTH = 16  # how often a first agent can be halved
+UNIT = 2.0**-DEPTH  # in which agents are counted, in edges of the first ones
+
+
+def first_leaves(shape: tuple[int, int]) -> LeafCells:
+    """Return the first agents of an array: so many along x and y."""
+    lower = np.stack([grid.ravel() for grid in np.indices(shape, dtype=np.int64)], 1) << DEPTH
+    nothing = np.zeros(len(lower), dtype=np.int64)
+    return LeafCells.of(lower, nothing + (1 << DEPTH), nothing, nothing, nothing.astype(float))
+
+
+def covering(leaves: LeafCells, shape: tuple[int, int]) -> LeafCells:
+    """Return leaves that cover the array: some given ones, and others where these leave room."""
+    every = first_leaves(shape)
+    while (larger := every.size[at := every.find(leaves.lower)] > leaves.size).any():
+        chosen = np.isin(np.arange(len(every)), at[larger])
+        every = every.split(chosen, 0, np.zeros(len(every)))
+    return every
+
+
+def leaf_at(leaves: LeafCells, points: Floats) -> Ints:
+    """Return the agent that holds each point (in edges of the first agents), -1 for none."""
+    return leaves.find(np.floor(points / UNIT).astype(np.int64))
 
 
 def snapped(points: Floats) -> Floats:
@@ -54,15 +78,14 @@ class ClosedLine:
         if area_of(ArcFrames(self.arcs).start) < 0.0:
             self.arcs = self.arcs[::-1, ::-1]
 
-    def refine(self, leaves: SquareLeaves) -> None:
+    def refine(self, leaves: LeafCells) -> None:
         """Halve arcs until none is longer than its leaves."""
         while True:
             frames = ArcFrames(self.arcs)
             size = np.full(len(self.arcs), np.inf)
             for points in (frames.start, frames.tip, frames.end):
-                leaf = leaves.at(points)
-                here = np.where(leaf >= 0, leaves.size[leaf] * leaves.unit, np.inf)
-                size = np.minimum(size, here)
+                leaf = leaf_at(leaves, points)
+                size = np.minimum(size, np.where(leaf >= 0, leaves.size[leaf] * UNIT, np.inf))
             long = (frames.turn != 0.0) & (frames.length > size)
             if not long.any():
                 return
@@ -183,7 +206,7 @@ class TrueBody:
         laws = dict.fromkeys([self.law, *(region.law for region in self.regions)])
         return tuple(law for law in laws if law != AIR)
 
-    def refine(self, leaves: SquareLeaves) -> None:
+    def refine(self, leaves: LeafCells) -> None:
         """Halve arcs until none is longer than its leaves."""
         for region in self.regions:
             for line in region.lines:
@@ -210,16 +233,37 @@ class TrueBody:
             found.append(found[-1] | {region.law})
         return found
 
-    def sharp(self) -> tuple[Floats, Ints]:
-        """Return the corners of all lines, shape (n, 2), and the region of each."""
-        found, owner = [np.empty((0, 2))], []
-        for number, region in enumerate(self.regions):
-            for line in region.lines:
+    def kinks(self, least: float) -> Floats:
+        """Return the corners of all lines, shape (n, 2)."""
+        found = [np.empty((0, 2))]
+        for frames, kink, _ in self._corners(range(len(self.regions))):
+            found.append(frames.end[np.abs(kink) > least])
+        return np.concatenate(found)
+
+    def without_limit(
+        self, least: float, extent: tuple[int, int], which: int | None = None
+    ) -> Floats:
+        """Return corners within the array at which stress has no limit, of all regions or one.
+
+        The body is re-entrant there, or two materials may meet.
+        """
+        found = [np.empty((0, 2))]
+        regions = range(len(self.regions)) if which is None else [which]
+        for frames, kink, region in self._corners(regions):
+            if region.solid and len(self.laws) > 1:
+                kink = -np.abs(kink)
+            within = ((frames.end > 0.0) & (frames.end < extent)).all(axis=1)
+            found.append(frames.end[within & (kink < -least)])
+        return np.concatenate(found)
+
+    def _corners(self, regions: Iterable[int]) -> Iterator[tuple[ArcFrames, Floats, TrueRegion]]:
+        """Yield lines, angles at their arcs' ends (below 0: body is round them), and regions."""
+        for number in regions:
+            region = self.regions[number]
+            for line, inward in zip(region.lines, region.inward, strict=True):
                 frames = ArcFrames(line.arcs)
-                kink = np.abs(angle(frames.last, np.roll(frames.first, -1, axis=0))) > KINK
-                found.append(frames.end[kink])
-                owner += [number] * int(kink.sum())
-        return np.concatenate(found), np.array(owner, dtype=np.int64)
+                kink = angle(frames.last, np.roll(frames.first, -1, axis=0))
+                yield frames, -kink if inward == region.solid else kink, region
 
 
 KINK = np.radians(20.0)  # angle from which on agents at a corner are looked at one by one

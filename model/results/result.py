@@ -243,6 +243,10 @@ class BodyResult(Result):
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
+    def displacement_near(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), beyond a true outline that of what is near."""
+        return self.displacement_at(points)
+
     @abstractmethod
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
@@ -335,6 +339,32 @@ class BodyResult(Result):
         raise ResultError(
             f"cuts: a {type(self).__name__} does not hold the stresses of all cells at once"
         )
+
+
+class OnCells:
+    """Agents that stand on the cells of a scene, which say where the body is."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def grid(self) -> Scene:
+            """The scene on these cells."""
+
+    def located(self, points: Floats) -> tuple[Floats, Ints]:
+        """Return points (m) as an array, and the cell of the grid that each lies in or on."""
+        return cells_of_points(self.grid, points)
+
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m) lie in the body."""
+        return body_cells(self.grid, points)[1]
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return the index of the material at points (m), below 0 outside of the body."""
+        return self.grid.kinds(self.grid.lattice.locate(points))
+
+    def applied(self, stage: int | None) -> Floats:
+        """Return the forces (N) on the body, shape (n, dimension)."""
+        return self.grid.applied(stage).force
 
 
 def finite(number: float | None) -> float | None:

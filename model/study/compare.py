@@ -19,11 +19,10 @@ from kaju.errors import ResultError
 from kaju.model.results.archive import open_archive
 from kaju.model.results.loading import answer_of, load_result
 from kaju.model.results.result import line_of
-from kaju.model.scene import Body, Scene
+from kaju.model.scene import Scene
 from kaju.model.study.reference import Reference
 
 MOST_POINTS = 2_000_000  # larger bodies are compared at points that the caller names
-FINE = 64  # cells along the longer side, at whose middles answers with true outlines are compared
 _SAME = 1e-9
 
 
@@ -331,35 +330,9 @@ def _cells_of(*answers: Any) -> list[Scene]:
     """Return the scenes of the cells of answers, those of the largest cells first."""
     answers = tuple(answer for answer in answers if not isinstance(answer, Reference))
     outlined = any(answer.scene.outlined for answer in answers)
-    scenes = [
-        _rastered(one.scene) if one.scene.outlined else one.grid if outlined else one.scene
-        for one in answers
-    ]
+    scenes = [one.grid if outlined else one.scene for one in answers]
     scenes.sort(key=lambda scene: -scene.lattice.cell_size)
     return [scenes[0], scenes[-1]]
-
-
-def _rastered(scene: Scene) -> Scene:
-    """Return cells of what lies in their middles in a body with true outlines."""
-    many = -(-FINE // max(scene.lattice.shape))
-    lattice = type(scene.lattice)(
-        tuple(many * count for count in scene.lattice.shape), scene.lattice.cell_size / many
-    )
-    centres = lattice.centres(np.indices(lattice.shape).reshape(2, -1).T)
-    codes, legend = np.zeros(len(centres), dtype=np.int16), {0: str(scene.body.material)}
-    for number, region in enumerate(scene.body.regions, 1):
-        shape = region.shape_in(scene.lattice, f"body.regions.{number - 1}")
-        codes[shape.contains(centres)] = number
-        legend[number] = region.material
-    body = Body(
-        array=codes.reshape(lattice.shape),
-        cell_size=lattice.cell_size,
-        thickness=scene.body.thickness,
-        plane=scene.body.plane,
-        allow_floating=True,
-    )
-    names = {str(code): legend[int(code)] for code in np.unique(codes)}
-    return Scene(body=body, legend=names, materials=scene.materials)
 
 
 def _middles(scene: Scene) -> Floats:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.goals.quantities import AskedFor
-    from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.transfer.load_model import LoadModel
 
 _OUTLINES = (
@@ -28,7 +27,7 @@ _OUTLINES = (
 )
 _TAKEN = {
     "plane with outlines": (
-        "tolerance previous goal stage=1",
+        "tolerance goal stage=1",
         _OUTLINES % "spawn where the tolerance asks for it",
     ),
     "solid with outlines": (
@@ -51,7 +50,7 @@ def solve(
     resolution: int | None = None,
     goal: AskedFor | None = None,
     stage: int | None = None,
-    previous: ElasticResult | OutlineResult | None = None,
+    previous: ElasticResult | None = None,
     stiffness: ArrayLike | None = None,
 ) -> ElasticResult:
     """Return how a body answers its loads, as linear elasticity and whatever the scene's rule.
@@ -78,11 +77,10 @@ def solve(
         largest stress along one of them, by its name or as ``Stress(name, "hoop")``.
     stage : int, optional
         Stage of loading; by default the last.
-    previous : ElasticResult or OutlineResult, optional
+    previous : ElasticResult, optional
         The answer to a scene on the same cells, of which something was changed, to start from.
         It is continued in the way that it was found, at its tolerance and resolution unless
-        others are given; within true outlines by its agents, where body and places of the loads
-        are the same.
+        others are given.
     stiffness : array, optional
         What the materials' moduli are multiplied by: one number above 0 for every cell of the
         scene, indexed as `Scene.from_array` does; where there is no material it is not looked at.
@@ -93,8 +91,7 @@ def solve(
     Returns
     -------
     ElasticResult
-        Short of the tolerance only where agents may not be smaller, which its notes say. Within
-        true outlines in the plane an OutlineResult, which answers the same questions.
+        Short of the tolerance only where agents may not be smaller, which its notes say.
 
     Raises
     ------
@@ -169,19 +166,10 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     if scene.lattice.dimension == 3:
         _refuse_others("solid with outlines", given)
         return _solve_solid(scene, given.get("resolution"))
-    _refuse_others("plane with outlines", given)
-    from kaju.model.outline.outline_result import OutlineResult
-    from kaju.model.outline.outlined_scene import solve_outlined
+    from kaju.model.elastic.solve import solve_spawning
 
-    tolerance, previous = given.get("tolerance"), given.get("previous")
-    check_numbers(tolerance, None)
-    if previous is not None and not isinstance(previous, OutlineResult):
-        raise ParameterError(
-            "previous: agents within true outlines continue from an OutlineResult, got "
-            f"{type(previous).__name__}; leave it out"
-        )
-    found: Any = solve_outlined(scene, tolerance, previous, given.get("goal"))
-    return found  # type: ignore[no-any-return]
+    _refuse_others("plane with outlines", given)
+    return solve_spawning(scene, given.get("tolerance"), goal=given.get("goal"))
 
 
 def _solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from kaju.model.network import NetworkModel as NetworkModel
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
-    from kaju.model.outline.outline_result import OutlineResult as OutlineResult
     from kaju.model.results.loading import load_result as load_result
     from kaju.model.results.result import Result as Result
     from kaju.model.rheology.creeping import CreepModel as CreepModel
@@ -91,7 +90,6 @@ _NAMES = {
     "model.growth.growth_model": "GrowthModel",
     "model.growth.growth_result": "GrowthResult",
     "model.network": "NetworkModel NetworkResult SpringNetwork",
-    "model.outline.outline_result": "OutlineResult",
     "model.results.loading": "load_result",
     "model.results.result": "Result",
     "model.rheology.creeping": "CreepModel creep",

@@ -71,12 +71,6 @@ KINDS = {
         meshes={"loading": "view.motion:loaded"},
         page=f"{_MOTION}:elastic_answer",
     ),
-    "true outlines": Kind(
-        "model.outline.outline_result:OutlineResult",
-        pictures={"agents": "view.outlined:plot_cut_agents"},
-        page="view.page.outline_data:cut_agents",
-        columns={"true outlines": f"{_COLUMNS}:OUTLINE_AGENTS"},
-    ),
     "elastic agents": Kind(
         "model.elastic.relaxation.elastic_run:ElasticRun",
         pictures={

@@ -113,7 +113,7 @@ def goodier(modulus: float, ratio: float, angle: np.ndarray) -> tuple[np.ndarray
     return hoop, 0.5 * (1 - s + (1 + d) * turn), -0.5 * (1 + d) * np.sin(2 * angle)
 
 
-def wide(modulus: float, ratio: float) -> kaju.OutlineResult:
+def wide(modulus: float, ratio: float) -> kaju.ElasticResult:
     return kaju.solve(plate(modulus, ratio, [disk(1.0)], size=20.0), tolerance=0.01)
 
 
@@ -251,7 +251,6 @@ def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -
         ):
             assert np.array_equal(one, other)
     assert answer.area.sum() == pytest.approx(1.0)
-    assert len(answer.pieces()[0]) > answer.agents
     assert len(kaju.plot(answer).axes) == 2
     kaju.export_page(answer, tmp_path / "grain.html")
     assert answer.to_vtk(tmp_path / "grain.vtu").exists()
@@ -265,7 +264,7 @@ def test_stress_leaps_across_an_outline_and_displacement_does_not() -> None:
     stress, moved = answer.stress_at(both), answer.displacement_at(both)
     stretch = (stress[:, 0, 0] - 0.3 * stress[:, 1, 1]) / [5.0, 1.0]  # along the outline
     assert stretch[0] == pytest.approx(stretch[1], rel=0.01)
-    assert moved[0] == pytest.approx(moved[1], abs=1e-3 * np.abs(answer.corner_displacement).max())
+    assert moved[0] == pytest.approx(moved[1], abs=1e-3 * answer.max_displacement)
 
 
 @pytest.mark.parametrize(

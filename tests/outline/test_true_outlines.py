@@ -164,7 +164,7 @@ def test_outlines_along_the_lines_between_agents_cut_none() -> None:
         )
         for outline in ("true", "cells")
     )
-    assert not true.cut.any()
+    assert true.summary()["agents_cut"] == 0
     assert true.energy_bounds[0] < cells.energy_bounds[1]
     assert cells.energy_bounds[0] < true.energy_bounds[1]
 
@@ -281,7 +281,7 @@ def test_weight_along_curves_is_estimated(shapes, way, cells) -> None:
     )
     assert {rough.tolerance_kept, fine.tolerance_kept} == {"estimated"}
     assert fine.energy_bounds is fine.error_bound is None
-    assert any("without a proof" in note for note in fine.notes)
+    assert any("not proved" in note for note in fine.notes)
     off = abs(rough.strain_energy / fine.strain_energy - 1.0)
     assert off < 2.0 * rough.error_estimate**2
 
@@ -298,7 +298,6 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
     assert again != ring(0.1, 0.2, cells=4)
     answer = kaju.solve(scene, tolerance=0.2)
     loaded = kaju.load_result(answer.save(tmp_path / "ring"))
-    assert isinstance(loaded, kaju.OutlineResult)
     assert loaded.summary() == answer.summary()
     assert np.array_equal(loaded.outline_stress("bore")[1], answer.outline_stress("bore")[1])
     assert len(kaju.plot(answer).axes) == 2
@@ -318,7 +317,6 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
         lambda scene: kaju.solve(scene, resolution=2),
         kaju.solve_petsc,
         lambda scene: kaju.solve(scene, tolerance=2.0),
-        lambda scene: kaju.animate(kaju.solve(scene, tolerance=0.3), "ring.gif"),
         lambda scene: kaju.export_page(scene, "ring.html"),
     ],
 )
@@ -441,7 +439,7 @@ def test_the_size_of_the_load_decides_nothing(pull):
     assert other.agents == usual.agents
     assert np.divide(other.energy_bounds, pull) / pull == pytest.approx(usual.energy_bounds)
     assert other.von_mises / pull == pytest.approx(usual.von_mises)
-    assert other.corner_displacement / pull == pytest.approx(usual.corner_displacement)
+    assert other.displacement / pull == pytest.approx(usual.displacement)
 
 
 def test_loads_that_cancel_are_refused():
@@ -456,11 +454,12 @@ def test_loads_that_no_number_holds_are_refused(pull):
         kaju.solve(plate().replace(loads=[{"side": "right", "force": [pull, 0.0]}]))
 
 
-def test_where_agents_run_out_the_best_is_told_as_missed(monkeypatch) -> None:
-    monkeypatch.setattr("kaju.model.outline.outlined_scene.MOST_AGENTS", 60)
-    best = kaju.solve(plate(), tolerance=0.01)
+def test_where_agents_run_out_the_best_is_kept(monkeypatch) -> None:
+    monkeypatch.setattr("kaju.model.elastic.pair.cut_loop.MOST_AGENTS", 90)
+    with pytest.raises(kaju.errors.ConvergenceError, match="more than the 90 allowed") as caught:
+        kaju.solve(plate(), tolerance=0.01)
+    best = caught.value.best
     assert best.tolerance_kept == "missed"
-    assert any("agents ran out" in note for note in best.notes)
     assert best.energy_bounds[0] < best.strain_energy < best.energy_bounds[1]
 
 
@@ -506,46 +505,6 @@ def test_bounds_next_to_incompressible_are_as_wide_as_rounding_takes_them(ratio,
     truth = 0.5 * 1e12 * 2 * (1 + ratio) * (1 - 2 * ratio) / E * 0.0613 * 0.0771 * THICKNESS
     assert lower <= truth <= upper
     assert upper < 1.001 * lower
-
-
-def test_agents_of_a_previous_answer_stay_and_spawn() -> None:
-    pull = {"side": "right", "force": [3e5, 1e4]}
-    first, turned = kaju.solve(plate(), tolerance=0.1), plate(loads=[pull])
-    again = kaju.solve(turned, previous=first)
-    known = {(*at, size) for at, size in zip(again.lower.tolist(), again.size, strict=True)}
-    assert {(*at, size) for at, size in zip(first.lower.tolist(), first.size, strict=True)} == known
-    assert again.tolerance == 0.1
-    finer = kaju.solve(turned, previous=first, tolerance=0.03)
-    fresh = kaju.solve(turned, tolerance=0.03)
-    assert finer.agents > first.agents
-    assert max(fresh.energy_bounds[0], finer.energy_bounds[0]) < again.energy_bounds[1]
-    assert again.energy_bounds[0] < min(fresh.energy_bounds[1], finer.energy_bounds[1])
-
-
-@pytest.mark.parametrize(
-    ("changed", "tolerance"),
-    [
-        (plate(), 0.1),
-        (plate(0.0312), None),
-        (plate(loads=[{"outline": "hole", "pressure": 1.0}]), None),
-        (plate().with_overrides({"body.plane": "strain"}), None),
-        (plate().with_overrides({"sides.bottom": "rigid"}), None),
-    ],
-)
-def test_another_question_is_answered_afresh(changed: kaju.Scene, tolerance: float | None) -> None:
-    again = kaju.solve(changed, tolerance, previous=kaju.solve(plate(), tolerance=0.05))
-    fresh = kaju.solve(changed, tolerance=tolerance or 0.05)
-    assert again.agents == fresh.agents
-    assert again.energy_bounds == fresh.energy_bounds
-
-
-def test_a_previous_answer_of_another_kind_is_refused() -> None:
-    cells = plate().with_overrides({"body.regions.0.outline": "cells"})
-    for scene, earlier in ((plate(), cells), (cells, plate())):
-        with pytest.raises(kaju.KajuError, match=r"^previous: "):
-            kaju.solve(scene, previous=kaju.solve(earlier, tolerance=0.2))
-    with pytest.raises(kaju.KajuError, match="8 x 8 cells"):
-        kaju.solve(plate(), previous=kaju.solve(ring(0.1, 0.2), tolerance=0.3))
 
 
 ROCK = {"rock": {"youngs_modulus": 30e9, "poissons_ratio": 0.2, "density": 2400.0}}

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import ParameterError, ResultFileError, check_type
+from kaju.errors import ParameterError, ResultFileError, SceneError, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.loading import from_file
@@ -38,6 +38,15 @@ from .own import own_data
 from .packing import pack
 from .scene_data import FORMAT, Account, history_columns, scene_data
 
+_CELLS = {
+    "en": "The outlines of this body are true ones. The prescribed rule runs on cells: here they "
+    "are steps of these.",
+    "de": "Die Umrisse dieses Körpers sind echte Kurven. Die vorgeschriebene Regel läuft auf "
+    "Zellen: Hier sind sie Treppen aus diesen.",
+    "ja": "この物体の輪郭は本来なめらかな曲線です。決められた規則はセルの上で動くので、"
+    "ここではセルの階段になります。",
+}
+"""What a page says that runs the prescribed rule on a body with true outlines."""
 Text = str | Mapping[str, str]
 """What a reader reads: one text, or one for each language ("en", "de", "ja")."""
 
@@ -238,16 +247,27 @@ def packed_page(
     return pack(header, columns)
 
 
+def _on_cells(scene: Scene) -> Scene:
+    """Return a scene whose true outlines are steps of its cells; a loaded outline is refused."""
+    for number, load in enumerate(scene.loads):
+        if load.outline is not None:
+            raise SceneError(
+                f"loads.{number}.outline: the prescribed rule runs on cells, which have no outline "
+                f"{load.outline!r} to load; show the answer, export_page(solve(scene), ...), or "
+                "load a side or a region"
+            )
+    count = len(scene.body.regions)
+    return scene.with_overrides({f"body.regions.{n}.outline": "cells" for n in range(count)})
+
+
 def _outlined(scene: Scene, text: Text) -> tuple[Scene | Result, Text]:
     """Return what is shown of a scene with true outlines, and a text that says so."""
     from kaju.model.study.solving import solve
 
-    from .outline_data import CELLS, on_cells
-
     if not isinstance(scene.rule, PrescribedRule):
         return solve(scene), text
-    texts = {key: [_in(key, text), CELLS[key]] for key in LANGUAGES}
-    return on_cells(scene), {key: "\n\n".join(filter(None, of)) for key, of in texts.items()}
+    texts = {key: [_in(key, text), _CELLS[key]] for key in LANGUAGES}
+    return _on_cells(scene), {key: "\n\n".join(filter(None, of)) for key, of in texts.items()}
 
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:

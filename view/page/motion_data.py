@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kaju.errors import ParameterError
-from kaju.model.results.result import Curves, Result
+from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 from kaju.view.body_plots import SUPPORTS
@@ -42,6 +42,8 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     for name, (_, values) in motion.values.items():
         columns[f"value {name}"] = values.astype(np.float32)
     scene = getattr(result, "scene", getattr(result, "subject", None))
+    if isinstance(scene, Scene) and scene.outlined:
+        scene = solved_scene(result)
     header = {
         "dimension": motion.points.shape[1],
         "corners": motion.parts.shape[1],

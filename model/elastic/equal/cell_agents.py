@@ -13,6 +13,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.scales import Scales
+from kaju.model.results.result import OnCells
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
@@ -27,7 +28,7 @@ FINEST = 1 << 20  # A stored grid has no more cells per cell of the scene
 
 
 @dataclass(frozen=True, eq=False)
-class CellAgents:
+class CellAgents(OnCells):
     """Agents of one size, as arrays over the box around the body; scaled.
 
     Lengths are in cells, and agents row by row.

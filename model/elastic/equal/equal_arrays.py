@@ -10,8 +10,6 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
-from kaju.model.results.result import cells_of_points
-from kaju.model.scene import body_cells
 
 from . import fields
 from .staggered import Pair, axis_pairs
@@ -62,7 +60,7 @@ class EqualArrays:
         if self._agents is not None:
             return self._agents.body
         middles = self._middles(np.ones(self.shape, np.bool_))
-        return body_cells(self._grid, middles)[1].reshape(self.shape)
+        return self._found.holds(middles).reshape(self.shape)
 
     @cached_property
     def middle(self) -> Floats:
@@ -73,7 +71,7 @@ class EqualArrays:
     def material(self) -> Ints:
         """Index into `scene.cell_materials` of each cell, -1 where there is no body."""
         material = np.full(self.shape, -1, dtype=np.int64)
-        material[self.body] = self._grid.kinds(cells_of_points(self._grid, self.middle)[1])
+        material[self.body] = self._found.material_at(self.middle)
         return material
 
     @cached_property
@@ -148,15 +146,15 @@ class EqualArrays:
     @cached_property
     def _law(self) -> Ints:
         """Index of the moduli of each cell of the body."""
-        return self._found.law_at(*cells_of_points(self._grid, self.middle))
+        return self._found.law_at(*self._found.located(self.middle))
 
     def _displacement_at(self, points: Floats) -> Floats:
         unit = self._found.scales.displacement
-        return unit * self._found.displacement_at(*cells_of_points(self._grid, points))
+        return unit * self._found.displacement_at(*self._found.located(points))
 
     def _stress_at(self, points: Floats) -> Floats:
         unit = self._found.scales.stress
-        return unit * self._found.stress_at(*cells_of_points(self._grid, points))
+        return unit * self._found.stress_at(*self._found.located(points))
 
     def _spread(self, values: Floats) -> Floats:
         """Return values of the body's cells as an array over all cells."""
@@ -178,5 +176,7 @@ class EqualArrays:
             padded = np.moveaxis(np.pad(touched, width), axis, 0)
             touched = np.moveaxis(padded[:-1] | padded[1:], 0, axis)
         offset = np.array([0.0 if a in axes else 0.5 for a in range(self.dimension)])
-        points = (np.argwhere(touched) + np.asarray(self.origin) + offset) * self.cell_size
-        return touched, np.asarray(points)
+        points = np.asarray((np.argwhere(touched) + self.origin + offset) * self.cell_size)
+        inside = self._found.holds(points)  # of cells that true outlines cut some are not
+        touched[touched] = inside
+        return touched, points[inside]

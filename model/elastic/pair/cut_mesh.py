@@ -11,9 +11,10 @@ from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Floats, Ints
 from kaju.model.outline.leaf_polygons import Rings, VagueError
-from kaju.model.outline.square_leaves import SquareLeaves
+from kaju.model.outline.true_shapes import UNIT
 
 from .cut_elements import slopes
+from .leaves import LeafCells
 
 CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)], dtype=np.float64)
 SIDES = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])
@@ -219,10 +220,10 @@ class _OnLines:
         return first, np.maximum(last - first, 0)
 
 
-def squares_to_cut(whole: Ints, rings: Rings, leaves: SquareLeaves) -> Ints:
+def squares_to_cut(whole: Ints, rings: Rings, leaves: LeafCells) -> Ints:
     """Return whole leaves with vertices on their sides that no square can have there."""
     leaf = np.flatnonzero(whole >= 0)
-    corner = leaves.lower()[leaf, None] + CORNERS * (leaves.size[leaf] * leaves.unit)[:, None, None]
+    corner = (leaves.lower[leaf, None] + CORNERS * leaves.size[leaf, None, None]) * UNIT
     points = np.concatenate([corner.reshape(-1, 2), rings.points])
     bad = np.zeros(len(leaf), dtype=np.bool_)
     for k, (a, b) in enumerate(SIDES):
@@ -235,19 +236,16 @@ def squares_to_cut(whole: Ints, rings: Rings, leaves: SquareLeaves) -> Ints:
     return leaf[bad]
 
 
-def with_squares(rings: Rings, chosen: Ints, whole: Ints, leaves: SquareLeaves) -> Rings:
+def with_squares(rings: Rings, chosen: Ints, whole: Ints, leaves: LeafCells) -> Rings:
     """Return polygons, and those of some whole leaves."""
-    at = (
-        leaves.lower()[chosen, None]
-        + CORNERS[ROUND] * (leaves.size[chosen] * leaves.unit)[:, None, None]
-    )
+    at = (leaves.lower[chosen, None] + CORNERS[ROUND] * leaves.size[chosen, None, None]) * UNIT
     return Rings.joined([rings, Rings.of(chosen, whole[chosen], at)])
 
 
-def mesh_of(whole: Ints, rings: Rings, leaves: SquareLeaves) -> CutMesh:
+def mesh_of(whole: Ints, rings: Rings, leaves: LeafCells) -> CutMesh:
     """Return squares for whole leaves, and triangles for polygons, side to side."""
     leaf = np.flatnonzero(whole >= 0)
-    corner = leaves.lower()[leaf, None] + CORNERS * (leaves.size[leaf] * leaves.unit)[:, None, None]
+    corner = (leaves.lower[leaf, None] + CORNERS * leaves.size[leaf, None, None]) * UNIT
     rings = _with_vertices(rings, np.concatenate([corner.reshape(-1, 2), rings.points]), leaves)
     of, triangles = filled(rings)
     at = rings.points[triangles]
@@ -255,7 +253,7 @@ def mesh_of(whole: Ints, rings: Rings, leaves: SquareLeaves) -> CutMesh:
     of, triangles, at = of[three], triangles[three], at[three]
     bad = np.unique(rings.place[of[slopes(at)[1] <= 0.0]])
     if len(bad):  # polygons that cut themselves by rounding
-        raise VagueError(bad)
+        raise VagueError(leaves.code[bad])
     points = np.concatenate([corner.reshape(-1, 2), rings.points])
     _, first, number = np.unique(named(points), return_index=True, return_inverse=True)
     return CutMesh(
@@ -269,11 +267,10 @@ def mesh_of(whole: Ints, rings: Rings, leaves: SquareLeaves) -> CutMesh:
     ).torn()
 
 
-def _with_vertices(rings: Rings, points: Floats, leaves: SquareLeaves) -> Rings:
+def _with_vertices(rings: Rings, points: Floats, leaves: LeafCells) -> Rings:
     """Return polygons with the vertices of others that lie on the sides of their leaves."""
     start, end, row = rings.points, rings.points[rings.following], rings.row
-    low = leaves.lower()[rings.place][row]
-    high = low + (leaves.size[rings.place] * leaves.unit)[row, None]
+    low, high = (one[rings.place][row] * UNIT for one in (leaves.lower, leaves.upper))
     count = np.zeros(len(start), dtype=np.int64)
     first, along = count.copy(), count.copy()
     lines = [_OnLines(points, axis) for axis in (0, 1)]

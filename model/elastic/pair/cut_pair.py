@@ -16,13 +16,15 @@ from kaju.errors import SupportError
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_polygons import leaf_polygons
 from kaju.model.outline.outline_problem import OutlineProblem, UnlikeError
-from kaju.model.outline.square_leaves import SquareLeaves
+from kaju.model.outline.true_shapes import UNIT, covering
 
 from .cut_border import Border
 from .cut_elements import slopes
 from .cut_fields import Balancing, Fitting
 from .cut_mesh import CutMesh, mesh_of, squares_to_cut, with_squares
 from .elements import airy_stress, quadratic_values, rule, strain_rows, strains, stresses
+from .gap import FAR, Bounds
+from .leaves import LeafCells
 
 OTHER = 1e9  # shares by which triangles of another law are farther
 
@@ -60,17 +62,31 @@ def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
 class CutPair:
     """Both fields on leaves, and what each leaf adds to their gap."""
 
-    def __init__(self, problem: OutlineProblem, leaves: SquareLeaves):
-        problem.body.refine(leaves)
+    def __init__(self, problem: OutlineProblem, leaves: LeafCells):
+        every = covering(leaves, problem.shape)
+        problem.body.refine(every)
+        at = every.find(leaves.lower)
+        held = np.isin(np.arange(len(every)), at)
+        polygons = [leaf_polygons(problem.body, every, held, most) for most in (True, False)]
+        # agents that hold nothing of the body are none
+        filled = polygons[0][1] >= 0
+        filled[polygons[0][2].place] = True
+        leaves = leaves.only(filled[at])
+        at = at[filled[at]]
+        row = np.full(len(every), -1)
+        row[at] = np.arange(len(at))
+        parts = [
+            (whole[at], rings.only(row[rings.place] >= 0).placed(row))
+            for _, whole, rings, _ in polygons
+        ]
+        laws, others, within = polygons[0][0], polygons[1][0], polygons[1][3]
         self.problem, self.leaves = problem, leaves
-        laws, large, outer, along = leaf_polygons(problem.body, leaves, True)
-        others, small, inner, within = leaf_polygons(problem.body, leaves, False)
         chosen = np.empty(0, dtype=np.int64)
-        for whole, rings in ((large, outer), (small, inner)):
+        for whole, rings in parts:
             chosen = np.union1d(chosen, squares_to_cut(whole, rings, leaves))
         while True:
             meshes = []
-            for whole, rings in ((large, outer), (small, inner)):
+            for whole, rings in parts:
                 mine = chosen[whole[chosen] >= 0]
                 rings = with_squares(rings, mine, whole, leaves)
                 rest = whole.copy()
@@ -80,10 +96,13 @@ class CutPair:
             if not len(more):
                 break
             chosen = np.union1d(chosen, more)
-        n, size = len(leaves), np.asarray(leaves.size * leaves.unit, dtype=np.float64)
+        n, size = len(leaves), np.asarray(leaves.size * UNIT, dtype=np.float64)
         if not len(meshes[1].place):
             raise UnlikeError("they leave nothing of the body")
-        edges = [Border.of(meshes[0], problem, along), Border.of(meshes[1], problem, within)]
+        edges = [
+            Border.of(meshes[0], problem, polygons[0][3]),
+            Border.of(meshes[1], problem, within),
+        ]
         loose = loose_parts(meshes[0], edges[0], problem.weight)
         self.loose = int(loose.sum())
         """Parts of the body that hang on nothing, and bear nothing."""
@@ -97,30 +116,23 @@ class CutPair:
         band = problem.band * between
         if problem.estimated:  # the weight there counts as its share of all
             band = band + between / self.area[1].sum() * balanced.sum()
-        self.share = np.maximum(fitted + balanced - 2.0 * self._crossed() + 2.0 * band, 0.0)
+        self.shares = np.maximum(fitted + balanced - 2.0 * self._crossed() + 2.0 * band, 0.0)
+        self.energies = 0.25 * (fitted + balanced)
+        """Of each leaf, half-way between those of both fields."""
         self.lower = 2.0 * self.fitting.work - float(fitted.sum()) - float(band.sum())
         self.upper = float(balanced.sum()) + float(band.sum())
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Twice the energy from below and from above, as far apart as rounding may take them."""
+    @cached_property
+    def bounds(self) -> Bounds:
+        """What both energies prove, as far apart as rounding may take them."""
         rounding = self.problem.rounding
-        return self.lower * (1.0 - rounding), self.upper * (1.0 + rounding)
-
-    @property
-    def error(self) -> float:
-        """Largest error of the mean of both stresses in the energy norm, relative.
-
-        The gap counts as both energies have it, or as its shares add up, should that be more.
-        """
-        lower, upper = self.bounds
-        gap = max(upper - lower, float(self.share.sum()))
-        return 0.5 * (gap / lower) ** 0.5 if lower > 0.0 else inf
-
-    @property
-    def count(self) -> int:
-        """Number of leaves that hold a part of the body."""
-        return int((self.area[0] > 0.0).sum())
+        lower, upper = self.lower * (1.0 - rounding), self.upper * (1.0 + rounding)
+        # the gap counts as both energies have it, or as its shares add up, should that be more
+        gap = max(upper - lower, float(self.shares.sum()))
+        error = 0.5 * (gap / lower) ** 0.5 if lower > 0.0 else inf
+        # of energies far apart that which fits is the better one
+        energy = 0.5 * lower if upper > FAR * lower > 0.0 else 0.25 * (lower + upper)
+        return Bounds(0.5 * lower, 0.5 * upper, error, False, energy)
 
     def _crossed(self) -> Floats:
         """Return ∫ σ : ε of each leaf, nearly so where the triangles of both fields differ."""
@@ -170,7 +182,7 @@ class CutPair:
         """
         fit, out = self.fitting, np.zeros((len(points), 3))
         whole, local, number = self._within(0, leaf, points)
-        size = (self.leaves.size * self.leaves.unit)[leaf[whole]]
+        size = (self.leaves.size * UNIT)[leaf[whole]]
         out[whole] = np.einsum("nai,ni->na", strain_rows(local), fit.square[number]) / size[:, None]
         cut = np.flatnonzero(~whole)
         triangle, share = self.holding(0, leaf[cut], points[cut], None if law is None else law[cut])
@@ -200,18 +212,30 @@ class CutPair:
         return np.asarray(out + own.bearing(points))
 
     @cached_property
-    def mean_stress(self) -> Floats:
-        """Means (xx, yy, xy) over what leaves hold of the stress that balances, (n, 3)."""
-        own, n = self.balancing, len(self.leaves)
+    def means(self) -> tuple[Floats, Floats]:
+        """Means (xx, yy, xy) over what leaves hold: of the stress that balances, and that fits."""
+        own, fit, n = self.balancing, self.fitting, len(self.leaves)
+        balanced, fitted = np.zeros((n, 3)), np.zeros((n, 3))
         rows = np.einsum("q,qai->ai", rule()[1], stresses())
         size = own.size[:, None]
-        total = np.zeros((n, 3))
         low = own.mesh.place[own.mesh.square[:, 0]]
-        total[own.mesh.square_leaf] = own.square @ rows.T + size**2 * own.bearing(low + 0.5 * size)
+        balanced[own.mesh.square_leaf] = own.square @ rows.T
+        balanced[own.mesh.square_leaf] += size**2 * own.bearing(low + 0.5 * size)
         stress = np.einsum("nkcai,ni->nka", own.rows, own.triangle) / 3.0
         stress += own.bearing(own.corners.mean(axis=2))
-        np.add.at(total, own.mesh.triangle_leaf, own.third[:, None] * stress.sum(axis=1))
-        return np.asarray(total / np.maximum(self.area[1], 1e-300)[:, None])
+        np.add.at(balanced, own.mesh.triangle_leaf, own.third[:, None] * stress.sum(axis=1))
+        stiffness = np.array([law.stiffness for law in self.laws[0]])
+        strain = fit.square @ np.einsum("q,qai->ai", rule()[1], strains()).T
+        edge = np.asarray(self.leaves.size * UNIT)[fit.mesh.square_leaf, None]
+        fitted[fit.mesh.square_leaf] = edge * np.einsum(
+            "nab,nb->na", stiffness[fit.mesh.square_law], strain
+        )
+        strain = np.einsum("ncai,ni->na", fit.strain, fit.triangle) * fit.area[:, None] / 3.0
+        strain = np.einsum("nab,nb->na", stiffness[fit.mesh.triangle_law], strain)
+        np.add.at(fitted, fit.mesh.triangle_leaf, strain)
+        fitted /= self.area[0][:, None]
+        some = self.area[1][:, None] > 0.0  # else nothing balances there
+        return np.where(some, balanced / np.where(some, self.area[1][:, None], 1.0), fitted), fitted
 
     @cached_property
     def _squares(self) -> tuple[Ints, Ints]:
@@ -227,8 +251,8 @@ class CutPair:
         """Return which points lie in squares, where in them, from 0 to 1, and in which."""
         number = self._squares[field][leaf]
         whole = number >= 0
-        size = (self.leaves.size * self.leaves.unit)[leaf[whole]]
-        local = (points[whole] - self.leaves.lower()[leaf[whole]]) / size[:, None]
+        size = (self.leaves.size * UNIT)[leaf[whole]]
+        local = (points[whole] - self.leaves.lower[leaf[whole]] * UNIT) / size[:, None]
         return whole, np.clip(local, 0.0, 1.0), number[whole]
 
     @cached_property
@@ -271,8 +295,8 @@ class CutPair:
         return found, share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
 
 
-def _areas(mesh: CutMesh, leaves: SquareLeaves) -> Floats:
+def _areas(mesh: CutMesh, leaves: LeafCells) -> Floats:
     """Return the area of what each leaf holds."""
     out = np.zeros(len(leaves))
-    out[mesh.square_leaf] = (leaves.size[mesh.square_leaf] * leaves.unit) ** 2
+    out[mesh.square_leaf] = (leaves.size[mesh.square_leaf] * UNIT) ** 2
     return out + np.bincount(mesh.triangle_leaf, slopes(mesh.place[mesh.triangle])[1], len(leaves))

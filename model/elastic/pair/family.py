@@ -109,13 +109,18 @@ class Family:
         # their children have the sizes of the generation.
         before = self.working
         holder = before[np.searchsorted(self.rows["code"][before], code, side="right") - 1]
+        self.rows["retired_step"][np.setdiff1d(before, holder)] = self.step
         parents = np.unique(holder[self.rows["size"][holder] > size])
         while len(parents):
             children = self._spawn(parents)
-            at = np.searchsorted(code, self.rows["code"][children])
-            stands = size[at] == self.rows["size"][children]
+            own, edge = self.rows["code"][children], self.rows["size"][children]
+            at, last = (np.searchsorted(code, end) for end in (own, own + edge**self.dimension))
+            empty = at == last  # within outlines some hold nothing of the body
+            self.rows["retired_step"][children[empty]] = self.step
+            stands = ~empty
+            stands[~empty] = size[at[~empty]] == edge[~empty]
             holder[at[stands]] = children[stands]
-            parents = children[~stands]
+            parents = children[~stands & ~empty]
         self.working = holder
 
     def settle(self, gap: Floats, chosen: Flags) -> None:

@@ -17,6 +17,7 @@ from kaju.model.elastic.pair.elements import DEEPEST_STEP
 from kaju.model.elastic.pair.leaves import LeafCells, corners
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import Scales
+from kaju.model.results.result import OnCells
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
@@ -117,7 +118,7 @@ def trees_of(first: LeafCells, generations: list[Generation]) -> list[LeafCells]
 
 
 @dataclass(eq=False)
-class GrownAgents:
+class GrownAgents(OnCells):
     """What agents of many sizes tell in the plane and in space alike; scaled."""
 
     storage: ClassVar[Literal["tree"]] = "tree"

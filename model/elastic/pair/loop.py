@@ -71,18 +71,28 @@ class PairLoop:
 
     def step(self) -> Opinions:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
+        self._solve()
+        assert self.last is not None
+        self.trees.append(self.leaves)
+        chosen = np.zeros(len(self.leaves), dtype=np.bool_)
+        if not self.reached:
+            chosen = self._spawn(self.last)
+        self._keep(chosen)
+        return self.last
+
+    def _solve(self) -> None:
+        """Let the agents find their opinions, and judge these."""
         last, aims = self.last, self.goals.aims(self.leaves, self.last)
         if last is None:
             self.last = first(self.body, self.leaves, aims)
         else:
             self.last = following(last, self.leaves, aims)
         self._judged = self.goals.judge(self.last, self.tolerance)
-        self.trees.append(self.leaves)
-        chosen = np.zeros(len(self.leaves), dtype=np.bool_)
-        if not self.reached:
-            chosen = self._spawn(self.last)
+
+    def _keep(self, chosen: Flags) -> None:
+        """Note the generation."""
+        assert self.last is not None
         self.generations.append(generation_of(self.last, chosen))
-        return self.last
 
     def outcome(self) -> PairAgents:
         """Return the agents as they are."""
@@ -125,16 +135,18 @@ class PairLoop:
         # What the smallest agents hold stays: the others share the rest of what is wanted; or, if
         # the smallest alone hold more, as little as is hardly seen beside it.
         free = np.where(allowed > 0, share, 0.0)
-        power = 1 if self.goals.goals else 2  # Of the gap: that of one load, or the product of two
-        budget = (
-            (AIM * self.tolerance / error) ** power * float(share.sum()) if error < inf else 0.0
-        )
+        budget = self._wanted() * float(share.sum()) if error < inf else 0.0
         frozen = float(share.sum() - free.sum())
         left = budget - frozen if frozen < 0.9 * budget else BESIDE * frozen
         if not free.sum() > left:
             return np.zeros(len(leaves), dtype=np.int64)
         often = halvings(free, left, leaves.holding(self.body.sharp))
         return np.minimum(often, allowed)
+
+    def _wanted(self) -> float:
+        """Return the share of the whole that a generation is aimed at."""
+        power = 1 if self.goals.goals else 2  # Of the gap: that of one load, or the product of two
+        return (AIM * self.tolerance / self._judged.error) ** power
 
     def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
         """Return the agents of the next generation."""

@@ -1,0 +1,362 @@
+"""Agents within outlines as an answer: what is read of both fields of their last generation."""
+
+from __future__ import annotations
+
+from dataclasses import InitVar, dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ResultError
+from kaju.model.elastic.moduli import equivalent_stress
+from kaju.model.outline.hoop_stress import HoopStress
+from kaju.model.outline.outline_problem import SIDES
+from kaju.model.outline.posed_outlines import OutlinedBody
+from kaju.model.outline.true_shapes import DEPTH, UNIT
+from kaju.model.scene.shapes import Shape
+
+from .answer import PairAgents, tensors
+from .cut_pair import CutPair
+from .history import Generation, family_of
+from .leaves import LeafCells, corners
+
+EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
+APART = 0.02  # share of a peak by which it may be off both fields there without a note
+ARROWS = 16  # that stand for a traction along an outline, or a third as many along a side
+NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
+OUTSIDE = "points: ({}) m lies outside the body"
+
+
+class Ends(NamedTuple):
+    """Where a body ends: straight lines, how their ends move, and the tractions there; scaled."""
+
+    ends: Floats  # shape (n, 2, 2)
+    moved: Floats
+    force: Floats  # of each, shape (n, 2)
+    place: Ints  # side, or behind these region, to which each belongs
+    outward: Floats  # unit normals
+
+
+@dataclass(eq=False)
+class CutAgents(PairAgents):
+    """Agents of a plane body within true outlines, whole or cut."""
+
+    ground: OutlinedBody  # type: ignore[assignment]
+    known: InitVar[tuple[list[LeafCells], CutPair] | None] = None
+
+    def __post_init__(self, known: tuple[list[LeafCells], CutPair] | None) -> None:
+        self._pair = known and known[1]
+        self.trees = known[0] if known else _trees_of(self.ground.start(), self.generations)
+
+    @cached_property
+    def pair(self) -> CutPair:
+        """Both fields of the last generation; of a stored answer they are found again."""
+        return self._pair or CutPair(self.ground.problem, self.leaves)
+
+    @property
+    def no_bound(self) -> str:  # type: ignore[override]
+        """Why nothing is proved; empty if it is."""
+        return NO_BOUND if self.ground.problem.estimated else ""
+
+    @property
+    def cut(self) -> Flags:
+        """Which agents an outline cuts."""
+        mesh, size = self.pair.fitting.mesh, self.leaves.size * UNIT
+        law = np.full(self.count, -1)
+        law[mesh.triangle_leaf] = mesh.triangle_law
+        several = np.zeros(self.count, dtype=np.bool_)
+        several[mesh.triangle_leaf[law[mesh.triangle_leaf] != mesh.triangle_law]] = True
+        return np.asarray(several | (self.pair.area[1] < size**2 * (1.0 - 1e-12)))
+
+    @property
+    def area(self) -> Floats:
+        """What of each agent lies within the body at least, in cells of the grid."""
+        return np.asarray(self.pair.area[1] / (UNIT * self.ground.cell) ** 2)
+
+    @cached_property
+    def material(self) -> Ints:
+        """Index of the material that has most of each agent."""
+        mesh, own = self.pair.fitting.mesh, self.ground.own_laws
+        area = np.zeros((self.count, len(self.pair.laws[0])))
+        area[mesh.square_leaf, mesh.square_law] = 1.0
+        np.add.at(area, (mesh.triangle_leaf, mesh.triangle_law), self.pair.fitting.area)
+        kind = np.array([own.index(law) if law in own else -1 for law in self.pair.laws[0]])
+        return np.asarray(kind[np.where(kind < 0, -1.0, area).argmax(axis=1)])
+
+    @property
+    def law(self) -> Ints:
+        """Index of each agent's moduli."""
+        return self.material
+
+    @property
+    def farthest(self) -> float:
+        """Largest displacement at corners of agents and pieces, and in the middles of edges."""
+        fit = self.pair.fitting
+        corner, bulge = np.split(fit.value.reshape(-1, 2), [len(fit.mesh.place)])
+        found = np.concatenate([corner, corner[fit.mesh.ends].mean(axis=1) + bulge])
+        return float(np.linalg.norm(found, axis=1).max())
+
+    @property
+    def energies(self) -> Floats:
+        """Energy stored in each agent: half-way between those of both opinions."""
+        return self.pair.energies
+
+    @cached_property
+    def moved(self) -> Floats:
+        """Displacement of the agents' middles, beyond the body that of what is near."""
+        return self.pair.displacement_at(np.arange(self.count), self._middles_of)
+
+    @property
+    def _middles_of(self) -> Floats:
+        return np.asarray((self.leaves.lower + 0.5 * self.leaves.size[:, None]) * UNIT)
+
+    @property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents: the mean of both opinions over what each holds."""
+        balanced, fitted = self.pair.means
+        return tensors(0.5 * (balanced + fitted))
+
+    @property
+    def balanced(self) -> Floats:
+        """Mean stress tensors of the opinion that balances."""
+        return tensors(self.pair.means[0])
+
+    @cached_property
+    def border(self) -> Ends:
+        """Where the body ends, what acts there, and how it moves: of the stress that balances."""
+        mesh, border = self.pair.balancing.mesh, self.pair.borders[1]
+        long = np.hypot(*border.run.T)[:, None]
+        outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1) / long
+        place = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
+        ends = mesh.place[border.ends]
+        leaf = np.full(len(mesh.ends), -1)
+        leaf[mesh.square_edge], leaf[mesh.triangle_edge] = (
+            one[:, None] for one in (mesh.square_leaf, mesh.triangle_leaf)
+        )
+        law = np.full(len(mesh.ends), -1)
+        law[mesh.square_edge], law[mesh.triangle_edge] = (
+            one[:, None] for one in (mesh.square_law, mesh.triangle_law)
+        )
+        own, kind = leaf[border.edge], law[border.edge]
+        moved = self.pair.displacement_at(np.repeat(own, 2), ends.reshape(-1, 2))
+        # along an edge the stress that balances is linear: that in the middle is its mean
+        stress = tensors(self.pair.stress_at(own, ends.mean(axis=1), kind))
+        borne = np.where(border.held, np.einsum("nab,nb->na", stress, outward), border.traction)
+        return Ends(ends, moved.reshape(-1, 2, 2), borne * long, place, outward)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        held, force = self.pair.borders[1].held, self.border.force
+        return {
+            name: np.where(held, force, 0.0)[self.border.place == number].sum(axis=0)
+            for number, name in enumerate(SIDES)
+            if name in self.ground.problem.held
+        }
+
+    def applied(self, stage: int | None = None) -> Floats:
+        """Return the forces (N) on the body, shape (n, 2): along its border, and its weight."""
+        free = np.where(self.pair.borders[1].held, 0.0, self.border.force)
+        weight = self.ground.problem.weight * self.pair.area[1].sum()
+        return np.asarray(self.scales.force * np.vstack([free, weight[None]]))
+
+    def arrows(self) -> tuple[Floats, Floats, Flags]:
+        """Return few places (m) and forces (N) that stand for the loads, and which of them pull."""
+        border, held = self.border, self.pair.borders[1].held
+        force = np.where(held, 0.0, border.force)
+        found = []
+        for place in np.unique(border.place[force.any(axis=1)]).tolist():
+            rows = np.flatnonzero((border.place == place) & force.any(axis=1))
+            at = border.ends[rows].mean(axis=1)
+            long = np.hypot(*np.diff(border.ends[rows], axis=1)[:, 0].T)
+            if place < len(SIDES):
+                along = at[:, 1 - list(SIDES.values())[place][0]]
+            else:
+                along = np.arctan2(*(at - at.mean(axis=0)).T[::-1])
+            order = np.argsort(along)
+            way = np.append(0.0, np.cumsum(long[order]))
+            step = way[-1] / (ARROWS if place >= len(SIDES) else ARROWS // 3)
+            total = np.vstack([np.zeros(2), np.cumsum(force[rows[order]], axis=0)])
+            for end in np.arange(step, way[-1] + 0.5 * step, step):
+                ends, middle = (end - step, end), end - 0.5 * step
+                own = np.array([np.diff(np.interp(ends, way, one))[0] for one in total.T])
+                here = order[min(int(np.searchsorted(way, middle)) - 1, len(order) - 1)]
+                pull = own @ border.outward[rows[here]] > 0.0
+                mean = 0.5 * (way[1:] + way[:-1])
+                spot = np.array([np.interp(middle, mean, one) for one in at[order].T])
+                found.append((spot, own, pull))
+        if self.ground.problem.weight.any():
+            area = self.pair.area[1]
+            centre = (area[:, None] * self._middles_of).sum(axis=0) / area.sum()
+            found.append((centre, self.ground.problem.weight * area.sum(), True))
+        place, force, pull = (np.array([one[k] for one in found]) for k in range(3))
+        return self.ground.edge * place, self.scales.force * force, pull.astype(np.bool_)
+
+    def located(self, points: Floats) -> tuple[Floats, Ints]:
+        """Return points (m) as an array, and the agent that each lies in or on."""
+        points, leaf, _ = self._placed(points)
+        return points, leaf
+
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m) lie in the body or on its outline."""
+        return np.asarray(self.material_at(points) >= 0)
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return which of the scene's materials is at points (m), -1 outside of the body."""
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {points!r:.80}")
+        scene = self.ground.asked
+        number = {material.name: k for k, material in enumerate(scene.cell_materials)}
+        found = np.full(len(points), number.get(str(scene.body.material), -1))
+        for k, region in enumerate(scene.body.regions):
+            shape, of = region.shape_in(scene.lattice, f"body.regions.{k}"), region.material
+            inside = shape.contains(points) if of in number else _within(shape, points)
+            found[inside] = number.get(of, -1)
+        within = ((points >= 0.0) & (points <= scene.lattice.extent)).all(axis=1)
+        return np.where(within & (self._leaf(points) >= 0), found, -1)
+
+    def displacement_at(self, points: Floats, cells: Ints | None = None) -> Floats:
+        """Return the displacement at points (m), beside the body that of what is near."""
+        leaf, places = self._leaf(points), points / self.ground.edge
+        if (beyond := leaf < 0).any():
+            leaf[beyond] = cKDTree(self._middles_of).query(places[beyond])[1]
+        return self.pair.displacement_at(leaf, places)
+
+    def stress_at(self, points: Floats, cells: Ints | None = None) -> Floats:
+        """Return stress tensors at points (m) of the body: the mean of both opinions."""
+        balanced, fitted = self.opinions_at(points)
+        return 0.5 * (balanced + fitted)
+
+    def opinions_at(self, points: Floats, cells: Ints | None = None) -> tuple[Floats, Floats]:
+        """Return the stresses that balance, and those that fit, at points (m)."""
+        points, leaf, material = self._placed(points)
+        places, pair, own = points / self.ground.edge, self.pair, self.ground.own_laws
+        law = np.array([list(pair.laws[0]).index(one) for one in own])[material]
+        strain = pair.strain_at(leaf, places, law)
+        fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
+        balanced = pair.stress_at(leaf, places, law)
+        return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
+
+    def law_at(self, points: Floats, cells: Ints | None = None) -> Ints:
+        """Return the index of the moduli at points (m) of the body."""
+        return self._placed(points)[2]
+
+    def _placed(self, points: Floats) -> tuple[Floats, Ints, Ints]:
+        """Return points as an array, their leaves and their materials; refuse those outside."""
+        material = self.material_at(points)
+        points = np.asarray(points, dtype=np.float64)
+        if (material < 0).any():
+            where = ", ".join(f"{c:g}" for c in points[np.argmax(material < 0)])
+            raise ResultError(OUTSIDE.format(where))
+        return points, self._leaf(points), material
+
+    def _leaf(self, points: Floats) -> Ints:
+        """Return an agent that each point (m) lies in or on, -1 for none."""
+        places = points / self.ground.edge / UNIT
+        found = np.full(len(points), -1)
+        for x in (1e-3, -1e-3):
+            for y in (1e-3, -1e-3):
+                at = self.leaves.find(np.floor(places + np.array([x, y])).astype(np.int64))
+                found = np.where(found < 0, at, found)
+        return found
+
+    def pieces(self) -> tuple[Ints, list[Floats]]:
+        """Return what the agents hold as squares and triangles (m), and whose each is.
+
+        Curves are drawn by tangents or chords as far apart as the agents are large.
+        """
+        mesh = self.pair.fitting.mesh
+        place = self.ground.edge * mesh.place
+        agent = np.concatenate([mesh.square_leaf, mesh.triangle_leaf])
+        return agent, [*place[mesh.square[:, [0, 2, 3, 1]]], *place[mesh.triangle]]
+
+    def rings(self) -> list[tuple[Floats, Floats]]:
+        """Return the closed lines (m) that hold the body, on their left, and how they move (m)."""
+        fit, ends = self.pair.fitting, self.pair.borders[0].ends
+        moved = self.scales.displacement * fit.value.reshape(-1, 2)
+        after, found = dict(ends.tolist()), []
+        while after:
+            ring = [next(iter(after))]
+            while ring[-1] in after:
+                ring.append(after.pop(ring[-1]))
+            found.append((self.ground.edge * fit.mesh.place[ring], moved[ring]))
+        return found
+
+    @cached_property
+    def along(self) -> dict[str, HoopStress]:
+        """The stresses along every named outline, scaled."""
+        regions = enumerate(self.ground.asked.body.regions)
+        return {one.name: HoopStress.along(self.pair, k) for k, one in regions if one.name}
+
+    def remarks(self, asked: str | None) -> list[str]:
+        """Return notes on parts that hang on nothing, and on peaks that are not well known."""
+        notes, level = [], self.scales.stress
+        if loose := self.pair.loose:
+            notes.append(
+                f"{loose} part{'s' * (loose > 1)} of the body hang on nothing and bear nothing; "
+                "if a support was meant, give it"
+            )
+        for name, along in self.along.items():
+            if name == asked or not len(along.moved):
+                continue
+            at = int(np.abs(along.moved).argmax())
+            peak, off = level * float(along.moved[at]), level * along.apart(at)
+            if off > APART * abs(peak):
+                notes.append(
+                    f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa by the "
+                    f"displacement, about {2.0 * off:.2g} Pa off that of the stress in balance; "
+                    "nothing is proved of either"
+                )
+        return notes
+
+    def history(self) -> dict[str, Any]:
+        """Return the figures of their generations."""
+        return super().history() | {"agents_cut": int(self.cut.sum())}
+
+
+def _trees_of(leaves: LeafCells, generations: list[Generation]) -> list[LeafCells]:
+    """Return the agents of stored generations; refuse some that do not stand side by side."""
+    trees: list[LeafCells] = []
+    for number, one in enumerate(generations):
+        code, size = one.code, one.size
+        parent = np.maximum(np.searchsorted(leaves.code, code, "right") - 1, 0)
+        away, edge = code - leaves.code[parent], leaves.size[parent]
+        sound = bool(np.all(np.diff(code) >= size[:-1] ** 2) and np.all(away >= 0))
+        sound = sound and bool(np.all(np.isin(size, 1 << np.arange(DEPTH + 1))))
+        if not (sound and np.all(away + size**2 <= edge**2) and np.all(away % size**2 == 0)):
+            raise ResultError("its agents do not stand side by side in the body")
+        step, cause = np.zeros(len(code), dtype=np.int64), np.zeros(len(code))
+        if number:
+            last = generations[number - 1]
+            _, step, cause = family_of(leaves, code, size, last.gap, last.chosen)
+        kind = np.zeros(len(code), dtype=np.int64)
+        leaves = LeafCells(corners(code, 2), size, kind, step, cause, code)
+        trees.append(leaves)
+    return trees
+
+
+def generation_of(body: OutlinedBody, pair: CutPair, chosen: Flags) -> Generation:
+    """Return what is kept of a generation of which some agents are to spawn."""
+    bounds, leaves = pair.bounds, pair.leaves
+    agents = CutAgents(body, [], [], "", [], ([leaves], pair))
+    balanced, fitted = (
+        equivalent_stress(tensors(stress), body.moduli, agents.material, body.asked.plane)
+        for stress in pair.means
+    )
+    proved = not body.problem.estimated
+    lower, upper = (bound if proved else None for bound in (bounds.lower, bounds.upper))
+    figures = bounds.error, bounds.energy, lower, upper
+    return Generation(*figures, leaves.code, leaves.size, pair.shares, fitted, balanced, chosen)
+
+
+def _within(shape: Shape, points: Floats) -> Flags:
+    """Tell which points lie in a shape that is cut out: not on its edge, which is the body's."""
+    lower, upper = shape.extent
+    step = EDGE * float((upper - lower).max())
+    inside = np.ones(len(points), dtype=np.bool_)
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        inside &= shape.contains(points + step * np.array([x, y]))
+    return inside

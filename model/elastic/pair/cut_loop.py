@@ -1,0 +1,299 @@
+"""Agents within outlines halve where they disagree most with themselves, as others do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, radians
+
+import numpy as np
+
+from kaju.agents.materials import suggestion
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ParameterError, SceneError, SingularPlaceError
+from kaju.model.elastic.goals.quantities import (
+    HOOP,
+    AskedFor,
+    Goal,
+    Quantity,
+    Stress,
+    quantities_of,
+)
+from kaju.model.outline.arc_triangles import ArcFrames
+from kaju.model.outline.hoop_stress import HoopStress
+from kaju.model.outline.leaf_polygons import VagueError, leaf_polygons
+from kaju.model.outline.outline_problem import SIDES, UnlikeError, along
+from kaju.model.outline.posed_outlines import OutlinedBody, check_alone
+from kaju.model.outline.true_shapes import UNIT, covering, leaf_at
+from kaju.model.scene import Scene
+
+from .cut_agents import CutAgents, generation_of
+from .cut_pair import CutPair
+from .goals import Judged
+from .leaves import LeafCells
+from .loop import AIM, PairLoop
+
+MOST_AGENTS = 100_000
+PATIENCE = 6  # times that cut agents are halved, all of them, to find out what hangs together
+MOST_HALVINGS = 2  # of an agent in one step, for a stressed outline
+TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the root of the tolerance
+STRESSED = 0.5  # share of the largest stress along an outline above which it is stressed
+SLIVER = 0.1  # what agents hold less of themselves says nothing of the stress along an outline
+STEP = 0.25  # share of a peak's error that a generation aims at
+OF_CHANGE = 1.0 / 3.0
+"""Error of a peak after a generation, over what it changed: squares of edges are a fourth."""
+NEAR = 1.5  # edges of the agent at a peak within which all agents are as near
+LEAST = 0.01  # share of the largest stress below which a peak's error is relative to that share
+KINK = radians(0.5)  # angle from which on a corner has no limit of stress
+NO_BOUND = "nothing is proved of a stress at a point"
+
+
+def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress, ...]:
+    """Return the peak that `goal` asks for within true outlines; none for the energy norm.
+
+    Raises
+    ------
+    ParameterError
+        If that is not the hoop stress along one named outline.
+    """
+    if goal is None:
+        return ()
+    named = [region.name for region in scene.body.regions if region.name is not None]
+    one = goal[0] if isinstance(goal, list) and goal else goal
+    if isinstance(one, str) and goal in (one, [one]):
+        goal = Stress(one, HOOP)
+    asked = quantities_of(goal)
+    if len(asked) > 1 or not isinstance(asked[0], Stress) or asked[0].component != HOOP:
+        raise ParameterError(
+            "goal: within true outlines a tolerance is about the energy norm, or about the "
+            f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), got '
+            f"{goal!r}; outlines are {', '.join(named) or 'without names'}"
+        )
+    at = asked[0].at
+    if at not in named:
+        near = suggestion(at, named) if isinstance(at, str) else ""
+        raise ParameterError(
+            f"goal: there is no true outline {at!r}{near}; there is "
+            f"{', '.join(named) or 'none with a name'}"
+        )
+    return (asked[0],)
+
+
+@dataclass(frozen=True, eq=False)
+class Aimed(Judged):
+    """What a generation says about what the tolerance is about."""
+
+    wanted: float  # share of it that is aimed at
+    first: Ints  # how often agents are to be halved whatever their share
+
+
+class CutLoop(PairLoop):
+    """The agents of a body within outlines, generation by generation."""
+
+    body: OutlinedBody  # type: ignore[assignment]
+    last: CutPair | None  # type: ignore[assignment]
+    _judged: Aimed
+
+    def __init__(
+        self,
+        body: OutlinedBody,
+        tolerance: float,
+        most_agents: int | None = None,
+        peaks: Sequence[Quantity] = (),
+    ) -> None:
+        super().__init__(body, tolerance, most_agents or MOST_AGENTS)  # type: ignore[arg-type]
+        if not peaks:
+            body.check_rounding(tolerance)
+        self._peak: _Peak | None = None
+        for one in peaks:
+            assert isinstance(one, Stress)
+            self._peak = _Peak(body, str(one.at), tolerance)
+        self._best_pair: tuple[int, CutPair] | None = None
+        self._least = inf
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tolerance is kept, and outlines are followed where they are stressed."""
+        return super().reached and not self._judged.first.any()
+
+    def _solve(self) -> None:
+        """Solve both fields; leaves of which it is not known what they hold are halved."""
+        patience = PATIENCE
+        while True:
+            try:
+                pair = CutPair(self.body.problem, self.leaves)
+                break
+            except VagueError as vague:
+                codes, why = vague.codes, UnlikeError("they touch themselves, or others")
+            except UnlikeError as error:
+                # coarse pieces may not hang together
+                patience, why = patience - 1, error
+                codes = self._cut()
+            chosen = np.isin(self.leaves.code, codes)
+            smallest = self.leaves.size[chosen].min(initial=2) < 2
+            if not patience or not chosen.any() or smallest or len(chosen) > self.most_agents:
+                raise _unresolved(why)
+            self.leaves = self.leaves.split(chosen, 0, np.zeros(len(chosen))).balanced(0)
+        self.last, self.leaves = pair, pair.leaves
+        judge = self._peak.judge if self._peak else self._judge
+        self._judged = judge(pair)
+
+    def _cut(self) -> Ints:
+        """Return the codes of the agents that outlines cut."""
+        every = covering(self.leaves, self.body.problem.shape)
+        held = np.isin(every.code, self.leaves.code)
+        return every.code[leaf_polygons(self.body.problem.body, every, held, False)[2].place]
+
+    def _judge(self, pair: CutPair) -> Aimed:
+        error = pair.bounds.error
+        wanted = min((AIM * self.tolerance / error) ** 2, 1.0) if np.isfinite(error) else 0.0
+        return Aimed((), error, pair.shares, False, wanted, coarse_along(pair, self.tolerance))
+
+    def _wanted(self) -> float:
+        return self._judged.wanted
+
+    def _halvings(self, leaves: LeafCells) -> Ints:
+        often = self._judged.first
+        if self._judged.error > self.tolerance:
+            often = np.maximum(often, super()._halvings(leaves))
+        return np.minimum(often, np.log2(leaves.size).astype(np.int64))
+
+    def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
+        """Return the agents of the next generation: all children halve as often as is asked."""
+        new = leaves
+        for step in range(int(often.max())):
+            parent = np.searchsorted(leaves.code, new.code, "right") - 1
+            new = new.split(often[parent] > step, 0, np.zeros(len(new)))
+        return new.balanced(0)
+
+    def _keep(self, chosen: Flags) -> None:
+        """Note the generation, and its fields if it knows best; of a peak, or in the end, too."""
+        assert self.last is not None
+        self.generations.append(generation_of(self.body, self.last, chosen))
+        error = self._judged.error
+        if self._peak or self.reached or self._best_pair is None or error < self._least:
+            self._least, self._best_pair = error, (len(self.generations), self.last)
+
+    def outcome(self) -> CutAgents:
+        """Return the generation that knows best, of a peak the last."""
+        assert self._best_pair is not None
+        count, pair = self._best_pair
+        goals, history = list(self._judged.found), self.generations[:count]
+        agents = CutAgents(self.body, goals, history, self.stopped, [], (self.trees[:count], pair))
+        agents.notes += agents.remarks(self._peak.name if self._peak else None)
+        return agents
+
+
+def _unresolved(why: UnlikeError) -> SceneError:
+    return SceneError(
+        f"body.regions: the outlines could not be resolved ({why}); outlines that all but "
+        "touch the lines between agents, or are covered by another region, do so: move one "
+        "by a little; so do parts of the body that hang on nothing"
+    )
+
+
+def coarse_along(pair: CutPair, tolerance: float) -> Ints:
+    """Return how often to halve leaves in which a stressed outline turns by too much.
+
+    The energy does not see a small hole's peak. What turns by little in all, such as a kink
+    rounded off, has none: of those that turn by more there are few.
+    """
+    leaves, body = pair.leaves, pair.problem.body
+    stress = np.sqrt(pair.means[0] ** 2 @ [1.0, 1.0, 2.0])
+    filled = pair.area[1] > SLIVER * (leaves.size * UNIT) ** 2
+    often = np.zeros(len(leaves), dtype=np.int64)
+    for region in body.regions:
+        frames = ArcFrames(region.arcs)
+        turn = np.zeros(len(leaves))
+        for points, share in ((frames.start, 0.25), (frames.tip, 0.5), (frames.end, 0.25)):
+            leaf = leaf_at(leaves, points)
+            turn += np.bincount(leaf + 1, share * np.abs(frames.turn), len(turn) + 1)[1:]
+        bent = turn > TURN * tolerance**0.5
+        stressed = stress > STRESSED * stress[filled & (turn > 0.0)].max(initial=0.0)
+        more = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
+        often[bent & stressed] = np.maximum(often[bent & stressed], more)
+    return np.minimum(often, MOST_HALVINGS)
+
+
+class _Peak:
+    """The largest hoop stress along an outline, generation by generation.
+
+    Its estimated error is the larger of how far both fields differ there, and of a third of what
+    the last generation changed. An agent's part in it is about √(its part of the gap) h² / r³ at
+    a distance r from the peak: the influence of a stress falls off as 1/r², its error as h/r³.
+    There is no estimate before agents where the stress is large are as small as the body is thin.
+    """
+
+    def __init__(self, body: OutlinedBody, name: str, tolerance: float):
+        problem = body.problem
+        self._which = [region.name for region in body.asked.body.regions].index(name)
+        self._region = problem.body.regions[self._which]
+        self.name, self._tolerance = name, tolerance
+        self._value = self._off = self._error = inf
+        check_alone(problem.body.regions, self._which, f"goal: {name!r}", "peak")
+        no_limit = f"goal: the stress along {name!r} has no limit, since it"
+        sharp = problem.body.without_limit(KINK, problem.shape, self._which)
+        for x, y in body.edge * sharp[:1]:
+            raise SingularPlaceError(
+                f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
+            )
+        ends = along(self._region, problem.shape)
+        for side, axes in problem.held.items():
+            axis, upper = SIDES[side]
+            if len(axes) > 1 and (ends[..., axis] == upper * problem.shape[axis]).any():
+                raise SingularPlaceError(
+                    f"{no_limit} meets the rigid side {side!r}; a roller leaves it one"
+                )
+
+    def judge(self, pair: CutPair) -> Aimed:
+        """Return the error, what each leaf adds to it, and the share of it to aim at."""
+        before, along = self._value, HoopStress.along(pair, self._which)
+        nothing = np.zeros(len(pair.leaves))
+        often = coarse_along(pair, self._tolerance)
+        if not len(along.place):
+            if not often.any():
+                raise _unresolved(UnlikeError(f"no agent lies along {self.name!r}"))
+            return self._aimed(nothing, often)
+        at = int(np.abs(along.moved).argmax())
+        self._value = float(along.moved[at])
+        if (thick := self._too_thick(pair, along)).any():
+            self._off = self._error = inf
+            return self._aimed(nothing, np.maximum(often, thick))
+        largest = max(abs(self._value), LEAST * float(np.abs(pair.means[0]).max()))
+        # where it was within the tolerance, the last agents spawned for something else
+        kept = self._off if self._error <= self._tolerance else 0.0
+        self._off = max(OF_CHANGE * abs(self._value - before), along.apart(at), kept)
+        self._error = self._off / largest
+        size = pair.leaves.size * UNIT
+        middle = (pair.leaves.lower + 0.5 * pair.leaves.size[:, None]) * UNIT
+        away = np.hypot(*(middle - along.place[at]).T)
+        away = np.maximum(away, NEAR * size[along.leaf[at]])
+        return self._aimed(np.sqrt(pair.shares) * size**2 / away**3, often)
+
+    def _aimed(self, part: Floats, often: Ints) -> Aimed:
+        scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
+        goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, NO_BOUND)
+        return Aimed((goal,), self._error, part, False, AIM**2 * STEP, often)
+
+    def _too_thick(self, pair: CutPair, along: HoopStress) -> Ints:
+        """Return how often to halve leaves larger than the stressed body there is thick."""
+        stress = np.abs(along.moved)
+        rows = np.flatnonzero(stress > STRESSED * stress.max())
+        border = pair.borders[1]
+        ends = pair.balancing.mesh.place[border.ends]
+        ways_out = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)
+        size = (pair.leaves.size * UNIT)[along.leaf]
+        inward = -along.outward if self._region.solid else along.outward
+        often = np.zeros(len(pair.leaves), dtype=np.int64)
+        for row in rows.tolist():
+            # where a line across the body meets the border next
+            away, n = ends - along.place[row], inward[row]
+            depth, side = away @ n, away @ [-n[1], n[0]]
+            meets = ((side[:, 0] > 0.0) != (side[:, 1] > 0.0)) & (ways_out @ n > 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = side[:, 0] / (side[:, 0] - side[:, 1])
+            at = (depth[:, 0] + share * (depth[:, 1] - depth[:, 0]))[meets]
+            at = at[at > 0.0]
+            if len(at) and size[row] > at.min():
+                often[along.leaf[row]] = min(int(np.ceil(np.log2(size[row] / at.min()))), 3)
+        return often

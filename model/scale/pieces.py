@@ -8,15 +8,16 @@ what it wants. The folder gets its name when all pieces are on the disk.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import (
     KajuError,
@@ -54,9 +55,12 @@ class Piece:
     """"kind" (index of the material, negative where there is none), "displacement" (m) of the
     middles, shape (n, ..., dimension), "stress" (Pa), shape (n, ..., dimension, dimension)."""
 
-    def holds(self, cells: Ints) -> Flags:
-        """Tell which cells lie in the piece."""
-        return np.asarray(np.all((cells >= self.lower) & (cells < self.upper), axis=1))
+    @property
+    def farthest(self) -> float:
+        """Largest displacement (m), of corners and middles."""
+        own = self.cells["displacement"][self.cells["kind"] >= 0], self.nodes["displacement"]
+        sizes = [np.linalg.norm(np.nan_to_num(u), axis=-1).max(initial=0.0) for u in own]
+        return float(max(sizes))
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,7 @@ class _Whole:
     boxes: list[tuple[tuple[int, ...], tuple[int, ...]]]  # first cell, and behind the last
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class PiecedResult(BodyResult):
     """Linear elasticity of a scene, known piece by piece.
 
@@ -78,60 +83,26 @@ class PiecedResult(BodyResult):
 
     kind: ClassVar[str] = "elasticity in pieces"
     name: ClassVar[str] = "elasticity"
+    scene: Scene
+    stage: int | None
+    pieces: tuple[Piece, ...]
+    figures: dict[str, Any]
+    comm: Any = None  # the processes, during a run
 
-    def __init__(
-        self,
-        scene: Scene,
-        grid: Scene,
-        stage: int | None,
-        pieces: Sequence[Piece],
-        figures: dict[str, Any],
-        comm: Any = None,
-    ) -> None:
-        self.scene = scene  # type: ignore[misc]
-        self._grid = grid
-        self.stage = stage  # type: ignore[misc]
-        self.pieces = tuple(pieces)
-        self.figures = figures
-        self.seconds = float(figures["seconds"])
-        self._comm = comm
-
-    @property
+    @cached_property
     def grid(self) -> Scene:
         """The scene on the cells that were solved."""
-        return self._grid
-
-    @classmethod
-    def of_processes(
-        cls,
-        scene: Scene,
-        grid: Scene,
-        stage: int | None,
-        piece: Piece,
-        borne: dict[str, Floats],
-        figures: dict[str, Any],
-        comm: Any,
-    ) -> Self:
-        """Return the answer of which this process has a piece; `borne`: what supports bear (N)."""
-        reaction: dict[str, Floats] = {}
-        for part in comm.allgather(borne):
-            for name, force in part.items():
-                reaction[name] = reaction.get(name, 0.0) + force
-        body = piece.cells["kind"] >= 0
-        moved = np.linalg.norm(piece.cells["displacement"][body], axis=-1)
-        whole = figures | {
-            "reaction": {name: force.tolist() for name, force in sorted(reaction.items())},
-            "max_displacement": max(comm.allgather(float(moved.max(initial=0.0)))),
-            "agents": sum(comm.allgather(int(np.count_nonzero(body)))),
-            "processes": comm.Get_size(),
-            "seconds": max(comm.allgather(figures["seconds"])),
-            "kaju_version": __version__,
-        }
-        return cls(scene, grid, stage, [piece], whole, comm)
+        division = int(self.figures["subdivision"])
+        return self.scene if division == 1 else self.scene.refine(division)
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures of the whole body."""
         return dict(self.figures)
+
+    @property
+    def seconds(self) -> float:  # type: ignore[override]
+        """Time that the computation took (s)."""
+        return float(self.figures["seconds"])
 
     @property
     def strain_energy(self) -> float:
@@ -139,21 +110,11 @@ class PiecedResult(BodyResult):
         return float(self.figures["strain_energy"])
 
     @property
-    def iterations(self) -> int:
-        """Number of iterations."""
-        return int(self.figures["iterations"])
-
-    @property
-    def error_estimate(self) -> float:
-        """Estimated error in the energy norm, relative to the solution."""
-        return float(self.figures["error_estimate"])
-
-    @property
     def max_displacement(self) -> float:
-        """Largest displacement of a cell's middle (m)."""
+        """Largest displacement (m), of corners and middles of cells."""
         return float(self.figures["max_displacement"])
 
-    @cached_property
+    @property
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body."""
         return {name: np.array(force) for name, force in self.figures["reaction"].items()}
@@ -180,7 +141,8 @@ class PiecedResult(BodyResult):
         return found
 
     def _pieces_of(self, cells: Ints) -> list[tuple[Piece, Flags]]:
-        parted = [(piece, piece.holds(cells)) for piece in self.pieces]
+        inside = [np.all((cells >= p.lower) & (cells < p.upper), axis=1) for p in self.pieces]
+        parted = list(zip(self.pieces, inside, strict=True))
         missing = ~np.any([here for _, here in parted], axis=0)
         if missing.any():
             cell = tuple(int(i) for i in cells[np.argmax(missing)])
@@ -194,45 +156,36 @@ class PiecedResult(BodyResult):
         """Return one row per cell of the body in the pieces that are known here."""
         import pandas
 
-        d = self.grid.lattice.dimension
-        frames = []
+        names = np.array([material.name for material in self.grid.cell_materials])
+        lattice, frames = self.grid.lattice, []
+        axes = "xyz"[: lattice.dimension]
         for piece in self.pieces:
-            fields = piece.cells
-            place = np.argwhere(fields["kind"] >= 0)
-            at = tuple(place.T)
-            centre = (place + np.array(piece.lower) + 0.5) * self.grid.lattice.cell_size
-            columns: dict[str, Any] = {"xyz"[a]: centre[:, a] for a in range(d)}
-            names = np.array([material.name for material in self.grid.cell_materials])
-            columns["material"] = names[fields["kind"][at]]
-            for a in range(d):
-                columns[f"u_{'xyz'[a]}"] = fields["displacement"][at][:, a]
-            for a in range(d):
-                for b in range(a, d):
-                    columns[f"stress_{'xyz'[a]}{'xyz'[b]}"] = fields["stress"][at][:, a, b]
+            body = piece.cells["kind"] >= 0
+            middle = lattice.centres(np.argwhere(body) + np.array(piece.lower))
+            kind, moved, stress = (piece.cells[n][body] for n in ("kind", "displacement", "stress"))
+            columns: dict[str, Any] = dict(zip(axes, middle.T, strict=True))
+            columns["material"] = names[kind]
+            columns |= {f"u_{axis}": values for axis, values in zip(axes, moved.T, strict=True)}
+            for a, b in combinations_with_replacement(range(len(axes)), 2):
+                columns[f"stress_{axes[a]}{axes[b]}"] = stress[:, a, b]
             frames.append(pandas.DataFrame(columns))
         return pandas.concat(frames, ignore_index=True)
 
     def save(self, path: str | Path) -> Path:
         """Write the result to a new folder, every process its own piece; all take part."""
-        target, comm = Path(path), self._comm
+        target, comm = Path(path), self.comm
         if comm is None:
             raise ResultError("save: this result is stored in a folder already; copy the folder")
         first = comm.Get_rank() == 0
-        hidden = None
-        holder = hidden_folder(target, ResultFileError) if first else None
-        try:
-            hidden = together(comm, lambda: holder and _entered(holder, target))
-            place = Path(comm.bcast(str(hidden)))
+        with ExitStack() as stack:
+            place = comm.bcast(together(comm, lambda: _hidden(stack, target) if first else None))
             together(comm, lambda: self._write_piece(place))
             boxes = comm.allgather((self.pieces[0].lower, self.pieces[0].upper))
             together(comm, lambda: self._finish(place, target, boxes) if first else None)
-        finally:
-            if holder is not None and hidden is not None:
-                holder.__exit__(None, None, None)
         return target
 
     def _write_piece(self, place: Path) -> None:
-        rank, (piece,) = self._comm.Get_rank(), self.pieces
+        rank, (piece,) = self.comm.Get_rank(), self.pieces
         for name, values in _to_file(piece).items():
             np.save(place / f"{name}-{rank:05}.npy", values)
 
@@ -254,21 +207,20 @@ class PiecedResult(BodyResult):
         archive = open_archive(folder / SCENE, "pieces")
         with reading(folder):
             whole: _Whole = put_together(_Whole, archive.arrays, archive.about)
-            scene, figures = whole.scene, whole.figures
-            division = int(figures["subdivision"])
-            grid = scene if division == 1 else scene.refine(division)
+            scene = whole.scene
             pieces = [_stored(folder, rank, *box) for rank, box in enumerate(whole.boxes)]
             known = len(scene.cell_materials)
             for rank, piece in enumerate(pieces):
                 if piece.cells["kind"].max(initial=-1) >= known:
                     raise ResultError(f"kind of piece {rank} names none of {known} materials")
-            return cls(scene, grid, whole.stage, pieces, figures)
+            return cls(scene, whole.stage, tuple(pieces), whole.figures)
 
 
-def _entered(holder: Any, target: Path) -> Path:
+def _hidden(stack: ExitStack, target: Path) -> Path:
+    """Return a folder to write to, which goes with the stack."""
     if target.exists():
         raise ResultFileError(f"{target}: exists already; take another folder")
-    return Path(holder.__enter__())
+    return stack.enter_context(hidden_folder(target, ResultFileError))
 
 
 def _to_file(piece: Piece) -> Fields:

@@ -12,45 +12,30 @@ of the body on coarser levels: their operators are PᵀAP.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise, product
 from math import sqrt
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from kaju.arrays import Flags, Floats
-from kaju.errors import (
-    ConvergenceError,
-    MissingExtraError,
-    ParameterError,
-)
+from kaju import __version__
+from kaju.arrays import Floats
+from kaju.errors import ConvergenceError, MissingExtraError, SceneError
+from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, grid_of
-from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
+from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.reactions import reactions
-from kaju.model.elastic.equal.staggered import internal_force
+from kaju.model.elastic.equal.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.equal.system import Solution
 from kaju.model.scene import Scene
 
-from .partition import (
-    HALO,
-    Box,
-    Index,
-    PetscLevel,
-    PetscRows,
-    PiecedBody,
-    body_of,
-    levels_of,
-    materials_in,
-    rows_of,
-    scaled,
-    slabs_of,
-)
+from .partition import Index, PetscLevel, Window, body_box, levels_of, window_of
 from .pieces import Piece, PiecedResult, together
 
 TOLERANCE = 1e-11
@@ -104,40 +89,41 @@ def solve_petsc(
     """
     comm = communicator()
     began = perf_counter()
-    rtol = _checked(tolerance, resolution)
+    check_numbers(tolerance, resolution, stage, least=SMALLEST)
+    rtol = TOLERANCE if tolerance is None else tolerance
     first = comm.Get_rank() == 0
     division, notes = comm.bcast(together(comm, lambda: _examined(scene, stage, resolution, first)))
     grid = scene if division == 1 else scene.refine(division)
     from petsc4py import PETSc
 
-    body = together(comm, lambda: body_of(grid, stage))
-    levels = levels_of(body.shape, PETSc.COMM_WORLD)
-    present = together(comm, lambda: materials_in(body, levels[0].own))
-    body = scaled(body, np.any(comm.allgather(present), axis=0))
-    rows = together(comm, lambda: rows_on(body, levels[0]))
-    matrix, right, moves = assembled(levels[0], rows)
+    lower, upper = body_box(grid)
+    levels = levels_of(tuple((upper - lower).tolist()), PETSc.COMM_WORLD)
+    window = together(comm, lambda: window_of(grid, stage, levels[0]))
+    rows = together(comm, lambda: rows_on(window))
+    matrix, right, moves = assembled(levels[0], *rows)
+    if not moves.sum():
+        raise SceneError("body: none of its cells can move, so there is nothing to solve")
     hierarchy = PetscHierarchy(levels, matrix, moves)
-    solved = _solved(hierarchy, right, rtol)
+    found, residuals, converged, coarser = _solved(hierarchy, right, rtol)
     local = levels[0].dm.createLocalVec()
-    levels[0].dm.globalToLocal(solved[0], local)
-    window = together(comm, lambda: window_of(body, levels[0], local))
-    energy = float(comm.allreduce(window.energy()))
+    levels[0].dm.globalToLocal(found, local)
+    faces = window.faces(local)
+    energy = float(comm.allreduce(_energy(window, faces)))
     # Relative error of the parents' answer, by its potential energy.
-    missed = 2.0 * (solved[3] - _potential(matrix, solved[0], right))
+    missed = 2.0 * (coarser - _potential(matrix, found, right))
     known = np.isfinite(missed) and energy > 0.0
     error = sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
-    solution = Solution(
-        window.faces,
-        energy,
-        "PETSc multigrid",
-        error,
-        solved[1][-1],
-        len(levels),
-        solved[1],
-        solved[2],
-        notes,
-    )
-    result = _result(scene, stage, division, window, solution, comm, perf_counter() - began)
+    errors = error, residuals[-1]
+    own = faces, energy, "PETSc multigrid", *errors, len(levels), residuals, converged, notes
+    solution = Solution(*own)
+    seconds = perf_counter() - began
+    if comm.Get_size() == 1:
+        origin = tuple((window.first + window.origin + 1).tolist())
+        posed = Grid(grid, window.problem, origin, division)
+        agents = CellAgents(scene, stage, division, solution, known=posed)
+        result: ElasticResult | PiecedResult = ElasticResult(agents, seconds)
+    else:
+        result = _pieced(scene, stage, division, window, solution, comm, seconds)
     if not solution.converged:
         raise ConvergenceError(
             f"solve: after {solution.iterations} iterations of PETSc's multigrid the relative "
@@ -149,77 +135,70 @@ def solve_petsc(
     return result
 
 
-@dataclass(frozen=True)
-class PetscWindow:
-    """A process's own cells and those around them, with their displacements."""
-
-    body: PiecedBody
-    problem: ElasticProblem
-    origin: Index  # cell of the body at which the problem's rim begins
-    cells: Box  # the process's own cells, without the rim
-    faces: FaceFields  # scaled displacements
-    owned: tuple[Flags, ...]  # which faces belong to the process
-
-    def energy(self) -> float:
-        """Return what this process's faces contribute to the energy (scaled)."""
-        force = internal_force(self.problem, self.faces)
-        terms = zip(force, self.faces, self.owned, strict=True)
-        return 0.5 * sum(float(np.vdot(f[mine], u[mine])) for f, u, mine in terms)
-
-    def piece(self) -> Piece:
-        """Return the answer on the process's own cells, in SI units."""
-        problem, unit = self.problem, self.problem.scales
-        first = self.cells[0] - self.origin - 1
-        last = self.cells[1] - self.origin - 1
-        own = tuple(slice(int(a), int(b)) for a, b in zip(first, last, strict=True))
-        corners = tuple(slice(part.start, part.stop + 1) for part in own)
-        stress = fields.cell_tensor(problem, fields.stress_parts(problem, self.faces))
-        pressure = unit.modulus * unit.displacement / unit.length
-        nodes = fields.node_displacement(problem, self.faces)[corners]
-        return Piece(
-            tuple(int(i) for i in self.cells[0] + self.body.lower),
-            tuple(int(i) for i in self.cells[1] + self.body.lower),
-            {"displacement": unit.displacement * nodes},
-            {
-                "kind": problem.kinds[problem.inner][own],
-                "displacement": unit.displacement * fields.cell_means(problem, self.faces)[own],
-                "stress": pressure * stress[own],
-            },
-        )
-
-    def reactions(self) -> dict[str, Floats]:
-        """Return what the supports bear by this process's faces (N)."""
-        lattice, origin = self.body.scene.lattice, self.body.lower + self.origin + 1
-        found = reactions(self.problem, self.faces, lattice, origin, self.owned)
-        return {name: self.problem.scales.force * force for name, force in found.items()}
+def _energy(window: Window, faces: FaceFields) -> float:
+    """Return what this process's faces contribute to the energy (scaled)."""
+    force = internal_force(window.problem, faces)
+    own = [window.owned(axis) for axis in range(len(faces))]
+    return 0.5 * sum(float(f[o] @ u[o]) for f, u, o in zip(force, faces, own, strict=True))
 
 
-def window_of(body: PiecedBody, level: PetscLevel, local: Any) -> PetscWindow:
-    """Return a process's part of the answer, from PETSc's local vector with its ghosts."""
-    shape = np.array(body.shape)
-    cells = np.maximum(level.own[0], 0), np.minimum(level.own[1], shape)
-    problem, origin = body.window(cells, halo=HALO - 1)
-    values = local.getArray(readonly=True).reshape(
-        *(level.ghosts[1] - level.ghosts[0])[::-1], level.dm.getEntriesPerElement()
-    )
-    d = problem.dimension
-    slots = [level.dm.getLocationSlot(name, 0) for name in ("left", "down", "back")[:d]]
-    faces, owned = [], []
-    begin = body.lift(problem, origin)
-    for axis, state in enumerate(problem.face_states):
-        field = begin[axis]
-        place = np.argwhere(state == ACTIVE)
-        at = place + origin
-        known = np.all((at >= level.ghosts[0]) & (at < level.ghosts[1]), axis=1)
-        place, at = place[known], at[known] - level.ghosts[0]
-        field[tuple(place.T)] += values[..., slots[axis]].T[tuple(at.T)]
-        faces.append(field)
-        mine = np.zeros(field.shape, dtype=bool)
-        own = level.owned(axis) - origin
-        inside = np.all((own >= 0) & (own < np.array(field.shape)), axis=1)
-        mine[tuple(own[inside].T)] = True
-        owned.append(mine)
-    return PetscWindow(body, problem, origin, cells, tuple(faces), tuple(owned))
+def _piece(window: Window, faces: FaceFields) -> Piece:
+    """Return the answer on the process's own cells, in SI units."""
+    problem, unit = window.problem, window.problem.scales
+    ends = [corner - window.origin - 1 for corner in window.cells]
+    own = tuple(slice(int(a), int(b)) for a, b in zip(*ends, strict=True))
+    corners = tuple(slice(part.start, part.stop + 1) for part in own)
+    stress = fields.cell_tensor(problem, fields.stress_parts(problem, faces))
+    nodes = fields.node_displacement(problem, faces)[corners]
+    lower, upper = (tuple((corner + window.first).tolist()) for corner in window.cells)
+    cells: dict[str, NDArray[Any]] = {
+        "kind": problem.kinds[problem.inner][own],
+        "displacement": unit.displacement * fields.cell_means(problem, faces)[own],
+        "stress": unit.stress * stress[own],
+    }
+    return Piece(lower, upper, {"displacement": unit.displacement * nodes}, cells)
+
+
+def _pieced(
+    scene: Scene,
+    stage: int | None,
+    division: int,
+    window: Window,
+    solution: Solution,
+    comm: Any,
+    seconds: float,
+) -> PiecedResult:
+    """Return the answer of which this process has a piece."""
+    problem, unit, faces = window.problem, window.problem.scales, solution.displacement
+    piece = _piece(window, faces)
+    mine = [np.zeros(values.shape, dtype=np.bool_) for values in faces]
+    for axis, owned in enumerate(mine):
+        owned[window.owned(axis)] = True
+    origin = window.first + window.origin + 1
+    borne = reactions(problem, faces, window.scene.lattice, origin, tuple(mine))
+    reaction: dict[str, Floats] = {}
+    for part in comm.allgather(borne):
+        for name, force in part.items():
+            reaction[name] = reaction.get(name, 0.0) + unit.force * force
+    figures = {
+        "rule": "elastic",
+        "plane": scene.plane,
+        "agents": sum(comm.allgather(int(np.count_nonzero(piece.cells["kind"] >= 0)))),
+        "strain_energy": solution.energy * unit.energy,
+        "error_estimate": solution.error,
+        "max_displacement": max(comm.allgather(piece.farthest)),
+        "reaction": {name: force.tolist() for name, force in sorted(reaction.items())},
+        "iterations": solution.iterations,
+        "residual": solution.residuals[-1],
+        "levels": solution.levels,
+        "method": solution.method,
+        "subdivision": division,
+        "notes": list(solution.notes),
+        "processes": comm.Get_size(),
+        "seconds": max(comm.allgather(seconds)),
+        "kaju_version": __version__,
+    }
+    return PiecedResult(scene, stage, (piece,), figures, comm)
 
 
 def communicator() -> Any:
@@ -237,14 +216,6 @@ def communicator() -> Any:
             f"pip install 'kaju[petsc]', which builds PETSc ({error})"
         ) from error
     return MPI.COMM_WORLD
-
-
-def _checked(tolerance: float | None, resolution: int | None) -> float:
-    if tolerance is not None and not 1e-14 <= tolerance < 1.0:
-        raise ParameterError(f"tolerance: must lie between 1e-14 and 1, got {tolerance!r}")
-    if resolution is not None and (resolution != int(resolution) or resolution < 1):
-        raise ParameterError(f"resolution: must be a whole number, 1 or more, got {resolution!r}")
-    return TOLERANCE if tolerance is None else tolerance
 
 
 def _examined(
@@ -291,52 +262,46 @@ def _potential(matrix: Any, x: Any, right: Any) -> float:
     return 0.5 * float(x.dot(force)) - float(x.dot(right))
 
 
-def _result(
-    scene: Scene,
-    stage: int | None,
-    division: int,
-    window: PetscWindow,
-    solution: Solution,
-    comm: Any,
-    seconds: float,
-) -> ElasticResult | PiecedResult:
-    body, unit = window.body, window.problem.scales
-    figures = {
-        "rule": "elastic",
-        "plane": scene.plane,
-        "strain_energy": solution.energy * unit.force * unit.displacement,
-        "error_estimate": solution.error,
-        "iterations": solution.iterations,
-        "residual": solution.residuals[-1],
-        "levels": solution.levels,
-        "method": solution.method,
-        "subdivision": division,
-        "notes": list(solution.notes),
-        "seconds": seconds,
-    }
-    if comm.Get_size() == 1:
-        origin = tuple(int(i) for i in body.lower + window.origin + 1)
-        posed = Grid(body.scene, window.problem, origin, division)
-        return ElasticResult(CellAgents(scene, stage, division, solution, known=posed), seconds)
-    return PiecedResult.of_processes(
-        scene, body.scene, stage, window.piece(), window.reactions(), figures, comm
-    )
+Rows = tuple[Index, csr_array, Floats, Floats]
+"""PETSc's numbers of the faces of a process; their rows of the stiffness matrix, with PETSc's
+numbers as columns; what acts on them; and 1 of those that move, else 0."""
 
 
-def rows_on(body: PiecedBody, level: PetscLevel) -> list[PetscRows]:
+def rows_on(window: Window) -> Rows:
     """Return the rows of a process's own faces."""
-    return [rows_of(body, level, cells) for cells in slabs_of(level.own)]
+    problem, level = window.problem, window.level
+    numbering = Numbering(problem.face_states)
+    stiffness = stiffness_matrix(problem, numbering)
+    load = numbering.gather(problem.force)
+    load -= numbering.gather(internal_force(problem, window.lift))
+    names = np.empty(numbering.size, dtype=np.int64)
+    picked, row = [], []
+    for axis, number in enumerate(numbering.number):
+        names[number[number >= 0]] = level.numbers(axis, np.argwhere(number >= 0) + window.origin)
+        picked.append(number[window.owned(axis)])
+        row.append(level.numbers(axis, level.owned(axis)))
+    mine, numbers = np.concatenate(picked), np.concatenate(row)
+    moves = mine >= 0
+    # The rows of faces that move, and ones on the diagonal for the others.
+    chosen = stiffness[mine[moves]].tocoo()
+    entry_row = np.concatenate([np.flatnonzero(moves)[chosen.row], np.flatnonzero(~moves)])
+    column = np.concatenate([names[chosen.col], numbers[~moves]])
+    assert (column >= 0).all()
+    value = np.concatenate([chosen.data, np.ones(np.count_nonzero(~moves))])
+    matrix = csr_array((value, (entry_row, column)), shape=(len(mine), level.size))
+    right = np.zeros(len(mine))
+    right[moves] = load[mine[moves]]
+    return numbers, matrix, right, moves.astype(np.float64)
 
 
-def assembled(level: PetscLevel, parts: list[PetscRows]) -> tuple[Any, Any, Any]:
+def assembled(
+    level: PetscLevel, row: Index, matrix: csr_array, load: Floats, active: Floats
+) -> tuple[Any, Any, Any]:
     """Return stiffness matrix, right-hand side, and a vector that is 1 at faces that move."""
-    row = np.concatenate([part.row for part in parts])
     right, moves = level.dm.createGlobalVec(), level.dm.createGlobalVec()
-    first, _ = right.getOwnershipRange()
-    right.getArray()[row - first] = np.concatenate([part.right for part in parts])
-    moves.getArray()[row - first] = np.concatenate([part.active for part in parts])
-    rows = vstack([part.matrix for part in parts], format="csr")
-    return _matrix(rows, row - first, right, right), right, moves
+    place = row - right.getOwnershipRange()[0]
+    right.getArray()[place], moves.getArray()[place] = load, active
+    return _matrix(matrix, place, right, right), right, moves
 
 
 def _matrix(rows: csr_array, place: Index, like: Any, columns: Any) -> Any:
@@ -344,39 +309,31 @@ def _matrix(rows: csr_array, place: Index, like: Any, columns: Any) -> Any:
     from petsc4py import PETSc
 
     ordered = rows[np.argsort(place)]
-    csr = (
-        ordered.indptr.astype(PETSc.IntType),
-        ordered.indices.astype(PETSc.IntType),
-        ordered.data,
-    )
+    parts = ordered.indptr.astype(PETSc.IntType), ordered.indices.astype(PETSc.IntType)
     sizes = like.getSizes(), columns.getSizes()
-    return PETSc.Mat().createAIJ(sizes, csr=csr, comm=like.getComm())
+    return PETSc.Mat().createAIJ(sizes, csr=(*parts, ordered.data), comm=like.getComm())
 
 
 def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> Any:
     """Return the matrix from the coarse faces to those fine ones that move."""
     like, columns = fine.dm.createGlobalVec(), coarse.dm.createGlobalVec()
-    first, _ = like.getOwnershipRange()
-    d = len(fine.shape)
-    rows, matrices = [], []
+    d, rows, column, weight = len(fine.shape), [], [], []
     for axis in range(d):
         faces = fine.owned(axis)
-        row = fine.numbers(axis, faces)
+        rows.append(fine.numbers(axis, faces) - like.getOwnershipRange()[0])
         terms = [_parents(faces[:, a], a == axis) for a in range(d)]
-        column = np.empty((len(faces), 2**d), dtype=np.int64)
-        weight = np.empty((len(faces), 2**d))
-        for k, choice in enumerate(product((0, 1), repeat=d)):
-            parents = np.stack([terms[a][c][0] for a, c in enumerate(choice)], axis=1)
-            column[:, k] = coarse.numbers(axis, parents)
-            weight[:, k] = np.prod([terms[a][c][1] for a, c in enumerate(choice)], axis=0)
-        if moves is not None:
-            weight *= moves.getArray(readonly=True)[row - first][:, None]
-        # Where both parents along the normal are the same one, their weights are added.
-        entries = (np.repeat(np.arange(len(row)), 2**d), column.ravel())
-        rows.append(row - first)
-        matrices.append(csr_array((weight.ravel(), entries), shape=(len(row), coarse.size)))
-    place = np.concatenate(rows)
-    return _matrix(vstack(matrices, format="csr"), place, like, columns)
+        choices = list(product((0, 1), repeat=d))
+        parents = [np.stack([terms[a][c[a]][0] for a in range(d)], axis=1) for c in choices]
+        weights = [np.prod([terms[a][c[a]][1] for a in range(d)], axis=0) for c in choices]
+        column.append(np.stack([coarse.numbers(axis, of) for of in parents], axis=1))
+        weight.append(np.stack(weights, axis=1))
+    place, value = np.concatenate(rows), np.concatenate(weight)
+    if moves is not None:
+        value *= moves.getArray(readonly=True)[place][:, None]
+    # Where both parents along the normal are the same one, their weights are added.
+    entries = np.repeat(np.arange(len(place)), 2**d), np.concatenate(column).ravel()
+    matrix = csr_array((value.ravel(), entries), shape=(len(place), coarse.size))
+    return _matrix(matrix, place, like, columns)
 
 
 def _parents(face: Index, along: bool) -> list[tuple[Index, Floats]]:

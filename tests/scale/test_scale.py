@@ -103,8 +103,8 @@ def test_written_in_parallel_and_read_in_pieces(tmp_path, task, seed):
     assert kaju.load_result(folder / "result.xdmf").summary() == stored.summary()
 
 
-@pytest.mark.parametrize(("task", "seed"), [("save", 2), ("save_space", 3)])
-def test_vtk_reads_what_was_written(tmp_path, task, seed):
+@pytest.mark.parametrize("task", ["save", "save_space"])
+def test_vtk_reads_what_was_written(tmp_path, task):
     """By a reader that ParaView has, piece by piece."""
     vtk = pytest.importorskip("vtk")
     numbers = pytest.importorskip("vtk.util.numpy_support").vtk_to_numpy
@@ -168,5 +168,5 @@ def test_a_killed_process_ends_the_run_and_leaves_no_torn_file(tmp_path):
 
 def test_what_petsc_cannot_do_is_refused():
     scene = scale_work.plate()
-    with pytest.raises(ValueError, match="tolerance: must lie"):
+    with pytest.raises(ValueError, match="tolerance: must be"):
         kaju.solve_petsc(scene, tolerance=2.0)

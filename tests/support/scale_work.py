@@ -106,10 +106,10 @@ def compare(count):
                     for name, force in own.reactions.items()
                 )
                 / max(float(np.abs(force).max()) for force in own.reactions.values()),
-                "iterations": result.iterations,
+                "iterations": result.summary()["iterations"],
                 "own_iterations": default.iterations,
                 "method": own.summary()["method"],
-                "error_estimate": [result.error_estimate, own.error_estimate],
+                "error_estimate": [result.summary()["error_estimate"], own.error_estimate],
             }
             print(json.dumps(report), flush=True)
 

@@ -5,31 +5,30 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from kaju import Scene
 from kaju.model.elastic.equal import row_kernels as kernels
-from kaju.model.elastic.equal.grid import problem_of
+from kaju.model.elastic.equal.grid import problem_of_scene
 from kaju.model.elastic.equal.hierarchy import Hierarchy
-from kaju.model.elastic.equal.problem import SIDES, rim_layer
 from kaju.model.elastic.equal.staggered import internal_force
-from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
-
-BEYOND = {"rigid": RIGID, "roller": ROLLER, "foundation": FOUNDATION, "displacement": RIGID}
 
 
 def make_problem(kinds, materials, sides):
     """A problem from an array of kinds; sides are words, or words with a number."""
-    rim = np.pad(np.asarray(kinds, dtype=np.int32), 1, constant_values=AIR)
-    sides = {name: (side, None) if isinstance(side, str) else side for name, side in sides.items()}
-    for name, (word, _) in sides.items():
-        rim[rim_layer(rim.ndim, SIDES[rim.ndim].index(name))] = BEYOND[word]
-    return problem_of(
-        rim,
-        materials,
-        1.0,
-        plane="stress" if rim.ndim == 2 else None,
-        thickness=1.0,
-        sides={name: side for name, side in sides.items() if side[1] is not None},
-        loads=None,
+    names = {str(number): f"m{number}" for number in range(len(materials))}
+    told = {"foundation": "stiffness", "displacement": "displacement"}
+    scene = Scene(
+        body={"array": np.asarray(kinds).tolist(), "cell_size": 1.0, "allow_floating": True},
+        legend={"-2": "rigid", "-1": "air", **names},
+        materials={
+            f"m{number}": {"youngs_modulus": modulus, "poissons_ratio": ratio}
+            for number, (modulus, ratio) in enumerate(materials)
+        },
+        sides={
+            name: side if isinstance(side, str) else {told[side[0]]: side[1]}
+            for name, side in sides.items()
+        },
     )
+    return problem_of_scene(scene)[0]
 
 
 CASES = [

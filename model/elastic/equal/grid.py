@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.scales import Scales
@@ -43,100 +43,87 @@ def problem_of_scene(
     lattice = scene.lattice
     check_boxes(lattice)
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
-    # All cells with what lies beyond the sides, and the sides that need a number.
+    # All cells with what lies beyond the sides.
     rim = np.pad(scene.rasterise().astype(np.int32), 1, constant_values=AIR)
-    sides: dict[str, Side] = {}
     for index, name in enumerate(lattice.sides):
-        condition = scene.side_condition(name)
-        axis, upper_end = divmod(index, 2)
-        layer = rim_layer(lattice.dimension, index)
-        rim[layer] = RIGID if condition.code == DISPLACED else condition.code
-        reached = upper[axis] == lattice.shape[axis] if upper_end else lower[axis] == 0
-        if reached and condition.stiffness is not None:
-            sides[name] = ("foundation", condition.stiffness)
-        elif reached and condition.displacement is not None:
-            sides[name] = ("displacement", condition.displacement)
+        code = scene.side_condition(name).code
+        rim[rim_layer(lattice.dimension, index)] = RIGID if code == DISPLACED else code
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))
-    loads = CellLoads.of(scene.applied(stage), lower, upper)
-    constants = np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
+    constants = constants_of(scene)
     kinds = np.ascontiguousarray(rim[box])
+    body = kinds >= 0
+    if not body.any():
+        raise SceneError("body: no cell is of a material, so there is nothing to solve")
     if stiffness is not None:
-        body = kinds >= 0
         constants = constants[kinds[body]]
         constants[:, 0] *= np.pad(stiffness, 1)[box][body]
         kinds[body] = np.arange(len(constants))
+    used = constants if len(constants) == 1 else constants[np.unique(kinds[body])]
+    sides = sides_of(scene, lower, upper)
+    loads = CellLoads.of(scene.applied(stage), lower, upper)
     try:
-        problem = problem_of(
-            kinds,
-            constants,
-            lattice.cell_size,
-            plane=scene.plane,
-            thickness=scene.thickness,
-            sides=sides,
-            loads=loads,
-        )
+        scales = scales_of(scene, used, sides, loads.force)
+        problem = problem_of(scene, kinds, constants, sides, loads, scales)
     except ParameterError as error:
         names = ", ".join(material.name for material in scene.cell_materials)
         raise ParameterError(f"materials ({names}): {error}") from error
     return problem, tuple(int(i) for i in lower)
 
 
-def problem_of(
-    rim: NDArray[np.int32],
-    materials: Sequence[tuple[float, float]] | Floats,
-    cell_size: float,
-    *,
-    plane: Literal["stress", "strain"] | None,
-    thickness: float,
-    sides: Mapping[str, Side],
-    loads: CellLoads | None,
-    scales: Scales | None = None,
-) -> ElasticProblem:
-    """Build a problem from an array of cells.
+def constants_of(scene: Scene) -> Floats:
+    """Return Young's modulus (Pa) and Poisson's ratio of every material of the cells."""
+    return np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
 
-    `rim` has the index into `materials` (Young's modulus in Pa, Poisson's ratio) of each cell, or
-    AIR, RIGID; with one layer more that says what lies beyond the sides. Cell size and thickness
-    are in metres; the thickness counts in two dimensions only. `sides` name the number that what
-    lies beyond needs. With `scales` given the cells may be a part of a body, even without material.
-    """
-    table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
-    if scales is None:
-        if not np.any(rim >= 0):
-            raise SceneError("body: no cell is of a material, so there is nothing to solve")
-        scales = _scales(rim, table, cell_size, thickness, sides, loads)
+
+def sides_of(scene: Scene, lower: Ints, upper: Ints) -> dict[str, Side]:
+    """Return the sides that a box of cells reaches and that need a number."""
+    sides: dict[str, Side] = {}
+    for index, name in enumerate(scene.lattice.sides):
+        condition, (axis, high) = scene.side_condition(name), divmod(index, 2)
+        if not (upper[axis] == scene.lattice.shape[axis] if high else lower[axis] == 0):
+            continue
+        if condition.stiffness is not None:
+            sides[name] = ("foundation", condition.stiffness)
+        elif condition.displacement is not None:
+            sides[name] = ("displacement", condition.displacement)
+    return sides
+
+
+def scales_of(scene: Scene, constants: Floats, sides: Mapping[str, Side], force: Floats) -> Scales:
+    """Return units in which the largest modulus and the largest force (N) are one."""
+    modulus, length = float(constants[:, 0].max()), scene.lattice.cell_size
+    stretch = modulus * (scene.thickness if scene.lattice.dimension == 2 else length)
+    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
+    peak = float(np.abs(force).max(initial=0.0))
+    return Scales.of(modulus, max([peak, *(stretch * u for u in moved)]), length, stretch)
+
+
+def problem_of(
+    scene: Scene,
+    rim: NDArray[np.int32],
+    constants: Floats,
+    sides: Mapping[str, Side],
+    loads: CellLoads,
+    scales: Scales,
+) -> ElasticProblem:
+    """Return the problem of a box of a scene's cells."""
+    # `rim` is what the cells are, by the row of `constants` (Young's modulus in Pa, Poisson's
+    # ratio) or AIR, RIGID, with one layer more that says what lies beyond.
     fixed, spring = _side_fields(rim, sides, scales)
     problem = ElasticProblem(
         kinds=rim,
-        moduli=moduli_of(table[:, 0] / scales.modulus, table[:, 1], plane),
+        moduli=moduli_of(constants[:, 0] / scales.modulus, constants[:, 1], scene.plane),
         force=face_zeros(rim),
         fixed=fixed,
         spring=spring,
         surface_shear={},
         scales=scales,
-        plane=plane,
-        thickness=thickness if rim.ndim == 2 else 1.0,
+        plane=scene.plane,
+        thickness=scene.thickness if rim.ndim == 2 else 1.0,
     )
-    if loads is not None and len(loads.force):
+    if len(loads.force):
         face_forces(problem, loads)
     return problem
-
-
-def _scales(
-    rim: NDArray[np.int32],
-    table: Floats,
-    cell_size: float,
-    thickness: float,
-    sides: Mapping[str, Side],
-    loads: CellLoads | None,
-) -> Scales:
-    """Return units in which the largest modulus and the largest force are one."""
-    used = slice(None) if len(table) == 1 else np.unique(rim[rim >= 0])
-    modulus = float(np.max(table[used, 0]))
-    stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
-    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
-    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
-    force = max([peak, *(stiffness * displacement for displacement in moved)])
-    return Scales.of(modulus, force, cell_size, stiffness)
 
 
 def _side_fields(

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags
 from kaju.errors import ParameterError, SceneError
 from kaju.model.elastic.equal.grid import constants_of, problem_of, scales_of, sides_of
-from kaju.model.elastic.equal.problem import ACTIVE, SIDES, CellLoads, ElasticProblem, FaceFields
+from kaju.model.elastic.equal.problem import ACTIVE, CellLoads, ElasticProblem, FaceFields
 from kaju.model.elastic.equal.system import lift
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
@@ -200,7 +200,7 @@ def body_box(scene: Scene) -> Box:
 
 def window_of(scene: Scene, stage: int | None, level: PetscLevel) -> Window:
     """Return what this process poses of a scene of squares or cubes."""
-    body, shape, d = body_box(scene), np.array(level.shape), len(level.shape)
+    body, shape = body_box(scene), np.array(level.shape)
     lower = np.clip(level.own[0] - HALO, 0, shape - 1)
     upper = np.clip(level.own[1] + HALO, 1, shape)
     box = body[0] + lower, body[0] + upper
@@ -210,13 +210,8 @@ def window_of(scene: Scene, stage: int | None, level: PetscLevel) -> Window:
     kinds[beyond.sum(axis=1) > 1] = AIR  # outside a corner
     kinds[kinds == DISPLACED] = RIGID
     rim = kinds.reshape(upper - lower + 2).astype(np.int32)
-    applied, constants, sides = scene.applied(stage), constants_of(scene), sides_of(scene, *body)
-    scales = scales_of(scene, constants, sides, applied.force)
+    applied, constants = scene.applied(stage), constants_of(scene)
+    scales = scales_of(scene, constants, sides_of(scene, *body), applied.force)
     loads = CellLoads.of(applied, *box)
-    problem = problem_of(scene, rim, constants, sides_of(scene, *box), loads, scales)
-    moved = np.zeros((d, 2, d))
-    for name, (sort, value) in sides.items():
-        if sort == "displacement":
-            moved[divmod(SIDES[d].index(name), 2)] = np.array(value) / scales.displacement
-    begin = lift(problem, moved, lower, shape)
-    return Window(scene, level, problem, body[0], lower - 1, begin)
+    problem = problem_of(scene, rim, constants, box, loads, scales)
+    return Window(scene, level, problem, body[0], lower - 1, lift(problem, lower, shape))

@@ -28,9 +28,9 @@ from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.fields import reactions
 from kaju.model.elastic.equal.grid import Grid, grid_of
 from kaju.model.elastic.equal.problem import FaceFields
-from kaju.model.elastic.equal.reactions import reactions
 from kaju.model.elastic.equal.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.equal.system import Solution
 from kaju.model.scene import Scene

@@ -6,8 +6,8 @@ Read `staggered` (the law), then:
 - `problem`, `grid`, `supports`, `cell_loads`: a scene as arrays of scaled numbers.
 - `solver`: which way is taken; `system`: loads and solutions; `direct`: few cells by factors;
   `iterative`: many by conjugate gradients (`krylov`), with one cycle of multigrid as the
-  preconditioner, rubber with pressures of its own (`mixed_form`).
-- `hierarchy`: the cycle; `multigrid_levels`, `full_box`, `stencils`: its levels; `row_kernels`: the
-  compiled loops, which are imported with `iterative` alone.
-- `fields`, `cell_agents`, `equal_arrays`, `reactions`: what the displacements say.
+  preconditioner, rubber with pressures of its own.
+- `hierarchy`: the cycle; `multigrid_levels`: its levels; `row_kernels`: the compiled loops, which
+  are imported with `iterative` alone.
+- `fields`, `cell_agents`, `equal_arrays`: what the displacements say.
 """

@@ -18,9 +18,9 @@ from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 from . import fields
+from .fields import reactions
 from .grid import Grid, Origin, problem_of_scene, repeated
 from .problem import ABSENT, ElasticProblem, FaceFields
-from .reactions import reactions
 from .staggered import Strains, energy_of_cells
 from .system import Solution
 

@@ -14,9 +14,8 @@ from kaju.arrays import Floats
 from kaju.errors import SceneError
 from kaju.factors import factors_of
 
-from .full_box import coarse_box, ghost_weights_of, is_box
 from .krylov import Iteration, dot
-from .problem import ACTIVE, ElasticProblem, without_pressure
+from .problem import ACTIVE, ElasticProblem, coarse_box, ghost_weights_of, is_box, without_pressure
 from .staggered import Numbering, stiffness_matrix
 from .system import Solution, System, judge_rounding, missed
 

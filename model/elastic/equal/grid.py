@@ -59,11 +59,10 @@ def problem_of_scene(
         constants[:, 0] *= np.pad(stiffness, 1)[box][body]
         kinds[body] = np.arange(len(constants))
     used = constants if len(constants) == 1 else constants[np.unique(kinds[body])]
-    sides = sides_of(scene, lower, upper)
     loads = CellLoads.of(scene.applied(stage), lower, upper)
     try:
-        scales = scales_of(scene, used, sides, loads.force)
-        problem = problem_of(scene, kinds, constants, sides, loads, scales)
+        scales = scales_of(scene, used, sides_of(scene, lower, upper), loads.force)
+        problem = problem_of(scene, kinds, constants, (lower, upper), loads, scales)
     except ParameterError as error:
         names = ", ".join(material.name for material in scene.cell_materials)
         raise ParameterError(f"materials ({names}): {error}") from error
@@ -102,14 +101,18 @@ def problem_of(
     scene: Scene,
     rim: NDArray[np.int32],
     constants: Floats,
-    sides: Mapping[str, Side],
+    box: tuple[Ints, Ints],
     loads: CellLoads,
     scales: Scales,
 ) -> ElasticProblem:
     """Return the problem of a box of a scene's cells."""
     # `rim` is what the cells are, by the row of `constants` (Young's modulus in Pa, Poisson's
     # ratio) or AIR, RIGID, with one layer more that says what lies beyond.
-    fixed, spring = _side_fields(rim, sides, scales)
+    d, moved = rim.ndim, np.zeros((rim.ndim, 2, rim.ndim))
+    for name, (sort, value) in sides_of(scene, *scene.bounds()).items():
+        if sort == "displacement":
+            moved[divmod(SIDES[d].index(name), 2)] = np.array(value) / scales.displacement
+    fixed, spring = _side_fields(rim, sides_of(scene, *box), scales)
     problem = ElasticProblem(
         kinds=rim,
         moduli=moduli_of(constants[:, 0] / scales.modulus, constants[:, 1], scene.plane),
@@ -117,6 +120,7 @@ def problem_of(
         fixed=fixed,
         spring=spring,
         surface_shear={},
+        moved=moved,
         scales=scales,
         plane=scene.plane,
         thickness=scene.thickness if rim.ndim == 2 else 1.0,

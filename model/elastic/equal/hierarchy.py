@@ -1,9 +1,9 @@
 """Multigrid for equal cells: any form of the body and any mix of materials.
 
 The finest level stores no matrix, only the moduli of cells and edges; a coarse level stores P'AP
-(`stencils`), which is robust where the moduli jump by 10⁶ and next to holes, and needs no boundary
-conditions of its own. Coarse levels of full boxes obey the law themselves, which is twice as fast.
-One symmetric V-cycle with Gauss-Seidel sweeps is the preconditioner.
+(`multigrid_levels`), which is robust where the moduli jump by 10⁶ and next to holes, and needs no
+boundary conditions of its own. Coarse levels of full boxes obey the law themselves, which is twice
+as fast. One symmetric V-cycle with Gauss-Seidel sweeps is the preconditioner.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from kaju.arrays import Flags, Floats
 from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli
 
-from .full_box import coarse_box, ghost_weights_of, is_box
 from .krylov import dot
 from .multigrid_levels import FIRST, MultigridLevel, coarse_level, level_by_law, spread
-from .problem import ElasticProblem, FaceFields
+from .problem import ElasticProblem, FaceFields, coarse_box, ghost_weights_of, is_box
 from .row_kernels import Level, LevelBox, prolong_and_smooth, smooth_and_restrict, write_residual
 from .staggered import Numbering, stiffness_matrix
 
@@ -237,7 +236,7 @@ class _Smallest:
         (_planes, rows, length), n = level.box.shape, level.box.places
         coefficients = level.data.reshape(-1, level.box.entries, length)
         matrix = np.zeros((len(self._there),) * 2)
-        # Couplings: see `stencils.Stencil`.
+        # Couplings: see `multigrid_levels.Stencil`.
         for a, b, *way, entry, p, q, j in grid.stencil.couplings:
             here = self._there[(a * n <= self._there) & (self._there < (a + 1) * n)]
             other = here + (b - a) * n + (way[0] * rows + way[1]) * length + way[2]

@@ -12,9 +12,9 @@ air, rigid ground, a roller or an elastic foundation. So a side needs no rule of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ class ElasticProblem:
     spring: FaceFields  # Stiffness of the foundation beneath each face, scaled
     # Shear stress that loads along the surface put on the edges, scaled
     surface_shear: dict[tuple[int, int], Floats]
+    moved: Floats  # Displacement of the body's sides, scaled; shape (axis, end, component)
     scales: Scales  # What one scaled unit is in SI
     plane: Literal["stress", "strain"] | None  # None in three dimensions
     thickness: float = 1.0  # Thickness (m); 1 in three dimensions
@@ -151,3 +152,46 @@ def face_zeros(rim: NDArray[np.int32]) -> FaceFields:
     """Return 0 on all faces of cells, ghosts included."""
     axes = range(rim.ndim)
     return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)
+
+
+FEWEST = 16
+"""A full box of an even number of cells, at least so many, along every axis has a coarse box."""
+
+
+def is_box(problem: ElasticProblem) -> bool:
+    """Tell whether a body is a full box of one material, sides of one kind, to be coarsened."""
+    # Edge moduli that are given do not follow from the cells, so coarse cells would lose them.
+    if problem.edges is not None or any(n % 2 or n < FEWEST for n in problem.shape):
+        return False
+    inside = problem.kinds[problem.inner]
+    if inside.flat[0] < 0 or not np.all(inside == inside.flat[0]):
+        return False
+    layers = [problem.kinds[rim_layer(problem.dimension, s)] for s in range(2 * problem.dimension)]
+    return all(bool(np.all(layer == layer.flat[0])) for layer in layers)
+
+
+def ghost_weights_of(problem: ElasticProblem) -> Floats:
+    """Return for every side the weights of the first two faces that extrapolate to its ghosts."""
+    # Beyond a rigid side they mirror: so a coarse box obeys the law on its own cells. Of other
+    # bodies the weights are not used.
+    sides = range(2 * problem.dimension)
+    ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
+    return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
+
+
+def coarse_box(problem: ElasticProblem) -> ElasticProblem:
+    """Return a full box on cells twice as large."""
+    d = problem.dimension
+
+    def halved(values: NDArray[Any]) -> NDArray[Any]:
+        # The ghost cells beyond both ends stay. Along the normal the last face is kept as well;
+        # across it the last two have one coarse face.
+        every = [np.array([0, *range(1, n - 1, 2), n - 1]) for n in values.shape]
+        return np.ascontiguousarray(values[np.ix_(*every)])
+
+    return replace(
+        problem,
+        kinds=halved(problem.kinds),
+        moduli=Moduli(*(2.0 ** (d - 2) * values for values in problem.moduli)),
+        spring=tuple(2.0 ** (d - 1) * halved(values) for values in problem.spring),
+    )

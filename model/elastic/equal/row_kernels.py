@@ -310,7 +310,7 @@ def _steps(first: int, end: int, reach: int, tasks: tuple[int, ...], back: int) 
 
 @part
 def weighted_rows(out, to, pitch, source, stride, where, terms, weight, first, end, n):
-    """Add up n places of weighted rows of a source: see `stencils.Terms`."""
+    """Add up n places of weighted rows of a source: see `multigrid_levels.Terms`."""
     # Sums are written from `to` on, `pitch` apart; `where` tells where the source's rows start, of
     # which the entries are `stride` apart.
     last = -1
@@ -340,7 +340,7 @@ def within(i, n):
 
 @inlined
 def finest_coefficients(level, made, row, w, where, out, to):
-    """Write the coefficients of w places of a row: see `hierarchy._finest_terms`."""
+    """Write the coefficients of w places of a row: see `multigrid_levels._finest_terms`."""
     law, inverse, rows = level.data, level.inverse, level.rows
     length, n = level.box.shape[2], len(inverse) // level.box.components
     for e in range(len(made)):
@@ -367,8 +367,8 @@ def coarse_operator(level, made, sums, coarse, own, room):
     # The first of its shared rows, of those not in use, is left empty. In the room to work in there
     # are rows of the finest level's coefficients; four rows of sums along the first axis, then sums
     # along the second, of all but two ghosts; these split into even and odd places; and where rows
-    # start. `sums` are all axes' `stencils.Terms`, one after the other, and where those of each
-    # begin.
+    # start. `sums` are all axes' `multigrid_levels.Terms`, one after the other, and where those of
+    # each begin.
     terms, weight, way, ends, starts = sums
     fine, one, split, where = room
     out, inverse, slots = coarse.data, coarse.inverse, coarse.rows

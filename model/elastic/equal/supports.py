@@ -17,8 +17,7 @@ from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
-from .full_box import coarse_box, is_box
-from .problem import ACTIVE, FIXED, ElasticProblem
+from .problem import ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
 from .staggered import axis_pairs, cut, edge_modulus, ends
 
 

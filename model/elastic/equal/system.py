@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints, first_largest
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.results.stored import Column
 
@@ -64,7 +64,7 @@ class System:
         self._lift_energy, self._lift = 0.0, problem.fixed
         if any(values.any() for values in problem.fixed):
             origin = np.zeros(problem.dimension, dtype=np.int64)
-            self._lift = lift(problem, _moved_sides(problem), origin, np.array(problem.shape))
+            self._lift = lift(problem, origin, np.array(problem.shape))
             force = internal_force(problem, self._lift)
             pairs = zip(force, self._lift, strict=True)
             self._lift_energy = sum(float(np.vdot(a, b)) for a, b in pairs)
@@ -117,14 +117,13 @@ class System:
         )
 
 
-def lift(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> FaceFields:
+def lift(problem: ElasticProblem, origin: Ints, cells: Ints) -> FaceFields:
     """Return displacements that fall linearly from those of moved sides to the sides opposite."""
-    # Of a body of so many cells, or of a window whose first cell is `origin`; `moved` is the
-    # displacement of the body's sides, shape (axis, end, component).
+    # Of a body of so many cells, or of a window whose first cell is `origin`.
     fields = []
     for component, fixed in enumerate(problem.fixed):
         field = np.zeros_like(fixed)
-        for axis, (lower, upper) in enumerate(moved[:, :, component]):
+        for axis, (lower, upper) in enumerate(problem.moved[:, :, component]):
             # Faces along the axis lie between the cells, those across in their middle.
             last = max(cells[axis] - (axis != component), 1)
             share = (np.arange(fixed.shape[axis]) - 1 + origin[axis]) / last
@@ -133,27 +132,6 @@ def lift(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> F
             field += along.reshape([-1 if a == axis else 1 for a in range(problem.dimension)])
         fields.append(np.where(problem.face_states[component] == ACTIVE, field, fixed))
     return tuple(fields)
-
-
-def _moved_sides(problem: ElasticProblem) -> Floats:
-    """Return by what the sides of a body are moved."""
-    d = problem.dimension
-    moved = np.zeros((d, 2, d))
-    for component, fixed in enumerate(problem.fixed):
-        for axis in range(d):
-            lines = np.moveaxis(fixed, axis, 0)
-            # The wall's own faces along the axis, ghosts beyond it across.
-            first, last = (1, -2) if axis == component else (0, -1)
-            # Corner ghost cells, and the walls at both ends of a side, belong to other sides.
-            beside = tuple(
-                slice(2, -2) if a == component else slice(1, -1) for a in range(d) if a != axis
-            )
-            for end, layer in enumerate((first, last)):
-                # The value of largest size: what a side is moved by where nothing else holds it.
-                values = lines[layer][beside].ravel()
-                if values.size:
-                    moved[axis, end, component] = values[first_largest(np.abs(values))]
-    return moved
 
 
 def judge_rounding(system: System, solution: Solution, resisted: Floats, lost: float = 0.0) -> None:

@@ -65,6 +65,7 @@ class Motion:
     curves: Sequence[Curves] = ()  # drawn beside it
     held: NDArray[np.integer] | None = None  # points that something holds
     forces: Forces = ()
+    shares: Floats | None = None  # which part of the forces acts in each frame, all of it if None
     visits: Sequence[int] = ()  # level that acted before each frame, where blocks have parents
     outcome: str = ""  # how the run ended, in words
     outlines: Sequence[dict[str, Any]] = ()
@@ -181,10 +182,17 @@ def network(result: NetworkResult) -> Motion:
 
 def network_in_time(result: NetworkCreepResult) -> Motion:
     """Return a spring network that creeps."""
-    return _springs(result.to_network_result(), result.times, "s", result.curves())
+    shares = np.asarray(result.factors)
+    return _springs(result.to_network_result(), result.times, "s", result.curves(), shares)
 
 
-def _springs(result: NetworkResult, at: Floats, along: str, curves: Sequence[Curves]) -> Motion:
+def _springs(
+    result: NetworkResult,
+    at: Floats,
+    along: str,
+    curves: Sequence[Curves],
+    shares: Floats | None = None,
+) -> Motion:
     return Motion(
         points=result.network.positions,
         parts=result.network.springs,
@@ -193,6 +201,7 @@ def _springs(result: NetworkResult, at: Floats, along: str, curves: Sequence[Cur
         values={"tension": ("N", np.asarray(result.tension))},
         moved=np.asarray(result.displacement),
         curves=curves,
+        shares=shares,
         **_supports(result.network),
     )
 
@@ -239,6 +248,7 @@ def body_in_time(result: TransferCreepResult | ElasticCreepResult) -> Motion:
         moved=moved,
         curves=curves,
         forces=applied(static.scene),
+        shares=np.asarray(result.factors),
     )
 
 
@@ -385,9 +395,10 @@ def breaks(result: FractureResult) -> Motion:
     """Return springs or cells, each until it breaks, under the load of the last break."""
     counts = chosen_frames(result.breaks + 1)
     drawn = [bearing(result, count) for count in counts.tolist()]
-    moved, borne = [], []
+    moved, borne, shares = [], [], []
     for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):
         factor = result.factor_after(at) if count else 0.0  # the first frame is that of no load
+        shares.append(result.factor_after(count) if count else 0.0)
         moved.append(_steps_of(factor * body.displacement(), 128))
         bears = factor if count <= result.breaks_resisted else 0.0
         borne.append(_steps_of(bears * body.borne(), 128))
@@ -408,6 +419,7 @@ def breaks(result: FractureResult) -> Motion:
         moved=np.array(moved),
         gone=gone,
         curves=fracture_curves(result),
+        shares=np.array(shares),
         **supports,
         outcome=result.outcome,
     )

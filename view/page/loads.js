@@ -11,7 +11,7 @@ const LABELLED = 12, GRIP = 22;               // so many arrows carry numbers; h
 export class Loads {
   constructor(page) { this.page = page; this.chosen = -1; this.spots = []; }
   get list() { return this.page.scene?.loads ?? this.page.forces ?? []; }
-  get strongest() { return largestForce({ loads: this.list }) || 1; }
+  get strongest() { return largestForce({ loads: this.page.whole ?? this.list }) || 1; }
 
   /** Where arrows stand: their heads at the surface, as long as the root of the force; those on one cell side by side. */
   placed(view) {

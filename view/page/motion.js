@@ -9,7 +9,7 @@ import { Page } from "./page.js";
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
-  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, ground, outlines, lesson, columns }) {
+  begin({ dimension, corners, at, along, colours, curves, forces, shares, outcome, visits, ground, outlines, lesson, columns }) {
     const { points, parts, held, moved, born, gone } = columns;
     Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, ground, outlines, points, parts, held, born, gone });
     this.count = parts.length / corners;
@@ -22,7 +22,12 @@ export class MotionPage extends Page {
     this.sums = {}; this.scales = new Map();
     this.frame();
     if (lesson && born) this.look.deformed = false;
-    this.forces = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));
+    this.shares = shares;                         // of the forces, by frame; none: all act throughout
+    this.whole = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));
+  }
+  get forces() {
+    const share = this.shares.length ? this.shares[this.g] : 1;
+    return this.whole.map(({ cell, force }) => ({ cell, force: force.map((x) => share * x) }));
   }
   /** An answer at rest is told once: its frames are shares of it. */
   framesOf(column, size) {

@@ -52,6 +52,7 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
         "colours": {name: unit for name, (unit, _) in motion.values.items()},
         "curves": [_curve_data(curves) for curves in motion.curves],
         "forces": [{"place": place, "force": force} for place, force in motion.forces],
+        "shares": [] if motion.shares is None else np.round(motion.shares, 9).tolist(),
         "visits": list(motion.visits),
         "outcome": motion.outcome,
         "ground": ground_of(scene) if isinstance(scene, Scene) else [],
@@ -70,7 +71,8 @@ def _thinned(motion: Motion) -> Motion:
         name: (unit, of[rows] if of.ndim == 2 else of) for name, (unit, of) in motion.values.items()
     }
     moved = None if motion.moved is None else motion.moved[rows]
-    return replace(motion, at=at, values=values, moved=moved)
+    shares = None if motion.shares is None else motion.shares[rows]
+    return replace(motion, at=at, values=values, moved=moved, shares=shares)
 
 
 def _curve_data(curves: Curves) -> dict[str, Any]:

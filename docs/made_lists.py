@@ -25,12 +25,9 @@ def columns() -> str:
     """Return the arrays of every kind of result, each with its shape, kind and range."""
     lines, kinds = [], {name: fetch(kind.result) for name, kind in KINDS.items()}
     for name, result in (kinds | {"reference": Reference}).items():
-        if is_dataclass(result) and name != "true outlines":
+        if is_dataclass(result):
             told = dict(described(result)).items()
-            lines += [name, *(f"  {column:28}{rule}" for column, rule in told)]
-    tables = {name: fetch(at) for kind in KINDS.values() for name, at in kind.columns.items()}
-    for name, table in tables.items():
-        lines += [name, *(f"  {column:20}{told.text()}" for column, told in table.items())]
+            lines += [name, *(f"  {column:36} {rule}" for column, rule in told)]
     return "\n".join(["```text", *lines, "```"])
 
 

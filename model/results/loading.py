@@ -50,10 +50,8 @@ def load_result(path: str | Path) -> Result:
     if is_there(file) and file.is_dir():
         file = file / "result.npz"
     kind = open_archive(file).about["kind"]
-    likely = [KINDS[kind]] if kind in KINDS else KINDS.values()  # earlier ones had other labels
-    for result in (fetch(entry.result) for entry in likely):
-        if kind in result.kinds():
-            return cast(Result, result.load(file))
+    if kind in KINDS:
+        return cast(Result, fetch(KINDS[kind].result).load(file))
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
 
 

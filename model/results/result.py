@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
-from .archive import Archive, open_archive, reading, write_archive
+from .archive import open_archive, reading, write_archive
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
 from .stored import put_together, taken_apart
 
@@ -141,7 +140,7 @@ class Result:
             If the file cannot be written.
         """
         try:
-            parts = self._stored()
+            parts = taken_apart(self)
         except ResultFileError:
             raise
         except ResultError as error:
@@ -159,24 +158,10 @@ class Result:
         ResultFileError
             If the file is missing, is damaged, or holds something else.
         """
-        archive = open_archive(path, *cls.kinds())
+        archive = open_archive(path, cls.kind)
         with reading(path):
-            return cls._restored(archive)
-
-    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return what is stored: arrays, and plain values. Kinds with fields have no other."""
-        return taken_apart(self)
-
-    @classmethod
-    def _restored(cls, archive: Archive) -> Self:
-        """Return the result that `_stored` took apart."""
-        found: Self = put_together(cls, archive.arrays, archive.about)
+            found: Self = put_together(cls, *archive)
         return found
-
-    @classmethod
-    def kinds(cls) -> tuple[str, ...]:
-        """Return the labels of stored results that it reads: its own, and earlier ones."""
-        return (cls.kind,)
 
     def __repr__(self) -> str:
         figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())

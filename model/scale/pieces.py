@@ -206,7 +206,7 @@ class PiecedResult(BodyResult):
         folder = folder.parent if folder.is_file() else folder
         archive = open_archive(folder / SCENE, "pieces")
         with reading(folder):
-            whole: _Whole = put_together(_Whole, archive.arrays, archive.about)
+            whole: _Whole = put_together(_Whole, *archive)
             scene = whole.scene
             pieces = [_stored(folder, rank, *box) for rank, box in enumerate(whole.boxes)]
             known = len(scene.cell_materials)

@@ -17,7 +17,6 @@ _CURVES = {"curves": "view.charts:plot_curves"}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
-_COLUMNS = "model.results.formats"
 _MOTION = "view.motion"
 NOTEBOOK = "view.page.notebook:html_of"
 """The function that returns what a notebook shows of a model or a result."""
@@ -32,7 +31,6 @@ class Kind:
     films: Mapping[str, str] = field(default_factory=dict)  # what `kaju.animate` can make of these
     meshes: Mapping[str, str] = field(default_factory=dict)  # that give it a mesh that moves
     page: str | None = None  # what it replays on a page; None if a page cannot show it
-    columns: Mapping[str, str] = field(default_factory=dict)  # tables of its stored arrays
 
 
 KINDS = {

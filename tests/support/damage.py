@@ -26,6 +26,7 @@ from kaju import ElasticModel, LoadModel, Material, Reference, Scene, ThreeEleme
 from kaju.errors import KajuError
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
+from kaju.model.results.stored import taken_apart
 from kaju.model.study.sweep import load_sweep
 
 SECONDS = 20
@@ -77,7 +78,7 @@ def looked_at(result):
         if callable(asked := getattr(result, more, None)):
             asked()
     result.checks()
-    return contents_of(result._stored())
+    return contents_of(taken_apart(result))
 
 
 def samples(folder):

@@ -78,10 +78,12 @@ class Bounds:
     """The best value: the middle of both energies, or of energies far apart that which fits."""
 
 
-def bounds_of(cases: list[tuple[float, float, bool, float]], gap: float, rest: float) -> Bounds:
+def bounds_of(
+    cases: list[tuple[float, float, bool, float]], gap: float, rest: float, locks: bool = False
+) -> Bounds:
     """Return what the energies of both opinions prove, case by case."""
     # A case is a potential energy, a complementary one less the work of moved supports, whether
-    # loads act (else supports move), and its gap.
+    # loads act (else supports move), and its gap. What fits locks where a material hardly yields.
     # Work of the loads in one case is none on what the other moves: their energies add up.
     lower = upper = fits = whole = miss = 0.0
     for potential, complementary, loaded, own in cases:
@@ -92,9 +94,10 @@ def bounds_of(cases: list[tuple[float, float, bool, float]], gap: float, rest: f
         whole += abs(potential) + abs(complementary)
         miss += abs(high - low - 0.5 * own)
     energy = 0.5 * (lower + upper)
-    if not upper <= FAR * lower:
-        # One opinion knows next to nothing yet, most often that which balances.
-        energy = fits if fits > 0.0 else upper
+    if upper > FAR * lower:
+        # One opinion knows next to nothing: that which balances, or that which fits if it locks.
+        better, other = (lower + upper - fits, fits) if locks else (fits, lower + upper - fits)
+        energy = better if better > 0.0 else other
     rounding = max(miss, 1e-15 * whole)
     lower, upper = lower - rounding, upper + rounding
     lower = max(sqrt(max(lower, 0.0)) - sqrt(0.5) * rest, 0.0) ** 2

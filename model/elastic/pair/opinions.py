@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.moduli import by_law
+from kaju.model.elastic.moduli import by_law, is_rubber
 from kaju.model.elastic.pair import displacement
 from kaju.model.elastic.pair.airy import Airy, compliance, first_stress
 from kaju.model.elastic.pair.border import Sides, check_held, sides_of, supports_of
@@ -114,7 +114,8 @@ class Opinions:
             both = energies(sums[0] + sums[1], self.law, self.size)
             shares = np.maximum(shares, both)
             total = float(shares.sum())
-        return bounds_of(cases, total, self.sides.rest), shares
+        locks = is_rubber(self.body.moduli, self.body.scene.plane)
+        return bounds_of(cases, total, self.sides.rest, locks), shares
 
     def fields(self, case: int) -> tuple[Floats, Floats]:
         """Return both stresses of a case at the points of the rule."""

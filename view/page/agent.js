@@ -2,8 +2,7 @@
 import { button, choice, make, slider, tick } from "./controls.js";
 import { Recorded } from "./history.js";
 import { appliedLoads } from "./rule.js";
-import { hand } from "./save.js";
-import { tomlOf } from "./scene.js";
+import { hand, tomlOf } from "./scene.js";
 import { general } from "./words.js";
 
 const SILENCE = 2000, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000, LINES = 5;   // ms without a word; at most so many cells, and lines that are shown

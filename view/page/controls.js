@@ -98,3 +98,10 @@ export function slider(label, options, change) {
   input.oninput = () => { const v = number(Number(input.value)); change(v); put(v); input.ariaValueText = field.value; };
   return make("div", { className: "row" }, make("span", { textContent: label }), input, field, error);
 }
+
+// ---------------------------------------------------------------------------- ways of looking
+
+/** What may stand on the stage besides the body: {name, offered(page), open, close, tools, cards, draw, press, move, release, key …}. */
+export const MODES = [];
+/** The modes that a page offers now. */
+export const offered = (page) => MODES.filter((mode) => mode.offered(page));

@@ -2,10 +2,9 @@
 // as a free body; and where the force of the loads has gone.
 import { askElastic, cutsOf, fieldsOf, loadAxis } from "./answer.js";
 import { ticksOf } from "./charts.js";
-import { button, draw, make } from "./controls.js";
-import { MODES } from "./modes.js";
+import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintNumbers, paintWord } from "./paint.js";
-import { hand } from "./save.js";
+import { hand } from "./scene.js";
 import { bothOf } from "./twin.js";
 import { general, quantity } from "./words.js";
 

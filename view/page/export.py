@@ -67,9 +67,9 @@ class Runs(Protocol):
 
 MODULES = (
     "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
-    "modes.js", "markdown.js", "paint.js", "charts.js", "story.js", "save.js", "state.js",
-    "loads.js", "cell.js", "worksheet.js", "lesson.js", "answer.js", "twin.js", "cutting.js",
-    "panels.js", "page.js", "motion.js", "open.js",
+    "markdown.js", "paint.js", "charts.js", "state.js",
+    "loads.js", "cell.js", "lesson.js", "answer.js", "twin.js", "cutting.js",
+    "panels.js", "page.js", "motion.js",
 )  # fmt: skip
 """In the order in which they are joined: each uses only those before it at its top level."""
 WRITTEN = ("lattice.js", "history.js", "rule.js", "written.js")

@@ -67,7 +67,7 @@ export async function unpack(bytes) {
 
 // --------------------------------------------------------------------------- runs from outside
 
-/** A run that grows by packed pieces: from a file at once, from Python as it computes. */
+/** A run from a file. */
 export class Recorded {
   constructor(scene, cells, stage = scene.stages) {
     this.scene = scene; this.stage = stage;
@@ -76,26 +76,23 @@ export class Recorded {
     this.C = scene.rule?.sense ? 2 * L.D : L.D;
     this.spawn = new Int32Array(L.size); this.woken = new Uint8Array(L.size);
     this.taken = new Log(new Uint32Array(256), new Float64Array(256));
-    this.alive = []; this.waits = []; this.agents = 0; this.generation = 0; this.born = [];
+    this.alive = []; this.waits = []; this.agents = 0; this.generation = 0;
     this.atRest = true;
   }
-  append(columns) {
-    const { key = [], spawn = [], woken = [] } = columns, first = this.generation;
-    this.waits.push(...this.read(this.taken, columns, ""));
+  /** Take a run's columns; of what is not known there are none. */
+  read(columns) {
+    const { key, spawn, woken } = columns;
+    this.waits = this.log(this.taken, columns, "");
     this.generation = this.waits.length;
-    for (const name of ["passed", "dropped", "returned", "kept", "stretch", ...(this.states ?? []).map(([n]) => `state ${n}`)]) {
-      if (columns[`${name} offset`]) { this[name] ??= new Log(); this.read(this[name], columns, `${name} `); }
-      else if (this[name]) this[name] = null;  // not known any more
-    }
-    key.forEach((k, i) => {
-      this.spawn[k] = spawn[i]; this.woken[k] = woken[i];
-      this.born[spawn[i]] = (this.born[spawn[i]] ?? 0) + 1;
-    });
-    for (let g = first + 1; g <= this.generation; g++) this.alive.push(this.agents += this.born[g] ?? 0);
+    for (const name of ["passed", "dropped", "returned", "kept", "stretch", ...(this.states ?? []).map(([n]) => `state ${n}`)])
+      if (columns[`${name} offset`]) this.log(this[name] = new Log(), columns, `${name} `);
+    const born = new Int32Array(this.generation + 1);
+    key.forEach((k, i) => { this.spawn[k] = spawn[i]; this.woken[k] = woken[i]; born[spawn[i]]++; });
+    for (let g = 1; g <= this.generation; g++) this.alive.push(this.agents += born[g]);
     return this;
   }
   /** Put packed rows into a log; the sums of their generations. */
-  read(log, columns, name) {
+  log(log, columns, name) {
     const offset = columns[`${name}offset`], delta = columns[`${name}delta`], load = columns[`${name}load`], sums = [];
     for (let g = 0; g + 1 < offset.length; g++) {
       let place = 0, sum = 0;

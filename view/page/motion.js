@@ -1,10 +1,11 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
-import { colourOf, css, fillBox, fillRimmed, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
 import { paintGrid, partOf } from "./charts.js";
-import { quantity } from "./words.js";
 import { make } from "./controls.js";
+import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
+import { colourOf, css, fillBox, fillRimmed, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
+import { quantity } from "./words.js";
 
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
@@ -58,7 +59,6 @@ export class MotionPage extends Page {
   certify() { this.tellVerdict(this.outcome, true); }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
   magnification() { return this.usual * 10 ** this.look.magnify; }
-  polygons() { return null; }
 
   /** Where a point is in a frame, in hundredths of the body. */
   where(i) {
@@ -254,4 +254,27 @@ export class MotionPage extends Page {
     this.later();
     return true;
   }
+}
+
+// ------------------------------------------------------------------------------------- a file
+
+function dressed(root, text) {                 // by script, so that the content policy needs no styles
+  const sheet = new CSSStyleSheet();
+  sheet.replaceSync(text);
+  root.adoptedStyleSheets = [sheet];
+}
+
+/** A page in a file, or in a frame of a notebook: everything is in the text. The keys that nobody else takes are its own. */
+export async function openPage(element, base64) {
+  element.whole = true;
+  dressed(document, "html, body { margin: 0; height: 100%; } body > main { height: 100%; }");
+  dressed(element.attachShadow({ mode: "open" }), STYLE);
+  document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
+  const { header, columns } = await unpack(bytesOf(base64));
+  const { cells } = columns;
+  if (header.python) header.python.blob = new TextDecoder().decode(await through(bytesOf(document.getElementById("kaju-python").textContent), new DecompressionStream("deflate")));
+  if (header.kind === "pictures") return new MotionPage(element, { ...header, columns });
+  const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late, states: header.states }).read(columns) : null;
+  const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
+  return new Page(element, { ...header, cells, run, presets });
 }

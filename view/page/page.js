@@ -2,16 +2,14 @@
 import { certifying, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { Sums } from "./history.js";
-import { colourOf, css, inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
+import { inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
 import { curvesOf, paintGrid, partOf } from "./charts.js";
-import { icon, make } from "./controls.js";
-import { Lesson } from "./lesson.js";
+import { icon, make, offered } from "./controls.js";
+import { laySheet, Lesson } from "./lesson.js";
 import { Loads } from "./loads.js";
 import { Workshop } from "./agent.js";
-import { offered } from "./modes.js";
 import { follow, Past } from "./state.js";
-import { storyOf, tellStory } from "./story.js";
-import { laySheet } from "./worksheet.js";
+import { storyOf, tellStory } from "./cell.js";
 import { LANGUAGES, quantity, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
@@ -37,7 +35,7 @@ export class Page {
     this.lesson = lesson ? new Lesson(this, lesson) : null;
     if (this.lesson) this.look.speed = 1;
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
-    this.root = element.shadowRoot ?? element.attachShadow({ mode: "open" });
+    this.root = element.shadowRoot;
     this.root.replaceChildren(this.host);
     this.past = new Past(this);
     const theme = asked.get("theme");
@@ -136,7 +134,7 @@ export class Page {
   }
   /** Change how the page looks: one step back for who undoes. */
   set(key, value) { this.look[key] = value; this.past.note(); this.later(); }
-  /** Look in another way at the body: a name from modes.js, or "body". */
+  /** Look in another way at the body: a name of MODES, or "body". */
   setMode(name, quiet = false) {
     this.mode?.close?.(this);
     this.look.mode = name;
@@ -334,17 +332,6 @@ export class Page {
     if (parts.shows === on) return;
     parts.shows = on;
     parts.play.replaceChildren(icon(on ? "pause" : "play"), ` ${t(on ? "pause" : "play")}`);
-  }
-  /** The cells as polygons with their colours, for files; null when they are many or deformed. */
-  polygons() {
-    const { run, view, inks } = this, { lattice: L, kinds } = run;
-    if (L.dimension === 3 || this.look.deformed || L.size > 20000) return null;
-    const values = this.values(), scale = this.scale(), list = [];
-    L.each((k) => {
-      if (kinds[k] < 0) return;
-      list.push({ points: view.corners(view.at(...view.centre(L.cell(k)))), fill: values[k] >= 0 ? css(colourOf(values[k], scale, inks)) : inks.cell });
-    });
-    return list;
   }
 
   // -------------------------------------------------------------------------- building, themes

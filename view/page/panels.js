@@ -1,11 +1,9 @@
 // What stands round the picture: header, bar, timeline and side, and the panels of the side.
-import { button, choice, icon, iconButton, labelled, make, segments, slider, tick } from "./controls.js";
+import { button, choice, icon, iconButton, labelled, make, offered, segments, slider, tick } from "./controls.js";
 import { rendered } from "./markdown.js";
-import { offered } from "./modes.js";
 import { lessonSide } from "./lesson.js";
 import { loadsPanel } from "./loads.js";
-import { saveFilm, savePng, saveScene, saveSvg, saveTable } from "./save.js";
-import { largestForce } from "./scene.js";
+import { largestForce, saveFilm, savePng, saveScene, saveTable } from "./scene.js";
 import { copyLink } from "./state.js";
 import { general, LANGUAGES, quantity } from "./words.js";
 
@@ -35,7 +33,7 @@ function saves(page) {
     if (save === saveFilm) page.announce(t("filming"));
     try { page.announce(t("saved", { name: await save(page) })); } catch (error) { page.announce(t("noAnswer", { why: error.message })); }
   });
-  const items = [item("savePng", savePng), item("saveSvg", saveSvg), item("saveFilm", saveFilm)];
+  const items = [item("savePng", savePng), item("saveFilm", saveFilm)];
   if (page.touchable) items.unshift(item("saveScene", saveScene));
   if (page.run.taken) items.push(item("saveCsv", saveTable));
   return items;
@@ -152,16 +150,8 @@ export function buildTries(page) {
 
 const two = (v) => general(Number(v.toFixed(3)), 4);
 
-/** Numbers that agents of one's own declare: sliders where Python is behind the page, else what they were. */
-function parameterRows(page) {
-  const { t } = page;
-  return (page.own?.parameters ?? []).map((parameter) => {
-    const { label, low, high, whole, value } = parameter, put = (v) => page.change(() => { parameter.value = v; });
-    if (!page.touchable) return make("div", { className: "row" }, make("span", { textContent: label }), make("data", { value: String(value), textContent: String(value) }));
-    if (typeof value === "boolean") return tick(label, value, put);
-    return slider(label, { value, min: low, max: high, step: whole ? 1 : (high - low) / 100, show: (v) => general(v, 4), t }, put);
-  });
-}
+/** Numbers that agents of one's own declare, as they were in the run. */
+const parameterRows = (page) => (page.own?.parameters ?? []).map(({ label, value }) => make("div", { className: "row" }, make("span", { textContent: label }), make("data", { value: String(value), textContent: String(value) })));
 
 /** What keys do; those of one letter can be turned off. */
 export function showKeys(page) {
@@ -175,7 +165,7 @@ export function showKeys(page) {
 /** The sliders of the rule; `few`: its five numbers only. */
 export function rulePanel(page, few = false) {
   const { t, scene } = page, names = Object.keys(scene.rule.materials ?? {});
-  const list = parameterRows(page);
+  const list = [];
   const bar = (key, options, edit) => list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v))));
   if (names.length) {
     page.material ||= "";

@@ -35,15 +35,14 @@ export class Past {
 
 /** What is undone and linked; cells are never edited in place, so that they need no copy. */
 export function stateOf(page) {
-  const { scene, cells, stage, factor, look, lesson, own } = page;
-  return { numbers: own?.parameters?.map(({ value }) => value), scene: structuredClone(scene), cells, stage, factor, look: structuredClone({ ...look, camera: undefined, speed: undefined }), guesses: structuredClone(lesson?.guesses) };
+  const { scene, cells, stage, factor, look, lesson } = page;
+  return { scene: structuredClone(scene), cells, stage, factor, look: structuredClone({ ...look, camera: undefined, speed: undefined }), guesses: structuredClone(lesson?.guesses) };
 }
-export function restore(page, { scene, cells, stage, factor, look, guesses, numbers }) {
+export function restore(page, { scene, cells, stage, factor, look, guesses }) {
   const { camera, speed } = page.look, mode = page.look.mode;
-  const same = JSON.stringify([scene, stage, numbers]) === JSON.stringify([page.scene, page.stage, page.own?.parameters?.map(({ value }) => value)]) && cells === page.cells;
+  const same = JSON.stringify([scene, stage]) === JSON.stringify([page.scene, page.stage]) && cells === page.cells;
   Object.assign(page.look, structuredClone(look), { camera, speed });
   if (page.lesson && guesses) page.lesson.guesses = structuredClone(guesses);
-  numbers?.forEach((value, n) => { page.own.parameters[n].value = value; });
   if (!same) {
     Object.assign(page, { scene: structuredClone(scene), cells, stage, factor, material: "" });
     page.change(() => {});

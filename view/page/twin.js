@@ -2,11 +2,10 @@
 // magnification, one cursor; their difference; and a ruler that reads the profiles of both.
 import { askElastic, BOTH, cellsOn, cutsOf, fieldsOf, halfWidth, loadAxis } from "./answer.js";
 import { ticksOf } from "./charts.js";
-import { button, draw, make, picker, segments } from "./controls.js";
+import { button, draw, make, MODES, picker, segments } from "./controls.js";
 import { cornersOf } from "./deformation.js";
-import { MODES } from "./modes.js";
 import { FONT, paintCells, paintLegend, paintPick, paintWord, View } from "./paint.js";
-import { hand } from "./save.js";
+import { hand } from "./scene.js";
 import { general, quantity } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = [4, 3];         // of a scale: what looks like nothing; steps of a difference below and above it

@@ -25,7 +25,6 @@ function inClass(kind, name) {
 }
 /** What an instance holds itself; nothing of a class. */
 const ownOf = (of) => (of?.tp_name === undefined && of?.ob_type?.tp_mro ? of[DICT] : undefined), isPlain = (of, own, name) => own?.hasOwnProperty(name) && inClass(of.ob_type, name) === NULL;
-const at = (inum, work) => { try { return work(); } catch (error) { py.set_inum(inum); throw error; } };
 py.$getattr_pep657 = (of, name, inum) => { const own = ownOf(of); return isPlain(of, own, name) ? own[name] : asked(of, name, inum); };
 py.$setattr = (of, name, value) => {
   const own = ownOf(of);
@@ -39,12 +38,14 @@ py.call_attr = (of, name, inum, ...args) => {
     const { type, obj, obj_type: { tp_mro: line } } = of;
     found = line?.slice(line.indexOf(type) + 1).find((kind) => kind[DICT]?.hasOwnProperty(name))?.[DICT][name]; self = obj;
   } else { const own = ownOf(of); if (own && !own.hasOwnProperty(name)) found = inClass(of.ob_type, name); }
-  return found?.ob_type === py.function ? at(inum, () => found(self, ...args)) : called(of, name, inum, ...args);
+  if (found?.ob_type !== py.function) return called(of, name, inum, ...args);
+  try { return found(self, ...args); } catch (error) { py.set_inum(inum); throw error; }
 };
 py.$getitem = (of, item, inum) => {
   if (Array.isArray(of) && typeof item === "number" && item >= 0 && item < of.length && of.ob_type) return of[item];
   const kind = of?.[OB_TYPE];
-  return kind && (kind === dict || inClass(kind, "__getitem__") === GET) ? at(inum, () => dict.$getitem(of, item)) : got(of, item, inum);
+  if (!kind || (kind !== dict && inClass(kind, "__getitem__") !== GET)) return got(of, item, inum);
+  try { return dict.$getitem(of, item); } catch (error) { py.set_inum(inum); throw error; }
 };
 py.$setitem = (of, item, value, inum) => { const kind = of?.[OB_TYPE]; return kind && inClass(kind, "__setitem__") === SET ? dict.$setitem(of, item, value) : put(of, item, value, inum); };
 class Unpacked { constructor(of) { this.of = of; this.index = -1; } read_one() { return this.of[++this.index]; } }

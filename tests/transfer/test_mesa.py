@@ -1,17 +1,30 @@
-"""The models as Mesa's own tools see them."""
+"""The models as Mesa's own tools see them, and what somebody who knows Mesa tries first."""
 
+import copy
 import gc
+import pickle
 import runpy
 import subprocess
 import sys
 import weakref
 
+import mesa
 import numpy as np
 import pytest
+from mesa import DataCollector
 from plates import plate as pressed
 from transfer_answers import ENGINES
 
-from kaju import ElasticModel, ElasticRule, LoadModel, PrescribedRule, SpawningModel
+from kaju import (
+    ElasticModel,
+    ElasticRule,
+    FreeBoundaryAgent,
+    LoadModel,
+    MaterialAgent,
+    Parameter,
+    PrescribedRule,
+    SpawningModel,
+)
 from kaju.errors import ParameterError
 
 
@@ -28,22 +41,6 @@ def test_rows_of_arrays_are_no_agents_and_say_so():
     for ask in asked:
         with pytest.raises(ParameterError, match="engine='agents'"):
             ask()
-
-
-def test_an_agent_knows_its_place_in_the_scene():
-    model = LoadModel(plate())
-    model.step()
-    first = next(iter(model.agents))
-    assert first.index == first.pos == first.cell.coordinate == (10, 19)
-    assert model.agent_at((10, 19)) is first
-    assert model.agent_at((0, 0)) is model.agent_at((99, 99)) is None
-    np.testing.assert_allclose(first.position, [0.105, 0.195])
-    assert " at (10, 19): steel, took 2 N, kept 1 N, since generation 1>" in repr(first)
-    model.run()
-    assert all(kept >= 0.0 for kept in model.agents.get("kept"))
-    edges = [agent for agent in model.agents if agent.index[1] == 20]
-    assert {agent.name for agent in edges} == {"free"}
-    assert "gave back" in repr(edges[0])
 
 
 @ENGINES
@@ -112,15 +109,6 @@ def test_runs_leave_nothing_behind():
     assert [ref() for ref in left] == [None] * 3
 
 
-def test_importing_leaves_multiprocessing_as_it_was():
-    code = (
-        "import multiprocessing as m; before = m.get_start_method(allow_none=True); import kaju;"
-        "kaju.LoadModel, kaju.ElasticModel, kaju.SpawningModel;"
-        "assert m.get_start_method(allow_none=True) == before, m.get_start_method()"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def test_a_run_on_arrays_imports_no_mesa():
     code = (
         "import sys; from kaju import Scene; from kaju.model.transfer.load_transfer import *;"
@@ -158,3 +146,89 @@ def test_the_example_app_moves_its_slider_steps_and_starts_again():
     for name in ("Step", "Reset"):
         (button,) = (w for w in widgets if getattr(w, "children", None) == [name])
         button.fire_event("click", {})
+
+
+def small(**more):
+    return pressed([7, 5], [3, 4], **more)
+
+
+class Counting(MaterialAgent):
+    """Counts the loads that it takes, and can be told to sing."""
+
+    songs = Parameter(1, 1, 5, "songs")
+    heard = 0
+
+    def take(self, load):
+        super().take(load)
+        self.heard += 1
+
+    def sing(self):
+        return self.songs * "la"
+
+
+def stepped(count=3, **more):
+    model = LoadModel(small(), threshold=0.01, **more)
+    for _ in range(count):
+        model.step()
+    return model
+
+
+def material(model):
+    return model.agents.select(lambda agent: isinstance(agent, MaterialAgent))
+
+
+def test_sets_of_agents_are_mesas():
+    model = stepped()
+    agents = material(model)
+    assert set(model.agents_by_type) >= {MaterialAgent, FreeBoundaryAgent}
+    kept = agents.sort("kept").get("kept")
+    assert kept == sorted(kept, reverse=True)
+    assert agents.agg("kept", sum) == pytest.approx(0.5 * model.figures()["load_taken"])
+    assert 0 < len(agents.select(lambda a: a.kept > 0.1)) < len(model.agents)
+    assert len(agents.select(at_most=2)) == 2
+    assert agents.groupby(lambda agent: agent.spawn_step).count()[1] == 1
+    assert max(agents.map(lambda agent: agent.shortening(1))) > 0.0
+    agents.set("mood", "calm")
+    assert set(agents.get("mood")) == {"calm"}
+    numbers = model.agents.get("unique_id")
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_a_data_collector_of_ones_own():
+    model = stepped(0)
+    model.datacollector = DataCollector(
+        model_reporters={"kept": lambda m: material(m).agg("kept", sum)},
+        agent_reporters={"spawned": "spawn_step", "kept": "kept"},
+    )
+    model.run(3)
+    assert len(model.datacollector.get_model_vars_dataframe()) == 3
+    frame = model.datacollector.get_agent_vars_dataframe()
+    assert frame["spawned"].max() == 4
+    assert frame.loc[3]["kept"].sum() == pytest.approx(model.result().last.ledger.kept)
+
+
+def test_copies():
+    model = stepped(2)
+    for again in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
+        assert again.run().last.ledger.taken == stepped(0).run().last.ledger.taken
+
+
+@pytest.mark.skipif(not hasattr(mesa, "batch_run"), reason="Mesa 4 has none")
+def test_batch_run():
+    rows = mesa.batch_run(
+        LoadModel,
+        {"scene": [small()], "threshold": [0.01, 0.1], "material_agent": [Counting], "songs": [2]},
+        max_steps=50,
+        number_processes=1,
+        display_progress=False,
+    )
+    assert {row["threshold"] for row in rows} == {0.01, 0.1}
+    assert {row["songs"] for row in rows} == {2}
+
+
+def test_the_scenario_of_mesas_page():
+    model = LoadModel(small(), seed=7)
+    if not hasattr(model, "scenario"):
+        pytest.skip("Mesa knows scenarios from 3.5 on")
+    again = LoadModel(small(), scenario=type(model.scenario)(rng=7))
+    assert again.random.random() == model.random.random()

@@ -23,25 +23,6 @@ def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
     return loaded([1, cells], {"side": "top", "force": [0.0, force]}, rule=rule)
 
 
-class Twice(MaterialAgent):
-    """Keeps twice its share."""
-
-    def take(self, load):
-        super().take(load)
-        self.kept += self.shares.own * load.total
-
-
-@pytest.mark.parametrize("sense", [False, True])
-def test_what_an_agent_keeps_is_what_deforms_its_cell(sense):
-    usual = LoadModel(column(1.0, sense=sense)).run()
-    twice = LoadModel(column(1.0, sense=sense), material_agent=Twice).run()
-    for name in ("strain", "stress", "displacement"):
-        expected = 2.0 * getattr(usual, name)
-        np.testing.assert_allclose(getattr(twice, name), expected, rtol=1e-12, atol=1e-30)
-    assert twice.last.ledger.kept == pytest.approx(2.0 * usual.last.ledger.kept)
-    assert twice.last.ledger.imbalance < 1e-12
-
-
 class Growing(MaterialAgent):
     """Passes on 1.3 times what it takes, to and fro."""
 
@@ -60,23 +41,6 @@ def test_of_own_agents_nothing_is_known_and_growth_is_watched():
     assert stage.ledger.imbalance < 1e-12
     further = LoadModel(column(), material_agent=Growing, allow_unstable=True).run()
     assert further.last.ledger.pending > 1e12
-
-
-class Scattering(MaterialAgent):
-    """Draws anew how much of each load it hands over, to and fro, so that no two are alike."""
-
-    def emissions(self, load):
-        rng, usual = self.model.rng, super().emissions(load)
-        return [e._replace(share=float(rng.uniform(0.4, 0.9))) for e in usual]
-
-
-def test_loads_of_more_sizes_than_anybody_can_tell_apart_end_the_run(monkeypatch):
-    monkeypatch.setattr("kaju.model.transfer.load_transfer.MOST_AT_ONE", 40)
-    body = column(threshold=1e-6, alpha=(0.2, 0.4, 0.4))
-    stage = LoadModel(body, material_agent=Scattering, allow_unstable=True).run().last
-    assert "accumulate = true" in stage.outcome
-    assert stage.ledger.pending > 0.0
-    assert stage.ledger.imbalance < 1e-12
 
 
 class Felt(FreeBoundaryAgent):

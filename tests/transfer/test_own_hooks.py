@@ -34,24 +34,11 @@ def test_a_whole_example_runs_as_its_folder_says(name, capsys):
     assert "python run.py" in (EXAMPLES / name / "README.md").read_text()
 
 
-def test_agents_that_yield_bear_no_more_than_their_limit():
-    largest = example("own_agents/take.py")["largest_stress"]
-    area = 0.01 * 0.002
-    assert largest(0.2) == pytest.approx(0.2 / area, rel=1e-12)
-    assert largest(10.0) == pytest.approx(1.125 / area, rel=1e-12), "as without a limit"
-
-
 def test_a_tenth_less_from_cell_to_cell():
     reaches = example("own_agents/pass_on.py")["reaches"]
     # 2 N * (1 - loss)^n falls to 0.1 N or below after n cells.
     for loss, cells in ((0.3, 9), (0.5, 5)):
         assert reaches(loss) == cells == 1 + int(np.log(20.0) / -np.log(1.0 - loss))
-
-
-def test_felt_keeps_what_it_does_not_give_back():
-    absorbed = example("own_agents/give_back.py")["absorbed"]
-    assert absorbed(0.0) == pytest.approx(0.9**8, rel=1e-12)
-    assert absorbed(1.0) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_an_order_changes_who_acts_when_and_not_how_much_in_all():
@@ -76,15 +63,6 @@ def test_ways_that_name_no_face_are_refused():
 
     with pytest.raises(SceneError, match="way of Wrong: along direction 0 must name faces"):
         loaded([2, 2, 2], lattice=Wrong)
-
-
-def test_a_bundle_breaks_bar_by_bar():
-    applied, felt = example("breaking/run.py")["load_path"]()
-    passed_down = 0.95**6
-    bars = applied / 3.0
-    whole = sum(np.where(bars <= strength, bars, 0.0) for strength in (1.0, 1.5, 2.0))
-    np.testing.assert_allclose(felt, passed_down * whole, rtol=1e-12)
-    assert (np.diff(felt) < 0.0).sum() == 3
 
 
 def test_memory_creeps_as_the_element_does():

@@ -1,13 +1,12 @@
 """Lattices of one's own: what follows from three answers, with triangles as the example."""
 
 from importlib import util
-from math import sqrt
 
 import numpy as np
 import pytest
 from plates import loaded, plate
 from strategies import EXAMPLES, Triangles
-from transfer_answers import ENGINES, of_cells
+from transfer_answers import ENGINES
 
 from kaju import (
     ElasticModel,
@@ -55,23 +54,6 @@ def test_a_case_worked_out_by_hand(engine):
     }
     assert sorted(stage.boundary_cells.tolist()) == [[-1, 1], [0, -1], [2, -1]]
     assert stage.ledger.imbalance < 1e-15
-
-
-@ENGINES
-@pytest.mark.parametrize("sense", [False, True])
-def test_a_mirrored_scene_has_the_mirrored_answer(engine, sense):
-    rule = PrescribedRule(threshold=1e-3, sense=sense)
-    columns = 9  # an odd number: the mirrored array has the same forms
-    one = LoadModel(sheet((columns, 6), (0.7, -1.0), (2, 5), rule), engine=engine).run()
-    two = LoadModel(sheet((columns, 6), (-0.7, -1.0), (columns - 3, 5), rule), engine=engine).run()
-    mirror = np.array([2, 1, 0, 5, 4, 3])  # of directions
-    found, moved = of_cells(two, two.last.taken), of_cells(two, two.displacement)
-    assert len(found) == len(one.last.cells) > 20
-    for row, (i, j) in enumerate(one.last.cells.tolist()):
-        image, shift = (columns - 1 - i, j), one.displacement[row]
-        taken = one.last.taken[row]
-        np.testing.assert_allclose(found[image][mirror], taken, rtol=1e-12, atol=1e-15)
-        np.testing.assert_allclose(moved[image] * [-1.0, 1.0], shift, rtol=1e-9, atol=1e-20)
 
 
 class OutlinedSquares(Lattice):
@@ -127,23 +109,6 @@ def test_a_point_lies_in_the_cell_whose_outline_holds_it(lattice):
         assert (lattice.locate(points) == cell).all()
 
 
-def test_gravity_weighs_triangles_by_their_area():
-    scene = sheet().replace(loads=[], materials={"straight": Material("s", 1e9, 0.0, density=7e3)})
-    body = dict(scene.body) | {"gravity": (0.0, -10.0)}
-    applied = scene.replace(body=body).applied()
-    side = 2.0 * 0.01 / sqrt(3.0)
-    np.testing.assert_allclose(applied.force[:, 1], -7e4 * 0.5 * side * 0.01)
-    assert len(applied.force) == 10
-
-
-def test_parts_that_touch_at_a_corner_alone_do_not_hold_each_other():
-    # (2, 0) and (2, 1) share a corner: the one stands on the side whose corner the other is on.
-    load = {"cell": [2, 1], "force": [0.0, -1.0]}
-    with pytest.raises(KajuError, match=r"1 of its 2 parts .* first the one with cell \[2, 1\]"):
-        loaded("..#..\n..#..", load, lattice=Triangles)
-    assert loaded(".##..\n.##..", load, lattice=Triangles).lattice.shape == (5, 2)
-
-
 def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_path):
     result = LoadModel(sheet()).run()
     again = load_result(result.save(tmp_path / "run"))
@@ -154,16 +119,6 @@ def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_pat
     assert 'lattice = "triangle"' in text
     with pytest.raises(SceneError, match=r"no lattice 'triangel' .did you mean 'triangle'.*import"):
         Scene.from_toml(text.replace("triangle", "triangel"))
-
-
-def test_agents_live_on_a_space_whose_neighbours_share_a_face():
-    model = LoadModel(sheet())
-    model.step()
-    agent = model.agent_at((1, 1))
-    beside = {cell.coordinate for cell in agent.cell.neighborhood}
-    assert beside == {(0, 1), (2, 1), (1, 0)}
-    assert agent.form == 0
-    assert model.agent_at((1, 0)).form == 1
 
 
 def test_what_triangles_cannot_do_is_said():
@@ -200,19 +155,15 @@ def moved(change):
     [
         (Triangles((3, 3), 0.01), "body.lattice: must be .* or a subclass of kaju.Lattice"),
         (changed(kind="hexagon"), "needs a kind of its own, got 'hexagon'"),
-        (changed(kind=""), "needs a kind of its own"),
         (Lattice, "Lattice needs centres, outline; see kaju.Lattice"),
         (changed(form=lambda self, cells: cells[:, 0] > 3), "form of Changed: must be whole"),
         (changed(forms=3), r"form of Changed: must give all of \[0, 1, 2\], gives \[0, 1\]"),
         (outlined(lambda o, form: o[::-1]), "outline of Changed: must run counter-clockwise"),
         (outlined(lambda o, form: (1 + form) * o), "outline of Changed: .* one area"),
-        (outlined(lambda o, form: 0.5 * o), "outline of Changed: must be cell_size = 0.01 m long"),
         (outlined(lambda o, form: o[:, [0, 0, 0]]), "outline of Changed: must be of one shape"),
         (outlined(lambda o, form: o + 0.02), "outline of Changed: must be convex about the cell's"),
         (moved(lambda centres: 1.1 * centres), "centres of Changed: must leave no gaps"),
-        (moved(lambda centres: centres - 0.1), r"centres of Changed: must begin at \(0, 0\) m"),
         (moved(lambda centres: -centres), "centres of Changed: must go right"),
-        (moved(lambda centres: centres**1.1), "centres of Changed: must repeat"),
         (
             changed(
                 form=lambda self, cells: (cells[:, 0] > 4).astype(int),

@@ -1,8 +1,9 @@
-"""The worked examples of the method's description, to the last digit."""
+"""The worked examples of the method's description, and what steps, turns and stages do."""
 
 import numpy as np
 import pytest
-from plates import PLATE, plate
+from plates import PLATE, loaded, plate
+from plates import plate as pressed
 from transfer_answers import ENGINES, of_cells
 
 from kaju import LoadModel, PrescribedRule, Scene
@@ -44,12 +45,101 @@ def test_the_cube(engine):
     assert stage.ledger.taken == pytest.approx(11.526875, rel=1e-13)
 
 
-def test_one_step_of_the_rule_by_hand():
-    """Of 2 N, 1 N goes ahead, 0.5 N to each side downwards and 0.15 N to each side outwards."""
-    result = LoadModel(Scene(**PLATE, rule=PrescribedRule(threshold=0.4))).run()
-    table = of_cells(result, result.last.taken)
-    assert table[10, 19].tolist() == [0, 0, 2.0, 0]
-    assert table[10, 18].tolist() == [0, 0, 1.0, 0]
-    assert table[9, 19].tolist() == table[11, 19].tolist() == [0, 0, 0.5, 0]
-    assert table[10, 17].tolist() == [0, 0, 0.5, 0]
-    assert len(table) == 5
+def worked(steps=1, **rule):
+    how = {"size": [0.2, 0.2], "thickness": 0.002, "rule": PrescribedRule(**rule)}
+    return pressed([20, 20], [10, 19], steps=steps, **how)
+
+
+@ENGINES
+def test_a_step_is_one_generation(engine):
+    model = LoadModel(worked(), engine=engine)
+    reached = []
+    while model.running:
+        model.step()
+        reached.append(len(model.result().last.cells))
+    assert model.generation == model.steps == len(reached) == 8
+    assert reached[0] == 4, "the pressed cell, and those ahead and beside that it has woken"
+    assert reached == sorted(reached)
+    assert reached[-1] == 34
+
+
+@ENGINES
+def test_stages_repeat_the_run_with_more_load(engine):
+    result = LoadModel(worked(steps=20), engine=engine).run()
+    assert len(result.stages) == 20
+    np.testing.assert_allclose(
+        [stage.ledger.applied for stage in result.stages], np.linspace(0.1, 2.0, 20)
+    )
+    alone = LoadModel(worked(), engine=engine).run()
+    assert result.summary() | {"seconds": 0} == alone.summary() | {"seconds": 0}
+    reached = [len(stage.cells) for stage in result.stages]
+    assert reached == sorted(reached)
+    assert result.at_stage(20).last is result.last
+    taken = np.array([stage.ledger.taken for stage in result.stages])
+    assert not np.allclose(taken, np.linspace(0.05, 1, 20) * taken[-1], rtol=0.05), "not linear"
+
+
+@ENGINES
+def test_a_run_can_be_looked_at_half_way(engine):
+    model = LoadModel(worked(), engine=engine)
+    for _ in range(3):
+        model.step()
+    stage = model.result().last
+    assert stage.outcome == "interrupted after 3 generations"
+    assert stage.ledger.pending > 0.0
+    assert stage.ledger.imbalance < 1e-12
+    assert stage.history.generation.max() == 3
+
+
+RULE = PrescribedRule(threshold=1e-3)
+
+
+def run(drawing, loads, sides, engine, rule=RULE):
+    loads = [{"cell": cell, "force": force} for cell, force in loads]
+    how = {"thickness": 0.01, "allow_floating": True}
+    scene = loaded(drawing, *loads, sides=sides, rule=rule, **how)
+    return LoadModel(scene, engine=engine).run()
+
+
+def as_table(result):
+    return of_cells(result, np.column_stack([result.last.taken, result.last.spawn_step]))
+
+
+BODY = "######\n####.#\n#=####\n##..##\n######"
+
+
+@ENGINES
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_a_turned_scene_has_a_turned_result(engine, accumulate):
+    alpha = (0.5, 0.4, 0.1)
+    rule = PrescribedRule(alpha=alpha, threshold=1e-3, accumulate=accumulate)
+    first = run(BODY, [((3, 4), (0.5, -2.0))], {"bottom": "rigid", "left": "roller"}, engine, rule)
+    grid = np.array([list(line) for line in BODY.splitlines()])
+    turned = "\n".join("".join(line) for line in np.rot90(grid))  # counter-clockwise
+    rows = len(grid)
+    load, sides = ((rows - 1 - 4, 3), (2.0, 0.5)), {"right": "rigid", "bottom": "roller"}
+    second = run(turned, [load], sides, engine, rule)
+    expected = {}
+    for (column, row), (left, right, down, up, step) in as_table(first).items():
+        expected[rows - 1 - row, column] = [up, down, left, right, step]
+    found = as_table(second)
+    assert found.keys() == expected.keys()
+    for cell, values in expected.items():
+        np.testing.assert_allclose(found[cell], values, rtol=1e-12, atol=1e-15)
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    by_cell = of_cells(second, second.displacement)
+    for (column, row), moved in of_cells(first, first.displacement).items():
+        there = by_cell[rows - 1 - row, column]
+        np.testing.assert_allclose(there, turn @ moved, rtol=1e-9, atol=1e-22)
+
+
+def test_each_load_by_itself_is_superposition():
+    """Judged one by one, two loads do exactly what they do alone, added up."""
+    body = "\n".join(["#######"] * 4)
+    left, right = ((1, 3), (0.0, -2.0)), ((4, 3), (0.5, -1.0))
+    sides = {"bottom": "rigid"}
+    both = as_table(run(body, [left, right], sides, "arrays"))
+    alone = [as_table(run(body, [load], sides, "arrays")) for load in (left, right)]
+    for cell, values in both.items():
+        parts = [np.array(table[cell][:4]) for table in alone if cell in table]
+        np.testing.assert_allclose(values[:4], sum(parts), rtol=1e-13)

@@ -55,22 +55,6 @@ def test_what_comes_to_rest_by_its_threshold_is_not_refused(accumulate):
     assert last.ledger.pending == 0.0
 
 
-def test_what_a_trial_cannot_tell_runs_and_is_watched(monkeypatch):
-    monkeypatch.setattr("kaju.model.transfer.stability.MOST_TRIED", 3)
-    model = LoadModel(Scene(**PLATE, rule=PrescribedRule(accumulate=True)), engine="arrays")
-    assert not model.certificate.known
-    assert "only the run can tell" in model.certificate.verdict
-    assert 2e3 < model.run().last.ledger.pending < 2.4e3
-
-
-def test_an_unstable_run_on_demand_stops_before_it_overflows():
-    scene = Scene(**PLATE, rule=PrescribedRule(accumulate=True))
-    stage = LoadModel(scene, engine="arrays", allow_unstable=True).run().last
-    assert "the loads have grown to 1e+12 times" in stage.outcome
-    assert np.isfinite(stage.taken).all()
-    assert stage.ledger.imbalance < 1e-12
-
-
 def test_a_share_of_one_never_ends():
     scene = Scene(**PLATE, rule=PrescribedRule(alpha=(0.5, 1.0, 0.25)))
     with pytest.raises(StabilityError, match="never ends"):
@@ -105,9 +89,3 @@ def test_the_operator_does_what_a_generation_does():
     loads[record.generation, 4 * cell + record.direction] = record.load
     for generation in range(1, 4):
         np.testing.assert_allclose(operator @ loads[generation], loads[generation + 1], atol=1e-7)
-
-
-def test_sides_that_need_the_elastic_rule_are_named():
-    scene = Scene(**{**PLATE, "sides": {"bottom": {"stiffness": 1e9}}})
-    with pytest.raises(KajuError, match=r"sides\.bottom: a foundation side needs the elastic rule"):
-        LoadModel(scene)

@@ -91,15 +91,6 @@ def test_agents_live_on_and_what_a_step_adds_is_added(engine):
     assert kaju.Scene.from_toml(steps.to_toml()) == steps
 
 
-def test_who_lives_on_remembers():
-    scene = pressed([6, 6], [3, 5], [0.0, -2.0], steps=4)
-    afresh = LoadModel(scene, material_agent=Tired).run()
-    lived = LoadModel(scene.replace(loading="continue"), material_agent=Tired).run()
-    broke = [[s.states[0].value.any() for s in result.stages] for result in (afresh, lived)]
-    assert broke == [[False, True, True, True], [False, True, True, True]]
-    assert len(lived.last.history.load) > len(afresh.last.history.load)
-
-
 @pytest.mark.parametrize(
     ("body", "told"),
     [
@@ -141,12 +132,3 @@ def test_the_numbers_of_a_scenario_are_read():
     )
     with pytest.raises(ParameterError, match=r"treshold: .*did you mean 'threshold'"):
         LoadModel(plate(), scenario=Scenario(treshold=0.1))
-
-
-def test_a_take_that_fails_names_the_agent():
-    class Adding(MaterialAgent):
-        def take(self, load):
-            self.kept += load
-
-    with pytest.raises(AgentError, match=r"take: Adding at cell \(3, 5\) in generation 1"):
-        LoadModel(plate(), material_agent=Adding).run()

@@ -1,16 +1,12 @@
-"""Storing a result and reading it again."""
+"""A result is stored, read again, and written for ParaView."""
 
+import meshlane
 import numpy as np
 import pytest
-from plates import loaded
+from plates import loaded, plate
 from transfer_answers import assert_same
 
-from kaju import (
-    LoadModel,
-    PrescribedRule,
-    TransferResult,
-)
-from kaju.errors import ResultError
+from kaju import LoadModel, PrescribedRule, TransferResult
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +28,6 @@ def test_a_result_survives_storing(result, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"], "nothing half-written"
 
 
-def test_the_summary_has_its_keys(result):
-    assert list(result.summary()) == [
-        *("rule", "generations", "material_agents", "boundary_agents", "free_boundary_agents"),
-        *("rigid_boundary_agents", "load_taken", "load_dropped", "reaction", "max_displacement"),
-        *("spectral_radius", "seconds", "kaju_version", "notes"),
-    ]
-
-
 def test_a_data_frame_has_a_row_per_agent(result):
     frame = result.to_dataframe()
     assert len(frame) == len(result.last.cells) == 7
@@ -49,6 +37,25 @@ def test_a_data_frame_has_a_row_per_agent(result):
     np.testing.assert_array_equal(frame["stress_yy"], result.stress[:, 1, 1])
 
 
-def test_a_stage_that_is_not_there(result):
-    with pytest.raises(ResultError, match="the stages 1 to 3, got 4"):
-        result.at_stage(4)
+def run(dimension):
+    cells = [6] * dimension
+    force = [0.0] * (dimension - 1) + [-2.0]
+    hole = {"material": "air", "box": [[0.0] * dimension, [0.021] * dimension]}
+    return LoadModel(plate(cells, [3] * (dimension - 1) + [5], force, regions=[hole])).run()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_every_cell_is_there_and_agents_have_what_they_took(tmp_path, dimension):
+    result = run(dimension)
+    mesh = meshlane.read(result.to_vtk(tmp_path / "body"))
+    (block,) = mesh.cells
+    assert block.type == ("quad" if dimension == 2 else "hexahedron")
+    assert len(block.data) == 6**dimension - 2**dimension
+    taken = mesh.cell_data["load_taken"][0]
+    assert taken.sum() == pytest.approx(result.last.ledger.taken)
+    middles = mesh.points[block.data].mean(axis=1)[:, :dimension]
+    agents = result.scene.lattice.locate(middles[taken > 0.0])
+    assert {tuple(c) for c in agents.tolist()} == {tuple(c) for c in result.last.cells.tolist()}
+    np.testing.assert_allclose(
+        mesh.cell_data["displacement"][0][:, :dimension], result.displacement_at(middles)
+    )

@@ -66,55 +66,6 @@ class ByMouse:
         self.press(self.page.tab.get_by_role("button", name="Play"))
 
 
-class ByFinger(ByMouse):
-    """A pupil with a phone."""
-
-    def press(self, locator):
-        locator.tap()
-
-    def tick(self, cell):
-        self.page.tab.touchscreen.tap(*self.page.at(cell))
-
-    def type_into(self, field, text):
-        self.press(field)
-        field.clear()  # fingers know no Ctrl+A
-        self.page.tab.keyboard.type(text)
-        field.blur()
-
-
-class ByKeys(ByMouse):
-    """A pupil without a mouse: Tab leads everywhere."""
-
-    def press(self, locator):
-        for _ in range(120):
-            if locator.evaluate("(e) => e.getRootNode().activeElement === e"):
-                break
-            self.page.tab.keyboard.press("Tab")
-        else:
-            raise AssertionError(f"no key leads to {locator}")
-        if locator.evaluate("(e) => e.matches('button')"):
-            self.page.tab.keyboard.press("Enter")
-
-    def tick(self, cell):
-        self.press(self.page.tab.locator("canvas").first)
-        press = self.page.tab.keyboard.press
-        while (at := self.page.js("page.picked")) != (key := self.key(cell)):
-            here = self.page.js(f"page.run.lattice.cell({at})") if at >= 0 else None
-            assert at != key
-            across = here is not None and here[0] != cell[0]
-            more = here is not None and here[not across] < cell[not across]
-            arrows = ("ArrowLeft", "ArrowRight") if across else ("ArrowDown", "ArrowUp")
-            press(arrows[more])
-        press("Enter")
-
-    def key(self, cell):
-        return self.page.js(f"page.run.lattice.key({list(cell)})")
-
-    def play(self):
-        self.press(self.page.tab.locator("canvas").first)
-        self.page.tab.keyboard.press("Space")
-
-
 def answer(pupil, question):
     """Answer a question of the page by hand: what is wrong is not taken, what is right is."""
     page, tab = pupil.page, pupil.page.tab
@@ -180,15 +131,3 @@ def test_every_answer_of_a_lesson_is_typed_and_taken(opened, files, name):
     hold(ByMouse(page), name)
     paper = page.tab.pdf(**A4)
     assert paper.count(b"/Type /Page\n") <= 2
-
-
-@pytest.mark.parametrize("name", ["find-its-way", "root-depth"])
-def test_a_lesson_by_keys_alone(opened, files, name):
-    hold(ByKeys(opened(files(name))), name)
-
-
-@pytest.mark.parametrize("name", ["find-its-way", "who-holds-the-load"])
-def test_a_lesson_by_finger_on_a_phone(opened, files, name):
-    page = opened(files(name), width=390, height=844, touch=True)
-    hold(ByFinger(page), name)
-    assert page.js("document.documentElement.scrollWidth") <= 390

@@ -48,23 +48,6 @@ def test_a_model_shows_what_has_happened_and_is_not_run_on():
     assert model.generation == 3
 
 
-def test_a_model_that_has_not_begun_stays_so():
-    model = LoadModel(Scene(**PLATE), material_agent=Leaky)
-    header, columns = told(page_in(model._repr_html_()))
-    assert (header["kind"], model.generation) == ("recorded", 0)
-    run = LoadModel(model.scene, material_agent=Leaky).run()
-    assert len(columns["offset"]) == 1 + run.last.generations
-    elastic = kaju.ElasticModel(Scene(**PLATE, rule={"kind": "elastic"}))
-    assert told(page_in(elastic._repr_html_()))[0]["along"] == "step"
-    assert elastic.generation == 0
-
-
-def test_an_element_in_time_is_a_page_too():
-    element = kaju.ThreeElement(K_f=1.0, D_f=1.0)
-    html = kaju.creep(element, kaju.History.step().hold(1.0))._repr_html_()
-    assert html.startswith('<iframe title="kaju"')
-
-
 def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium, monkeypatch):
     """No kernel, no network: the notebook is written, read, converted, and looked at."""
     monkeypatch.setenv("JUPYTER_PATH", str(TEMPLATES))

@@ -8,7 +8,6 @@ import pandas
 import pytest
 from page_scenes import Leaky
 from plates import PLATE
-from plates import plate as pressed
 
 import kaju
 from kaju import LoadModel, Scene
@@ -93,20 +92,6 @@ def test_what_own_agents_did_is_known_at_every_generation(shown):
     assert late.js(f"(page.seek(Infinity), {story}.kept)") == pytest.approx(kept, rel=1e-6)
 
 
-def test_scrubbing_shows_what_playing_shows(opened, plate):
-    page = opened(plate)
-    page.js("page.seek(0)")
-    picture = "(page.draw(), page.canvas.toDataURL())"
-    played = [page.js(picture)]
-    for _ in range(8):
-        page.tab.keyboard.press("ArrowRight")
-        played.append(page.js(picture))
-    assert len(set(played)) == 9
-    for generation in (5, 2, 7, 0, 8, 1, 3):
-        page.js(f"page.seek({generation})")
-        assert page.js(picture) == played[generation]
-
-
 def test_clicked_agents_tell_the_numbers_of_the_table(shown):
     """With a finer threshold, and a wall that gives loads back."""
     wall = PLATE | {"sides": {"bottom": "rigid", "right": "rigid"}}
@@ -177,20 +162,6 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
     assert page.js("[page.run.generation, page.run.agents]") == [last.generations, len(last.cells)]
     total = "page.sums.taken.sum.reduce((a, b) => a + b)"
     assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-12)
-
-
-def test_a_cube_that_is_clicked_is_the_foremost_that_is_shown(shown):
-    page = shown(pressed([4] * 3, None, loads=[{"side": "top", "force": [0.0, 0.0, -50.0]}]))
-    page.js("page.look.cut.axis = -1")
-    for cell in ((2, 1, 3), (1, 2, 3)):
-        x, y = page.spot(f"page.view.point([{cell[0]} + 0.5, {cell[1]} + 0.5, 4])")  # its top
-        page.tab.mouse.click(x, y)
-        assert page.js("page.run.lattice.cell(page.picked)") == list(cell)
-    picked = page.js("page.picked")
-    page.tab.mouse.down()
-    page.tab.mouse.move(x + 60, y)
-    page.tab.mouse.up()
-    assert page.js("page.picked") == picked  # turned, not clicked
 
 
 def test_presets_load_by_one_click_and_everything_goes_back(opened, shown, plate):

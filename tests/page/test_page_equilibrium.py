@@ -123,61 +123,6 @@ def test_a_click_is_not_lost_while_pictures_are_drawn(twin):
     assert twin.js("page.look.mode") == "body"
 
 
-def test_what_has_the_focus_keeps_it_when_a_bar_is_built_anew(twin):
-    for name, state in (("Shape", "page.look.deformed"), ("Ruler", "page.look.twin.ruler")):
-        button = twin.tab.get_by_role("button", name=name, exact=True)
-        button.press("Enter")
-        assert twin.js(f"Boolean({state})")
-        assert twin.js("page.root.activeElement.textContent") == name
-    twin.tab.get_by_role("button", name="Save CSV").focus()
-    twin.js("(page.draw(), page.draw())")
-    assert twin.js("page.root.activeElement.textContent") == "Save CSV"
-
-
-def test_the_divider_moves_after_an_undo(twin):
-    twin.press("Shape")
-    twin.press("Undo")
-    assert not twin.js("page.look.deformed")
-    for key, split in (("Home", 0), ("ArrowRight", 1), ("End", 20)):
-        twin.tab.locator(".divider").press(key)
-        assert twin.js("page.look.twin.split") == split
-
-
-def test_what_a_lesson_does_not_say_of_the_twin_is_as_usual(twin):
-    twin.js("(page.look.twin = { show: 'move' }, page.refresh(), page.draw())")
-    swipe = twin.tab.get_by_role("button", name="Swipe", exact=True)
-    assert swipe.get_attribute("aria-pressed") == "true"
-    assert twin.js("page.drawnWith[0].quantity") == "move"
-    assert twin.js("page.twin.handle.hidden") is False
-
-
-def test_from_one_field_of_a_load_to_the_next(shown, scene):
-    page = shown(scene)
-    page.tab.get_by_role("tab", name="Draw").click()
-    page.tab.locator("canvas").first.focus()
-    page.tab.keyboard.press("l")
-    strength, angle = page.tab.locator(".load input").all()
-    strength.fill("4 N")
-    strength.press("Tab")
-    page.tab.keyboard.press("ArrowUp")
-    assert page.js("Math.hypot(...page.scene.loads[0].force)") == pytest.approx(4.0, rel=1e-5)
-    assert page.js("page.scene.loads[0].force[0]") > 0.0
-    assert angle.input_value() == "-89°"
-    strength.fill("1 N")
-    page.press("Delete this load")
-    assert page.js("page.scene.loads") == []
-
-
-def test_half_widths_lie_where_straight_lines_fall_to_half(node):
-    falls = [[0, 1, 2, 3, 4], [0, 2, 4, 1, 0]]  # to 2 at 1 and at 2 + 2/3
-    nowhere = [[0, 1, 2], [3, 4, 3]]
-    script = 'import { halfWidth } from "./answer.js"; tell(data.map((line) => halfWidth(...line)))'
-    told, *others = node(script, [falls, nowhere, [[0, 1], [0, 0]]])
-    assert (told["low"], told["high"]) == pytest.approx((1.0, 2.0 + 2.0 / 3.0))
-    assert told["width"] == pytest.approx(0.5 * (1.0 + 2.0 / 3.0))
-    assert others == [None, None]
-
-
 BODIES = {
     "plate": {},
     "from the left": {

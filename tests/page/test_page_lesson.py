@@ -106,18 +106,6 @@ def test_a_guess_is_laid_over_what_happens_and_kept(opened, lesson):
     assert page.tab.get_by_text("Saved on this computer").is_visible()
 
 
-def test_a_guess_by_keyboard_says_what_became_of_it(opened, lesson):
-    page = opened(lesson)
-    page.tab.locator("canvas").first.focus()
-    for key in ("ArrowDown", "Enter", "ArrowDown", "Enter"):  # the loaded cell, and the one below
-        page.tab.keyboard.press(key)
-    page.js("(page.seek(3), page.draw())")
-    page.until("page.lesson.shown === 'both'")
-    page.tab.keyboard.press("Enter")
-    said = page.text(".cap")
-    assert said == "(10, 18): awake since generation 2, ticked for generation 1: hit"
-
-
 def test_numbers_are_judged_by_the_tolerance_and_words_are_not(opened, lesson):
     page = opened(lesson)
     page.tab.get_by_role("tab", name="Step").click()
@@ -153,15 +141,6 @@ def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
     assert page.js(f"{numbers}.filter((r) => r.getAttribute('fill') !== '#fff').length") == 9
 
 
-def test_a_browser_that_keeps_nothing_says_so(opened, lesson):
-    page = opened(lesson)
-    page.context.add_init_script(
-        "Object.defineProperty(window, 'localStorage', { get() { throw new Error('shut'); } })"
-    )
-    page.tab.reload()
-    page.tab.get_by_text("This browser does not save. Print before you close.").wait_for()
-
-
 def test_markdown_is_rendered_and_every_language_told(opened, lesson):
     for language, word in {"en-GB": "Who wakes?", "de-DE": "Wer erwacht?", "ja-JP": "誰が"}.items():
         page = opened(lesson, language=language)
@@ -170,15 +149,6 @@ def test_markdown_is_rendered_and_every_language_told(opened, lesson):
         for step in range(4):
             page.js(f"page.lesson.open({step})")
             assert "*" not in page.js("page.root.querySelector('aside').innerText")
-
-
-def test_the_address_says_language_theme_and_room(opened, lesson):
-    page = opened(lesson)
-    page.tab.goto("about:blank")
-    page.tab.goto(f"{lesson.as_uri()}#theme=dark&lang=de&compact")
-    page.tab.get_by_role("button", name="Abspielen").wait_for()
-    assert page.js("document.getElementById('kaju').classList.contains('dark')")
-    assert not page.tab.get_by_role("banner").is_visible()
 
 
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -246,24 +216,6 @@ def test_what_came_in_is_what_the_agent_took(node, accumulate):
         np.testing.assert_allclose(taken, last.taken[number], rtol=1e-9, atol=1e-12)
 
 
-def test_an_arrow_stands_where_its_load_goes_and_points_along_the_load(node):
-    """Of 1 N downwards: ahead below, along beside and down, outwards beside and away."""
-    scene = Scene(**PLATE)
-    key = int(scene.lattice.key(np.array([[10, 10]]))[0])
-    out = node(ARRIVALS, [described(scene, keys=[key])])[0][0]["out"]
-    left, right, down = 0, 1, 2
-    expected = {
-        (down, down): (0.5, "ahead"),
-        (left, down): (0.25, "along"),
-        (right, down): (0.25, "along"),
-        (left, left): (0.075, "outwards"),
-        (right, right): (0.075, "outwards"),
-    }
-    told = {(e["arm"], e["channel"]): (pytest.approx(e["load"]), e["kind"]) for e in out}
-    assert told == expected
-    assert not any(e["ends"] for e in out)
-
-
 def test_a_click_opens_the_cell_and_a_slider_moves_its_arrows(shown):
     page = shown(Scene(**PLATE))
     page.click((10, 18))
@@ -322,24 +274,6 @@ def test_loads_are_moved_turned_added_deleted_and_everything_undone(shown):
     page.until("!page.due && page.run.agents === 34")
     page.tab.keyboard.press("Control+Shift+z")
     assert loads() == [[[6, 19], [0, -2]]]
-
-
-READ = {
-    ("12 mN", "N"): 0.012,
-    ("0.012", "N"): 0.012,
-    ("0,012", "N"): 0.012,
-    ("−3", ""): -3,
-    ("0.0625 N", "mN"): 62.5,
-    ("9 mm", "cm"): 0.9,
-    ("206 GPa", "Pa"): 2.06e11,
-}
-
-
-def test_numbers_are_read_as_readers_write_them(node):
-    script = 'import { numberOf } from "./controls.js"; tell(data.map((pair) => numberOf(...pair)))'
-    wrong = [("12 mm", "N"), ("twelve", "N"), ("", "N")]
-    told = node(script, [*READ, *wrong])
-    assert told == [*(pytest.approx(value, rel=1e-12) for value in READ.values()), *[None] * 3]
 
 
 def test_a_link_opens_the_page_as_it_stood(shown):

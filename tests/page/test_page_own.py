@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from page_scenes import Leaky, described
+from page_scenes import Leaky
 from plates import plate as pressed
 
-import kaju
 from kaju import (
     ElasticModel,
     FaceAgent,
@@ -14,7 +13,6 @@ from kaju import (
     MaterialAgent,
     RigidBoundaryAgent,
     RollerBoundaryAgent,
-    Scene,
 )
 from kaju.view.page.export import packed_page
 from kaju.view.page.packing import unpack
@@ -42,31 +40,9 @@ class Soft(MaterialAgent):
         return 2.0 * super().shortening(axis)
 
 
-class Calm(MaterialAgent):
-    """Overrides a hook and does what the rule does."""
-
-    def shortening(self, axis):
-        return super().shortening(axis)
-
-
-class Curious(MaterialAgent):
-    def take(self, load):
-        super().take(load)
-
-
 class Absorbing(FreeBoundaryAgent):
     def give_back(self, load, arm):
         return None
-
-
-class Weak(FreeBoundaryAgent):
-    def give_back(self, load, arm):
-        return load._replace(magnitude=0.5 * load.magnitude)
-
-
-class Mirror(FreeBoundaryAgent):
-    def turn(self, load, arm):
-        return load._replace(direction=int(self.model.lattice.opposite[load.direction]))
 
 
 class Sand(RigidBoundaryAgent):
@@ -83,8 +59,8 @@ def first_only(waiting):
     return waiting[:1]
 
 
-AGENTS = (Greedy, Leaky, Narrow, Soft, Calm, Curious)
-BOUNDARIES = {Absorbing: "free", Weak: "free", Mirror: "free", Sand: "rigid", Ice: "roller"}
+AGENTS = (Greedy, Leaky, Narrow, Soft)
+BOUNDARIES = {Absorbing: "free", Sand: "rigid", Ice: "roller"}
 OWN = {kind.__name__: {"material_agent": kind} for kind in AGENTS}
 OWN |= {own.__name__: {"boundary_agents": {kind: own}} for own, kind in BOUNDARIES.items()}
 OWN["first_only"] = {"order": first_only}
@@ -126,34 +102,6 @@ def test_what_overrides_nothing_is_the_standard_rule():
     assert "own" not in unpack(packed_page(LoadModel(plate())))[0]
 
 
-def test_three_hundred_materials_keep_their_numbers(node, tmp_path):
-    count = 300
-    names = {number + 1: f"m{number}" for number in range(count)}
-    scene = Scene.from_array(
-        np.arange(1, count + 1).reshape(-1, 1),
-        legend=names,
-        cell_size=0.01,
-        materials={m: {"youngs_modulus": 1e9, "poissons_ratio": 0.3} for m in names.values()},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [count - 1, 0], "force": [0.0, -1.0]}],
-        rule={"kind": "prescribed", "threshold": 0.01},
-    )
-    told = described(scene)
-    data, cells = told["scene"], told["cells"]
-    assert sorted(cells) == list(range(count))
-    kind, toml = node(
-        'import { Twin } from "./rule.js"; import { tomlOf } from "./scene.js";'
-        "const run = new Twin(data.scene, Int16Array.from(data.cells)).run();"
-        "tell([run.kinds[run.lattice.key([299, 0])], tomlOf(data.scene, data.cells)]);",
-        told,
-    )
-    assert kind == count - 1
-    (tmp_path / "many.toml").write_text(toml, encoding="utf-8")
-    again = kaju.load_scene(tmp_path / "many.toml")
-    named = [again.cell_materials[kind].name for kind in again.rasterise().ravel()]
-    assert named == [data["materials"][kind]["name"] for kind in cells]
-
-
 # ------------------------------------------------------------------- agents of the elastic rule
 
 
@@ -169,14 +117,6 @@ class Stiff(FaceAgent):
         self.faces.displacement[self.place.number] = before + 0.8 * (self.displacement - before)
 
 
-class Narrowed(FaceAgent):
-    """Hands on to what lies along its own axis alone."""
-
-    def pass_on(self, load):
-        for target, share in self.place.links[:1]:
-            self.model.hand_over(self, target, share * load)
-
-
 class Twice(FaceAgent):
     def act(self, asked):
         super().act(0.5 * asked)
@@ -187,7 +127,7 @@ def last_only(waiting):
     return waiting[-1:]
 
 
-FACES = {kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Narrowed, Twice)}
+FACES = {kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Twice)}
 FACES["last_only"] = {"order": last_only}
 
 

@@ -169,59 +169,28 @@ CLASS = "from kaju import MaterialAgent, Parameter, State\nclass Mine(MaterialAg
 KIND, VALUE, PYTHON, INDENT = "dieser Art passt", "dieser Wert passt", "kein Python", "Leerzeichen"
 MISTAKES = [  # what comes before, what is written, the line, and words of the sentence
     (TAKE, "self.kept += load.magnitud", 7, "kein `magnitud`; meinst du `magnitude`?"),
-    (TAKE, "self.kept += lod.total", 7, "`lod` ist nicht bekannt; meinst du `load`?"),
     (TAKE, "self.kep += 1", 7, "kein `kep`; meinst du `kept`?"),
     (TAKE, "self.model.treshold", 7, "meinst du `threshold`?"),
     (TAKE, "x == 1", 7, "`x` ist nicht bekannt"),
-    (TAKE, "true", 7, "meinst du `True`?"),
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
-    (TAKE, "import math\n        math.sqroot(2)", 8, "kein `sqroot`"),
-    (TAKE, "import numpy", 7, "`numpy` gibt es in der Seite nicht"),
-    (TAKE, "self.kept.append(1)", 7, "kein `append`"),
     (TAKE, "1 / 0", 7, "Division durch null"),
-    (TAKE, "self.take(load)", 6, "ohne Ende selbst"),
     (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
-    (TAKE, "for i in range(1000000): print(i)", 7, "mehr als 1000 Zeilen"),
     (TAKE, "self.kept = 'much'", 7, KIND),
-    (TAKE, "self.kept = None", 7, KIND),
     (TAKE, "self.kept += '1'", 7, KIND),
     (TAKE, "self.kept = float('inf')", 7, "has kept inf N"),
-    (TAKE, "super().take()", 7, KIND),
-    (TAKE, "load.total()", 7, KIND),
-    (TAKE, "len(5)", 7, KIND),
-    (TAKE, "for x in 5: pass", 7, KIND),
     (TAKE, "load.magnitude = 1", 7, "ging etwas schief"),
-    (TAKE, "raise Exception('no')", 7, "ging etwas schief"),
     (TAKE, "load[7]", 7, "so lang ist die Liste nicht"),
-    (TAKE, "[][1]", 7, "so lang ist die Liste nicht"),
-    (TAKE, "{}[1]", 7, "unter 1 gibt es nichts"),
     (TAKE, "int('a')", 7, VALUE),
-    (TAKE, "a, b = load", 7, VALUE),
-    (TAKE, "self.random.choice([])", 7, VALUE),
-    (TAKE, "if True\n            pass", 7, PYTHON),
     (TAKE, "if self.kept = 1: pass", 7, PYTHON),
-    (TAKE, "print('a'", 7, PYTHON),
-    (TAKE, "x = [1, 2", 7, PYTHON),
     (TAKE, "return self.kept +", 7, PYTHON),
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
-    (TAKE, "\tx = 1", 7, INDENT),
     (SEND, "return None", 7, "returned None, which is no Emission"),
-    (SEND, "return [1]", 7, "returned 1, which is no Emission"),
-    (SEND, "return rows[0]", 7, "which is no Emission"),
     (SEND, "return rows * 500", 7, "more than 1000 for a load"),
-    (SEND, "return [row._replace(share=-1) for row in rows]", 7, "not negative"),
     (SEND, "return [row._replace(arm=7) for row in rows]", 7, "it has an arm of (0, 1, 2, 3)"),
-    (SEND, "return [row.replace(share=1) for row in rows]", 7, "kein `replace`"),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
-    ("", "class Mine(MaterialAgent): pass", 1, "`MaterialAgent` ist nicht bekannt"),
-    ("", "from kaju import MaterialAgent\nclass Mine(MaterialAgent)\n    pass", 2, PYTHON),
-    ("", CLASS.strip() + "\npass", 3, INDENT),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def tak(self, load): pass", 3, "niemand ruft `tak` auf; meinst du `take`?"),
-    (CLASS, "def take(load): pass", 3, KIND),
-    (CLASS, "def __init__(self):\n        self.x = 1", 3, KIND),
     (CLASS, "def __init__(self, *start):\n        self.x = 1", 4, "must call super().__init__"),
-    (CLASS, "part = Parameter(1.0)", 3, "a Parameter needs both bounds"),
     (CLASS, "state = State('x')", 3, "its default must be a number"),
 ]
 
@@ -233,13 +202,6 @@ def test_mistakes_are_named_with_their_line_and_the_page_lives_on(opened, pages)
         assert (found.get("line"), words in found.get("error", "")) == (number, True), (line, found)
         assert found["error"].startswith(f"Zeile {number}: ")
     assert runs(page, READY["standard"]["code"])["agents"] > 30
-
-
-def test_shares_above_1_end_when_the_loads_have_grown(opened, pages):
-    page = opened(pages["two materials"])
-    code = SEND + "return [row._replace(share=3 * row.share) for row in rows]\n"
-    assert runs(page, code)["pending"] > 1000 * 2.0
-    assert page.js("page.run.grown") is True
 
 
 ATTACKS = (
@@ -320,21 +282,6 @@ def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
     assert "best of the class 0.25 N" in other.text("header")
     assert other.tab.title() == bad
     assert bad in other.text("h1")
-
-
-def test_own_answers_are_judged_by_kajus_sentences(opened, pages):
-    page = opened(pages["sides"])
-    for answer in (
-        "[(9, 2, 0.5, 'push')]",
-        "[(1, 2, -0.5, 'push')]",
-        "[(1, 2, float('nan'), 'push')]",
-        "5",
-        "[1]",
-    ):
-        code = SEND + f"return {answer}\n"
-        with pytest.raises(kaju.KajuError) as wrong:
-            in_kaju(code, SCENES["sides"])
-        assert runs(page, code) == {"error": f"line 7: {wrong.value}", "line": 7}
 
 
 def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):

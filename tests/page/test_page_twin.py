@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from page_scenes import described, random_scenes
-from plates import plate
 
-from kaju import LoadModel, PrescribedRule, Scene, stability
+from kaju import LoadModel, stability
 
 RUN = """
 import { Twin, certifying } from "./rule.js";
@@ -112,22 +111,3 @@ def test_the_certificate_is_that_of_stability(pairs):
         assert mine["lower"] == pytest.approx(theirs.lower, rel=1e-7)
         assert mine["upper"] == pytest.approx(theirs.upper, rel=1e-7)
         assert mine["largest"] == pytest.approx(theirs.largest_share, rel=1e-15)
-
-
-@pytest.mark.parametrize("accumulate", [False, True])
-def test_a_load_exactly_at_the_threshold_ends(node, accumulate):
-    rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), beta=1.0, threshold=0.125, accumulate=accumulate)
-    loads = [{"cell": [4, 8], "force": [0.0, -1.0]}, {"cell": [1, 4], "force": [0.125, 0.0]}]
-    scene = plate([9, 9], None, thickness=0.002, loads=loads, rule=rule)
-    (twin,) = node(RUN, [described(scene, stage=1)])
-    last = LoadModel(scene, max_generations=40, allow_unstable=True).run().last
-    assert sorted(twin["keys"]) == sorted(scene.lattice.key(last.cells).tolist())
-    assert sum(twin["taken"]) == last.taken.sum()
-    assert twin["quiet"] == last.ledger.dropped
-
-
-def test_the_worked_plate(node, pytestconfig):
-    scene = Scene.from_toml((pytestconfig.rootpath / "examples/plate.toml").read_text())
-    (twin,) = node(RUN, [described(scene, stage=20)])
-    assert (twin["generations"], len(twin["keys"]), len(twin["walls"])) == (8, 34, 4)
-    assert sum(twin["taken"]) == pytest.approx(12.879375, abs=1e-9)

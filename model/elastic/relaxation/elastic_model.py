@@ -14,11 +14,16 @@ from kaju.model.elastic.equal.staggered import strain_energy
 from kaju.model.elastic.equal.system import Solution
 from kaju.model.elastic.relaxation.elastic_run import ElasticRun
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
-from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
-from kaju.model.elastic.relaxation.orders import Visit, largest_first, multilevel, own_order, wave
-from kaju.model.elastic.relaxation.push_stability import WaveCertificate, certify_waves
-from kaju.model.elastic.relaxation.push_state import PushEngine, PushState
-from kaju.model.elastic.relaxation.push_table import PushTable
+from kaju.model.elastic.relaxation.push_state import (
+    PushEngine,
+    PushState,
+    Visit,
+    largest_first,
+    multilevel,
+    own_order,
+    wave,
+)
+from kaju.model.elastic.relaxation.push_table import PushTable, WaveCertificate, certify_waves
 from kaju.model.elastic.relaxation.records import (
     BoundaryAgents,
     FaceAgents,
@@ -157,6 +162,9 @@ class ElasticModel(SteppedModel):
         if takes_objects(engine, own, FaceAgent, small):
             self.engine = AgentPushEngine(self, self.table, face_agent)
         else:
+            # Imported where it is needed, as it holds compiled loops.
+            from kaju.model.elastic.relaxation.face_array_engine import ArrayPushEngine
+
             self.engine = ArrayPushEngine(self.table)
         self.reset()
 

@@ -13,7 +13,7 @@ from kaju.arrays import Floats
 from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import scene_moduli
-from kaju.model.elastic.relaxation.push_stability import WaveCertificate
+from kaju.model.elastic.relaxation.push_table import WaveCertificate
 from kaju.model.elastic.relaxation.records import (
     BoundaryAgents,
     FaceAgents,

@@ -1,16 +1,19 @@
-"""The elastic rule with agents as rows of arrays."""
+"""The elastic rule with agents as rows of arrays; pushes one after another are compiled.
+
+The plain twin of `push` is the agent itself: `FaceAgent.act`.
+"""
+# mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
+from kaju.compiling import njit
 from kaju.model.elastic.relaxation.push_state import PushEngine
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.relaxation.push_loops import LevelArrays
 
 
 class ArrayPushEngine(PushEngine):
@@ -32,16 +35,12 @@ class ArrayPushEngine(PushEngine):
 
     def relax_in_turn(self, level: int, backward: bool) -> None:
         """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
-        from kaju.model.elastic.relaxation.push_loops import push_in_turn
-
         state = self.state
         step = state.generation + 1
         self._book(*push_in_turn(backward, state.threshold, step, self._arrays(level)))
 
     def relax_largest(self, count: int) -> None:
         """Let the agent with the largest load act, `count` times or until none exceeds γ."""
-        from kaju.model.elastic.relaxation.push_loops import push_largest
-
         state, measured = self.state, self.state.levels[0].measured
         step = state.generation + 1
         self._book(*push_largest(count, measured, state.threshold, step, self._arrays(0)))
@@ -54,11 +53,74 @@ class ArrayPushEngine(PushEngine):
         self.state.energy -= released
 
     def _arrays(self, level: int) -> LevelArrays:
-        from kaju.model.elastic.relaxation.push_loops import LevelArrays
-
         table, faces = self.table.levels[level], self.state.levels[level]
         shares = table.shares
         return LevelArrays(
             *(shares.indptr, shares.indices, shares.data, table.stiffness, faces.weight),
             *(faces.left, faces.displacement, faces.taken, faces.spawn_step),
         )
+
+
+class LevelArrays(NamedTuple):
+    """What compiled functions read and write of a level: shares by rows, and what faces carry."""
+
+    indptr: NDArray[np.integer]  # Where the shares of each agent begin
+    target: NDArray[np.integer]  # Which faces or supports they go to
+    share: Floats
+    stiffness: Floats
+    weight: Floats
+    left: Floats
+    displacement: Floats
+    taken: Floats
+    spawn_step: Ints
+
+
+@njit(cache=True)
+def push(i, step, level):
+    """Let agent i take all of its load, yield, and pass it on; return the energy released."""
+    if level.spawn_step[i] == 0:
+        level.spawn_step[i] = step
+    load = level.left[i]
+    level.displacement[i] += load / level.stiffness[i]
+    level.left[i] -= load
+    level.taken[i] += abs(load)
+    for at in range(level.indptr[i], level.indptr[i + 1]):
+        level.left[level.target[at]] += level.share[at] * load
+    return 0.5 * (load / level.stiffness[i]) * load
+
+
+@njit(cache=True)
+def push_in_turn(backward, threshold, step, level):
+    """Let every agent above γ act in its turn; return pushes and the energy released."""
+    pushes, released = 0, 0.0
+    n = len(level.stiffness)
+    for k in range(n):
+        i = n - 1 - k if backward else k
+        if abs(level.left[i]) * level.weight[i] > threshold:
+            released += push(i, step, level)
+            pushes += 1
+    return pushes, released
+
+
+@njit(cache=True)
+def push_largest(count, measured, threshold, step, level):
+    """Let the agent with the largest load act, `count` times or until none exceeds γ."""
+    # Returns the number of pushes and the energy released. The largest load of every part of
+    # √n faces is kept; of equal ones the first acts.
+    n, released = len(measured), 0.0
+    part = int(np.sqrt(n)) + 1
+    most = np.array([measured[k : k + part].max() for k in range(0, n, part)])
+    for pushes in range(count):
+        first = np.argmax(most) * part
+        i = first + np.argmax(measured[first : first + part])
+        if not measured[i] > threshold:
+            return pushes, released
+        released += push(i, step, level)
+        # The loads of the agent and of all it passes on to have changed.
+        for at in range(level.indptr[i] - 1, level.indptr[i + 1]):
+            j = level.target[at] if at >= level.indptr[i] else i
+            if j < n:
+                measured[j] = abs(level.left[j]) * level.weight[j]
+                first = j // part * part
+                most[j // part] = measured[first : first + part].max()
+    return count, released

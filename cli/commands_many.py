@@ -13,7 +13,7 @@ from kaju.errors import ParameterError
 from kaju.stopping import NOTE
 
 from .console import Console
-from .options import Force, Json, Pictures, Quiet, SceneFile, Settings, folder, scene_of
+from .options import Force, Json, Pictures, Quiet, SceneFile, Settings, best_of, folder, scene_of
 
 if TYPE_CHECKING:
     import pandas
@@ -66,38 +66,26 @@ def compare(
     from .output import Folder, write_json
 
     console, is_scene = Console(as_json, quiet), judged.suffix == ".toml"
-    if is_scene and reference is not None:
-        raise ParameterError(
-            f"{reference}: a scene is compared with elasticity; to compare its run with "
-            f"another result, run it first (kaju run {judged}), then compare its folder"
-        )
-    if not is_scene and (settings or resolution):
-        name = "--set" if settings else "--resolution"
-        raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
-    if not is_scene and reference is None:
-        raise ParameterError(f"REFERENCE: is needed, to compare {judged} with")
+    _check_compared(judged, reference, "--set" if settings else resolution and "--resolution")
     target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
     place = None if target is None else Folder(target, force)
-    found: Any = None
-    words: Any = _table
-    drawn: Any = _error_maps
-    ended = False
+    found: Any
     if reference is None:
-        found, ended = _beside(scene_of(judged, settings), resolution, fit)
-        words, drawn = words_beside, pictures_beside
+        found = _beside(scene_of(judged, settings), resolution, fit)
+        lines, drawn = words_beside(found), pictures_beside
     else:
         found = _two(judged, reference)
-    summary = found.summary()
-    for line in words(found):
+        lines, drawn = _table(found), _error_maps
+    for line in lines:
         console.say(line)
     if as_json:
-        console.figures(summary)
+        console.figures(found.summary())
+    ended = NOTE in getattr(found, "notes", ())
     if place is not None:
-        figures = drawn(found) if pictures and not ended else {}
 
         def parts(scratch: Path) -> None:
-            write_json(scratch / "comparison.json", summary)
-            for name, figure in figures.items():
+            write_json(scratch / "comparison.json", found.summary())
+            for name, figure in drawn(found).items() if pictures and not ended else ():
                 save(figure, scratch / f"{name}.png")
 
         console.files(place.fill(parts))
@@ -106,18 +94,32 @@ def compare(
         raise typer.Exit(130)
 
 
-def _beside(scene: Scene, resolution: int | None, fit: int) -> tuple[RuleStudy, bool]:
-    """Set a scene's rule beside elasticity; tell whether Ctrl-C ended it."""
+def _check_compared(judged: Path, reference: Path | None, changed: str | int | None) -> None:
+    """Refuse options that do not belong together; `changed` names one of a scene's."""
+    is_scene = judged.suffix == ".toml"
+    if is_scene and reference is not None:
+        raise ParameterError(
+            f"{reference}: a scene is compared with elasticity; to compare its run with "
+            f"another result, run it first (kaju run {judged}), then compare its folder"
+        )
+    if not is_scene and changed:
+        raise ParameterError(f"{changed}: belongs to a scene; {judged} is a result")
+    if not is_scene and reference is None:
+        raise ParameterError(f"REFERENCE: is needed, to compare {judged} with")
+    if reference is not None and reference.suffix == ".toml":
+        raise ParameterError(
+            f"{reference}: is a scene; run it first (kaju run {reference}), then compare its folder"
+        )
+
+
+def _beside(scene: Scene, resolution: int | None, fit: int) -> RuleStudy:
+    """Set a scene's rule beside elasticity, as far as Ctrl-C lets it."""
     from kaju.model.study.rule_study import RuleStudy, beside_elasticity
 
     try:
-        return beside_elasticity(scene, resolution=resolution, evaluations=fit), False
+        return beside_elasticity(scene, resolution=resolution, evaluations=fit)
     except KeyboardInterrupt as stop:
-        best = getattr(stop, "best", None)
-        if isinstance(best, RuleStudy):
-            return best, True
-        typer.echo("interrupted before there was anything to keep", err=True)
-        raise typer.Exit(130) from None
+        return best_of(stop, RuleStudy)
 
 
 def _two(result: Path, reference: Path) -> Comparison:
@@ -125,10 +127,6 @@ def _two(result: Path, reference: Path) -> Comparison:
     from kaju.model.study.compare import compare as compare_answers
     from kaju.model.study.compare import load_answer
 
-    if reference.suffix == ".toml":
-        raise ParameterError(
-            f"{reference}: is a scene; run it first (kaju run {reference}), then compare its folder"
-        )
     return compare_answers(load_answer(result), load_answer(reference))
 
 
@@ -161,7 +159,7 @@ def sweep(
         typer.Option(
             metavar="KEY=VALUES",
             help="What is varied, may be repeated: values (rule.threshold=0.01,0.02), or a range "
-            "to draw from (rule.beta=0:1 or 0..1, and rule.threshold=1e-4:1e-1:log).",
+            "to draw from (rule.beta=0:1, rule.threshold=1e-4:1e-1:log).",
         ),
     ],
     out: Annotated[Path | None, folder("Folder for the table.")] = None,
@@ -240,7 +238,7 @@ def _distribution(text: str) -> Any:
     """Return the distribution meant by ``0:1`` or ``1e-4:1e-1:log``; None for anything else."""
     from scipy.stats import loguniform, uniform
 
-    low, _, rest = text.replace("..", ":").partition(":")
+    low, _, rest = text.partition(":")
     high, _, log = rest.partition(":")
     try:
         ends = float(low), float(high)

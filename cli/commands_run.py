@@ -27,6 +27,7 @@ from .options import (
     Resolution,
     SceneFile,
     Settings,
+    best_of,
     places_of,
     scene_of,
     share,
@@ -67,13 +68,10 @@ class Task:
         try:
             result = compute()
         except KeyboardInterrupt as stop:
-            best = getattr(stop, "best", None)
-            if isinstance(best, Result):
-                console.figures(best.summary())
-                console.files(target.write(best, "none"))
-                typer.echo(f"{NOTE}; it is in {target.path}", err=True)
-            else:
-                typer.echo("interrupted before there was anything to keep", err=True)
+            best = best_of(stop, Result)
+            console.figures(best.summary())
+            console.files(target.write(best, "none"))
+            typer.echo(f"{NOTE}; it is in {target.path}", err=True)
             raise typer.Exit(130) from None
         except ConvergenceError as error:
             if isinstance(error.best, Result):

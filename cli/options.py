@@ -6,7 +6,7 @@ import json
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -15,6 +15,9 @@ from kaju.files import is_there
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
+
+
+Best = TypeVar("Best")
 
 
 def fraction(word: str) -> float:
@@ -102,6 +105,15 @@ def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
             raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
         changes[key.strip()] = value.strip()
     return described.with_overrides(changes) if changes else described
+
+
+def best_of(stop: KeyboardInterrupt, kind: type[Best]) -> Best:
+    """Return what Ctrl-C left of an answer; end the command if it left nothing."""
+    best = getattr(stop, "best", None)
+    if not isinstance(best, kind):
+        typer.echo("interrupted before there was anything to keep", err=True)
+        raise typer.Exit(130) from None
+    return best
 
 
 def worked_plate() -> str:

@@ -106,9 +106,11 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
         generations = _generations(largest, largest_share, transfer.rule.threshold)
     known_to_end = True
     if generations is None:
-        growth, remedy = _grows(transfer, lower, upper)
+        # Undiminished for ever is a load only if it is so wherever it comes.
+        surely = float(transfer.tables.share.max(axis=2).min()) >= 1.0
+        growth, remedy = _grows(transfer, lower, upper, surely)
         generations, grown = _tried(scene, transfer)
-        known_to_end = grown or generations is not None or not transfer.rule.accumulate
+        known_to_end = generations is not None or (grown if transfer.rule.accumulate else surely)
         verdict = f"{growth}: {remedy}"
         if generations is not None:
             verdict = (
@@ -157,14 +159,14 @@ def _generations(load: float, decay: float, threshold: float) -> int | None:
     return floor(log(threshold / load) / log(decay) * (1.0 + 1e-12)) + 1
 
 
-def _grows(transfer: Transfer, lower: float, upper: float) -> tuple[str, str]:
-    """Say why loads may not end, and which share to lower below what."""
+def _grows(transfer: Transfer, lower: float, upper: float, surely: bool) -> tuple[str, str]:
+    """Say why loads do not end, or may not, and which share to lower below what."""
     worst = first_largest(transfer.emitted.max(axis=1)) // transfer.lattice.forms
     shares, name = transfer.shares[worst], transfer.materials[worst].name
     if not transfer.rule.accumulate:
         return (
             f"a load that an agent of {name!r} passes on in one piece is not smaller than the "
-            "load it took, so it never ends",
+            f"load it took, so it {'never ends' if surely else 'may never end'}",
             "lower forward (α₂), friction (α₃) and α₁ below 1",
         )
     way = transfer.lattice.way(0, 0).beside

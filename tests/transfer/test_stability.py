@@ -63,6 +63,23 @@ def test_a_share_of_one_never_ends():
     assert stage.outcome == "stopped after max_generations = 30 with loads on their way"
 
 
+def test_a_share_of_one_in_one_material_alone_may_end_and_is_watched():
+    """Loads that end only after more generations than are tried are not said never to end."""
+    body = {"cell_size": 0.01, "drawing": "s" * 400 + "r" + "s" * 400}
+    rule = PrescribedRule(
+        alpha=(0.01, 0.99, 0.0), beta=1.0, threshold=0.01,
+        materials={"rubber": Coefficients(alpha=(0.0, 1.0, 0.0), beta=1.0)},
+    )  # fmt: skip
+    scene = Scene(
+        body=body, legend={"s": "steel", "r": "rubber"}, sides={"bottom": "rigid"},
+        loads=[{"cell": [400, 0], "force": [1.0, 0.0]}], rule=rule,
+    )  # fmt: skip
+    certificate, model = stability(scene), LoadModel(scene)
+    assert not certificate.known
+    assert "so it may never end, unless the threshold ends them" in certificate.verdict
+    assert model.run().last.outcome == "at rest after 460 generations"
+
+
 @settings(max_examples=15)
 @given(scene=scenes())
 def test_the_bounds_enclose_the_dense_spectral_radius(scene):

@@ -29,6 +29,9 @@ export class Transfer {
     this.emitted = emitted;                    // by material and channel
     this.worst = Math.floor(emitted.indexOf(Math.max(...emitted)) / this.C);
     this.largest = this.share.reduce((a, b) => Math.max(a, b), 0);
+    this.undiminished = true;                  // whether every load has a share that is as large as it
+    for (let i = 0; i < this.share.length; i += this.most)
+      this.undiminished &&= Math.max(...this.share.slice(i, i + this.most)) >= 1;
     this.rows = rows;
     this.turned = { [AIR]: [], [RIGID]: [], [ROLLER]: [] };
     for (const kind of [AIR, RIGID, ROLLER]) for (let arm = 0; arm < D; arm++) {
@@ -303,10 +306,10 @@ const MOST_CELLS = 200000;                     // above this many the radius is 
  * holds (bounds, generations, and why not), the last that is returned is the best. */
 export function* certifying(scene, cells) {
   const lattice = new Lattice(scene.lattice), transfer = new Transfer(scene, lattice);
-  const { emitted, largest, worst } = transfer, { accumulate, threshold } = scene.rule;
+  const { emitted, largest, undiminished, worst } = transfer, { accumulate, threshold } = scene.rule;
   const kinds = lattice.kinds(cells, scene.sides), loads = appliedLoads(scene, lattice, kinds).map((load) => load[2]);
   const load = accumulate ? loads.reduce((a, b) => a + b, 0) : Math.max(0, ...loads);
-  const named = { largest, ...remedies(lattice, transfer.shares[worst]), name: scene.materials[worst].name };
+  const named = { largest, undiminished, ...remedies(lattice, transfer.shares[worst]), name: scene.materials[worst].name };
   const told = ([lower, upper]) => {
     const generations = endsWithin(load, accumulate ? upper : largest, threshold);
     return { lower, upper, generations, stable: generations !== null, ...named };
@@ -324,7 +327,7 @@ export function* certifying(scene, cells) {
   for (let rows = 0; !tried.atRest; tried.step()) {
     rows += tried.waiting.n;
     const grown = !(tried.pending <= 1e3 * tried.applied);
-    if (grown || rows > 3e5 || tried.generation >= 300) return { ...best, stable: grown || !accumulate ? false : null };
+    if (grown || rows > 3e5 || tried.generation >= 300) return { ...best, stable: (accumulate ? grown : undiminished) ? false : null };
     if (tried.generation % 20 === 19) yield best;
   }
   return { ...best, generations: tried.generation, stable: true, tried: true };

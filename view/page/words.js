@@ -47,11 +47,12 @@ const power = (x) => local(x.toExponential(2)).replace(/e\+?(-?)(\d+)/, (_, s, n
 export function verdictOf(certificate, rule, t) {
   const { generations: n, name: m, tried, stable } = certificate;
   if (n !== null && !tried) return n === 0 ? t("nothing") : n === 1 ? t("ends1") : t("ends", { n });
-  if (!rule.accumulate) return tried ? t("rests", { n, a: t("never", { m }) }) : t("lower1", { a: t("never", { m }) });
-  const a = certificate.lower < 1 ? t("mayGrow", { m, p: general(100 * (certificate.upper - 1), 3) })
+  const a = !rule.accumulate ? t(certificate.undiminished ? "never" : "mayNever", { m })
+    : certificate.lower < 1 ? t("mayGrow", { m, p: general(100 * (certificate.upper - 1), 3) })
     : t("grow", { p: general(100 * (certificate.lower - 1), 3) });
   if (tried) return t("rests", { n, a });
   if (stable === null) return t("unlessEnded", { a });
+  if (!rule.accumulate) return t("lower1", { a });
   const remedies = [["forwardBelow", certificate.forward], ["frictionBelow", certificate.friction]]
     .filter(([, limit]) => limit > 0).map(([word, limit]) => t(word, { x: general(limit, 4) }));
   return t("lower", { a, r: remedies.length ? remedies.join(t("or")) : t("allShares") });

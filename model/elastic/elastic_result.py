@@ -28,7 +28,6 @@ from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.family import Family
-from kaju.model.elastic.pair.octree import BrickAgents
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import (
     BALANCE,
@@ -73,7 +72,7 @@ class ElasticResult(BodyResult):
 
     Attributes
     ----------
-    found : PairAgents, CutAgents, BrickAgents, CellAgents or SolidAgents
+    found : PairAgents, CutAgents, CellAgents or SolidAgents
         The question, the agents and what they have found, in the solver's units.
     seconds : float
     tolerance : float or None
@@ -95,7 +94,7 @@ class ElasticResult(BodyResult):
     """
 
     kind: ClassVar[str] = "elastic"
-    found: PairAgents | CutAgents | BrickAgents | CellAgents | SolidAgents
+    found: PairAgents | CutAgents | CellAgents | SolidAgents
     seconds: float
     tolerance: float | None = None
 
@@ -380,7 +379,7 @@ class ElasticResult(BodyResult):
         return self._opinions_at(points, "fitted_stress_at")[1]
 
     def _opinions_at(self, points: Floats, name: str) -> tuple[Floats, Floats]:
-        if not isinstance(self.found, PairAgents):
+        if not isinstance(self.found, PairAgents) or not self.found.two_minds:
             raise ResultError(
                 f"{name}: only agents that spawned in the plane have two stresses; solve with a "
                 "tolerance"
@@ -420,7 +419,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def family(self) -> Family:
         """Every agent that ever stood, with its parent, step and cause."""
-        if not isinstance(self.found, (PairAgents, BrickAgents)):
+        if not isinstance(self.found, PairAgents):
             raise ResultError("family: equal cells do not spawn; solve with a tolerance")
         metre = self.grid.lattice.cell_size / self.found.ground.cell
         return Family.of(self.generations, self.scene.lattice.dimension, metre)
@@ -662,7 +661,7 @@ class ElasticResult(BodyResult):
         volume = self.size**self.scene.lattice.dimension
         if self.scene.lattice.dimension == 2:
             volume = volume * self.scene.thickness
-        if not isinstance(self.found, PairAgents):
+        if not isinstance(self.found, PairAgents) or not self.found.two_minds:
             return Carrying(self.middle, self.size, volume, self.stress)
         # The opinion that balances bears the loads layer by layer.
         balanced = self.found.scales.stress * self.found.balanced

@@ -24,7 +24,7 @@ from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.resolved_body import MIXED
 from kaju.model.scene.selection import Uneven
 
-ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
+ACROSS_LONGEST, ACROSS_SHORTEST = {2: 8, 3: 4}, 2
 """The first agents are at least this many along the body's longest and shortest side."""
 ENDED = {2: 3e-4, 3: 1e-2}
 """Loads that end within sides may leave about such a share of the energy norm."""
@@ -105,19 +105,17 @@ class PosedBody:
         stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
         return (stiffness or 0.0) * self.scales.length / self.scales.modulus
 
-    def start(self, across: int = ACROSS_LONGEST) -> LeafCells:
-        """Return the first leaves: as large as body, supports and loads allow.
-
-        At least so many are `across` the body's longest side.
-        """
+    def start(self) -> LeafCells:
+        """Return the first leaves: as large as body, supports and loads allow."""
         lower, upper = self.scene.bounds()
         spans = upper - lower
+        across = ACROSS_LONGEST[self.dimension]
         widest = max(1.0, min(spans.max() / across, spans.min() / ACROSS_SHORTEST))
         exponent = int(log2(widest))
         leaves = self._pure(covering(lower, upper, exponent), exponent)
         leaves = self._until(leaves, self._beside_mixed)
         leaves = self._until(leaves, self.unevenly_loaded)
-        return leaves.balanced(0)
+        return leaves.balanced()
 
     def _pure(self, boxes: Ints, exponent: int) -> LeafCells:
         """Split boxes of cells until each is of one kind; keep those of material."""
@@ -135,10 +133,7 @@ class PosedBody:
         sizes = np.concatenate(size)
         if not len(sizes):
             raise SceneError("body: no cell is of a material, so there is nothing to solve")
-        zeros = np.zeros(len(sizes))
-        return LeafCells.of(
-            np.concatenate(lower), sizes, np.concatenate(kind), zeros.astype(np.int64), zeros
-        )
+        return LeafCells.of(np.concatenate(lower), sizes, np.concatenate(kind))
 
     def _until(self, leaves: LeafCells, unfit: Callable[[LeafCells], Flags]) -> LeafCells:
         """Split leaves until none is unfit."""
@@ -146,7 +141,7 @@ class PosedBody:
             chosen = unfit(leaves)
             if not chosen.any():
                 return leaves
-            leaves = leaves.split(chosen, 0, np.zeros(len(leaves)))
+            leaves = leaves.split(chosen)
 
     def _beside_mixed(self, leaves: LeafCells) -> Flags:
         """Tell which leaves have a box of their own size beside them that is not of one kind."""

@@ -21,7 +21,6 @@ from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
 from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.loop import PairLoop
-from kaju.model.elastic.pair.octree import BrickAgents, BrickLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene
@@ -71,24 +70,21 @@ def spawner_of(
     tolerance: float,
     most_agents: int | None,
     goals: tuple[Quantity, ...] = (),
-) -> BrickLoop | PairLoop:
-    """Return the loop that agents spawn in: of two minds in the plane, of bricks in space."""
+) -> PairLoop:
+    """Return the loop that agents spawn in: within cells, or within true outlines."""
     if isinstance(ground, OutlinedBody):
         return CutLoop(ground, tolerance, most_agents, goals)
-    loop = BrickLoop if ground.dimension == 3 else PairLoop
-    return loop(ground, tolerance, most_agents, goals)
+    return PairLoop(ground, tolerance, most_agents, goals)
 
 
-def answer_of(
-    spawning: BrickAgents | PairAgents, tolerance: float, seconds: float
-) -> ElasticResult:
+def answer_of(spawning: PairAgents, tolerance: float, seconds: float) -> ElasticResult:
     """Return the agents of a refinement, finished or not, as a result with its notes."""
     missed = missed_note(spawning, tolerance)
     spawning.notes += [missed] if missed else []
     return ElasticResult(spawning, seconds, tolerance)
 
 
-def missed_note(spawning: BrickAgents | PairAgents, tolerance: float) -> str:
+def missed_note(spawning: PairAgents, tolerance: float) -> str:
     """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
     error, stopped = error_of(spawning), spawning.stopped
     if error <= tolerance or stopped == "agents":
@@ -108,12 +104,12 @@ def missed_note(spawning: BrickAgents | PairAgents, tolerance: float) -> str:
     return f"the smallest agents that can be counted leave {above}; most of it lies {where}"
 
 
-def error_of(spawning: BrickAgents | PairAgents) -> float:
+def error_of(spawning: PairAgents) -> float:
     """Return the error that the tolerance limits."""
     return max((one.relative_error for one in spawning.goals), default=spawning.error)
 
 
-def most_at(spawning: BrickAgents | PairAgents) -> str:
+def most_at(spawning: PairAgents) -> str:
     """Say where most of the error lies, and why."""
     leaves, ground = spawning.leaves, spawning.ground
     agent, scene = first_largest(spawning.generations[-1].gap), spawning.ground.scene

@@ -34,7 +34,7 @@ def first_leaves(shape: tuple[int, int]) -> LeafCells:
     """Return the first agents of an array: so many along x and y."""
     lower = np.stack([grid.ravel() for grid in np.indices(shape, dtype=np.int64)], 1) << DEPTH
     nothing = np.zeros(len(lower), dtype=np.int64)
-    return LeafCells.of(lower, nothing + (1 << DEPTH), nothing, nothing, nothing.astype(float))
+    return LeafCells.of(lower, nothing + (1 << DEPTH), nothing)
 
 
 def covering(leaves: LeafCells, shape: tuple[int, int]) -> LeafCells:
@@ -42,7 +42,7 @@ def covering(leaves: LeafCells, shape: tuple[int, int]) -> LeafCells:
     every = first_leaves(shape)
     while (larger := every.size[at := every.find(leaves.lower)] > leaves.size).any():
         chosen = np.isin(np.arange(len(every)), at[larger])
-        every = every.split(chosen, 0, np.zeros(len(every)))
+        every = every.split(chosen)
     return every
 
 

@@ -16,7 +16,6 @@ from .staggered import Pair, axis_pairs
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
-    from kaju.model.elastic.pair.octree import BrickAgents
 
     from .cell_agents import CellAgents
 
@@ -29,9 +28,7 @@ class EqualArrays:
     The first cell's lower corner lies at ``origin × cell_size`` (m).
     """
 
-    def __init__(
-        self, found: CellAgents | BrickAgents | PairAgents, own: int, division: int
-    ) -> None:
+    def __init__(self, found: CellAgents | PairAgents, own: int, division: int) -> None:
         """Lay out cells by their number per cell of the scene; the agents' grid has its `own`."""
         lower, upper = found.grid.bounds()
         # Cells of the grid that are not whole cells of the arrays round the box up.

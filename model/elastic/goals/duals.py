@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from itertools import combinations
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from kaju.model.elastic.goals.quantities import (
     support_of,
 )
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
-from kaju.model.elastic.pair.history import GrownAgents
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Scene
@@ -38,8 +37,10 @@ NEAREST = (
     "can end"
 )
 
+if TYPE_CHECKING:
+    from kaju.model.elastic.pair.answer import PairAgents
 
-Found = CellAgents | GrownAgents
+Found: TypeAlias = "CellAgents | PairAgents"
 """Agents whose fields are read."""
 
 
@@ -210,4 +211,4 @@ def aligned(goals: list[DualGoal], leaves: LeafCells) -> LeafCells:
     for goal in goals:
         if goal.box is not None:
             leaves = goal.box.aligned(leaves)
-    return leaves.balanced(0)
+    return leaves.balanced()

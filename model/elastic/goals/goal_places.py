@@ -139,7 +139,7 @@ class GoalBox:
     def aligned(self, leaves: LeafCells) -> LeafCells:
         """Return agents of which none lies across an end of the box."""
         while (cut := self._cut(leaves)).any():
-            leaves = leaves.split(cut, 0, np.zeros(len(leaves)))
+            leaves = leaves.split(cut)
         return leaves
 
     def _cut(self, leaves: LeafCells) -> Flags:

@@ -18,11 +18,16 @@ import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
-from kaju.model.elastic.pair.border import Sides, corner_numbers
-from kaju.model.elastic.pair.displacement import followed
-from kaju.model.elastic.pair.elements import airy_of_tractions, forms, without_plane
-from kaju.model.elastic.pair.leaf_mesh import LeafMesh
+from kaju.model.elastic.pair.border import Sides
+from kaju.model.elastic.pair.elements import (
+    EDGES,
+    airy_of_tractions,
+    forms,
+    on_sides,
+    without_plane,
+)
 from kaju.model.elastic.pair.levels import Blocks
+from kaju.model.elastic.pair.mesh import PlaneMesh, backwards, followed
 
 
 def compliance(law: Floats) -> Floats:
@@ -43,7 +48,7 @@ class Sheets:
     closed: Flags  # Which of a cut's forces along x and y, and couple, are none; shape (cuts, 3)
 
 
-def loops_of(mesh: LeafMesh) -> list[Ints]:
+def loops_of(mesh: PlaneMesh) -> list[Ints]:
     """Return the rows of the border's edges in the order of a walk, loop by loop."""
     start, end = mesh.along()
     following = np.full(mesh.vertices, -1)
@@ -61,7 +66,7 @@ def loops_of(mesh: LeafMesh) -> list[Ints]:
     return loops
 
 
-def sheets_of(mesh: LeafMesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets:
+def sheets_of(mesh: PlaneMesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets:
     """Cut the body to the right of every hole that something holds."""
     start, end = mesh.along()
     place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
@@ -134,7 +139,7 @@ class _Follow:
 class Airy:
     """Unknowns of phi: of vertices, copies and edges, then three for each cut."""
 
-    def __init__(self, mesh: LeafMesh, sides: Sides, cell: int) -> None:
+    def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
         self.part = mesh.parts()
         self.loops = loops_of(mesh)
@@ -148,9 +153,8 @@ class Airy:
 
     def blocks(self, laws: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
         """Return the compliance of the agents and of the beds."""
-        dof = np.concatenate(
-            [corner_numbers(self.sheets.corner), 3 * self.points + self.mesh.edge], axis=1
-        )
+        corner = (3 * self.sheets.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
+        dof = np.concatenate([corner, 3 * self.points + self.mesh.edge], axis=1)
         one, h = np.ones_like(size), size
         scale = np.stack([*[one, h, h] * 4, *[h] * 4], axis=1)
         matrices = [
@@ -160,7 +164,7 @@ class Airy:
         return Blocks(dof, matrices, size**-2.0, scale, self.size, self._beds(), without_plane)
 
     def _beds(self) -> sp.csr_array | None:
-        beds = np.flatnonzero(self.sides.bed > 0.0)
+        beds = self.sides.beds
         if not len(beds):
             return None
         rows = self.bed_rows(beds)
@@ -173,9 +177,9 @@ class Airy:
     def bed_rows(self, beds: Ints) -> sp.csr_array:
         """Return the tractions across beds at both ends of edges by phi: its second derivative."""
         mesh = self.mesh
-        start, end = (self._seen(beds, at) for at in (0, 1))
+        start, end = (self.seen(beds, at) for at in (0, 1))
         length = mesh.length[mesh.border[beds]] / self.cell
-        slope = np.where(mesh.side[beds] < 2, 1, 2)
+        slope = 2 - mesh.side[beds] // 2
         columns = np.stack([3 * start, 3 * start + slope, 3 * end, 3 * end + slope], axis=1)
         low = np.stack([-6 / length**2, -4 / length, 6 / length**2, -2 / length], axis=1)
         high = np.stack([6 / length**2, 2 / length, -6 / length**2, 4 / length], axis=1)
@@ -183,11 +187,10 @@ class Airy:
         at = np.repeat(np.arange(2 * len(beds)), 4), np.repeat(columns, 2, axis=0).ravel()
         return sp.csr_array((values, at), shape=(2 * len(beds), self.size))
 
-    def _seen(self, rows: Ints, end: int) -> Ints:
+    def seen(self, rows: Ints, end: int) -> Ints:
         """Return the vertices or copies at the ends of border edges, as their agents see them."""
-        mesh = self.mesh
-        from_edge = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])[mesh.side[rows], end]
-        return np.asarray(self.sheets.corner[mesh.owner[rows], from_edge])
+        corner = on_sides(2)[self.mesh.side[rows], end]
+        return np.asarray(self.sheets.corner[self.mesh.owner[rows], corner])
 
     def way(self) -> tuple[sp.csr_array, Ints]:
         """Return what all unknowns are by the free ones, and which these are."""
@@ -239,10 +242,9 @@ class Airy:
         owner, number = np.zeros(mesh.edges, dtype=np.int64), np.zeros(mesh.edges, dtype=np.int64)
         owner[mesh.edge.ravel()] = np.repeat(np.arange(len(mesh.edge)), 4)
         number[mesh.edge.ravel()] = np.tile(np.arange(4), len(mesh.edge))
-        at = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])
 
         def seen(edge: Ints, end: int) -> Ints:
-            return np.asarray(corner[owner[edge], at[number[edge], end]])
+            return np.asarray(corner[owner[edge], EDGES[number[edge], end]])
 
         # Ends and middle as they are seen from one sheet: that of the smaller agents, or, where
         # a cut runs between these, that of the whole edge and of the half that sees its end.
@@ -286,8 +288,8 @@ class Airy:
         closed = _closed(given).tolist()
         loop, kind = np.roll(loop, -turn), np.roll(kind, -turn)
         start, end = mesh.along()
-        back = np.isin(mesh.side[loop], (1, 2))
-        seen = [np.where(back, self._seen(loop, 1 - e), self._seen(loop, e)) for e in (0, 1)]
+        back = backwards(mesh.side[loop])
+        seen = [np.where(back, self.seen(loop, 1 - e), self.seen(loop, e)) for e in (0, 1)]
         vertex = start[loop]
         breaks = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(loop)]
         last = vertex[0]
@@ -356,40 +358,35 @@ class Airy:
                         self._follow.add(row, np.array([self.jump + 3 * other + k]), -1.0)
 
 
-def first_stress(mesh: LeafMesh, sides: Sides, size: Floats) -> Floats:
+def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
     """Return phi of each agent, shape (n, 16), of a stress that balances the loads."""
     # Unknown are force and couple of each edge, but of halves, which follow the whole edge, and
     # where the traction is given. A row of `matrix` is a force on an agent, or its couple over h.
     n, edges = len(mesh.leaves), mesh.edges
-    number = np.repeat(np.arange(edges)[:, None] * 3, 3, axis=1) + np.arange(3)
+    number = 3 * np.arange(edges)[:, None] + np.arange(3)
+    own = mesh.edge[:, on_sides(2)[:, 2] - 4]  # by side
     rows, columns, values = [], [], []
-    sign = np.array([-1.0, 1.0, -1.0, 1.0])
-    for edge in range(4):
-        own = mesh.edge[:, edge]
-        normal = 1 if edge < 2 else 0
-        couple = 0.5 * sign[edge] * (-1.0 if normal else 1.0)
-        turn = 1.0 if normal else -1.0
+    for side in range(4):
+        axis, sign = side // 2, 2.0 * (side % 2) - 1.0
+        turn = 1.0 if axis else -1.0
         for row, column, value in (
-            (0, 0, 1.0), (1, 1, 1.0), (2, 1 - normal, couple), (2, 2, turn),
+            (0, 0, 1.0), (1, 1, 1.0), (2, 1 - axis, -0.5 * sign * turn), (2, 2, turn),
         ):  # fmt: skip
             rows.append(3 * np.arange(n) + row)
-            columns.append(number[own, column])
-            values.append(np.full(n, sign[edge] * value))
+            columns.append(number[own[:, side], column])
+            values.append(np.full(n, sign * value))
     at = np.concatenate(rows), np.concatenate(columns)
     matrix = sp.csr_array((np.concatenate(values), at), shape=(3 * n, 3 * edges))
     follow = _Follow(3 * edges)
-    across = np.where(mesh.axis[mesh.whole] == 0, 1, 0)
-    for half, side in zip(mesh.halves, (-1.5, 1.5), strict=True):
-        for k in range(2):
-            follow.add(number[half, k], number[mesh.whole, k], 0.5)
-        rows_, columns_ = number[half, across], number[mesh.whole, 2]
-        follow.add(rows_, columns_, side)
-        follow.add(number[half, 2], number[mesh.whole, 2], 0.25)
+    whole, across = number[mesh.whole], 1 - mesh.axis[mesh.whole]
+    for half, lean in zip(mesh.halves, (-1.5, 1.5), strict=True):
+        for k, share in enumerate((0.5, 0.5, 0.25)):
+            follow.add(number[half, k], whole[:, k], share)
+        follow.add(number[half, across], whole[:, 2], lean)
     free = ~follow.follows
-    border = number[mesh.border]
-    normals = np.where(mesh.side < 2, 1, 0)
+    border, normal = number[mesh.border], mesh.side // 2
     free[border[:, :2]] &= ~sides.given
-    free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normals]
+    free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normal]
     way = sp.csr_array(follow.way()[:, np.flatnonzero(free)])
     # Couples weigh as tractions of the same size.
     weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[free]
@@ -401,13 +398,12 @@ def first_stress(mesh: LeafMesh, sides: Sides, size: Floats) -> Floats:
     found = found + factors.solve(wanted - normal_matrix @ found)
     flow = (way @ (weight * (balance.T @ found))).reshape(-1, 3)
     traction = sides.load.copy()
-    for edge in range(4):
-        normal_axis = 1 if edge < 2 else 0
-        own = sign[edge] * flow[mesh.edge[:, edge]]
-        traction[:, edge, 0] += own[:, :2]
-        traction[:, edge, 1, normal_axis] += own[:, 2]
+    for side in range(4):
+        axis, sign = side // 2, 2.0 * (side % 2) - 1.0
+        traction[:, side, 0] += sign * flow[own[:, side], :2]
+        traction[:, side, 1, axis] += sign * flow[own[:, side], 2]
         # A body force is met by a stress that grows along each axis: half of it at either end.
-        traction[:, edge, 0, normal_axis] += 0.5 * sides.body[:, normal_axis]
+        traction[:, side, 0, axis] += 0.5 * sides.body[:, axis]
     return np.asarray(size[:, None] * np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction))
 
 
@@ -415,6 +411,6 @@ def _resultants(sides: Sides) -> Floats:
     """Return the loads' forces on each agent, and their couples about its middle over its edge."""
     force, moment = sides.load[:, :, 0], sides.load[:, :, 1]
     total = force.sum(axis=1) + sides.body
-    couple = -0.5 * (force[:, 1, 0] - force[:, 0, 0]) + 0.5 * (force[:, 3, 1] - force[:, 2, 1])
-    couple = couple + moment[:, 0, 1] + moment[:, 1, 1] - moment[:, 2, 0] - moment[:, 3, 0]
+    couple = 0.5 * (force[:, 1, 1] - force[:, 0, 1]) - 0.5 * (force[:, 3, 0] - force[:, 2, 0])
+    couple = couple + moment[:, 2, 1] + moment[:, 3, 1] - moment[:, 0, 0] - moment[:, 1, 0]
     return np.concatenate([total, couple[:, None]], axis=1).ravel()

@@ -1,56 +1,116 @@
-"""The answer of agents of two minds: whatever is read comes from their two opinions.
+"""The answer of agents that spawned: whatever is read comes from their opinions.
 
-Displacements are those of the opinion that fits, reactions those of the one that balances. Stress
-is the mean of both, since that is the stress whose error the gap tells exactly; energy is the
-middle of its bounds.
+Displacements are those of the opinion that fits. In the plane reactions are those of the one that
+balances, and stress is the mean of both, since that is the stress whose error the gap tells
+exactly; energy is the middle of its bounds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import InitVar, dataclass
 from functools import cached_property
-from typing import ClassVar
+from itertools import product
+from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
-from kaju.model.elastic.moduli import equivalent_stress
-from kaju.model.elastic.pair.elements import quadratic_values, rule, strains, stresses
-from kaju.model.elastic.pair.gap import energies, stress_of
-from kaju.model.elastic.pair.history import Generation, GrownAgents, trees_of
+from kaju.model.elastic.goals.quantities import Goal
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.pair.elements import quadratic_values
+from kaju.model.elastic.pair.family import Family
+from kaju.model.elastic.pair.gap import energies
+from kaju.model.elastic.pair.history import Generation, halvings, trees_of
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.opinions import Opinions, first, following
-
-METHOD = "agents with two opinions"
+from kaju.model.elastic.pair.opinions import Opinions
+from kaju.model.elastic.pair.settling import Settled, settled
+from kaju.model.elastic.pair.space import NO_BOUND, Bricks
+from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.scales import Scales
+from kaju.model.results.result import OnCells
+from kaju.model.scene import Scene
 
 
 @dataclass(eq=False)
-class PairAgents(GrownAgents):
-    """Agents of a plane body along a space-filling curve, and their generations; scaled."""
+class PairAgents(OnCells):
+    """Agents of many sizes along a space-filling curve, and their generations; scaled."""
 
-    method: ClassVar[str] = METHOD
-    no_bound: ClassVar[str] = ""
-    known: InitVar[tuple[list[LeafCells], Opinions] | None] = None
+    storage: ClassVar[Literal["tree"]] = "tree"
+    stiffness: ClassVar[None] = None
+    ground: PosedBody
+    goals: list[Goal]  # What the tolerance is about
+    generations: list[Generation]
+    stopped: str
+    """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
+    notes: list[str]
+    # The agents of every generation, and the opinions of the last
+    known: InitVar[tuple[list[LeafCells], Settled] | None] = None
 
-    def __post_init__(self, known: tuple[list[LeafCells], Opinions] | None) -> None:
+    def __post_init__(self, known: tuple[list[LeafCells], Settled] | None) -> None:
         self._last = known and known[1]
         if known is not None:
-            self.trees = known[0]  # The agents of every generation
+            self.trees = known[0]
         else:
             goals = [goal_of(goal.quantity, self.ground) for goal in self.goals]
             self.trees = trees_of(aligned(goals, self.ground.start()), self.generations)
 
     @cached_property
-    def opinions(self) -> Opinions:
-        """Both opinions of the last generation; of a stored answer they are found again."""
+    def opinions(self) -> Settled:
+        """Opinions of the last generation; of a stored answer they are found again."""
         # Generation by generation: so they are the same to the last digit.
         found = self._last
         for leaves in self.trees if found is None else ():
-            found = first(self.ground, leaves) if found is None else following(found, leaves)
+            found = settled(self.ground, leaves, found)
         assert found is not None
-        return found
+        ended = self._last is None and not self.generations[-1].chosen.any()
+        return found.finished() if ended and isinstance(found, Bricks) else found
+
+    @property
+    def two_minds(self) -> bool:
+        """Whether agents have two opinions, so that errors are proved: in the plane."""
+        return self.ground.dimension == 2
+
+    @property
+    def method(self) -> str:
+        """How it was solved."""
+        return "agents with two opinions" if self.two_minds else "bricks"
+
+    @property
+    def no_bound(self) -> str:
+        """Why nothing is proved; empty if the error is."""
+        return "" if self.two_minds else NO_BOUND
+
+    @property
+    def solution(self) -> PairAgents:
+        """Itself: it has the figures of its solution."""
+        return self
+
+    @property
+    def scene(self) -> Scene:
+        """What was asked."""
+        return self.ground.asked
+
+    @property
+    def stage(self) -> int | None:
+        """Stage of loading; None is the last."""
+        return self.ground.stage
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+        return self.ground.scene
+
+    @property
+    def scales(self) -> Scales:
+        """Units of the scaled values."""
+        return self.ground.scales
+
+    @property
+    def moduli(self) -> Moduli:
+        """Scaled moduli of every material."""
+        return self.ground.moduli
 
     @property
     def leaves(self) -> LeafCells:
@@ -58,9 +118,46 @@ class PairAgents(GrownAgents):
         return self.trees[-1]
 
     @property
-    def gap(self) -> Floats:
-        """Squared difference of each agent's two opinions."""
-        return self.generations[-1].gap
+    def count(self) -> int:
+        """Number of agents."""
+        return len(self.leaves)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners of the agents."""
+        return np.asarray(self.leaves.lower / self.ground.cell)
+
+    @property
+    def size(self) -> Floats:
+        """Edges of the agents."""
+        return np.asarray(self.leaves.size / self.ground.cell)
+
+    @property
+    def material(self) -> Ints:
+        """Index of each agent's material, which is that of its moduli."""
+        return self.leaves.kind
+
+    law = material
+
+    @property
+    def level(self) -> Ints:
+        """How often the largest of the first agents would be halved to give each agent."""
+        return halvings(self.leaves.size, int(self.generations[0].size.max()))
+
+    @cached_property
+    def _working(self) -> NDArray[Any]:
+        family = Family.of(self.generations, self.ground.dimension, 1.0)
+        return np.asarray(family.rows[family.working])
+
+    @property
+    def spawn_step(self) -> Ints:
+        """Step in which each agent spawned; 0 for the first."""
+        return np.asarray(self._working["spawn_step"])
+
+    @property
+    def cause(self) -> Floats:
+        """Gap (J) for which each agent spawned."""
+        return np.asarray(self._working["cause"] * self.scales.energy)
 
     @property
     def energy(self) -> float:
@@ -69,7 +166,7 @@ class PairAgents(GrownAgents):
 
     @property
     def error(self) -> float:
-        """Error of the stress, at most, in the energy norm."""
+        """Error of the stress in the energy norm: in the plane at most, in space estimated."""
         return self.generations[-1].error
 
     @property
@@ -78,42 +175,54 @@ class PairAgents(GrownAgents):
         return []
 
     @cached_property
-    def energies(self) -> Floats:
+    def energies(self) -> Floats | None:
         """Energy stored in each agent: half-way between those of both opinions."""
         found = self.opinions
-        both = [found.fields(case) for case in range(len(found.fit))]
+        if not isinstance(found, Opinions):
+            return None
+        both = [found.fields(case) for case in range(len(found.cases))]
         balanced, fitted = (np.sum([one[k] for one in both], axis=0) for k in range(2))
         each = (energies(stress, found.law, found.size) for stress in (balanced, fitted))
         return np.asarray(0.25 * sum(each))
 
-    @property
+    @cached_property
     def moved(self) -> Floats:
         """Displacement of the agents' middles."""
-        return self.opinions.displacement_at(*self._middles)
+        middles = np.full((self.count, self.ground.dimension), 0.5)
+        return self.opinions.displacement_at(np.arange(self.count), middles)
+
+    @property
+    def farthest(self) -> float:
+        """Largest displacement at corners, on sides and in the middles of agents."""
+        found, d = self.opinions, self.ground.dimension
+        own = found.fit.sum(axis=0).reshape(self.count, -1, d)
+        values = quadratic_values(0.5 * np.array(list(product(range(3), repeat=d))))
+        moved = (np.tensordot(own, row, (1, 0)) + found.sides.shift for row in values)
+        return max(float(np.linalg.norm(u, axis=1).max()) for u in moved)
 
     @cached_property
     def stress(self) -> Floats:
-        """Stress tensors of the agents: the mean of both opinions over each."""
-        balanced, fitted = means_of(self.opinions)
-        return tensors(0.5 * (balanced + fitted))
-
-    @property
-    def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
-        found = self.opinions
-        return quadratic_values, found.fit.sum(axis=0).reshape(-1, 8, 2), found.sides.shift
+        """Stress tensors of the agents: in the plane the mean of both opinions over each."""
+        balanced, fitted = self.opinions.means
+        return 0.5 * (balanced + fitted) if self.two_minds else fitted
 
     @property
     def balanced(self) -> Floats:
         """Mean stress tensors of the opinion that balances."""
-        return tensors(means_of(self.opinions)[0])
-
-    @property
-    def _middles(self) -> tuple[Ints, Floats]:
-        return np.arange(self.count), np.full((self.count, 2), 0.5)
+        return self.opinions.means[0]
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
         return self.opinions.reactions()
+
+    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
+        """Return the agents in or on which points (m) in cells lie, and where in each, 0 to 1."""
+        first, cell = cells * self.ground.cell, self.ground.cell
+        place = np.clip(points / self.grid.lattice.cell_size * cell, first, first + cell)
+        unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
+        agent = self.leaves.find(unit)
+        inside = (place - self.leaves.lower[agent]) / self.leaves.size[agent, None]
+        return agent, np.clip(inside, 0.0, 1.0)
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
@@ -121,39 +230,17 @@ class PairAgents(GrownAgents):
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return self._stress(*self.placed(points, cells))
+        return self.opinions.stress_at(*self.placed(points, cells))
 
     def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
-        """Return the stresses that balance, and those that fit, at points (m)."""
-        at = self.placed(points, cells)
-        balanced, fitted = self.opinions.stresses_at(*at)
-        return tensors(balanced), tensors(fitted)
+        """Return the stresses that balance, and those that fit, at points (m) in the plane."""
+        assert isinstance(self.opinions, Opinions)
+        return self.opinions.stresses_at(*self.placed(points, cells))
 
-    def _stress(self, agent: Ints, inside: Floats) -> Floats:
-        balanced, fitted = self.opinions.stresses_at(agent, inside)
-        return tensors(0.5 * (balanced + fitted))
+    def law_at(self, points: Floats, cells: Ints) -> Ints:
+        """Return the index of the moduli of the agents in or on which points lie."""
+        return self.leaves.kind[self.placed(points, cells)[0]]
 
-
-def generation_of(found: Opinions, chosen: Flags) -> Generation:
-    """Return what is kept of a generation of which some agents are to spawn."""
-    bounds, body, kind = found.bounds, found.body, found.leaves.kind
-    balanced, fitted = (
-        equivalent_stress(tensors(stress), body.moduli, kind, body.scene.plane)
-        for stress in means_of(found)
-    )
-    leaves, shares = found.leaves, found.shares
-    figures = (bounds.error, bounds.energy, bounds.lower, bounds.upper)
-    return Generation(*figures, leaves.code, leaves.size, shares, fitted, balanced, chosen)
-
-
-def means_of(found: Opinions) -> tuple[Floats, Floats]:
-    """Return the means over agents of both opinions' stresses xx, yy, xy: balanced, fitted."""
-    weights, size = rule()[1], found.size[:, None]
-    balanced = found.phi.sum(axis=0) @ np.einsum("p,pki->ik", weights, stresses()) / size**2
-    strain = found.fit.sum(axis=0) @ np.einsum("p,pki->ik", weights, strains()) / size
-    return np.asarray(balanced), stress_of(strain, found.law)
-
-
-def tensors(three: Floats) -> Floats:
-    """Return stresses xx, yy, xy as tensors, shape (n, 2, 2)."""
-    return np.asarray(three[:, [[0, 2], [2, 1]]])
+    def history(self) -> dict[str, Any]:
+        """Return the figures of their generations."""
+        return {"generations": len(self.generations)}

@@ -18,10 +18,11 @@ from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.outline.true_shapes import DEPTH, UNIT
 from kaju.model.scene.shapes import Shape
 
-from .answer import PairAgents, tensors
+from .answer import PairAgents
 from .cut_pair import CutPair
-from .history import Generation, family_of
+from .history import Generation
 from .leaves import LeafCells, corners
+from .opinions import tensors
 
 EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
 APART = 0.02  # share of a peak by which it may be off both fields there without a note
@@ -57,7 +58,7 @@ class CutAgents(PairAgents):
         return self._pair or CutPair(self.ground.problem, self.leaves)
 
     @property
-    def no_bound(self) -> str:  # type: ignore[override]
+    def no_bound(self) -> str:
         """Why nothing is proved; empty if it is."""
         return NO_BOUND if self.ground.problem.estimated else ""
 
@@ -320,7 +321,7 @@ class CutAgents(PairAgents):
 def _trees_of(leaves: LeafCells, generations: list[Generation]) -> list[LeafCells]:
     """Return the agents of stored generations; refuse some that do not stand side by side."""
     trees: list[LeafCells] = []
-    for number, one in enumerate(generations):
+    for one in generations:
         code, size = one.code, one.size
         parent = np.maximum(np.searchsorted(leaves.code, code, "right") - 1, 0)
         away, edge = code - leaves.code[parent], leaves.size[parent]
@@ -328,12 +329,7 @@ def _trees_of(leaves: LeafCells, generations: list[Generation]) -> list[LeafCell
         sound = sound and bool(np.all(np.isin(size, 1 << np.arange(DEPTH + 1))))
         if not (sound and np.all(away + size**2 <= edge**2) and np.all(away % size**2 == 0)):
             raise ResultError("its agents do not stand side by side in the body")
-        step, cause = np.zeros(len(code), dtype=np.int64), np.zeros(len(code))
-        if number:
-            last = generations[number - 1]
-            _, step, cause = family_of(leaves, code, size, last.gap, last.chosen)
-        kind = np.zeros(len(code), dtype=np.int64)
-        leaves = LeafCells(corners(code, 2), size, kind, step, cause, code)
+        leaves = LeafCells(corners(code, 2), size, np.zeros(len(code), dtype=np.int64), code)
         trees.append(leaves)
     return trees
 

@@ -17,8 +17,8 @@ from kaju.model.outline.laws import Law
 from .cut_border import Border, Entries, Known, coo
 from .cut_elements import integrated, quadratic_strain, stress_rows
 from .cut_mesh import CORNERS, CutMesh
-from .displacement import MEANS, followed
-from .elements import forms, rule, stresses
+from .elements import forms, means, rule, stresses
+from .mesh import followed
 
 FLAT = 0.03  # triangles that are flatter, in the shorter edge at a corner, join this to an edge
 SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
@@ -274,7 +274,7 @@ class Fitting:
         if weight.any():
             size = mesh.place[mesh.square[:, 3]] - mesh.place[mesh.square[:, 0]]
             of = np.concatenate([mesh.square, nodes + mesh.square_edge], axis=1)
-            np.add.at(force, of, MEANS[:, None] * (size**2)[:, :1, None] * weight)
+            np.add.at(force, of, means(2)[:, None] * (size**2)[:, :1, None] * weight)
             for of in (mesh.triangle, nodes + mesh.triangle_edge):
                 np.add.at(force, of, self.area[:, None, None] / 3.0 * weight)
         return force.ravel()

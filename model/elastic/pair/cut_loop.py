@@ -133,7 +133,7 @@ class CutLoop(PairLoop):
             smallest = self.leaves.size[chosen].min(initial=2) < 2
             if not patience or not chosen.any() or smallest or len(chosen) > self.most_agents:
                 raise _unresolved(why)
-            self.leaves = self.leaves.split(chosen, 0, np.zeros(len(chosen))).balanced(0)
+            self.leaves = self.leaves.split(chosen).balanced()
         self.last, self.leaves = pair, pair.leaves
         judge = self._peak.judge if self._peak else self._judge
         self._judged = judge(pair)
@@ -162,9 +162,8 @@ class CutLoop(PairLoop):
         """Return the agents of the next generation: all children halve as often as is asked."""
         new = leaves
         for step in range(int(often.max())):
-            parent = np.searchsorted(leaves.code, new.code, "right") - 1
-            new = new.split(often[parent] > step, 0, np.zeros(len(new)))
-        return new.balanced(0)
+            new = new.split(often[new.parents_in(leaves)] > step)
+        return new.balanced()
 
     def _keep(self, chosen: Flags) -> None:
         """Note the generation, and its fields if it knows best; of a peak, or in the end, too."""

@@ -2,96 +2,154 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.moduli import by_law
 from kaju.model.elastic.pair.border import Sides
-from kaju.model.elastic.pair.elements import EDGES, forms, rule, strains
-from kaju.model.elastic.pair.leaf_mesh import LeafMesh
-from kaju.model.elastic.pair.levels import Blocks
-
-MEANS = np.array([0.25] * 4 + [1.0 / 3.0] * 4)
-"""Means of the eight quadratics over the square."""
-ON_EDGE = np.array([[1 / 3, 1 / 6, 1 / 3], [1 / 6, 1 / 3, 1 / 3], [1 / 3, 1 / 3, 8 / 15]])
-"""Mean products of the three functions on an edge: its two ends, and its bulge."""
-
-
-def blocks_of(
-    mesh: LeafMesh, sides: Sides, laws: list[tuple[Ints | slice, Floats]], law: Floats, cell: int
-) -> Blocks:
-    """Return the stiffness of the agents and of the beds; `law` has C11, C12 and mu of each."""
-    node = np.concatenate([mesh.corner, mesh.vertices + mesh.edge], axis=1)
-    dof = (2 * node[:, :, None] + np.arange(2)).reshape(len(node), 16)
-    size = 2 * (mesh.vertices + mesh.edges)
-    matrices = [(agents, np.einsum("kij,k->ij", forms(False), one)) for agents, one in laws]
-    beds = np.flatnonzero(sides.bed > 0.0)
-    extra = None
-    if len(beds):
-        edge = mesh.border[beds]
-        nodes = np.column_stack([mesh.ends[edge], mesh.vertices + edge])
-        unknown = 2 * nodes + np.where(mesh.side[beds] < 2, 1, 0)[:, None]
-        value = (sides.bed[beds] * mesh.length[edge] / cell)[:, None, None] * ON_EDGE
-        at = np.repeat(unknown, 3, axis=1).ravel(), np.tile(unknown, (1, 3)).ravel()
-        extra = sp.csr_array((value.ravel(), at), shape=(size, size))
-    return Blocks(dof, matrices, np.ones(len(node)), None, size, extra)
+from kaju.model.elastic.pair.elements import (
+    forms,
+    means,
+    on_sides,
+    quadratic_values,
+    rule,
+    side_loads,
+    side_masses,
+    strains,
+)
+from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.levels import Blocks, FieldLevel
+from kaju.model.elastic.pair.mesh import Mesh
+from kaju.model.elastic.posed_body import PosedBody
 
 
-def ties_of(mesh: LeafMesh) -> tuple[sp.csr_array, Flags]:
-    """Return what all nodes are by those that follow no other, and which do follow others."""
-    nodes = mesh.vertices + mesh.edges
-    start, end = mesh.ends[mesh.whole].T
-    bulge = mesh.vertices + mesh.whole
-    follows = np.zeros(nodes, dtype=np.bool_)
-    follows[mesh.middle] = follows[mesh.vertices + mesh.halves] = True
-    own = np.flatnonzero(~follows)
-    # On a hanging edge the middle is the value of the whole edge's parabola there, and the bulge
-    # of each half is a quarter of its bulge.
-    rows = [own, mesh.middle, mesh.middle, mesh.middle, *(mesh.vertices + mesh.halves)]
-    columns = [own, start, end, bulge, bulge, bulge]
-    values = np.repeat([1.0, 0.5, 0.5, 1.0, 0.25, 0.25], [len(row) for row in rows])
-    return followed(np.concatenate(rows), np.concatenate(columns), values, nodes), follows
+@dataclass(eq=False)
+class Fitting:
+    """Agents with a displacement that fits; scaled, arrays over cases: loads, moved supports."""
+
+    body: PosedBody
+    mesh: Mesh
+    sides: Sides
+    law: Floats  # C11, C12 and mu of the agents; shape (3, n)
+    fit: Floats  # Unknowns of the displacement of each agent; shape (cases, n, unknowns)
+    levels: tuple[FieldLevel, ...] = field(default=(), init=False)
+    """Equations of the displacement, in the plane also those of phi."""
+    duals: tuple[Any, ...] = field(default=(), init=False)
+    """The same agents under the loads whose work is what goals ask for."""
+
+    @property
+    def leaves(self) -> LeafCells:
+        """The agents."""
+        return self.mesh.leaves
+
+    @cached_property
+    def size(self) -> Floats:
+        """Edges in cells."""
+        return np.asarray(self.leaves.size / self.body.cell)
+
+    @cached_property
+    def laws(self) -> list[tuple[Ints | slice, Floats]]:
+        """The agents of each law, and that law."""
+        return by_law(self.law)
+
+    @cached_property
+    def cases(self) -> tuple[Sides, ...]:
+        """What acts in each case."""
+        return self.sides.cases
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The stiffness of the agents and of the beds."""
+        d, sides, mesh = self.body.dimension, self.sides, self.mesh
+        dof = (d * mesh.node[:, :, None] + np.arange(d)).reshape(len(mesh.node), -1)
+        size = d * (mesh.vertices + mesh.edges)
+        matrices = [
+            (agents, np.einsum("kij,k->ij", forms(False, d), one)) for agents, one in self.laws
+        ]
+        beds, extra = sides.beds, None
+        if len(beds):
+            unknown = d * mesh.on_border[beds] + (mesh.side[beds] // 2)[:, None]
+            area = self.size[mesh.owner[beds]] ** (d - 1)
+            value = (sides.bed[beds] * area)[:, None, None] * side_masses(d)
+            many = unknown.shape[1]
+            at = np.repeat(unknown, many, axis=1).ravel(), np.tile(unknown, (1, many)).ravel()
+            extra = sp.csr_array((value.ravel(), at), shape=(size, size))
+        return Blocks(dof, matrices, self.size ** (d - 2), None, size, extra)
+
+    def settle(self, level: FieldLevel, gap: float) -> None:
+        """Take off what is left of the forces, until steps gain little of a gap."""
+        for case, acts in enumerate(self.cases):
+            own = self.fit[case]
+            own += self.blocks.own(level.solve(-self._left(own, acts), gap))
+
+    def _left(self, own: Floats, acts: Sides) -> Floats:
+        """Return the forces that nodes take of agents and beds, less the loads."""
+        blocks = self.blocks
+        left = blocks.gather(blocks.times(own) - forces_of(acts))
+        return left if blocks.extra is None else left + blocks.extra @ blocks.shared(own)
+
+    def pulls(self) -> Floats:
+        """Return the forces of supports on what follows no other node, shape (nodes, d)."""
+        d = self.body.dimension
+        left = sum(self._left(*one) for one in zip(self.fit, self.cases, strict=True))
+        return np.asarray(self.mesh.ties.T @ np.reshape(left, (-1, d)))
+
+    def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
+        """Return the displacement at places from 0 to 1 in agents, shape (n, d); scaled."""
+        values = quadratic_values(inside)
+        own = self.fit.sum(axis=0)[agent].reshape(*values.shape, -1)
+        return np.asarray(np.einsum("nk,nkd->nd", values, own)) + self.sides.shift
+
+    def work_on(self, fit: Floats) -> float:
+        """Return the work of the loads on a displacement of the agents."""
+        return float(np.vdot(forces_of(self.sides), fit))
 
 
-def way_of(mesh: LeafMesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
+def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     """Return what all unknowns are by the free ones, and which these are."""
-    (way, follows), nodes = ties_of(mesh), mesh.vertices + mesh.edges
-    held = np.zeros((nodes, 2), dtype=np.bool_)
-    for node in (*mesh.ends[mesh.border].T, mesh.vertices + mesh.border):
-        np.logical_or.at(held, node, sides.held)
-    free = np.flatnonzero((~(follows[:, None] | held)).ravel())
-    both = sp.csr_array(sp.kron(way, sp.eye_array(2), format="csr"))
+    d = sides.held.shape[1]
+    # What a held node follows is held as well.
+    held = mesh.masters(np.asarray(held_by(mesh, sides).any(axis=0)))
+    free = np.flatnonzero((~(mesh.follows[:, None] | held)).ravel())
+    both = sp.csr_array(sp.kron(mesh.ties, sp.eye_array(d), format="csr"))
     return sp.csr_array(both[:, free]), free
 
 
-def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_array:
-    """Return what unknowns are by those that follow no other: those they follow may do so, too."""
-    way: sp.csr_array[np.float64] = sp.csr_array((values, (rows, columns)), shape=(size, size))
-    while True:
-        next_way: sp.csr_array[np.float64] = sp.csr_array(way @ way)
-        if next_way.nnz == way.nnz and np.abs((next_way - way).data).max(initial=0.0) < 1e-12:
-            return way
-        way = next_way
+def held_by(mesh: Mesh, sides: Sides) -> Flags:
+    """Tell which components of nodes each support holds, shape (supports, nodes, d)."""
+    d = sides.held.shape[1]
+    found = np.zeros((2 * d + 1, mesh.vertices + mesh.edges, d), dtype=np.bool_)
+    side, axis = np.nonzero(sides.held)
+    found[sides.support[side, None], mesh.on_border[side], axis[:, None]] = True
+    return found
 
 
-def moved_by(mesh: LeafMesh, sides: Sides) -> Floats:
-    """Return a displacement that is as given where it is held, and 0 at all other free corners."""
-    value = np.zeros((mesh.vertices + mesh.edges, 2))
-    for end in mesh.ends[mesh.border].T:
-        edge, axis = np.nonzero(sides.held)
-        value[end[edge], axis] = sides.moved[edge, axis]
-    value = ties_of(mesh)[0] @ value
-    node = np.concatenate([mesh.corner, mesh.vertices + mesh.edge], axis=1)
-    return np.asarray(value[node].reshape(len(node), 16))
+def moved_by(mesh: Mesh, sides: Sides, shared: Floats) -> Floats:
+    """Return the unknowns of agents of a displacement, which becomes as given where it is held."""
+    d = sides.held.shape[1]
+    holds, far = held_by(mesh, sides), np.zeros((2 * d + 1, d))
+    for support in range(2 * d + 1):
+        here = sides.moved[sides.support == support]
+        far[support] = here.max(axis=0, initial=0.0) + here.min(axis=0, initial=0.0)
+    # Where supports meet that move apart (in space) a node moves by their mean.
+    given = (holds * far[:, None]).sum(axis=0) / np.maximum(holds.sum(axis=0), 1)
+    given[mesh.vertices :] = 0.0
+    value = np.where(holds.any(axis=0), given, shared.reshape(-1, d))
+    return np.asarray((mesh.ties @ value)[mesh.node].reshape(len(mesh.node), -1))
 
 
 def forces_of(sides: Sides) -> Floats:
-    """Return the forces of the loads on the agents' own unknowns, shape (n, 16)."""
-    out = sides.body[:, None] * MEANS[:, None]
-    force, moment = sides.load[:, :, 0], sides.load[:, :, 1]
-    for edge, (start, end) in enumerate(EDGES):
-        out[:, start] += 0.5 * force[:, edge] - moment[:, edge]
-        out[:, end] += 0.5 * force[:, edge] + moment[:, edge]
-        out[:, 4 + edge] += 2.0 / 3.0 * force[:, edge]
-    even = np.einsum("pki,p->ki", strains(), rule()[1])
-    return np.asarray(out.reshape(len(out), 16) + sides.even @ even)
+    """Return the forces of the loads on the agents' own unknowns."""
+    d = sides.held.shape[1]
+    out = sides.body[:, None] * means(d)[:, None]
+    for side in np.flatnonzero(sides.load.any(axis=(0, 2, 3))):
+        out[:, on_sides(d)[side]] += np.einsum("ngc,gk->nkc", sides.load[:, side], side_loads(d))
+    out = out.reshape(len(out), -1)
+    if sides.even.any():
+        out += sides.even @ np.einsum("pki,p->ki", strains(d), rule(d)[1])
+    return np.asarray(out)

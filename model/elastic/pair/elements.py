@@ -1,6 +1,7 @@
-"""The two elements of a square agent, on the unit square.
+"""The elements of an agent, on the unit square or cube.
 
-*Fits*: serendipity quadratics, values at the four corners and a bulge on each edge. *Balances*:
+*Fits*: serendipity quadratics in hierarchical form, values at the corners and a bulge on each edge
+(Zienkiewicz and Taylor, *The Finite Element Method*, vol. 1, ch. 8). *Balances*, in the plane:
 Airy's function in the square of Fraeijs de Veubeke (1968) and Sander (1964): a cubic in each of the
 four triangles between the diagonals, once differentiable across all lines. Its unknowns are phi,
 phi_x, phi_y at the corners, and on each edge by how much the normal slope in the middle differs
@@ -11,41 +12,115 @@ or a square and a triangle, that share an edge share its unknowns.
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import combinations, product
 from math import sqrt
 
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.pair.leaves import corner_ends
 
-CORNERS = np.array([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
-EDGES = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])
-"""Corners at the ends of the edges: two along x (lower, upper), two along y (left, right)."""
-SIDE_OF_EDGE = np.array([2, 3, 0, 1])
-"""The side that an edge is: lower and upper one of x, then of y."""
-EDGE_OF_SIDE = np.array([2, 3, 0, 1])
 DEEPEST_STEP = 3
 """An agent is halved at most so often in one generation."""
 _PLACES = [(i, j) for i in range(4) for j in range(4 - i)]
 """Exponents of x and y of the monomials of a cubic."""
 
 
+@lru_cache(maxsize=3)
+def nodes(d: int) -> Ints:
+    """Return the factor of each quadratic along every axis: 0 falls, 1 rises, 2 is a bulge."""
+    ends = corner_ends(d)
+    # Corners come first, then edges along x, y, z.
+    bulges = [
+        np.where(np.arange(d) == axis, 2, end) for axis in range(d) for end in ends if not end[axis]
+    ]
+    return np.array([*ends, *bulges])
+
+
+@lru_cache(maxsize=2)
+def edges_of(d: int) -> Ints:
+    """Return the corners at both ends of every edge."""
+    bulges, digits = nodes(d)[1 << d :], 1 << np.arange(d)[::-1]
+    return np.stack([np.where(bulges == 2, end, bulges) @ digits for end in (0, 1)], axis=1)
+
+
+@lru_cache(maxsize=2)
+def on_sides(d: int) -> Ints:
+    """Return the nodes on each side (x lower, x upper, y lower ...): corners, then edges."""
+    return np.array([np.flatnonzero(nodes(d)[:, s // 2] == s % 2) for s in range(2 * d)])
+
+
+CORNERS, EDGES = corner_ends(2).astype(np.float64), edges_of(2)
+EDGE_OF_SIDE = on_sides(2)[:, 2] - 4
+"""Which of the EDGES a side is."""
+
+
+def gauss(count: int, d: int) -> tuple[Floats, Floats]:
+    """Return points, shape (n, d), and weights of Gauss' rule on the unit square or cube."""
+    line, weight = np.polynomial.legendre.leggauss(count)
+    points = np.array(list(product(0.5 * (line + 1.0), repeat=d)))
+    return points, np.array([np.prod(w) for w in product(0.5 * weight, repeat=d)])
+
+
+def _factors(points: Floats) -> tuple[Floats, Floats]:
+    """Return the three factors of quadratics along every axis, and their slopes, (n, d, 3)."""
+    t, one = points[..., None], np.ones((*points.shape, 1))
+    own = np.concatenate([1.0 - t, t, 4.0 * t * (1.0 - t)], axis=2)
+    return own, np.concatenate([-one, one, 4.0 - 8.0 * t], axis=2)
+
+
 def quadratic_values(points: Floats) -> Floats:
-    """Return the values of the eight quadratics at points of the unit square, shape (n, 8)."""
-    x, y = points.T
-    along_x, along_y = 4.0 * x * (1.0 - x), 4.0 * y * (1.0 - y)
-    bilinear = [(1 - x) * (1 - y), (1 - x) * y, x * (1 - y), x * y]
-    bulges = [along_x * (1 - y), along_x * y, along_y * (1 - x), along_y * x]
-    return np.stack([*bilinear, *bulges], axis=1)
+    """Return the values of the quadratics at points, shape (n, nodes)."""
+    d = points.shape[1]
+    own, which = _factors(points)[0], nodes(d)
+    return np.asarray(np.prod([own[:, k, which[:, k]] for k in range(d)], axis=0))
 
 
 def quadratic_slopes(points: Floats) -> Floats:
-    """Return the slopes of the eight quadratics, shape (n, 8, 2)."""
-    x, y = points.T
-    along_x, along_y = 4.0 * x * (1.0 - x), 4.0 * y * (1.0 - y)
-    down_x, down_y = 4.0 * (1.0 - 2.0 * x), 4.0 * (1.0 - 2.0 * y)
-    by_x = [y - 1, -y, 1 - y, y, down_x * (1 - y), down_x * y, -along_y, along_y]
-    by_y = [x - 1, 1 - x, -x, x, -along_x, along_x, down_y * (1 - x), down_y * x]
-    return np.stack([np.stack(by_x, axis=1), np.stack(by_y, axis=1)], axis=2)
+    """Return the slopes of the quadratics, shape (n, nodes, d)."""
+    d = points.shape[1]
+    (own, slope), which = _factors(points), nodes(d)
+    found = [
+        np.prod([(slope if k == by else own)[:, k, which[:, k]] for k in range(d)], axis=0)
+        for by in range(d)
+    ]
+    return np.stack(found, axis=2)
+
+
+def strain_rows(points: Floats) -> Floats:
+    """Return normal strains, then twice the shear strains, by unknowns: (n, strains, unknowns)."""
+    slopes, d = quadratic_slopes(points), points.shape[1]
+    pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
+    rows = np.zeros((len(points), len(pairs), *slopes.shape[1:]))
+    for row, (a, b) in enumerate(pairs):
+        rows[:, row, :, a], rows[:, row, :, b] = slopes[..., b], slopes[..., a]
+    return rows.reshape(len(points), len(pairs), -1)
+
+
+@lru_cache(maxsize=2)
+def means(d: int) -> Floats:
+    """Return the means of the quadratics: what an even force within does to the nodes."""
+    points, weights = gauss(3, d)
+    return np.asarray(weights @ quadratic_values(points))
+
+
+@lru_cache(maxsize=2)
+def side_loads(d: int) -> Floats:
+    """Return what tractions on a side do to its nodes: of force 1, and of first moments 1.
+
+    Shape (d, nodes of a side); moments are those along its own axes, over its length.
+    """
+    points, weights = gauss(3, d - 1)
+    growing = np.concatenate([np.ones((len(points), 1)), 12.0 * (points - 0.5)], axis=1)
+    return np.asarray((growing * weights[:, None]).T @ quadratic_values(points))
+
+
+@lru_cache(maxsize=2)
+def side_masses(d: int) -> Floats:
+    """Return the mean products of the quadratics on a side: what an even bed does to its nodes."""
+    points, weights = gauss(3, d - 1)
+    values = quadratic_values(points)
+    return np.asarray((values * weights[:, None]).T @ values)
 
 
 def _monomials(points: Floats, order: tuple[int, int] = (0, 0)) -> Floats:
@@ -116,18 +191,14 @@ def airy_stress(points: Floats, triangle: Ints | None = None) -> Floats:
     return np.stack([*parts, -airy(points, (1, 1), triangle)], axis=1)
 
 
-def strain_rows(points: Floats) -> Floats:
-    """Return xx, yy and twice xy of the strain of the quadratics at points, shape (n, 3, 16)."""
-    slopes = quadratic_slopes(points)
-    rows = np.zeros((len(points), 3, 8, 2))
-    rows[:, 0, :, 0], rows[:, 1, :, 1] = slopes[..., 0], slopes[..., 1]
-    rows[:, 2, :, 0], rows[:, 2, :, 1] = slopes[..., 1], slopes[..., 0]
-    return rows.reshape(len(points), 3, 16)
+@lru_cache(maxsize=2)
+def rule(d: int = 2) -> tuple[Floats, Floats, Ints]:
+    """Return points, weights and triangles of a rule of degree 5 on each of the four triangles.
 
-
-@lru_cache(maxsize=1)
-def rule() -> tuple[Floats, Floats, Ints]:
-    """Return points, weights and triangles of a rule of degree 5 on each of the four triangles."""
+    In space it is Gauss' rule on the cube.
+    """
+    if d == 3:
+        return *gauss(3, 3), np.zeros(27, dtype=np.int64)
     # Seven points a triangle (Radon 1948), in the triangle's own coordinates.
     a, b = (6.0 - sqrt(15.0)) / 21.0, (6.0 + sqrt(15.0)) / 21.0
     own = [(1 / 3, 1 / 3, 1 / 3)]
@@ -139,10 +210,10 @@ def rule() -> tuple[Floats, Floats, Ints]:
     return points, np.tile(0.25 * np.array(weight), 4), np.repeat(np.arange(4), 7)
 
 
-@lru_cache(maxsize=1)
-def strains() -> Floats:
-    """Return the strains of the quadratics at the points of the rule, shape (28, 3, 16)."""
-    return strain_rows(rule()[0])
+@lru_cache(maxsize=2)
+def strains(d: int = 2) -> Floats:
+    """Return the strains of the quadratics at the points of the rule."""
+    return strain_rows(rule(d)[0])
 
 
 @lru_cache(maxsize=1)
@@ -152,36 +223,35 @@ def stresses() -> Floats:
     return airy_stress(points, triangle)
 
 
-@lru_cache(maxsize=2)
-def forms(balances: bool) -> Floats:
+@lru_cache(maxsize=3)
+def forms(balances: bool, d: int = 2) -> Floats:
     """Return the products of stresses (or strains): like normals, unlike ones, shear."""
-    rows, weights = stresses() if balances else strains(), rule()[1]
-    xx, yy, xy = rows[:, 0], rows[:, 1], rows[:, 2]
-
-    def product(one: Floats, other: Floats) -> Floats:
-        return np.asarray(np.einsum("pi,pj,p->ij", one, other, weights))
-
-    like = product(xx, xx) + product(yy, yy)
-    return np.stack([like, product(xx, yy) + product(yy, xx), product(xy, xy)])
+    rows, weights = stresses() if balances else strains(d), rule(d)[1]
+    normal, shear = rows[:, :d], rows[:, d:]
+    like = np.einsum("pki,pkj,p->ij", normal, normal, weights, optimize=True)
+    all_ = np.einsum("pi,pj,p->ij", normal.sum(axis=1), normal.sum(axis=1), weights, optimize=True)
+    return np.stack(
+        [like, all_ - like, np.einsum("pki,pkj,p->ij", shear, shear, weights, optimize=True)]
+    )
 
 
 @lru_cache(maxsize=1)
 def edge_tractions() -> Floats:
-    """Return the forces that edges hand on to a square, and first moments, by phi: (4, 2, 2, 16).
+    """Return the forces that sides hand on to a square, and first moments, by phi: (4, 2, 2, 16).
 
-    By edge, force or moment, and axis. Forces are those on the square (outward normals); moments
-    are those of each component along the edge, about its middle.
+    By side, force or moment, and axis. Forces are those on the square (outward normals); moments
+    are those of each component along the side, about its middle.
     """
     found = np.zeros((4, 2, 2, 16))
     line, weight = (np.asarray(x) for x in np.polynomial.legendre.leggauss(2))
-    for edge, (start, end) in enumerate(EDGES):
-        normal, sign = (1, 2.0 * edge - 1.0) if edge < 2 else (0, 2.0 * edge - 5.0)
+    for side, (start, end, bulge) in enumerate(on_sides(2)):
+        sign = 2.0 * (side % 2) - 1.0
         for at, share in zip(0.5 * line, 0.5 * weight, strict=True):
             point = (0.5 - at) * CORNERS[[start]] + (0.5 + at) * CORNERS[[end]]
-            xx, yy, xy = airy_stress(point, np.array([edge]))[0]
-            traction = sign * np.stack([xy, yy] if normal else [xx, xy])
-            found[edge, 0] += share * traction
-            found[edge, 1] += share * at * traction
+            xx, yy, xy = airy_stress(point, np.array([bulge - 4]))[0]
+            traction = sign * np.stack([xy, yy] if side > 1 else [xx, xy])
+            found[side, 0] += share * traction
+            found[side, 1] += share * at * traction
     return np.asarray(found, dtype=np.float64)
 
 
@@ -192,34 +262,38 @@ def airy_of_tractions() -> Floats:
     return np.asarray(found, dtype=np.float64).reshape(16, 4, 2, 2)
 
 
-@lru_cache(maxsize=2)
-def child_maps(balances: bool) -> Floats:
-    """Return unknowns of all squares of one halved up to `DEEPEST_STEP` times by its own.
+@lru_cache(maxsize=3)
+def child_maps(balances: bool, d: int = 2) -> Floats:
+    """Return unknowns of all parts of an agent halved up to `DEEPEST_STEP` times by its own.
 
-    The first is the square itself, then its 2 x 2, 4 x 4 ... parts, x fastest; shape (m, 16, 16).
-    Lengths count in the square's own edge, so that slopes of phi shrink with it.
+    The first is the agent itself, then its 2 x 2, 4 x 4 ... parts, x fastest; of displacements
+    each component by itself. Lengths count in the agent's own edge: slopes of phi shrink with it.
     """
-    own = np.stack([_child_map(balances, np.array([x, y])) for y in (0, 1) for x in (0, 1)])
-    found = [np.eye(16)[None]]
+    child = _phi_of_child if balances else _values_of_child
+    own = np.stack([child(offset) for offset in corner_ends(d)[:, ::-1]])
+    found = [np.eye(own.shape[1])[None]]
     for step in range(1, DEEPEST_STEP + 1):
-        y, x = np.divmod(np.arange(4**step), 1 << step)
-        above = (y // 2) * (1 << (step - 1)) + x // 2
-        found.append(own[x % 2 + 2 * (y % 2)] @ found[-1][above])
+        many = 1 << step
+        place = np.array(np.unravel_index(np.arange(many**d), (many,) * d))
+        which = np.ravel_multi_index(tuple(place % 2), (2,) * d)
+        above = np.ravel_multi_index(tuple(place // 2), (many // 2,) * d)
+        found.append(own[which] @ found[-1][above])
     return np.concatenate(found)
 
 
-FIRST_PART = np.cumsum([0] + [4**step for step in range(DEEPEST_STEP + 1)])
-"""Where the parts of a square that is halved so often begin in `child_maps`."""
+def _values_of_child(offset: Ints) -> Floats:
+    """Return the unknowns of quadratics of one of the children of an agent by its own."""
+    d = len(offset)
+    points: Floats = np.asarray(0.5 * (corner_ends(d) + offset))
+    values = quadratic_values(points)
+    middles: Floats = np.asarray(points[edges_of(d)].mean(axis=1))
+    return np.concatenate([values, quadratic_values(middles) - values[edges_of(d)].mean(axis=1)])
 
 
-def _child_map(balances: bool, offset: Floats) -> Floats:
-    """Return the unknowns of one of the four children of a square by its own."""
+def _phi_of_child(offset: Ints) -> Floats:
+    """Return the unknowns of phi of one of the children of a square by its own."""
     points = 0.5 * (CORNERS + offset)
-    middles = 0.5 * (points[EDGES[:, 0]] + points[EDGES[:, 1]])
-    if not balances:
-        values = quadratic_values(points)
-        bulges = quadratic_values(middles) - values[EDGES].mean(axis=1)
-        return np.kron(np.concatenate([values, bulges]), np.eye(2))
+    middles = points[EDGES].mean(axis=1)
     found = np.zeros((16, 16))
     found[0:12:3] = airy(points, (0, 0))
     found[1:12:3], found[2:12:3] = 0.5 * airy(points, (1, 0)), 0.5 * airy(points, (0, 1))

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.elastic.goals.quantities import Goal
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.elastic.pair.elements import DEEPEST_STEP
 from kaju.model.elastic.pair.leaves import LeafCells, corners
-from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.scales import Scales
-from kaju.model.results.result import OnCells
+from kaju.model.elastic.pair.settling import Settled
 from kaju.model.results.stored import Column
-from kaju.model.scene import Scene
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,29 +68,27 @@ def halvings(size: Ints, largest: int) -> Ints:
     return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
 
 
-def family_of(
-    before: LeafCells, code: Ints, size: Ints, gap: Floats, chosen: Flags
-) -> tuple[Ints, Ints, Floats]:
-    """Return the parents of the agents of the next generation, their steps and their causes."""
-    parent = np.searchsorted(before.code, code, "right") - 1
-    ratio = before.size[parent] // size
-    step = np.where(ratio > 1, before.step.max(initial=0) + 1, before.step[parent])
-    # Of a child whose parent spawned in the same step nobody knew the gap.
-    own = np.where(chosen[parent] & (ratio == 2), gap[parent], np.nan)
-    return parent, step, np.where(ratio > 1, own, before.cause[parent])
+def generation_of(found: Settled, chosen: Flags) -> Generation:
+    """Return what is kept of a generation of which some agents are to spawn."""
+    bounds, body, leaves = found.bounds, found.body, found.leaves
+    balanced, fitted = (
+        equivalent_stress(stress, body.moduli, leaves.kind, body.scene.plane)
+        for stress in found.means
+    )
+    lower, upper = (bounds.lower, bounds.upper) if body.dimension == 2 else (None, None)
+    arrays = (leaves.code, leaves.size, found.shares, fitted, balanced, chosen)
+    return Generation(bounds.error, bounds.energy, lower, upper, *arrays)
 
 
 def trees_of(first: LeafCells, generations: list[Generation]) -> list[LeafCells]:
     """Return the agents of stored generations; refuse some that are not parts of the first ones."""
-    d, leaves = first.dimension, first
-    nothing = np.zeros(len(first))
-    trees = [replace(first, step=nothing.astype(np.int64), cause=nothing)]
+    d, trees = first.dimension, [first]
     sound = bool(generations) and np.array_equal(generations[0].code, first.code)
     sound = sound and np.array_equal(generations[0].size, first.size)
-    for last, one in pairwise(generations):
+    for one in generations[1:]:
         if not sound:
             break
-        code, size = one.code, one.size
+        leaves, code, size = trees[-1], one.code, one.size
         parent = np.searchsorted(leaves.code, code, "right") - 1
         ratio = leaves.size[parent] // np.maximum(size, 1)
         # They lie side by side, in parents, and fill these.
@@ -107,136 +99,8 @@ def trees_of(first: LeafCells, generations: list[Generation]) -> list[LeafCells]
         filled = np.bincount(parent, (size / leaves.size[parent]) ** d, len(leaves))
         sound = sound and bool(np.all(np.abs(filled - 1.0) < 1e-9))
         if sound:
-            _, step, cause = family_of(leaves, code, size, last.gap, last.chosen)
-            own = corners(code, d), size, leaves.kind[parent], step, cause, code
-            leaves = LeafCells(*own)
-            sound = len(leaves.balanced(0)) == len(leaves)
-            trees.append(leaves)
+            trees.append(LeafCells(corners(code, d), size, leaves.kind[parent], code))
+            sound = len(trees[-1].balanced()) == len(code)
     if not sound:
         raise ResultError("its agents do not stand side by side in the body")
     return trees
-
-
-@dataclass(eq=False)
-class GrownAgents(OnCells):
-    """What agents of many sizes tell in the plane and in space alike; scaled."""
-
-    storage: ClassVar[Literal["tree"]] = "tree"
-    stiffness: ClassVar[None] = None
-    ground: PosedBody
-    goals: list[Goal]  # What the tolerance is about
-    generations: list[Generation]
-    stopped: str
-    """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
-    notes: list[str]
-
-    if TYPE_CHECKING:  # what either has of its own
-
-        @property
-        def leaves(self) -> LeafCells:
-            """The agents."""
-
-        def reactions(self) -> dict[str, Floats]:
-            """Return the force of every support on the body."""
-
-        def displacement_at(self, points: Floats, cells: Ints) -> Floats:
-            """Return the displacement at points (m) in or on cells of the grid."""
-
-        def stress_at(self, points: Floats, cells: Ints) -> Floats:
-            """Return stress tensors at points (m) in or on cells of the grid."""
-
-        @property
-        def _shape(self) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
-            """Shape functions, their numbers for each agent, and the shift of all."""
-
-    @property
-    def scene(self) -> Scene:
-        """What was asked."""
-        return self.ground.asked
-
-    @property
-    def stage(self) -> int | None:
-        """Stage of loading; None is the last."""
-        return self.ground.stage
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is."""
-        return self.ground.scene
-
-    @property
-    def scales(self) -> Scales:
-        """Units of the scaled values."""
-        return self.ground.scales
-
-    @property
-    def moduli(self) -> Moduli:
-        """Scaled moduli of every material."""
-        return self.ground.moduli
-
-    @property
-    def count(self) -> int:
-        """Number of agents."""
-        return len(self.leaves)
-
-    @property
-    def lower(self) -> Floats:
-        """Lower corners of the agents."""
-        return np.asarray(self.leaves.lower / self.ground.cell)
-
-    @property
-    def size(self) -> Floats:
-        """Edges of the agents."""
-        return np.asarray(self.leaves.size / self.ground.cell)
-
-    @property
-    def material(self) -> Ints:
-        """Index of each agent's material, which is that of its moduli."""
-        return self.leaves.kind
-
-    law = material
-
-    @property
-    def level(self) -> Ints:
-        """How often the largest of the first agents would be halved to give each agent."""
-        return halvings(self.leaves.size, int(self.generations[0].size.max()))
-
-    @property
-    def cause(self) -> Floats:
-        """Gap (J) for which each agent spawned."""
-        return self.leaves.cause * self.scales.energy
-
-    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
-        """Return the agents in or on which points (m) in cells lie, and where in each, 0 to 1."""
-        first, cell = cells * self.ground.cell, self.ground.cell
-        place = np.clip(points / self.grid.lattice.cell_size * cell, first, first + cell)
-        unit = np.clip(np.floor(place).astype(np.int64), first, first + cell - 1)
-        agent = self.leaves.find(unit)
-        inside = (place - self.leaves.lower[agent]) / self.leaves.size[agent, None]
-        return agent, np.clip(inside, 0.0, 1.0)
-
-    def law_at(self, points: Floats, cells: Ints) -> Ints:
-        """Return the index of the moduli of the agents in or on which points lie."""
-        return self.leaves.kind[self.placed(points, cells)[0]]
-
-    def history(self) -> dict[str, Any]:
-        """Return the figures of their generations."""
-        return {"generations": len(self.generations)}
-
-    @property
-    def spawn_step(self) -> Ints:
-        """Step in which each agent spawned; 0 for the first."""
-        return self.leaves.step
-
-    @property
-    def farthest(self) -> float:
-        """Largest displacement at corners, on sides and in the middles of agents."""
-        values, moved, shift = self._shape
-        places = 0.5 * np.array(list(product(range(3), repeat=moved.shape[2])))
-        found = (np.tensordot(moved, row, (1, 0)) + shift for row in values(places))
-        return max(float(np.linalg.norm(u, axis=1).max()) for u in found)
-
-    @property
-    def solution(self) -> Self:
-        """Itself: it has the figures of its solution."""
-        return self

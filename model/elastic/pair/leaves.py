@@ -8,14 +8,13 @@ in the order of their Morton codes, so that the leaf around any point is found b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Ints
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""
@@ -65,18 +64,14 @@ class LeafCells:
     lower: Ints  # Lower corners (units). Shape (n, dimension)
     size: Ints  # Edges (units), powers of two. Shape (n,)
     kind: Ints  # Material. Shape (n,)
-    step: Ints  # Spawning step in which the agent came to be. Shape (n,)
-    cause: Floats
-    """Load (N) that its parent left unbalanced; 0 for the first agents, NaN where a parent spawned
-    before it settled or to balance the tree (2:1). Shape (n,)."""
     code: Ints  # Morton codes of the lower corners. Shape (n,)
 
     @classmethod
-    def of(cls, lower: Ints, size: Ints, kind: Ints, step: Ints, cause: Floats) -> LeafCells:
+    def of(cls, lower: Ints, size: Ints, kind: Ints) -> LeafCells:
         """Return leaves sorted by their codes."""
         code = morton(lower)
         order = np.argsort(code, kind="stable")
-        return cls(lower[order], size[order], kind[order], step[order], cause[order], code[order])
+        return cls(lower[order], size[order], kind[order], code[order])
 
     def __len__(self) -> int:
         return len(self.size)
@@ -106,9 +101,8 @@ class LeafCells:
         at = np.unique(self.find(points))
         return np.asarray(at[at >= 0])
 
-    def split(self, chosen: Flags, step: int, cause: Floats) -> LeafCells:
+    def split(self, chosen: Flags) -> LeafCells:
         """Return the leaves with the chosen ones replaced by their children."""
-        # `cause` is that of each leaf's children.
         d = self.dimension
         # Children take their parent's place in the order, x fastest; `child` counts them.
         corners = corner_ends(d)[:, ::-1]
@@ -119,43 +113,17 @@ class LeafCells:
         new = chosen[parent]
         size = np.where(new, self.size[parent] // 2, self.size[parent])
         lower = self.lower[parent] + corners[np.where(new, child, 0)] * size[:, None]
-        return LeafCells(
-            lower,
-            size,
-            self.kind[parent],
-            np.where(new, step, self.step[parent]),
-            np.where(new, cause[parent], self.cause[parent]),
-            self.code[parent] + np.where(new, child * size**d, 0),
-        )
-
-    def merged(self) -> LeafCells:
-        """Return the leaves coarsened: complete families of one kind become their parents."""
-        d, many = self.dimension, 1 << self.dimension
-        # A family's codes follow one another, the first child's corner being the parent's.
-        first = np.arange(max(len(self) - many + 1, 0))
-        last = first + many - 1
-        whole = np.all(self.lower[first] % (2 * self.size[first, None]) == 0, axis=1)
-        whole &= self.code[last] - self.code[first] == (many - 1) * self.size[first] ** d
-        for child in range(1, many):
-            whole &= self.size[first + child] == self.size[first]
-            whole &= self.kind[first + child] == self.kind[first]
-        start, size, stay = first[whole], self.size.copy(), np.ones(len(self), dtype=np.bool_)
-        size[start] *= 2
-        for child in range(1, many):
-            stay[start + child] = False
-        return replace(self, size=size).only(stay)
+        code = self.code[parent] + np.where(new, child * size**d, 0)
+        return LeafCells(lower, size, self.kind[parent], code)
 
     def only(self, chosen: Flags | Ints) -> LeafCells:
         """Return some of the leaves."""
-        columns: tuple[Any, ...] = (
-            self.lower,
-            self.size,
-            self.kind,
-            self.step,
-            self.cause,
-            self.code,
-        )
+        columns = self.lower, self.size, self.kind, self.code
         return LeafCells(*(column[chosen] for column in columns))
+
+    def parents_in(self, before: LeafCells) -> Ints:
+        """Return in which of some larger leaves each lies."""
+        return np.asarray(np.searchsorted(before.code, self.code, "right") - 1)
 
     def _too_large_beside(self, young: Ints) -> tuple[Flags, Flags]:
         """Mark leaves that are too large beside some `young` ones, and these young ones."""
@@ -173,7 +141,7 @@ class LeafCells:
             crowded |= large
         return chosen, crowded
 
-    def balanced(self, step: int, young: Flags | None = None) -> LeafCells:
+    def balanced(self, young: Flags | None = None) -> LeafCells:
         """Return the leaves refined until neighbours differ at most by a factor of two (2:1)."""
         # Where two materials meet at a face, the leaves on both sides have the same size: hanging
         # faces of a stiff large leaf would be held by its soft neighbours only. If `young` leaves
@@ -186,7 +154,7 @@ class LeafCells:
                 break
             parent, crowded_code = leaves.code[chosen], leaves.code[unchecked[crowded]]
             ends = parent + leaves.size[chosen] ** self.dimension
-            leaves = leaves.split(chosen, step, np.full(len(leaves), np.nan))
+            leaves = leaves.split(chosen)
             # Children have codes from their parent's up to its end.
             at = np.searchsorted(parent, leaves.code, side="right") - 1
             again = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])

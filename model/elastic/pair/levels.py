@@ -16,9 +16,11 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
 from kaju.factors import factors_of
+from kaju.model.elastic.pair.leaves import LeafCells
 
 ENOUGH = 0.03
 """Of the gap: an iteration ends when its last step closed less. What is left is in the bound."""
+LEAST = 1e-13  # Of all that has been closed: steps of rounding
 MOST_STEPS = 60
 """Steps that a generation may take; past them what is left is in the bound, too."""
 SWEEPS = 3  # Order of the smoother's polynomial
@@ -105,21 +107,22 @@ class Blocks:
 
 
 class FieldLevel:
-    """The equations of one generation for its free unknowns, scaled by the diagonal."""
+    """The equations of one generation for its free unknowns, scaled by the diagonal.
+
+    `way` makes the shared unknowns of the free ones; `rise` makes the free ones of the shared ones
+    of the level before, without which it is solved by factors.
+    """
 
     def __init__(
         self,
         blocks: Blocks,
         way: sp.csr_array,
-        before: FieldLevel | None,
-        rise: sp.csr_array | None,
-        direct: int,
+        before: FieldLevel | None = None,
+        rise: sp.csr_array | None = None,
     ) -> None:
-        # `way` makes the shared unknowns of the free ones; `rise` makes the free ones of the shared
-        # ones of the level before.
         self.blocks, self.way, self.back = blocks, way, sp.csr_array(way.T)
         self.before, self.factors = None, None
-        if way.shape[1] <= direct or before is None or rise is None:
+        if before is None or rise is None:
             matrix = blocks.assembled(way)
             self.scale = matrix.diagonal() ** -0.5
             scaled = sp.diags_array(self.scale)
@@ -172,7 +175,7 @@ class FieldLevel:
             found, before = found + share * direction, rest
             rest = rest - share * image
             gained += gain
-            if gain < ENOUGH * max(gap - gained, 0.0):
+            if gain <= max(ENOUGH * max(gap - gained, 0.1 * gap), LEAST * gained):
                 break
             turned = self.cycle(rest)
             new = float(rest @ turned)
@@ -196,23 +199,54 @@ def chebyshev(apply: Callable[[Floats], Floats], rest: Floats, top: float) -> Fl
     return found
 
 
-def rise_of(
-    blocks: Blocks, unknown: Ints, before: Blocks, parent: Ints, maps: Floats
-) -> sp.csr_array:
-    """Return what shared unknowns are by those of the generation before, read off in one agent."""
-    # maps: What an agent's own unknowns are by its parent's; shape (n, m, m).
-    n, m = blocks.dof.shape
+def level_of(
+    blocks: Blocks,
+    free: tuple[sp.csr_array, Ints],
+    before: FieldLevel | None,
+    family: tuple[Ints, Ints] | None,
+    maps: Floats,
+    direct: int,
+) -> FieldLevel:
+    """Return the equations of a generation; up to `direct` free unknowns it has factors."""
+    # family: the parent of each agent, and which of its parts it is.
+    # maps: What an agent's own unknowns, taken component by component, are by its parent's.
+    way, unknown = free
+    if before is None or family is None or way.shape[1] <= direct:
+        return FieldLevel(blocks, way)
+    parent, part = family
+    m, each = maps.shape[1], blocks.dof.shape[1] // maps.shape[1]
+    # What shared unknowns are by those of the generation before is read off in one agent.
     first = np.full(blocks.size, -1)
-    first[blocks.dof.ravel()[::-1]] = np.arange(n * m)[::-1]
-    agent, local = np.divmod(np.maximum(first[unknown], 0), m)
-    rows = maps[agent, local]
-    if before.scale is not None and blocks.scale is not None:
-        rows = rows * before.scale[parent[agent]] / blocks.scale[agent, local][:, None]
-    columns = before.dof[parent[agent]]
+    first[blocks.dof.ravel()[::-1]] = np.arange(blocks.dof.size)[::-1]
+    agent, local = np.divmod(np.maximum(first[unknown], 0), m * each)
+    rows, old = maps[part[agent], local // each], before.blocks
+    columns = old.dof[parent[agent]].reshape(-1, m, each)[np.arange(len(agent)), :, local % each]
+    if old.scale is not None and blocks.scale is not None:
+        rows = rows * old.scale[parent[agent]] / blocks.scale[agent, local][:, None]
     alone = first[unknown] < 0
     if alone.any():
         # Unknowns that no agent has (of cuts) stand last in every generation.
-        rows[alone], columns[alone] = 0.0, before.size - 1
-        rows[alone, 0], columns[alone, 0] = 1.0, before.size - (blocks.size - unknown[alone])
+        rows[alone], columns[alone] = 0.0, old.size - 1
+        rows[alone, 0], columns[alone, 0] = 1.0, old.size - (blocks.size - unknown[alone])
     place = np.arange(len(unknown) + 1) * m
-    return sp.csr_array((rows.ravel(), columns.ravel(), place), (len(unknown), before.size))
+    rise = sp.csr_array((rows.ravel(), columns.ravel(), place), (len(unknown), old.size))
+    return FieldLevel(blocks, way, before, rise)
+
+
+def handed_down(own: Floats, family: tuple[Ints, Ints], maps: Floats) -> Floats:
+    """Return the parts of what agents hold that their children begin with."""
+    parent, part = family
+    out, some = own[parent], np.flatnonzero(part)
+    whole = out[some].reshape(len(some), maps.shape[1], -1)
+    out[some] = (maps[part[some]] @ whole).reshape(len(some), -1)
+    return out
+
+
+def descent(old: LeafCells, new: LeafCells) -> tuple[Ints, Ints]:
+    """Return the parent of each agent, and which part of it it is, as `child_maps` counts."""
+    d, parent = old.dimension, new.parents_in(old)
+    ratio = old.size[parent] // new.size
+    offset = (new.lower - old.lower[parent]) // new.size[:, None]
+    number = (offset * ratio[:, None] ** np.arange(d)).sum(axis=1)
+    # Parts of fewer halvings stand before: 1 + 2^d + 4^d + ...
+    return parent, np.asarray((ratio**d - 1) // (2**d - 1) + number)

@@ -1,0 +1,249 @@
+"""What agents share: corners, edges, nodes that follow others, and the border."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.pair.elements import (
+    EDGE_OF_SIDE,
+    edges_of,
+    on_sides,
+    quadratic_values,
+)
+from kaju.model.elastic.pair.leaves import LeafCells, corner_ends
+
+TINY = 1e-12  # Weights by which nodes follow others that are below this are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Corners and edges of agents of 2:1; lengths in units of the tree."""
+
+    leaves: LeafCells
+    corner: Ints  # Vertices at the corners of each agent, in the order of `corner_ends`
+    edge: Ints  # Its edges, in the order of `edges_of`
+    place: Ints  # Of the vertices; shape (vertices, d)
+    ends: Ints  # Vertices at the ends of the edges; shape (edges, 2)
+    # Sides with nothing beyond: what agent they belong to, and which of its sides they are
+    owner: Ints
+    side: Ints
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        return len(self.place)
+
+    @property
+    def edges(self) -> int:
+        """Number of edges."""
+        return len(self.ends)
+
+    @cached_property
+    def node(self) -> Ints:
+        """Nodes of each agent: its vertices, then its edges, which are counted behind them all."""
+        return np.concatenate([self.corner, self.vertices + self.edge], axis=1)
+
+    @property
+    def on_border(self) -> Ints:
+        """Nodes of each side of the border."""
+        return self.node[self.owner[:, None], on_sides(self.leaves.dimension)[self.side]]
+
+    @property
+    def ties(self) -> sp.csr_array:
+        """What all nodes are by those that follow no other."""
+        return self._tied[0]
+
+    def masters(self, some: Flags) -> Flags:
+        """Tell which nodes any of some follow, or are; shape (nodes, columns)."""
+        return np.asarray(abs(self.ties).T @ some.astype(np.float64) > 0.0)
+
+    @property
+    def follows(self) -> Flags:
+        """Which nodes follow others."""
+        return self._tied[1]
+
+    @cached_property
+    def hanging(self) -> tuple[Ints, Ints]:
+        """Vertices in space on agents of which they are no corners, and these agents."""
+        leaves, owner = self.leaves, _largest(self.leaves, self.place)
+        off = (self.place - leaves.lower[owner]) % leaves.size[owner, None]
+        vertex = np.flatnonzero(off.any(axis=1))
+        return vertex, owner[vertex]
+
+    @cached_property
+    def _tied(self) -> tuple[sp.csr_array, Flags]:
+        """What nodes of bodies in space are: on a larger agent what its quadratics are there."""
+        leaves = self.leaves
+
+        def values(points: Floats | Ints, leaf: Ints) -> Floats:
+            return quadratic_values((points - leaves.lower[leaf]) / leaves.size[leaf, None])
+
+        vertex, owner = self.hanging
+        start, end = self.place[self.ends.T]
+        length = (end - start).sum(axis=1)
+        # The middle of the smallest edges is between two units: their own agents are as small.
+        at = np.where((length == 1)[:, None], start, (start + end) // 2)
+        large = _largest(leaves, at)
+        short = np.flatnonzero(leaves.size[large] > length)
+        own = large[short]
+        bulge = values(0.5 * (start + end)[short], own)
+        bulge -= 0.5 * (values(start[short], own) + values(end[short], own))
+        slaves = np.concatenate([vertex, self.vertices + short])
+        follows = np.zeros(self.vertices + self.edges, dtype=np.bool_)
+        follows[slaves] = True
+        keep = np.flatnonzero(~follows)
+        masters = self.node[np.concatenate([owner, own])]
+        weight = np.concatenate([values(self.place[vertex], owner), bulge])
+        row = np.concatenate([keep, np.repeat(slaves, masters.shape[1])])
+        column = np.concatenate([keep, masters.ravel()])
+        entries = np.concatenate([np.ones(len(keep)), weight.ravel()])
+        some = np.abs(entries) > TINY
+        return followed(row[some], column[some], entries[some], len(follows)), follows
+
+    def parts(self) -> Ints:
+        """Return to which part of the body each agent belongs: agents joined by sides."""
+        leaves, n = self.leaves, len(self.leaves)
+        beside = np.stack([leaves.find(beyond(leaves, side)) for side in range(6)])
+        other, agent = beside[beside >= 0], np.nonzero(beside >= 0)[1]
+        links = sp.coo_array((np.ones(len(agent)), (agent, other)), shape=(n, n))
+        return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneMesh(Mesh):
+    """The mesh of squares, of which edges are the sides."""
+
+    # Whole edges with smaller agents on one side, the vertex in their middle, and their halves
+    whole: Ints
+    middle: Ints
+    halves: Ints  # Shape (2, wholes)
+    border: Ints  # The edges that are sides of the border
+
+    @property
+    def axis(self) -> Ints:
+        """0 for edges along x, 1 for those along y."""
+        start, end = self.place[self.ends.T]
+        return np.asarray((end - start)[:, 1] > 0, dtype=np.int64)
+
+    @property
+    def length(self) -> Floats:
+        """Lengths of the edges."""
+        start, end = self.place[self.ends.T]
+        return np.asarray((end - start).sum(axis=1), dtype=np.float64)
+
+    def along(self) -> tuple[Ints, Ints]:
+        """Return the vertices where border edges begin and end, with the body on the left."""
+        start, end = self.ends[self.border].T
+        back = backwards(self.side)
+        return np.where(back, end, start), np.where(back, start, end)
+
+    @cached_property
+    def _tied(self) -> tuple[sp.csr_array, Flags]:
+        start, end = self.ends[self.whole].T
+        bulge, halves = self.vertices + self.whole, self.vertices + self.halves
+        follows = np.zeros(self.vertices + self.edges, dtype=np.bool_)
+        follows[self.middle] = follows[halves] = True
+        own = np.flatnonzero(~follows)
+        # On a hanging edge the middle is the value of the whole edge's parabola there, and the
+        # bulge of each half is a quarter of its bulge.
+        rows = [own, self.middle, self.middle, self.middle, *halves]
+        columns = [own, start, end, bulge, bulge, bulge]
+        values = np.repeat([1.0, 0.5, 0.5, 1.0, 0.25, 0.25], [len(row) for row in rows])
+        return followed(
+            np.concatenate(rows), np.concatenate(columns), values, len(follows)
+        ), follows
+
+    def parts(self) -> Ints:
+        """Return to which part of the body each agent belongs: agents joined by edges."""
+        n = len(self.leaves)
+        follows = np.arange(self.edges)
+        follows[self.halves] = self.whole
+        at = np.repeat(np.arange(n), 4), n + follows[self.edge.ravel()]
+        links = sp.coo_array((np.ones(4 * n), at), shape=(n + self.edges,) * 2)
+        return np.asarray(connected_components(links, directed=False)[1][:n], dtype=np.int64)
+
+
+def backwards(side: Ints) -> Flags:
+    """Tell on which sides of squares one goes back along the axis, with the square on the left."""
+    return np.asarray((side == 0) | (side == 3))
+
+
+def mesh_of(leaves: LeafCells) -> Mesh:
+    """Return the mesh of the agents of a body."""
+    d, row = leaves.dimension, int(leaves.upper.max()) + 1
+    digits = np.array([row**power for power in range(d)][::-1])
+    lower = leaves.lower[:, None] + corner_ends(d) * leaves.size[:, None, None]
+    key, corner = np.unique(lower @ digits, return_inverse=True)
+    corner = corner.reshape(-1, 1 << d)
+    place = key[:, None] // digits % row
+    if d == 2:
+        corner, place = _split(corner, place)
+    many = len(place)
+    start, end = np.moveaxis(corner[:, edges_of(d)], 2, 0)
+    number, first, edge = np.unique(start * many + end, return_index=True, return_inverse=True)
+    edge, ends = edge.reshape(start.shape), np.stack(np.divmod(number, many), axis=1)
+    if d == 3:
+        units = np.stack([leaves.find(beyond(leaves, side)) for side in range(6)], axis=1)
+        return Mesh(leaves, corner, edge, place, ends, *np.nonzero(units < 0))
+    # A vertex in the middle of an edge is a corner of the smaller agents on one side.
+    twice = place[ends].sum(axis=1)
+    middle_key = (twice // 2) @ digits
+    at = np.minimum(np.searchsorted(key, middle_key), len(key) - 1)
+    whole = np.flatnonzero((twice % 2 == 0).all(axis=1) & (key[at] == middle_key))
+    middle = at[whole]
+    halves = np.searchsorted(
+        number, [ends[whole, 0] * many + middle, middle * many + ends[whole, 1]]
+    )
+    beside = np.bincount(edge.ravel(), minlength=len(ends))
+    beside[whole] = beside[halves] = 2
+    border = np.flatnonzero(beside == 1)
+    owner, own = np.divmod(first[border], 4)
+    side = EDGE_OF_SIDE[own]  # which is its own inverse
+    return PlaneMesh(leaves, corner, edge, place, ends, owner, side, whole, middle, halves, border)
+
+
+def beyond(leaves: LeafCells, side: int) -> Ints:
+    """Return the unit cells just beyond the middles of the sides of agents."""
+    axis, end = divmod(side, 2)
+    unit = leaves.lower + leaves.size[:, None] // 2
+    unit[:, axis] = leaves.lower[:, axis] + (leaves.size if end else -1)
+    return np.asarray(unit)
+
+
+def _split(corner: Ints, place: Ints) -> tuple[Ints, Ints]:
+    """Give two agents that touch at a corner alone a vertex each: they are not joined there."""
+    quarters = np.bincount(
+        corner.ravel(), np.tile([1.0, 2.0, 4.0, 8.0], len(corner)), len(place)
+    ).astype(np.int64)
+    touching = np.flatnonzero((quarters == 9) | (quarters == 6))
+    if not len(touching):
+        return corner, place
+    copy = np.arange(len(place))
+    copy[touching] = len(place) + np.arange(len(touching))
+    corner = corner.copy()
+    corner[:, 2:] = copy[corner[:, 2:]]
+    return corner, np.concatenate([place, place[touching]])
+
+
+def _largest(leaves: LeafCells, points: Ints) -> Ints:
+    """Return the largest agent that touches each point (units)."""
+    found = np.stack([leaves.find(points - np.array(o)) for o in product((0, 1), repeat=3)])
+    size = np.where(found >= 0, leaves.size[found], 0)
+    return np.asarray(found[np.argmax(size, axis=0), np.arange(len(points))])
+
+
+def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_array:
+    """Return what unknowns are by those that follow no other: those they follow may do so, too."""
+    way: sp.csr_array[np.float64] = sp.csr_array((values, (rows, columns)), shape=(size, size))
+    while True:
+        next_way: sp.csr_array[np.float64] = sp.csr_array(way @ way)
+        if next_way.nnz == way.nnz and np.abs((next_way - way).data).max(initial=0.0) < TINY:
+            return way
+        way = next_way

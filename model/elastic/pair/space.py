@@ -1,0 +1,236 @@
+"""Agents in space: the displacement that fits, its stress, and the estimated error.
+
+The error is that of the stress against its own mean at the corners (Zienkiewicz and Zhu, *Int. J.
+Numer. Methods Eng.* 24, 1987), continued from the points where it is most accurate (Barlow 1976).
+The displacement fits, so that where forces act and no side is moved the strain energy is a lower
+bound. Nothing is proved beyond that.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import nan, sqrt
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Floats, Ints
+from kaju.factors import factors_of
+from kaju.model.elastic.pair.border import support_names
+from kaju.model.elastic.pair.displacement import Fitting, forces_of, held_by
+from kaju.model.elastic.pair.elements import (
+    gauss,
+    on_sides,
+    quadratic_values,
+    side_loads,
+    strain_rows,
+)
+from kaju.model.elastic.pair.gap import Bounds
+from kaju.model.elastic.pair.leaves import corner_ends
+from kaju.model.elastic.pair.levels import ENOUGH
+
+NO_BOUND = "in space errors are estimated, not proved"
+LAST = 1e-10  # Of the energy: the last generation's steps gain no more
+MOST_FACTORED = 6_000
+"""Unknowns of a matrix that is factorised: 8,000 take half a second, and grow with the power 2."""
+
+
+@dataclass(eq=False)
+class Bricks(Fitting):
+    """Agents with one opinion, and what it is estimated to be off by."""
+
+    earlier: tuple[float, float] | None = field(default=None, init=False)
+    """Shares and energy of the generation before."""
+
+    @cached_property
+    def energy(self) -> float:
+        """The strain energy, by the loads' work where that is the more accurate."""
+        # Where no side is moved, work less energy is off by the square of what is left to iterate.
+        total, blocks = 0.0, self.blocks
+        for own, acts in zip(self.fit, self.cases, strict=True):
+            energy = 0.5 * float(np.vdot(own, blocks.times(own)))
+            if blocks.extra is not None:
+                shared = blocks.shared(own)
+                energy += 0.5 * float(shared @ (blocks.extra @ shared))
+            work = float(np.vdot(forces_of(acts), own))
+            total += energy if acts.moved.any() else work - energy
+        return total
+
+    def _stresses(self, places: Floats) -> Floats:
+        """Return the stresses at places from 0 to 1 in all agents, shape (n, places, 6)."""
+        lateral, shear = self.law[1:, :, None]
+        strain = np.tensordot(self.fit.sum(axis=0), strain_rows(places), (1, 2))
+        strain /= self.size[:, None, None]
+        volume = lateral * strain[..., :3].sum(axis=2)
+        strain *= shear[..., None]
+        strain[..., :3] *= 2.0
+        strain[..., :3] += volume[..., None]
+        # What is left beside the even stress of a goal's load hands on forces.
+        return np.asarray(strain - (self.sides.even / self.size[:, None] ** 2)[:, None])
+
+    @cached_property
+    def _corners(self) -> tuple[Ints, Ints]:
+        """Vertices with a material each (as a number), and which of these agents have."""
+        kinds = int(self.leaves.kind.max()) + 1
+        found, at = np.unique(
+            self.mesh.corner * kinds + self.leaves.kind[:, None], return_inverse=True
+        )
+        return found, at.reshape(self.mesh.corner.shape)
+
+    @cached_property
+    def corner_stress(self) -> Floats:
+        """Stress at the corners of agents: the mean of those of one material round each."""
+        points, at = gauss(2, 3)[0], self._corners[1]
+        # Continued from the points of Gauss' rule by trilinear functions.
+        own = np.linalg.inv(trilinear(points)) @ self._stresses(points)
+        count = np.bincount(at.ravel())
+        total = [np.bincount(at.ravel(), own[..., a].ravel()) / count for a in range(6)]
+        return np.asarray(np.stack(total, axis=1)[at])
+
+    @cached_property
+    def _read_stress(self) -> Floats:
+        """The same, but that hanging corners take what the large agent has there: no jumps."""
+        leaves, (key, at), (vertex, owner) = self.leaves, self._corners, self.mesh.hanging
+        kinds = int(leaves.kind.max()) + 1
+        value = np.zeros((len(key), 6))
+        value[at] = self.corner_stress
+        row = np.searchsorted(key, vertex * kinds + leaves.kind[owner])
+        inside = (self.mesh.place[vertex] - leaves.lower[owner]) / leaves.size[owner, None]
+        weight = trilinear(inside)
+        # The corners of an agent may hang themselves, on larger ones.
+        for size in np.unique(leaves.size[owner])[::-1]:
+            own = leaves.size[owner] == size
+            own &= (row < len(key)) & (key[np.minimum(row, len(key) - 1)] // kinds == vertex)
+            value[row[own]] = np.einsum("nc,nca->na", weight[own], value[at[owner[own]]])
+        return np.asarray(value[at])
+
+    @cached_property
+    def shares(self) -> Floats:
+        """Estimated squared error of every agent in the energy norm."""
+        points, weights = gauss(3, 3)
+        off = trilinear(points) @ self.corner_stress - self._stresses(points)
+        lateral, shear = self.law[1:, :, None]
+        square = (off[..., :3] ** 2).sum(axis=2) + 2.0 * (off[..., 3:] ** 2).sum(axis=2)
+        trace = off[..., :3].sum(axis=2)
+        density = (square - lateral / (3.0 * lateral + 2.0 * shear) * trace**2) / (2.0 * shear)
+        return np.asarray((density @ weights) * self.size**3)
+
+    @cached_property
+    def wanting(self) -> float:
+        """How many times more than its estimated share the generation has gained, 1 or more."""
+        # Squared errors fall by twice what the energy rises; an estimate that falls by less is too
+        # small by so much, as it is where materials are nearly incompressible.
+        if self.earlier is None or self.sides.moved.any():
+            return 1.0
+        shares, energy = self.earlier
+        gained, estimated = 2.0 * (self.energy - energy), shares - float(self.shares.sum())
+        return max(gained / estimated, 1.0) if estimated > 0.0 and gained > 0.0 else 1.0
+
+    @property
+    def bounds(self) -> Bounds:
+        """The estimated error, without bounds."""
+        error = sqrt(float(self.shares.sum()) * self.wanting / (2.0 * abs(self.energy) or 1.0))
+        return Bounds(nan, nan, error, False, self.energy)
+
+    def stress_at(self, agent: Ints, inside: Floats) -> Floats:
+        """Return stress tensors at places from 0 to 1 in agents."""
+        return tensors(np.einsum("nc,nca->na", trilinear(inside), self._read_stress[agent]))
+
+    @cached_property
+    def means(self) -> tuple[Floats, Floats]:
+        """The stress that balances, which there is not, and the one that fits, in the middles."""
+        middles = np.arange(len(self.leaves)), np.full((len(self.leaves), 3), 0.5)
+        fitted = self.stress_at(*middles)
+        return np.full_like(fitted, nan), fitted
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        mesh, sides, names = self.mesh, self.sides, support_names(self.body)
+        # What several supports hold together each of them holds to the same share.
+        flat = np.swapaxes(held_by(mesh, sides), 0, 1).reshape(len(mesh.follows), -1)
+        holds = mesh.masters(flat).reshape(len(flat), -1, 3)
+        pull = self.pulls()[:, None] * holds / np.maximum(holds.sum(axis=1, keepdims=True), 1)
+        # A shift of a side moves its corners, and leaves the bulges at 0.
+        total: Floats = np.asarray(pull[: mesh.vertices].sum(axis=0))
+        np.subtract.at(total, sides.support, sides.straight)
+        owner, side = mesh.owner[sides.beds], mesh.side[sides.beds]
+        own = self.fit.sum(axis=0).reshape(-1, 20, 3)
+        moved = own[owner[:, None], on_sides(3)[side], side[:, None] // 2] @ side_loads(3)[0]
+        borne = sides.bed[sides.beds] * self.size[owner] ** 2 * moved
+        np.subtract.at(total, (sides.support[sides.beds], side // 2), borne)
+        return {names[k]: total[k] for k in np.unique(sides.support[(~sides.given).any(axis=1)])}
+
+    def finished(self) -> Bricks:
+        """Return agents whose forces are in balance, as is read; their mesh would not need it."""
+        (level,) = self.levels
+        if level.before is None:
+            return self
+        found = copy(self)
+        for name in ("energy", "shares", "corner_stress", "_read_stress", "means", "wanting"):
+            found.__dict__.pop(name, None)
+        found.fit = self.fit.copy()
+        found.settle(level, LAST * abs(self.energy) / ENOUGH)
+        return found
+
+
+class Hats:
+    """Trilinear functions on boxes larger than the agents of a fine first generation: its level.
+
+    They know nothing of the body's shape but what the agents in each box say: enough to carry what
+    is smooth.
+    """
+
+    def __init__(self, found: Bricks, free: Ints) -> None:
+        leaves, mesh, corners = found.leaves, found.mesh, corner_ends(3)
+        box = int(leaves.size.max())
+        while True:
+            corner = (leaves.lower // box)[:, None] + corners
+            key, hat = np.unique(corner @ (1 << np.array([42, 21, 0])), return_inverse=True)
+            if 3 * len(key) <= MOST_FACTORED:
+                break
+            box *= 2
+        hat, size = hat.reshape(-1, 8), 3 * len(key)
+        place = leaves.lower[:, None] + corners * leaves.size[:, None, None]
+        inside = place / box - (leaves.lower // box)[:, None]
+        weight = trilinear(inside.reshape(-1, 3)).reshape(-1, 8, 8)
+        # Corners that are held take nothing.
+        open_ = np.asarray(1.0 - held_by(mesh, found.sides).any(axis=0))
+        down = np.einsum("nch,nca,ab->ncahb", weight, open_[mesh.corner], np.eye(3))
+        down = down.reshape(-1, 24, 24)
+        blocks = np.empty((len(hat), 24, 24))
+        for agents, matrix in found.blocks.laws:
+            blocks[agents] = matrix[:24, :24]
+        blocks = down.transpose(0, 2, 1) @ (blocks * found.size[:, None, None]) @ down
+        unknown = (3 * hat[:, :, None] + np.arange(3)).reshape(-1, 24)
+        at = np.repeat(unknown, 24, axis=1).ravel(), np.tile(unknown, (1, 24)).ravel()
+        whole = sp.csr_array((blocks.ravel(), at), shape=(size, size))
+        diagonal = whole.diagonal()
+        # A little on the diagonal: hats that hardly touch the body must not be divided by.
+        more = np.where(diagonal > 0.0, 1e-10 * diagonal, 1.0)
+        self.factors = factors_of(sp.csc_array(whole + sp.diags_array(more)))
+        self.scale, self.way = np.ones(size), sp.eye_array(size, format="csr")
+        self.back = self.way
+        # Free unknowns of vertices by hats, read off in one agent; bulges take nothing.
+        first = np.empty(mesh.vertices, dtype=np.int64)
+        first[mesh.corner.ravel()[::-1]] = np.arange(mesh.corner.size)[::-1]
+        row = np.flatnonzero(free < 3 * mesh.vertices)
+        agent, own = np.divmod(first[free[row] // 3], 8)
+        columns = 3 * hat[agent] + (free[row] % 3)[:, None]
+        entries = weight[agent, own].ravel(), (np.repeat(row, 8), columns.ravel())
+        self.rise = sp.csr_array(entries, shape=(len(free), size))
+
+    def cycle(self, rest: Floats) -> Floats:
+        """Return the exact answer."""
+        return np.asarray(self.factors.solve(rest))
+
+
+def trilinear(places: Floats) -> Floats:
+    """Return the corners' trilinear functions at places, shape (n, 8)."""
+    return quadratic_values(places)[:, :8]
+
+
+def tensors(six: Floats) -> Floats:
+    """Return stresses of six numbers as tensors, shape (n, 3, 3)."""
+    return np.asarray(six[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]])

@@ -102,7 +102,7 @@ class Fitting:
     def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
         """Return the displacement at places from 0 to 1 in agents, shape (n, d); scaled."""
         values = quadratic_values(inside)
-        own = self.fit.sum(axis=0)[agent].reshape(*values.shape, -1)
+        own = self.fit.sum(axis=0)[agent].reshape(*values.shape, inside.shape[1])
         return np.asarray(np.einsum("nk,nkd->nd", values, own)) + self.sides.shift
 
     def work_on(self, fit: Floats) -> float:

@@ -94,7 +94,7 @@ def strain_rows(points: Floats) -> Floats:
     rows = np.zeros((len(points), len(pairs), *slopes.shape[1:]))
     for row, (a, b) in enumerate(pairs):
         rows[:, row, :, a], rows[:, row, :, b] = slopes[..., b], slopes[..., a]
-    return rows.reshape(len(points), len(pairs), -1)
+    return rows.reshape(len(points), len(pairs), slopes.shape[1] * d)
 
 
 @lru_cache(maxsize=2)

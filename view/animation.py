@@ -55,12 +55,9 @@ def animate(
         mesh with one morph target a frame, for Blender; ``.pvd`` is a list of VTK files in a
         folder beside it, for ParaView.
     what : str, optional
-        Of load transfer "generations" of the last stage (as unless given) or "stages" of
-        loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
-        spring network "increments", of one that breaks "breaks"; of a body that grows "steps";
-        of agents of many sizes also "generations", or "gaps", which colours them by the gap
-        between their two opinions; of what creeps "times", or "curves" with a dot that runs along
-        them.
+        One of the result's `films`, the first of them unless given: such as "generations",
+        "stages", "loading", "gaps" (generations coloured by the gap between the agents' two
+        opinions), "waves", "increments", "breaks", "steps", "times" or "curves".
     fps : float, optional
         Frames per second, up to 50; unless given 25 of what moves in time, 2 of steps.
     hold : float

@@ -54,7 +54,7 @@ def plot_crack(
     if cut is not None:
         raise ParameterError("cut: networks are drawn as a whole; leave it out")
     state = cast("NetworkResult", result.state(bearing(result, count)))
-    picture = NetworkPicture(state, ax, "tension", magnification, largest)
+    picture = NetworkPicture(state, ax, magnification, largest)
     picture.draw(1)
     springs = result.network.springs
     width = max(0.8, min(2.2, 60.0 / np.sqrt(len(springs))))

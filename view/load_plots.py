@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,14 @@ from matplotlib.colors import LogNorm, to_hex
 from matplotlib.lines import Line2D
 
 from kaju.agents.rules import PrescribedRule
-from kaju.arrays import Floats, first_largest
+from kaju.arrays import Floats
 from kaju.model.transfer.stage import Stage
-from kaju.model.transfer.transfer_result import TransferResult, load_path
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
 from .section import WHOLE_UP_TO, Cut, Section, section_of
-from .style import FORCE, INK, LOADS, PULL, PULLS, RIM, add_polygons, arrow_polygons, colour_bar
-from .units import counted, grouped, quantity
+from .style import FORCE, LOADS, PULL, PULLS, RIM, add_polygons, arrow_polygons, colour_bar
+from .units import quantity
 
 ARROWS_ACROSS = 64
 """Where more tiles than this lie side by side, arrows stand for blocks of cells."""
@@ -129,81 +128,3 @@ def plot_loads(
     notes += ["pulls in shades of red-violet, as dark as pushes of their size"] if pulls else []
     notes += ["loads across the section are not shown"] if across else []
     return picture.finish("Loads taken", notes)
-
-
-MOST_AGENTS = 4000
-"""Of more agents than this, only those around the one that took most are drawn."""
-REACH = 30
-"""How far around it (cells)."""
-_OF_AGENTS = ("cells", "material", "spawn_step", "woken_by", "taken", "pulled", "kept",
-              "shortened", "widened", "passed", "dropped")  # fmt: skip
-_OF_BOUNDARY = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned", "arrived")
-_MARKERS = {"material": "s", "free": "o", "rigid": "^", "roller": "D"}
-
-
-def _around_heaviest(stage: Stage) -> Stage:
-    """Return a stage with only the agents around the one that took most, if there are many."""
-    if len(stage.cells) <= MOST_AGENTS:
-        return stage
-    heaviest = stage.cells[first_largest(stage.taken.sum(axis=1))]
-    kept = np.abs(stage.cells - heaviest).max(axis=1) <= REACH
-    beside = np.abs(stage.boundary_cells - heaviest).max(axis=1) <= REACH + 1
-    columns = {name: getattr(stage, name)[kept] for name in _OF_AGENTS}
-    return replace(stage, **columns, **{n: getattr(stage, n)[beside] for n in _OF_BOUNDARY})
-
-
-def _draw_edges(
-    ax: Axes, section: Section, tail: Floats, head: Floats, load: Floats
-) -> ScalarMappable:
-    """Draw loads (N) as arrows from cell to cell, each on the right of its own direction."""
-    order, norm = np.argsort(load), load_norm(load)
-    tail, along, load = tail[order], (head - tail)[order], load[order]
-    right = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    width = float(section.tile_size.min()) * (0.012 + 0.085 * np.clip(norm(load), 0.0, 1.0))
-    start = tail + 0.1 * right
-    outlines = arrow_polygons(start + 0.17 * along, start + 0.83 * along, width)
-    return add_polygons(ax, outlines, "edges", array=load, cmap=LOADS, norm=norm, zorder=6, **RIM)
-
-
-def plot_load_path(
-    result: TransferResult, ax: Axes | None = None, *, cut: Cut = None, crop: bool | None = None
-) -> Axes:
-    """Draw how much each agent passed to which: the graph of `TransferResult.load_path`."""
-    whole, caveats = result.last, result.caveats_in_brief
-    stage = _around_heaviest(whole)
-    focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (result.focus, WHOLE_UP_TO)
-    section = section_of(result.scene, focus, cut, crop, 2**62, close, caveats)
-    picture = BodyPicture(section, ax, result.stage)
-    graph = load_path(result.scene, stage)
-    row = {cell: number for number, cell in enumerate(graph)}
-    edges = [(row[a], row[b], weight) for a, b, weight in graph.edges(data="weight") if weight > 0]
-    if not edges:
-        return picture.finish("Load path", [whole.outcome, *picture.notes])
-    seen = section.holds(np.array(list(graph), dtype=np.int64))
-    place = section.in_plane(np.array([at for _, at in graph.nodes(data="pos")], dtype=np.float64))
-    kinds = np.array([kind for _, kind in graph.nodes(data="kind")])
-    tail, head, load = (np.array(column) for column in zip(*edges, strict=True))
-    shown = seen[tail] & seen[head]
-    tail, head, load = tail[shown], head[shown], load[shown]
-    if not len(load):
-        return picture.finish("Load path", [whole.outcome, *picture.notes])
-    drawn = _draw_edges(picture.ax, section, place[tail], place[head], load)
-    colour_bar(picture.ax, drawn, "load passed on", "N")
-    across = float((np.ptp(section.box, axis=0) / section.tile_size).max())
-    for kind, marker in _MARKERS.items():
-        chosen = seen & (kinds == kind)
-        if chosen.any():
-            look: dict[str, Any] = {"ls": "", "marker": marker, "mec": INK, "mew": 0.7}
-            look["mfc"] = INK if kind == "material" else "white"
-            size = max(1.2, min(5.0, 75.0 / across))
-            picture.ax.plot(*place[chosen].T, ms=size, zorder=7, gid=f"{kind} nodes", **look)
-            name = "material agent" if kind == "material" else f"{kind} boundary agent"
-            picture.entries.append(Line2D([], [], ms=5, label=name, **look))
-    notes = [f"{counted(len(load), 'edge')}; each is drawn to the right of its own way"]
-    notes += picture.notes
-    if stage is not whole:
-        notes.append(
-            f"only the {grouped(len(stage.cells))} agents around the one that took most, "
-            f"of {grouped(len(whole.cells))}, are drawn"
-        )
-    return picture.finish("Load path", notes)

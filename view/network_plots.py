@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.rheology.creeping_network import NetworkCreepResult
 
-Colour = Literal["tension", "strain"]
 _VISIBLE = 0.03  # of the network's size: smaller displacements are magnified up to 0.08
 _MOST_NODES = 2000  # above this, nodes are not drawn one by one
 
@@ -46,12 +45,9 @@ class NetworkPicture:
         self,
         result: NetworkResult,
         ax: Axes | None,
-        colour: Colour = "tension",
         magnification: float | None = None,
         largest: float | None = None,
     ) -> None:
-        if colour not in ("tension", "strain"):
-            raise ParameterError(f"colour: 'tension' or 'strain', got {colour!r}")
         if magnification is not None and not 0.0 < magnification < np.inf:
             raise ParameterError(f"magnification: a number above 0, got {magnification}")
         self.result, self.network, records = result, result.network, range(len(result.stage))
@@ -61,16 +57,12 @@ class NetworkPicture:
             cast(Axes3D, self.ax).computed_zorder = False  # or rims would hide their springs
         moved = float(np.abs(result.displacement).max(initial=0.0))
         self.factor = magnification or visible(self.network.positions, moved)
-        pulled = colour == "tension"
-        self.values = [
-            np.asarray(result.tension[k] if pulled else result.strain(k)) for k in records
-        ]
+        self.values = [np.asarray(result.tension[k]) for k in records]
         sizes = [float(np.abs(values).max(initial=0.0)) for values in self.values]
         most = largest or max(sizes, default=0.0) or 1.0
         self.norm = Normalize(-most, most)
-        label = "tension: pulled above 0, pressed below" if pulled else "strain"
         mappable = ScalarMappable(self.norm, style.DIVERGING)
-        style.colour_bar(self.ax, mappable, label, "N" if pulled else "")
+        style.colour_bar(self.ax, mappable, "tension: pulled above 0, pressed below", "N")
 
     def places(self, record: int) -> Floats:
         """Return where the nodes are drawn (m)."""
@@ -144,7 +136,6 @@ def plot_network(
     ax: Axes | None = None,
     *,
     record: int = -1,
-    colour: Colour = "tension",
     magnification: float | None = None,
 ) -> Axes:
     """Draw a loaded network over the one at rest, its springs coloured by tension or strain."""
@@ -155,7 +146,7 @@ def plot_network(
         record = checked_record(cast(Any, result), record)
     elif not -last - 1 <= record <= last:
         raise ParameterError(f"record: this result has the records 0 to {last}, got {record}")
-    picture = NetworkPicture(still, ax, colour, magnification)
+    picture = NetworkPicture(still, ax, magnification)
     network = still.network
     rest: dict[str, Any] = {"colors": LINE, "linewidths": 0.6, "linestyles": "--", "zorder": 1}
     picture.draw_lines(network.positions, network.springs, "at rest", **rest)

@@ -48,7 +48,7 @@ def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     return plot_scene(solved_scene(result), ax, **options)
 
 
-USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
+USUAL = ("agents", "loads", "deformed", "von_mises", "stages")
 
 
 def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
@@ -79,13 +79,7 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
         What the picture is of: of a model the answer as far as it has come, of a path the scene
         (.toml) or the result in it.
     what : str, optional
-        Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
-        "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
-        "cuts", "ledger", "stages" or "scene". Of elastic results "deformed" (as unless given) and
-        those of them that are fields, "agents" or the scene; of agents of the elastic rule
-        also "left" and "curves"; of what creeps "curves" and, but for a single element,
-        "deformed". Of a network's result "deformed" or "response"; of one that breaks
-        "crack", "response" or "avalanches"; of a body that grows "design" or "history".
+        One of the result's `pictures`, the first of them unless given; of a scene "scene".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
@@ -93,26 +87,18 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
 
         - ``cut={"y": 0.05}``: the plane through a body of cubes to show (m), ``cut={}`` one
           through the agents; unless given that, or the whole body in space.
-        - ``crop``: whether to show only the surroundings of the agents; by itself for
-          large bodies.
-        - ``component`` of maps: of displacements "magnitude" (as unless given) or an axis; of
-          stresses and strains a pair of axes such as "xy", unless given the largest.
+        - ``crop``: whether to show only the surroundings of the agents.
+        - ``component`` of maps: "magnitude" or an axis of displacements, a pair of axes such as
+          "xy" of stresses and strains.
         - ``magnification`` of "deformed": how many times larger than true displacements are
           drawn; unless given a round number that makes them visible. The picture states it.
-        - ``generation`` of agents: the one to show, from 0.
-        - ``share`` of "deformed" of an elastic result: of the load, from 0 to 1; ``stage`` of that
-          of load transfer; ``largest``: where the colours end.
-        - ``moment`` of "left": which, the last unless given.
-        - ``colour`` of "deformed" of an elastic result: "von_mises" (as unless given) or
-          "displacement"; of agents of many sizes: "level" (as unless given), "spawn_step",
-          "gap" (between their two opinions), "fitted" or "balanced" (the stress of each opinion) or
-          "von_mises"; of networks "tension" or "strain".
-        - ``step`` of "design": after which step, the last unless given.
+        - Which state: ``generation`` of agents, ``stage``, ``share`` of the load or ``record`` of
+          "deformed", ``moment`` of "left", ``breaks`` of "crack", ``step`` of "design".
+        - ``colour`` of "deformed": "von_mises" (as unless given) or "displacement"; of agents of
+          many sizes: "level" (as unless given), "spawn_step", "gap" (between their two opinions),
+          "fitted" or "balanced" (the stress of each opinion) or "von_mises".
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
-        - ``record`` of networks and of what creeps: which state; the last unless given.
-        - ``breaks`` of "crack": after how many; all unless given.
-        - ``axis`` of "cuts": across which the body is cut.
-        - ``panel`` of "curves", "response", "history" and "stages" on given axes: which.
+        - ``axis`` of "cuts": across which the body is cut; ``panel`` of curves on given axes.
 
     Returns
     -------

@@ -81,7 +81,7 @@ def test_materials_are_told_apart_without_colour():
 
 def test_a_run_in_which_nothing_happens_says_so():
     quiet = plate(5.0, 3)
-    for what in ("agents", "loads", "load_path"):
+    for what in ("agents", "loads"):
         assert "nothing happens" in notes(axes_of(quiet, what))
     assert "nothing has moved" in notes(axes_of(quiet, "deformed"))
     assert "no cell has taken a load" in notes(axes_of(quiet, "von_mises"))
@@ -121,14 +121,6 @@ def test_agents_that_are_pulled_are_marked():
     assert "took more pulls than pushes" not in legend(axes_of(plate(), "agents"))
 
 
-def test_the_load_path_has_the_edges_of_the_graph():
-    result = plate()
-    ax = axes_of(result, "load_path")
-    assert len(drawn(ax, "edges")) == result.load_path().number_of_edges()
-    (free,) = (line for line in ax.lines if line.get_gid() == "free nodes")
-    assert len(free.get_xdata()) == 4
-
-
 def test_maps_have_units_and_signed_ones_are_centred():
     figure = plot(plate(), "stress")
     field = part(figure.axes[0], "map")
@@ -149,16 +141,6 @@ def test_stages_show_load_against_displacement_and_agents():
     counts = next(line for line in right.lines if line.get_label() == "material agents")
     assert counts.get_ydata()[-1] == 34
     assert left.get_xlabel() == "sum of the applied loads (N)"
-
-
-def test_the_bars_of_the_ledger_balance():
-    ax = axes_of(plate(), "ledger")
-    rows = {}
-    for bar in ax.patches:
-        row = round(bar.get_y() + 0.5 * bar.get_height())
-        rows[row] = rows.get(row, 0.0) + bar.get_width()
-    assert rows[0] == pytest.approx(rows[1], rel=1e-12)
-    assert rows[0] == pytest.approx(plate().last.ledger.emitted + 2.0)
 
 
 def test_cubes_show_only_faces_that_nothing_hides(cube):

@@ -39,13 +39,9 @@ def test_ground_is_hatched_only_where_the_body_stands():
     assert reached.max() > 0.069
 
 
-def test_strain_has_a_unit_and_the_ledger_counts():
+def test_strain_has_a_unit():
     run = LoadModel(load_scene(EXAMPLES / "plate.toml")).run()
     assert "(10⁻" in plot(run, "strain").axes[1].get_ylabel()
-    ledger = plot(run, "ledger").axes[0]
-    assert [label.get_text() for label in ledger.get_yticklabels()][3] == "of it kept"
-    told = " ".join(text.get_text() for text in ledger.texts)
-    assert "taken 6.44 times over" in told.replace("\n", " ")
 
 
 @pytest.fixture

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import inspect
 import json
 import re
+import textwrap
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -17,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError, SceneError, check_type
 from kaju.files import atomic_file
@@ -34,7 +37,6 @@ from kaju.model.transfer.transfer_result import TransferResult
 
 from . import python as written
 from .motion_data import motion_data
-from .own import own_data
 from .packing import pack
 from .scene_data import FORMAT, Account, history_columns, scene_data
 
@@ -103,12 +105,9 @@ def export_page(
 ) -> Path:
     """Write a page in which a run can be watched, touched and handed on.
 
-    The file needs nothing else: it opens by a double click, without network or server. Where
+    The file needs nothing else: it opens by a double click, without server or network. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
-    loads and the body can be changed in it. All else is recorded: agents and lattices of one's own,
-    elastic agents, agents that spawn, elastic answers, spring networks, what breaks, grows or
-    creeps. Answers with true outlines are drawn with these; rules run on cells, and their pages
-    say so.
+    loads and the body can be changed in it. All else is recorded.
 
     Parameters
     ----------
@@ -130,9 +129,8 @@ def export_page(
         Makes the page a lesson: its questions with answers, tolerances and hints, asked one by
         one. README.md beside this file lists the keys.
     python : bool
-        Let readers write agents in the page, in Python: a tab holds a class, and Run runs it. The
-        page then carries Brython (``pip install 'kaju[page]'``) and has some 580 kB. Of a model
-        with agents of one's own the tab opens with their source.
+        Let readers write agents in the page, in Python (needs ``pip install 'kaju[page]'``); the
+        page then has some 580 kB.
 
     Returns
     -------
@@ -204,7 +202,7 @@ def packed_page(
         raise ParameterError(f"of: a scene, a model or a result is needed, got {of!r:.80}")
     shown: Scene | Result
     account = None
-    own = own_data(of) if isinstance(of, SteppedModel) else {}
+    own = _own_data(of) if isinstance(of, SteppedModel) else {}
     if isinstance(of, LoadModel) and own and of.steps == 0:
         shown, account = _watched(of)
     else:
@@ -245,6 +243,44 @@ def packed_page(
         for number, (name, preset) in enumerate((presets or {}).items())
     ]
     return pack(header, columns)
+
+
+def _own_data(model: Any) -> dict[str, Any]:
+    """Return names, source and parameters of agents, boundaries, order and rule of one's own."""
+    found: list[Any] = []
+    for own in model.arguments()[1].values():
+        found += list(own.values()) if isinstance(own, Mapping) else [own]
+    chosen = (part for part in found if part is not None)
+    parts = list(dict.fromkeys(p if hasattr(p, "__name__") else type(p) for p in chosen))
+    if not parts:
+        return {}
+    values = getattr(model, "parameters", {})
+    classes = [part for part in parts if isinstance(part, type)]
+    own = {
+        "names": [part.__name__ for part in parts],
+        "source": "\n\n".join(map(_source, parts)),
+        "parameters": [
+            {
+                "name": name,
+                "label": parameter.text or name,
+                "low": parameter.low,
+                "high": parameter.high,
+                "whole": parameter.whole,
+                "value": values[name],
+            }
+            for name, parameter in declared(classes, Parameter).items()
+            if name in values
+        ],
+    }
+    return {"own": own}
+
+
+def _source(part: type | Callable[..., Any]) -> str:
+    """Return the source of a class or function, or why there is none."""
+    try:
+        return textwrap.dedent(inspect.getsource(part)).rstrip()
+    except (OSError, TypeError):
+        return f"# the source of {part.__name__} is not at hand"
 
 
 def _on_cells(scene: Scene) -> Scene:
@@ -300,6 +336,12 @@ def _preset(
     return {"name": name, "note": note, "scene": data}
 
 
+_DONE = (
+    ("cells", "spawn_step", "taken", "kept", "shortened", "widened", "passed", "dropped"),
+    ("boundary_cells", "boundary_spawn_step", "returned", "arrived"),
+)
+
+
 def _by_the_rule(result: TransferResult) -> bool:
     """Tell whether the rule's own agents give these loads again: then the page can run them.
 
@@ -318,26 +360,15 @@ def _alike(ours: NDArray[Any], theirs: NDArray[Any]) -> bool:
     """Tell whether two columns are equal but for rounding; NaN of ours means unknown."""
     if ours.shape != theirs.shape:
         return False
-    known = ~np.isnan(ours)
-    largest = float(np.abs(theirs).max(initial=0.0))
+    known, largest = ~np.isnan(ours), float(np.abs(theirs).max(initial=0.0))
     return np.allclose(ours[known], theirs[known], rtol=1e-9, atol=1e-12 * largest)
 
 
-def _doings(scene: Scene, stage: Stage) -> list[NDArray[Any]]:
-    """Return what agents and boundaries did in a stage, in an order that does not depend on it."""
-    keys = scene.lattice.key(stage.cells), scene.lattice.key(stage.boundary_cells)
-    found: list[NDArray[Any]] = []
-    for key, names in zip(
-        keys,
-        (
-            ("spawn_step", "taken", "kept", "shortened", "widened", "passed", "dropped"),
-            ("boundary_spawn_step", "returned", "arrived"),
-        ),
-        strict=True,
-    ):
-        order = np.argsort(key)
-        found += [key[order], *(getattr(stage, name)[order] for name in names)]
-    return found
+def _doings(scene: Scene, stage: Stage) -> Iterator[NDArray[Any]]:
+    """Yield what agents and boundaries did in a stage, in an order that does not depend on it."""
+    for names in _DONE:
+        order = np.argsort(scene.lattice.key(getattr(stage, names[0])))
+        yield from (getattr(stage, name)[order] for name in names)
 
 
 @cache

@@ -54,15 +54,8 @@ def creep(
 def creep(
     subject: Scene, history: History | None = ..., duration: float | None = ..., **how: Any
 ) -> TransferCreepResult | ElasticCreepResult: ...
-def creep(  # type: ignore[misc]
-    subject: Subject,
-    history: History | None = None,
-    duration: float | None = None,
-    *,
-    times: ArrayLike | None = None,
-    tolerance: float = 1e-3,
-    rheology: Rheology = None,
-    most_steps: int = 100_000,
+def creep(
+    subject: Subject, history: History | None = None, duration: float | None = None, **how: Any
 ) -> AnyTimeResult:
     """Let a body creep under a history of loads and displacements.
 
@@ -112,16 +105,7 @@ def creep(  # type: ignore[misc]
     >>> print(f"{result.displacement[-1]:.2f}")
     0.90
     """
-    model = CreepModel(
-        subject,
-        history,
-        duration,
-        times=times,
-        tolerance=tolerance,
-        rheology=rheology,
-        most_steps=most_steps,
-    )
-    return model.run(progress=False)
+    return CreepModel(subject, history, duration, **how).run(progress=False)
 
 
 class CreepModel(Stepper[AnyTimeResult]):

@@ -68,10 +68,9 @@ class ElasticCreepResult(BodyTimeResult):
     # shape (k,). Elsewhere, in the scaled units of ``static.found.problem``, one row for each time:
     growth: OfTimes | None = None
     faces: Annotated[Floats, Column("times faces")] | None = None  # displacement of those that move
-    cells: Annotated[Floats, Column("times dimension solid")] | None = (
-        None  # stress along each axis
-    )
-    edges: Annotated[Floats, Column("times edges")] | None = None  # their shear
+    # Stress of the cells along each axis, and shear of the edges.
+    cells: Annotated[Floats, Column("times dimension solid")] | None = None
+    edges: Annotated[Floats, Column("times edges")] | None = None
 
     def __post_init__(self) -> None:
         problem = cells_of(self.static).problem
@@ -100,12 +99,6 @@ class ElasticCreepResult(BodyTimeResult):
         if self.growth is not None:
             return np.asarray(self.growth[record] * self.static.displacement_at(points))
         return self._moved(record).displacement_at(points)
-
-    def cell_displacement(self, record: int = -1) -> Floats:
-        """Return the displacement of the cells' middles (m), as `ElasticResult` does."""
-        if self.growth is not None:
-            return np.asarray(self.growth[record] * self.static.cells().displacement)
-        return self._moved(record).cells().displacement
 
     def stress(self, record: int = -1) -> Floats:
         """Return the stress tensors of the cells (Pa), shape (n, ..., dimension, dimension)."""

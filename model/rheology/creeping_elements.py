@@ -80,10 +80,6 @@ class TransferCreepResult(BodyTimeResult):
         grown = self.growth[record, self.static.last.material][:, None]
         return replace(static, strain=static.strain * grown, widening=static.widening * grown)
 
-    def strain(self, record: int = -1) -> Floats:
-        """Return the strain of every agent, shape (agents, dimension, dimension)."""
-        return self.squeezed(record).strains()
-
     def stress(self, record: int = -1) -> Floats:
         """Return the stress of every agent (Pa), shape (agents, dimension, dimension)."""
         return np.asarray(self.static.stress * self.factors[record])

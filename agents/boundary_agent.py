@@ -95,7 +95,7 @@ class FreeBoundaryAgent(BoundaryAgent):
     name = "free"
 
     def turn(self, load: Load, arm: int) -> Load:
-        """Keep the force; turn round what arrives along the normal."""
+        """Keep the force; change the sense of a load along the normal."""
         straight = self.model.transfer.rule.sense and self.model.heading(load) == arm
         return load.turned() if straight else load
 
@@ -126,7 +126,7 @@ class RigidBoundaryAgent(BoundaryAgent):
 
 
 class RollerBoundaryAgent(BoundaryAgent):
-    """A smooth wall: it reverses what presses on it and lets slide what runs along it.
+    """A smooth wall: it reverses the part of a load across it, and leaves the part along it.
 
     Examples
     --------

@@ -124,23 +124,23 @@ class DerivedShares(Shares):
 class ElasticRule:
     """Load transfer by shares that follow from the material: linear elasticity.
 
-    Loads that meet on a face are added up, with their sign. A load up to the threshold
-    stays where it is and waits for company.
+    Loads that meet on a face are added up, with their sign. A load up to the threshold stays where
+    it is, and more may be added to it.
 
     Parameters
     ----------
     threshold : float, optional
-        γ (N): an agent spawns, and acts, only if the load left on it exceeds γ. A load on a
-        face of stiffness k is measured as |P|·√(k₀/k), where k₀ is the stiffness inside the
-        body's stiffest material; so it is the same there, and on softer faces, which yield
-        further, a load counts more. None chooses γ from `tolerance`.
+        γ (N): an agent spawns, and acts, only if the load left on it exceeds γ. A load P on a face
+        of stiffness k counts as |P|·√(k₀/k), where k₀ is the stiffness inside the stiffest material
+        of the body: on softer faces, which yield further, a load counts more. None chooses γ from
+        `tolerance`.
     order : {"wave", "largest first", "multilevel"}
-        Who acts when: all agents at once; the one with the largest load; or level after
-        level, with parent agents that stand for blocks of cells.
+        Who acts: all agents at once; the one with the largest load; or one level after another,
+        with parent agents that stand for blocks of cells.
     share : float, optional
         ω: by which share of P/k agents yield in a wave; None chooses a stable one.
     tolerance : float
-        Error in energy aimed at, as a share: √(Σ P²/k) over √(load · displacement).
+        Relative error in energy to reach: √(Σ P²/k) over √(load · displacement).
 
     Raises
     ------

@@ -81,10 +81,9 @@ class MaterialAgent(PlacedAgent):
     """A cell of material that a load has woken.
 
     Subclass it to try agents of your own: `take` says what the agent does with a load,
-    `emissions` which shares leave it, `pass_on` whom it hands how much, `shortening` how it
-    yields to what it keeps. A model that is given a subclass keeps its agents as objects by
-    itself. Whatever a subclass hands over is looked at: what is no load, or has no neighbour
-    to go to, is refused by name.
+    `emissions` which shares leave it, `pass_on` who gets how much, `shortening` how far it yields.
+    Agents of a subclass are always objects. Everything that a subclass hands over is checked: an
+    impossible load, or one without a neighbour to take it, raises an `AgentError`.
 
     Attributes
     ----------
@@ -166,7 +165,7 @@ class MaterialAgent(PlacedAgent):
         )
 
     def remove(self) -> None:
-        """Refuse to leave: a load may be on its way here.
+        """Raise an error: a load may be on its way here.
 
         Raises
         ------
@@ -225,7 +224,7 @@ class MaterialAgent(PlacedAgent):
         return emissions
 
     def pass_on(self, load: Load) -> None:
-        """Put the other shares of a load into the neighbours' boxes, unless they are too small."""
+        """Hand the other shares of a load to the neighbours, unless they are too small."""
         emissions, (_, magnitude, copies, _) = self.emissions(load), load
         known = type(emissions) is Emissions and emissions.split.get(magnitude)
         sent, ended = known or self.engine.split(self, emissions, magnitude)

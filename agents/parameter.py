@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Parameter:
-    """A number of a class of agents, the same for all of them, that a model can be given.
+    """A number that all agents of a class share, and that is given to the model.
 
     Declared on the class, it is a keyword of `LoadModel`, a column of its data, a line in the
     summary of its results, and a slider. Agents read it as an attribute.
@@ -23,9 +23,9 @@ class Parameter:
     Parameters
     ----------
     default : int, float or bool
-        Its value unless the model is given another. A whole number stays whole.
+        Its value, unless the model gets another. If it is a whole number, all values must be.
     low, high : int or float, optional
-        The least and the largest value; only a bool needs none.
+        The smallest and the largest value; not needed for a bool.
     text : str
         What it means, with its unit: the label of the slider.
 
@@ -123,10 +123,10 @@ class Parameter:
 
 
 class State:
-    """What each agent of a class knows, to be seen: in pictures, films, tables and stored results.
+    """What each agent of a class remembers; pictures, films, tables and stored results show it.
 
-    Declared on the class, it is an attribute of every agent with a value of its own. The result
-    keeps its course, generation by generation.
+    Declared on the class, it is an attribute of every agent, each with its own value. The result
+    keeps the values of every generation.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class State:
     Raises
     ------
     ParameterError
-        If the default is no finite number.
+        If the default is not a finite number.
 
     Examples
     --------

@@ -55,7 +55,7 @@ class Coefficients:
         (0.5, 0.5, 0.25) in two dimensions and (0.5, 0.5, 0.125) in three, for which
         α₂ + 2 (dimension - 1) α₃ = 1.
     beta : float
-        Part of the Poisson expansion that happens freely, in [0, 1]; the rest pushes the
+        Part of the lateral (Poisson) expansion that is free, in [0, 1]; the rest pushes the
         neighbours beside.
 
     Raises
@@ -86,7 +86,7 @@ class Coefficients:
             raise ParameterError(f"beta: must lie between 0 and 1, got {self.beta}")
 
     def alpha_in(self, dimension: int) -> tuple[float, float, float]:
-        """Return α₁, α₂ and α₃, also where they are left to the dimension."""
+        """Return α₁, α₂ and α₃; where none are given, those of the dimension."""
         return self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
 
     def shares(self, material: Material, dimension: int, sense: bool = False) -> Shares:
@@ -123,15 +123,14 @@ class PrescribedRule(Coefficients):
     threshold : float
         γ (N): an agent spawns only for a load above it, an emission up to it is dropped.
     accumulate : bool
-        False: each load is judged against γ by itself. True: loads that meet in one agent
-        in one generation are added per direction before they are judged.
+        False: each load is compared with γ by itself. True: loads that meet in one agent in one
+        generation and along one direction are added up first.
     materials : mapping of str to Coefficients
         Coefficients of single materials, by name.
     sense : bool
-        False: every load squeezes, whichever way it points (the description's literal
-        reading). True: loads push or pull. A push travels along its force, a pull against
-        it; pushes shorten a cell, pulls lengthen it, and at a free surface one comes back as
-        the other.
+        False: every load squeezes, in whichever direction it points. True: loads push or pull. A
+        push travels along its force, a pull against it; pushes shorten a cell, pulls lengthen it,
+        and at a free surface one comes back as the other.
 
     Raises
     ------

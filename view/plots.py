@@ -83,7 +83,7 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
-        What the picture takes; an option that it has not is refused by name.
+        Options of the picture; others raise an error.
 
         - ``cut={"y": 0.05}``: the plane through a body of cubes to show (m), ``cut={}`` one
           through the agents; unless given that, or the whole body in space.
@@ -103,7 +103,7 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     Returns
     -------
     matplotlib Figure
-        Call its ``savefig``, or let a notebook show it.
+        A notebook shows it; ``savefig`` writes it.
 
     Raises
     ------

@@ -166,7 +166,7 @@ class ElasticResult(BodyResult):
 
     @property
     def stiffness(self) -> Floats | None:
-        """What each agent's material was multiplied by, shape (agents,); None: nothing was."""
+        """Factor of each agent's moduli, shape (agents,); None if there is none."""
         return self.found.stiffness
 
     @property
@@ -181,7 +181,7 @@ class ElasticResult(BodyResult):
 
     @property
     def cause(self) -> Floats:
-        """Gap (J) of its parent, for which each agent spawned.
+        """Gap (J) of the parent of each agent, because of which the parent spawned.
 
         0 for the first agents, NaN for those that keep neighbours of similar size, and those whose
         parent spawned in the same step.
@@ -255,7 +255,7 @@ class ElasticResult(BodyResult):
 
     @property
     def gap(self) -> Floats:
-        """What the two opinions of each agent differ in (J): where it is large, agents spawn.
+        """Squared difference of the two stresses of each agent (J); agents spawn where it is large.
 
         The integral of the squared difference of both stresses, weighed by the compliance. Summed
         over all agents it is twice the distance of `energy_bounds`, where loads act alone. In
@@ -304,7 +304,7 @@ class ElasticResult(BodyResult):
         return None if self.no_bound else self.error_estimate
 
     def checks(self) -> list[Check]:
-        """Return whether the supports bear the loads, as far as the notes do not say otherwise."""
+        """Return whether the reactions of the supports balance the loads."""
         applied = self.found.applied(self.stage)
         reactions = self.reactions.values()
         missing = sum(reactions, applied.sum(axis=0))
@@ -436,13 +436,13 @@ class ElasticResult(BodyResult):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Decisions of the solver, doubts about the tolerance, and the `caveats`."""
+        """What the solver decided, what is not proved of the tolerance, and the `caveats`."""
         ours = (*self.found.solution.notes, *self._unproved, *self.caveats)
         return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
 
     @cached_property
     def caveats(self) -> tuple[str, ...]:
-        """What is approximate beside the error on the cells: outlines, loads, corners."""
+        """What is approximate, apart from the error on the cells: outlines, loads, corners."""
         return tuple(full for _, full in self._caveats)
 
     @property

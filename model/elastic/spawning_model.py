@@ -25,19 +25,19 @@ MOST_OBJECTS = 10_000
 
 
 class SpawningModel(SteppedModel):
-    """Agents that form their opinions and spawn, one generation a step.
+    """Agents that spawn where their two opinions differ, one generation in each step.
 
     The first agents are as large as the body, its materials, supports and loads let them be. In the
-    plane each has two opinions of its load: a displacement that fits its neighbours without a gap,
-    and a stress that balances, which hands on exactly what arrives. In the first step all find
-    theirs. In every later step those whose opinions differ most spawn 4 children of half their size
-    and retire, a few more do so to keep neighbours alike in size, and all find their opinions
-    again. What all differ in together proves how far they are off: the model ends when that is
-    within the tolerance. In space agents have the first opinion alone, 8 children, and an estimate.
+    plane each has two opinions about the load: a displacement that fits its neighbours without a
+    gap, and a stress that balances the loads. In the first step all agents find theirs. In every
+    later step those whose opinions differ most spawn 4 children of half their size and retire; a
+    few more do so because neighbours may differ in size by a factor of two only; then all find
+    their opinions again. The sum of all differences proves the error, and the model ends when it is
+    within the tolerance. In space agents have the first opinion only, 8 children, and an estimated
+    error.
 
-    What the agents do is computed on arrays; the objects in `agents` show it. There they
-    are by themselves as long as there are not more than 10,000 of them, retired ones
-    included; of larger numbers the objects are made when `agents` is read.
+    Agents are computed on arrays; the objects in `agents` show them. Up to 10,000 agents, retired
+    ones included, they are always there; above, they are made when `agents` is read.
 
     Parameters
     ----------
@@ -57,8 +57,9 @@ class SpawningModel(SteppedModel):
     generation : int
         Steps taken.
     error : float
-        Of the stress in the energy norm, relative: what ends the run. In the plane proved, in
-        space estimated; of a goal it is estimated, too.
+        Relative error of the stress in the energy norm, or of the goal; the run ends when it is
+        within the tolerance. In the plane it is proved, in space estimated; that of a goal is
+        estimated.
     running : bool
         False when the error is within the tolerance, or no more agents may spawn.
 
@@ -106,7 +107,7 @@ class SpawningModel(SteppedModel):
         self.reset()
 
     def reset(self) -> None:
-        """Go back to the first agents, before they have any opinion."""
+        """Go back to the first agents, before the first step."""
         began = perf_counter()
         self._start_again()
         for agent in self._objects:
@@ -151,7 +152,7 @@ class SpawningModel(SteppedModel):
 
     @property
     def agents(self) -> Any:
-        """Every agent that ever stood, as a Mesa AgentSet in the order of spawning."""
+        """All agents, retired ones too, as a Mesa AgentSet in the order of spawning."""
         self._make_objects()
         return super().agents
 

@@ -25,33 +25,33 @@ _ROUNDING = 1e-9
 
 
 class FractureModel(Stepper[FractureResult]):
-    """A network or a body whose springs or cells break one at a time, where they bear too much.
+    """A network or a body whose springs or cells break, one at a time.
 
-    The load is scaled, up or down, to the factor at which the next one breaks: the one that bears
-    the largest share of what it survives. Then its force goes to the others.
-    Displacements are small: the answer is linear in the load as long as nothing breaks.
-    Springs and cells break when they are pulled, not when they are pressed. A body that parts has
-    come to its end; that is no error.
+    The load is scaled, up or down, to the factor at which the next one breaks: the one whose load
+    is the largest share of its strength. Then the others take over its force. Displacements are
+    small: the answer is linear in the load as long as nothing breaks. Springs and cells break when
+    they are pulled, not when they are pressed. The run ends when the body parts; that is not an
+    error.
 
     Parameters
     ----------
     subject : SpringNetwork or Scene
-        What breaks, under forces or given displacements: of a network those of its one stage, of a
-        scene all, at their end. In a scene of squares or cubes the cells of an elastic body break,
-        solved as they are; hexagons are a network of springs.
+        What breaks, under forces or given displacements: those of the only stage of a network, or
+        of the last stage of a scene. In a scene of squares or cubes the cells of an elastic body
+        break; hexagons are a network of springs.
     strength : float or (m,) floats
-        Mean strength of the springs or the cells (row by row); with `weibull` its scale. Springs
-        have 1 unless given, cells none.
+        Mean strength of the springs or the cells (row by row); with `weibull` the scale. By default
+        1 for springs; cells need one.
     measure : {"force", "stress", "strain", "energy"}, optional
-        What is exceeded: a spring's tension (N; what is asked if nothing is said) or a cell's
-        largest principal stress (Pa; so, too), the largest strain, or the energy (J) in a spring,
-        or in a cell that is pulled some way.
+        What must not exceed the strength: the tension of a spring (N; the default), the largest
+        principal stress of a cell (Pa; the default), the largest strain, or the energy (J) of a
+        spring, or of a cell that is pulled in some direction.
     scatter : float
         Strengths are spread evenly over (1 ± scatter) times the mean.
     weibull : float, optional
         Modulus of a Weibull distribution of strengths, in the place of the even spread.
     most_breaks : int, optional
-        Breaks after which to end; none: as many as there are.
+        Breaks after which to end; None: no limit.
     seed : int
         Seed of the strengths.
 
@@ -67,20 +67,20 @@ class FractureModel(Stepper[FractureResult]):
     ParameterError
         If a number is outside its rule.
     SceneError
-        If the subject is nothing that can break: springs stretched from the start, several
-        stages of a network's load, forces beside given displacements, weight, true outlines.
+        If the subject cannot break: springs stretched from the start, several stages of a network's
+        load, forces together with given displacements, weight, true outlines.
     MechanismError
-        If the body resists the load not even unbroken.
+        If the unbroken body already gives way without resistance.
 
     Notes
     -----
-    When a spring with tension T and elongation e breaks, and the gap then opens to e', the
-    energy ½ T e' is released under the fixed load; the work of the loads is what is stored and
-    what is released, at every step. Of a cell the same holds of its swelling, its distortion and
-    the shear of its edges; a broken one keeps 1e-10 of its stiffness.
+    When a spring with tension T and elongation e breaks, and the gap then opens to e', the energy ½
+    T e' is released under the fixed load. At every step the work of the loads is what is stored
+    plus what is released. For a cell the same holds for swelling, distortion and the shear of its
+    edges; a broken cell keeps 1e-10 of its stiffness.
 
-    Cells know no crack tip: where stress is singular, the load at which a cell breaks depends on
-    its size h, as 1/√h. The strength is one of cells of this size.
+    Cells do not resolve the tip of a crack: where stress is singular, the load at which a cell
+    breaks depends on its size h, as 1/√h. The strength holds for cells of this size.
 
     References
     ----------

@@ -181,7 +181,7 @@ class FractureResult(Result):
         return self.history
 
     def state(self, breaks: int | None = None) -> NetworkResult | ElasticResult:
-        """Return what is left after so many breaks, and how it bears.
+        """Return the rest after so many breaks, and what it bears.
 
         Of a network at the load of the last of them; of the cells of a scene under its whole load
         (a load factor of 1), as `kaju.solve` answers.
@@ -251,7 +251,7 @@ class FractureResult(Result):
             yield factor * body.displacement(), borne if at == count else np.zeros_like(borne)
 
     def factor_after(self, count: int) -> float:
-        """Return the load factor right after so many breaks; before the first, that of it."""
+        """Return the load factor after so many breaks; before the first, that of the first."""
         return float(self.load_factor[max(count - 1, 0)]) if self.breaks else 1.0
 
     @property

@@ -32,28 +32,28 @@ _TIGHT = 1e-6
 
 
 class GrowthModel(Stepper[GrowthResult]):
-    """A body whose cells thicken where they carry and thin where they do not.
+    """A body whose cells get denser where they carry load, and thinner where they do not.
 
     Every cell has a density from 0 to 1, the share of it that is filled; its stiffness is the
     density to the rule's power, as a share of its material's. A step changes all densities by what
-    the cells feel, and lets them feel again: the elastic equations are solved from the displacement
-    before. Displacements are small.
+    the cells feel, then solves the elastic equations again, starting from the last displacement.
+    Displacements are small.
 
     Parameters
     ----------
     scene : Scene
-        Of squares or cubes, all of whose material may go; held, and loaded by forces.
+        Of squares or cubes, held, and loaded by forces. All of its material may disappear.
     rule : {"compliance", "remodelling", "stress"} or GrowthRule
-        How cells grow: least compliance of a given volume, towards a set energy that a unit of mass
-        saves, or towards an allowed stress. An object of one of these classes, or of your own,
-        takes its own parameters (`kaju.model.growth.growth_rules`).
+        How cells grow: to the least compliance of a given volume, towards a given energy stored per
+        mass, or towards an allowed stress. An object of one of these classes, or of your own, takes
+        its own parameters (`kaju.model.growth.growth_rules`).
     volume : float
-        Share of the body's volume that is filled at first, and by "compliance" throughout.
+        Share of the body's volume that is filled at first; "compliance" keeps it.
     filter_radius : float
-        Radius (cells) over which densities, or what they feel, are averaged by "compliance"; 1 or
-        less averages nothing.
+        Radius (cells) over which "compliance" averages densities or what cells feel; with 1 or less
+        nothing is averaged.
     start : array, optional
-        First densities, of the shape of the scene's cells, instead of the same everywhere.
+        First densities, in the shape of the scene's cells; by default the same everywhere.
     stage : int, optional
         Stage of loading; by default the last.
     most_steps : int
@@ -81,7 +81,7 @@ class GrowthModel(Stepper[GrowthResult]):
     ParameterError
         If an argument breaks its rule.
     SceneError
-        If the scene is nothing that can grow: moved sides, weight, no forces.
+        If the scene cannot grow: moved sides, weight, or no forces.
 
     Examples
     --------
@@ -158,7 +158,7 @@ class GrowthModel(Stepper[GrowthResult]):
         return self._growing.compliance
 
     def advance(self) -> None:
-        """Let all densities change by what their cells feel, and let them feel again."""
+        """Change all densities by what their cells feel, and solve again."""
         grown = np.asarray(self.rule.grow(self._felt()), dtype=np.float64)
         right = grown.shape == self.design.shape
         require(

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GrowthResult(BodyResult):
-    """What has grown, and what it felt step by step.
+    """A body that has grown: densities and compliance, step by step.
 
     Examples
     --------
@@ -196,7 +196,7 @@ class GrowthResult(BodyResult):
         } | ({"notes": list(notes)} if notes else {})
 
     def checks(self) -> list[Check]:
-        """Return whether the volume is what was asked for, at every step, if the rule holds it."""
+        """Return whether every step has the volume asked for, if the rule keeps it."""
         if not self.holds_volume:
             return []
         off = float(np.abs(self.volumes[1:] / self.volume - 1.0).max(initial=0.0))

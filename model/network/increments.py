@@ -75,7 +75,7 @@ class NetworkModel(Stepper[NetworkResult]):
     ParameterError
         If an argument is outside its rule.
     MechanismError, BucklingError
-        If the network gives way; the error's `result` is what was reached.
+        If the network gives way; `result` of the error is what was reached before.
     ConvergenceError
         If an increment is too large.
 

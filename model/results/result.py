@@ -58,14 +58,14 @@ class Check(NamedTuple):
 
 
 class Result:
-    """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
+    """The base class of all answers of kaju.
 
-    It prints its key figures, and not its thousands of agents.
+    Printed, a result shows its key figures.
 
     Attributes
     ----------
     kind : str
-        What it is an answer of; stored results are labelled by it.
+        Which kind of answer it is; stored results have it as a label.
     seconds : float
         Time that the computation took (s).
     pictures, films : tuple of str
@@ -91,12 +91,12 @@ class Result:
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Names of the pictures of it, the usual one first."""
+        """Names of its pictures, the default first."""
         return tuple(KINDS[self.kind].pictures)
 
     @property
     def films(self) -> tuple[str, ...]:
-        """Names of the animations of it, the usual one first."""
+        """Names of its animations, the default first."""
         return tuple(KINDS[self.kind].films)
 
     @property
@@ -113,7 +113,7 @@ class Result:
         """Return one row per agent, or per time."""
 
     def checks(self) -> list[Check]:
-        """Return what must hold in it whatever was asked: its ledger, forces and energies balance.
+        """Return the checks that must hold for every result: ledger, forces and energies balance.
 
         Examples
         --------

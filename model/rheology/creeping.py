@@ -70,12 +70,12 @@ def creep(
     duration : float, optional
         How long (s); by default as long as the history.
     times : array_like, optional
-        Times at which the result is wanted (s), rising, up to `duration`; by default 101,
-        evenly spread, and the corners of the history. They are read between the time steps, which
-        do not depend on them.
+        Times at which the result is wanted (s), rising, up to `duration`; by default 101, evenly
+        spread, and the corners of the history. The result is interpolated between the time steps,
+        which do not depend on these times.
     tolerance : float
-        Error that may come up in an e-fold of time, as a share of the largest stretch, in
-        quarters; see `kaju.model.rheology.integrate`.
+        Error allowed while time grows by the factor e, as a share of the largest stretch; see
+        `kaju.model.rheology.integrate`.
     rheology : ThreeElement or sequence of them
         Networks: the material of the springs; one element is scaled to the stiffness of each
         spring, a sequence is taken as it is.
@@ -109,11 +109,10 @@ def creep(
 
 
 class CreepModel(Stepper[AnyTimeResult]):
-    """What creeps, step by step in time.
+    """Creep, step by step in time.
 
-    Every step goes on to the next of the times asked for, to the `moment` (s); on the way there,
-    as many time steps are made as the tolerance needs. Parameters, errors and numbers are those
-    of `creep`.
+    Every step goes to the next of the times asked for (`moment`, in s), by as many time steps as
+    the tolerance needs. Parameters, errors and numbers are those of `creep`.
 
     Examples
     --------
@@ -189,7 +188,7 @@ class CreepModel(Stepper[AnyTimeResult]):
         return f"{self.moment:.4g} s of {self._asked[-1]:.4g} s"
 
     def result(self) -> AnyTimeResult:
-        """Return what has been seen so far.
+        """Return what has been computed so far.
 
         Raises
         ------

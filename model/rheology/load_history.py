@@ -31,17 +31,16 @@ class Corner(NamedTuple):
 
 @dataclass(frozen=True)
 class History:
-    """A factor over time, straight between its corners.
+    """A factor over time, linear between its corners.
 
     It is 0 up to and at time 0 (a first factor other than 0 is a jump there) and keeps its
-    last factor for ever. Two corners at the same time are a jump; exactly there the history
-    has the value *before* the jump, so that a run that stops at a jump can be resumed and
-    meets the jump afterwards.
+    last factor for ever. Two corners at the same time are a jump; exactly there the history has the
+    value *before* the jump.
 
     Parameters
     ----------
     times : tuple of float
-        Times of the corners (s), not falling, the first 0.
+        Times of the corners (s), in order, the first 0.
     factors : tuple of float
         Factor at each corner.
 

@@ -43,7 +43,7 @@ _AXIS_SIDES = {
 
 @dataclass(frozen=True)
 class Lattice(ABC):
-    """A regular arrangement of equal cells; the base of lattices of one's own.
+    """A regular arrangement of equal cells; the base class of your own lattices.
 
     A subclass gives `kind`, `forms`, `form`, `outline` and `centres`. Give it to a body as
     ``Body(..., lattice=Triangles)``. A scene file names it by its kind, once the class exists.
@@ -222,7 +222,7 @@ class Lattice(ABC):
         return cosines
 
     def way(self, direction: int, form: int) -> Neighbourhood:
-        """Return the neighbours of a cell as a load sees them that travels in a direction.
+        """Return which faces are ahead of a load, behind and beside it, and with which weights.
 
         Ahead is the face that looks most along the load; if two do so alike, as of a triangle
         that stands on a corner, each takes its part of what goes ahead. Behind likewise. All
@@ -393,7 +393,7 @@ class Lattice(ABC):
         return beyond
 
     def key(self, cells: Cells) -> Ints:
-        """Give each cell a number of its own, those in the rim just outside included."""
+        """Give each cell its own number, also the cells just outside of the array."""
         padded = np.asarray(self.shape, dtype=np.int64) + 2
         key = cells[:, 0] + 1
         for axis in range(1, self.dimension):

@@ -34,18 +34,18 @@ def sampled_shape(
     upper: tuple[float, ...],
     samples: Sequence[int],
 ) -> dict[str, Any]:
-    """Return a region's `image` that holds where a function is not above 0.
+    """Return an `image` for a region: the place where a function is not above 0.
 
-    The function is sampled once, and the body is where the samples, bilinear (in space trilinear)
-    between them, are not above 0: this is the body that bounds are proved of, not the one between
-    the samples.
+    The function is sampled once. The body is where the samples, interpolated bilinearly (in space
+    trilinearly), are not above 0; bounds are about this body.
 
     Parameters
     ----------
     distance : callable
-        Of points (m), shape (n, 2) or (n, 3): below 0 within the body, such as a signed distance.
+        A function of points (m), shape (n, 2) or (n, 3); below 0 within the body, such as a signed
+        distance.
     lower, upper : point
-        Corners (m) of the box that is sampled; beyond it there is none of the body.
+        Corners (m) of the box that is sampled; there is no body outside of it.
     samples : two or three of int
         Samples along x, y (and z), two or more, those on the sides included.
 

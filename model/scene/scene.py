@@ -57,8 +57,8 @@ FEW_CELLS = 5.0
 class Scene(Description):
     """A body, how it is held, how it is loaded, and the rule by which agents pass load on.
 
-    What a scene file writes as tables may be given as dictionaries too. Scenes are equal if
-    they describe the same cells, supports, loads and rule, in whatever words.
+    What a scene file writes as tables may be given as dictionaries too. Scenes are equal if they
+    describe the same cells, supports, loads and rule, even in other words.
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ class Scene(Description):
     loads : tuple of Load
         What presses on the body.
     loading : {"afresh", "continue"}
-        Whether agents that pass loads on start anew at each step of the loads, or live on and
-        take what the step adds.
+        Whether agents start anew at each step of the loads ("afresh"), or live on and take what the
+        step adds ("continue").
     rule : PrescribedRule
         How agents pass load on.
     history : History, optional
-        How the loads change in time, for `creep`; all other models apply them as they are.
+        How the loads change in time, for `creep`; all other models ignore it.
 
     Raises
     ------
@@ -180,7 +180,7 @@ class Scene(Description):
 
     @property
     def outlined(self) -> bool:
-        """Whether the body has true outlines, which `kaju.solve` alone knows."""
+        """Whether the body has true outlines, which only `kaju.solve` takes."""
         return self.body.outlined
 
     @property
@@ -216,7 +216,7 @@ class Scene(Description):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What should be known of the body before any answer, in words."""
+        """What a reader should know about the body, in words."""
         found, h = [], self.lattice.cell_size
         for material in self.cell_materials:
             if material.youngs_modulus < SOFTEST:
@@ -328,7 +328,7 @@ class Scene(Description):
         return self.replace(loads=loads)
 
     def with_region(self, material: str = "air", **shape: Any) -> Scene:
-        """Return the scene with a part of the array filled anew: by default a hole.
+        """Return the scene with a region filled with something else; by default air, a hole.
 
         Parameters
         ----------

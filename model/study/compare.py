@@ -195,11 +195,10 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
     result : result of load transfer or of elasticity, or a run of agents
         The answer that is judged.
     reference : the same, or Reference
-        The answer that is believed; on cells of any size, or within true outlines.
+        The answer that counts as the truth, on cells of any size or within true outlines.
     points : array, shape (n, dimension), optional
-        Where to compare (m). By default in the middles of the larger cells of the two scenes,
-        within true outlines of 64 along the longer side or more, as far as both bodies reach;
-        a `Reference` that does not know these is compared at its own points.
+        Where to compare (m). By default in the middles of the larger cells of the two answers,
+        where both have body; a `Reference` that does not know these is compared at its own points.
 
     Returns
     -------

@@ -37,21 +37,22 @@ def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementR
     scene : Scene
         Of square cells or cubes; its sides are free, rigid or rollers.
     order : {1, 2}
-        Of the polynomials along every axis of an element, which is a square or a cube.
+        Order of the polynomials in each element, a square or a cube.
     split : int
         Elements along the edge of a cell.
 
     Returns
     -------
     ElementReference
-        What `kaju.compare` takes as the answer that is believed.
+        An answer that `kaju.compare` takes as the truth.
 
     Raises
     ------
     MissingExtraError
         If scikit-fem is missing.
     ParameterError
-        If an argument is outside its rule, or elements cannot tell what the scene asks for.
+        If an argument is outside its rule, or the scene has sides, cells or loads that are not
+        supported.
 
     Examples
     --------

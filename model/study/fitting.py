@@ -111,24 +111,24 @@ def fit_rule(
     quantity: Quantity | Mapping[Quantity, float] = "displacement",
     evaluations: int = 600,
 ) -> Fit:
-    """Find α and β that bring the prescribed rule closest to a reference on a scene.
+    """Find the α and β for which the prescribed rule is closest to a reference.
 
-    The coefficients fit this body under these loads, and no others. Made small is the root of
-    the weighted mean square of the misfits; the result lists what got worse for it. No more is
-    passed on along the load than the load.
+    The coefficients fit this body under these loads only. The root of the weighted mean square of
+    the misfits is minimised; the result says what got worse. Agents never pass on more along the
+    load than they take.
 
     Parameters
     ----------
     scene : Scene
-        With a `PrescribedRule`; its threshold and kind of adding up are kept, coefficients of
-        single materials are given up.
+        With a `PrescribedRule`; its threshold and way of adding up are kept, coefficients of single
+        materials are dropped.
     reference : answer of elasticity or Reference, optional
-        What to come close to; by default the answer of elasticity.
+        What counts as the truth; by default the answer of elasticity.
     quantity : {"displacement", "stress"} or mapping
-        Whose misfit to make small: the norm of the difference over that of the reference.
+        Which misfit to minimise: the norm of the difference over the norm of the reference.
         ``{"displacement": 1, "stress": 2}`` weighs both.
     evaluations : int
-        Runs of the rule, about.
+        About how often the rule is run.
 
     Returns
     -------

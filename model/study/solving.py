@@ -53,53 +53,49 @@ def solve(
     previous: ElasticResult | None = None,
     stiffness: ArrayLike | None = None,
 ) -> ElasticResult:
-    """Return how a body answers its loads, as linear elasticity and whatever the scene's rule.
+    """Solve a scene as linear elasticity, whatever its rule is.
 
     Parameters
     ----------
     scene : Scene, model or path
-        What is solved; of a model its scene is, of a path the scene in it. Networks of springs
-        are solved by `kaju.model.network.solve`.
+        What is solved: a scene, the scene of a model, or that in a file. Networks of springs are
+        solved by `kaju.model.network.solve`.
     tolerance : float, optional
-        Agents spawn until the relative error of the answer is below it: in the energy norm, or
-        in the `goal`; where forces alone act, or moved sides alone, its square is that of the
-        energy. Without one the scene's own cells are solved, or `resolution` times as many along
-        every axis.
+        Agents spawn until the relative error is below it, in the energy norm or of the `goal`.
+        Without one the cells of the scene are solved, or `resolution` times as many along every
+        axis.
     resolution : int, optional
-        Cells per cell of the scene, along every axis. Regions are asked again, so that round
-        shapes become rounder. No agent is smaller.
+        Into how many cells each cell of the scene is split, along every axis; round shapes become
+        rounder. With a tolerance, no agent is smaller than these cells.
     goal : optional
-        What the tolerance is about instead of the energy norm; 0.01 unless one is given.
-        A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
-        quantity: its error is relative to itself, or to a hundredth of the largest
-        displacement, stress or reaction if that is more; of several the worst counts. A
-        point, a region or a side stands for its `Deflection`. Within true outlines it is the
-        largest stress along one of them, by its name or as ``Stress(name, "hoop")``.
+        What the tolerance (0.01 unless given) is about, instead of the energy norm: a `Deflection`,
+        a `Stress` or a `Reaction`, or a list of these. Errors are relative to the quantity, or to a
+        hundredth of the largest displacement, stress or reaction if that is more; of several the
+        largest counts. A point, a region or a side means its `Deflection`. Within true outlines it
+        is the largest stress along one of them, by its name or as ``Stress(name, "hoop")``.
     stage : int, optional
         Stage of loading; by default the last.
     previous : ElasticResult, optional
-        The answer to a scene on the same cells, of which something was changed, to start from.
-        It is continued in the way that it was found, at its tolerance and resolution unless
-        others are given.
+        An answer to start from, of a scene on the same cells in which something was changed. Its
+        tolerance and resolution are kept unless others are given.
     stiffness : array, optional
-        What the materials' moduli are multiplied by: one number above 0 for every cell of the
-        scene, indexed as `Scene.from_array` does; where there is no material it is not looked at.
-        The cells are solved as they are, or `resolution` times as many along every axis, and
-        the tolerance is that of their equations: in a loop that changes the stiffness a little
-        each time, 0.01 with the `previous` answer does.
+        Factors of the materials' moduli: one number above 0 for every cell of the scene, indexed as
+        in `Scene.from_array`; those of cells without material are ignored. Agents do not spawn, and
+        the tolerance is that of the equations: in a loop that changes the stiffness a little each
+        time, 0.01 with the `previous` answer is enough.
 
     Returns
     -------
     ElasticResult
-        Short of the tolerance only where agents may not be smaller, which its notes say.
+        If agents may not be small enough for the tolerance, its notes say so.
 
     Raises
     ------
     SupportError
         If a part of the body could move without straining.
     ConvergenceError
-        If the tolerance asks for too many agents, or an iteration ends above it; `best` holds
-        the result so far.
+        If the tolerance needs too many agents, or an iteration does not reach it; `best` holds the
+        result so far.
     ParameterError, SceneError
         If an argument or the scene breaks a rule.
     OutOfMemoryError

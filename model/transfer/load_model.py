@@ -65,14 +65,14 @@ class LoadModel(SteppedModel):
     boundary_agents : mapping of str to type of BoundaryAgent, optional
         Your own classes for "free", "rigid" or "roller" boundaries.
     order : callable, optional
-        Your own order of work: from the agents for which loads wait, it chooses those that
-        act in this step, one after another. The others wait. None: all act at once.
+        A function that gets the agents for which loads wait, and returns those that act in this
+        step, one after another. The others wait. None: all act at once.
     rule : object, optional
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     seed : int, optional
         Another word for `rng`.
     scenario : mesa Scenario, optional
-        Its numbers are read as if they were keywords; a keyword goes before it.
+        Its numbers are read as if they were keywords; a keyword overrides it.
     **kwargs
         Numbers of the scene's rule to replace, such as ``threshold=0.001``, and values of the
         parameters that your agents declare; see `kaju.Parameter`.
@@ -86,14 +86,15 @@ class LoadModel(SteppedModel):
     running : bool
         False when the last stage has come to rest or was stopped.
     certificate : Certificate
-        What is known about the stability before the run; of agents of your own, nothing.
+        Whether loads will end, as far as it is known before the run; it is not known for agents of
+        your own.
     parameters : dict
         Values of the parameters that your agents declare, by name.
     agents : mesa AgentSet
-        The agents that are awake; refused where they are rows of arrays.
+        The agents that are awake; an error where they are rows of arrays.
     space : mesa.discrete_space grid or None
-        Where the agents live; its coordinates are the scene's, and its cells are made when
-        somebody asks for them. None where agents are rows of arrays.
+        Where the agents are, with the coordinates of the scene; cells are made when they are asked
+        for. None where agents are rows of arrays.
     datacollector : mesa.DataCollector
         After every step: stage, generation, number of material agents, loads taken so far
         in the stage, given back by boundaries, and waiting (N).
@@ -105,7 +106,7 @@ class LoadModel(SteppedModel):
     SceneError
         If the scene asks for something that only the elastic rule can do.
     ParameterError
-        If a boundary or engine does not exist, or a class is none for its task.
+        If a boundary or engine does not exist, or a class does not fit its task.
 
     Examples
     --------
@@ -195,7 +196,7 @@ class LoadModel(SteppedModel):
         course.seconds += perf_counter() - began
 
     def step(self) -> None:
-        """Let all agents act for whom loads wait, or those whom the order chooses.
+        """Let all agents act that have loads to take, or those that the order chooses.
 
         Each takes its loads, keeps a share and passes the others on. Boundaries give back, and
         loads arrive, when this has ended.
@@ -203,7 +204,7 @@ class LoadModel(SteppedModel):
         self.engine.act(self.order)
 
     def run(self, until: Until | None = None, progress: bool | None = None) -> TransferResult:
-        """Step to the end, so many times, or until a question is answered yes; return the result.
+        """Step to the end, a number of times, or until a function returns True; return the result.
 
         `progress`: show a progress line; None: on a terminal, when the run takes over two seconds.
         """
@@ -319,7 +320,7 @@ class LoadModel(SteppedModel):
         return self.transfer.heading(load.direction, load.sense)
 
     def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
-        """Bring a load to the neighbour over an arm, where it is taken in the next step.
+        """Hand a load to the neighbour over an arm, which takes it in the next step.
 
         Raises
         ------

@@ -72,8 +72,8 @@ class AgentState:
 class TransferResult(BodyResult):
     """What the agents of a load-transfer run have taken, kept and passed on.
 
-    Strain, stress, displacement and the agents themselves are those of the last stage of
-    loading; `at_stage` gives the same result as of an earlier one.
+    Strain, stress, displacement and agents are those of the last stage of loading; `at_stage` gives
+    those of an earlier one.
 
     Examples
     --------
@@ -135,7 +135,7 @@ class TransferResult(BodyResult):
 
     @cached_property
     def states(self) -> dict[str, AgentState]:
-        """What the agents of the last stage know (`kaju.State`), by name."""
+        """The states (`kaju.State`) of the agents of the last stage, by name."""
         stage = self.last
         return {course.name: AgentState(course, stage) for course in stage.states}
 

@@ -103,7 +103,7 @@ def export_page(
     lesson: Mapping[str, Any] | None = None,
     python: bool = False,
 ) -> Path:
-    """Write a page in which a run can be watched, touched and handed on.
+    """Write a page that shows a run, and lets readers change it.
 
     The file needs nothing else: it opens by a double click, without server or network. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
@@ -120,7 +120,7 @@ def export_page(
         Headline, and what is written beside the picture, in Markdown: headings, lists, tables,
         links, ``**bold**``, ``*emphasis*``. A mapping has a text for each language.
     presets : mapping of str to Scene or (Scene, str), optional
-        Further scenes by name, each loaded by one click; the text says what to look for.
+        Further scenes by name, as buttons; the text says what to look for.
     language : {"en", "de", "ja"}, optional
         Language of the page's own words; the reader's own unless given.
     exact : bool
@@ -140,7 +140,7 @@ def export_page(
     Raises
     ------
     ParameterError
-        If there is nothing that a page can show, or the file's name does not end in ``.html``.
+        If a page cannot show it, or the name of the file does not end in ``.html``.
     ResultFileError
         If the file cannot be written.
 

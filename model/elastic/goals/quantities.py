@@ -45,10 +45,10 @@ class Deflection(_Parsed):
     Parameters
     ----------
     at : point, region or side
-        The mean counts, unless it is a point.
+        Where; over a region or a side the mean is taken.
     along : str or sequence of float, optional
-        An axis such as "y", or a direction such as (1, -1), whose length does not count. By
-        default the displacement as a vector.
+        An axis such as "y", or a direction such as (1, -1) of any length. By default the
+        displacement as a vector.
 
     Examples
     --------

@@ -45,10 +45,10 @@ MOST_GROWTH = 1e12  # A run whose largest load exceeds that of the start by this
 class ElasticModel(SteppedModel):
     """Load transfer by shares that follow from the materials, step by step.
 
-    An agent spawns on a face when the load left there exceeds the threshold γ. It yields,
-    passes all that it took on to its neighbours, and rests until its load exceeds γ again.
-    Supports keep what they are handed. When all rest, the faces stand where linear
-    elasticity puts them, but for loads up to γ. The rule's order says which agents act in a step:
+    An agent spawns on a face when the load left there exceeds the threshold γ. It yields, passes on
+    all that it took to its neighbours, and rests until its load exceeds γ again. Supports keep the
+    loads that reach them. When all agents rest, the faces stand where linear elasticity puts them,
+    except for loads up to γ. The rule's order says which agents act in a step:
 
     - "wave": all agents above γ, by the share ω of P/k (damped Jacobi iteration);
     - "largest first": the one agent with the largest load (Southwell's relaxation);
@@ -204,7 +204,7 @@ class ElasticModel(SteppedModel):
         return self.table.threshold
 
     def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
-        """Bring a load (N) to another face of the sender's level, or to a support."""
+        """Hand a load (N) to another face of the same level, or to a support."""
         assert isinstance(self.engine, AgentPushEngine)
         self.engine.hand_over(sender, target, load)
 
@@ -214,7 +214,7 @@ class ElasticModel(SteppedModel):
         return self.engine.boundary_agent(number)
 
     def step(self) -> None:
-        """Let a wave pass, an agent act, or the agents of a level take turns."""
+        """Let one wave pass, one agent act, or the agents of one level take turns."""
         began = perf_counter()
         self.visit = next(self._order)
         self.state.generation += 1
@@ -294,7 +294,7 @@ class ElasticModel(SteppedModel):
         return step_to_end(self, until, self.result)
 
     def result(self) -> ElasticRun:
-        """Return what has been done so far."""
+        """Return what has been computed so far."""
         state, agents = self.state, FaceAgents.of(self.state)
         outcome = self.outcome or f"interrupted after {self.generation} steps"
         work = max(-2.0 * state.energy, 0.0)

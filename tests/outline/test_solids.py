@@ -14,7 +14,7 @@ import kaju
 from kaju.model.scene.level_sets import SampledShape
 from kaju.model.scene.shapes import Ball, Box, Cylinder
 from kaju.model.scene.surfaces import ClosedSurface
-from kaju.model.solid.cut_cells import CUT, EMPTY, WHOLE, SolidBody, below_zero, edge_shares, thick
+from kaju.model.solid.cut_cells import CUT, EMPTY, WHOLE, SolidBody
 
 STEEL = {"steel": {"youngs_modulus": 206e9, "poissons_ratio": 0.3}}
 SIDES = {"left": "roller", "front": "roller", "bottom": "roller"}
@@ -44,16 +44,6 @@ def wavy(points: np.ndarray) -> np.ndarray:
     """Return something like the distance from a ball with dents."""
     away = points - 0.47
     return np.linalg.norm(away, axis=1) - 0.3 - 0.04 * np.cos(9.0 * away).prod(axis=1)
-
-
-def test_tetrahedra_are_filled_as_far_as_a_plane_says() -> None:
-    rng = np.random.default_rng(0)
-    places = rng.dirichlet(np.ones(4), size=100_000)
-    for values in rng.normal(size=(20, 4)):
-        share = below_zero(values[:, None])[0]
-        assert share == pytest.approx((places @ values < 0.0).mean(), abs=8e-3)
-        assert share + below_zero(-values[:, None])[0] == pytest.approx(1.0)
-    assert below_zero(np.array([[-1.0], [-1.0], [1.0], [1.0]]))[0] == pytest.approx(0.5)
 
 
 SHAPES = {
@@ -93,30 +83,6 @@ def test_shapes_along_the_cells_cut_none() -> None:
         sorts = SolidBody((8, 8, 8), 0.125, False, ((shape, True),)).cells()
         assert (sorts != CUT).all()
         assert (sorts == WHOLE).sum() == 64
-
-
-def test_regions_cover_each_other() -> None:
-    balls = [Ball(centre=(0.5,) * 3, radius=radius) for radius in (0.45, 0.25)]
-    shell = ((balls[0], True), (balls[1], False))
-    solid = SolidBody((16, 16, 16), 1 / 16, False, shell)
-    share = solid.shares(solid.cells()).mean()
-    assert share == pytest.approx(4 / 3 * np.pi * (0.45**3 - 0.25**3), rel=4e-3)
-
-
-def test_edges_count_the_box_round_them() -> None:
-    eighths = np.zeros((4, 4, 4))
-    eighths[0:3] = 1.0
-    shares = edge_shares(eighths, (0, 2))
-    assert shares.shape == (3, 2, 3)
-    assert shares[:, 0, 0].tolist() == [1.0, 1.0, 0.0]
-    eighths[2] = 0.5
-    assert edge_shares(eighths, (0, 1))[1, 1, 0] == 0.75
-
-
-def test_thin_parts_are_left_out() -> None:
-    cells = np.zeros((5, 5, 5), dtype=bool)
-    cells[:3, :3, :3] = cells[3, 1, 1] = True
-    assert thick(cells).sum() == 27
 
 
 def test_a_ball_shaped_void_is_better_by_fractions_than_by_whole_cells() -> None:
@@ -174,17 +140,6 @@ def test_an_open_surface_is_refused(tmp_path: Path) -> None:
         path = stl(tmp_path / f"{number}.stl", 0.5 + 0.2 * corners)
         with pytest.raises(kaju.KajuError, match=r"surface\.file: is not closed"):
             block(6, {"surface": path})
-
-
-def test_surfaces_in_words_are_read(tmp_path: Path) -> None:
-    text = "solid cube\n"
-    for triangle in 0.5 + 0.25 * CUBE:
-        text += "facet normal 0 0 0\nouter loop\n"
-        text += "".join("vertex {} {} {}\n".format(*corner) for corner in triangle)
-        text += "endloop\nendfacet\n"
-    (tmp_path / "cube.stl").write_text(text + "endsolid cube\n")
-    scene = block(8, {"surface": str(tmp_path / "cube.stl"), "outline": "cells"})
-    assert (scene.rasterise() == -1).sum() == 64
 
 
 def test_a_rough_answer_names_a_remedy_that_is_not_refused() -> None:

@@ -7,7 +7,7 @@ from copy import deepcopy
 from functools import partial
 from typing import Any, NamedTuple, Self
 
-from kaju._mesa import DataCollector, Model, number_agents_of
+from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
 from kaju.errors import ParameterError
 from kaju.result_kinds import NOTEBOOK, fetch
 
@@ -35,7 +35,8 @@ class SteppedModel(Model):
     steps : int
         Steps taken since the start or the last `reset`.
     datacollector : mesa.DataCollector
-        The model's `figures` after every step. Set another one to collect what you like.
+        The model's `figures` after every step. Set another one to collect what you like. From
+        Mesa 3.5 on they are the data set "figures" of `data_registry`, too.
 
     Raises
     ------
@@ -57,6 +58,7 @@ class SteppedModel(Model):
         self.steps_taken, self._stepping = 0, False
         number_agents_of(self)
         super().__init__(rng=rng if seed is None else seed, **of_mesa)
+        track_figures(self)
         self.first_states = deepcopy(self.rng.bit_generator.state), self.random.getstate()
 
     def __setstate__(self, state: dict[str, Any]) -> None:

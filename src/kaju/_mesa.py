@@ -27,7 +27,27 @@ from mesa.discrete_space import (  # noqa: E402
     OrthogonalVonNeumannGrid,
 )
 
+try:  # Mesa has recorders from 3.5 on
+    from mesa.experimental import data_collection
+except ImportError:
+    data_collection: Any = None  # type: ignore[no-redef]
+
 multiprocessing.set_start_method(_before, force=True)
+
+
+def track_figures(model: Any) -> None:
+    """Enter a model's `figures` as a data set, which Mesa's recorders take, where it has any."""
+    if data_collection is not None:
+        model.data_registry.add_dataset(ModelDataSet("figures", model, ["steps"]))
+
+
+class ModelDataSet(getattr(data_collection, "ModelDataSet", object)):  # type: ignore[misc]
+    """A model's figures; recorders know what it is by the name of its class."""
+
+    @property
+    def data(self) -> Any:
+        """The figures by now."""
+        return self.model.figures()
 
 
 _numbers: WeakKeyDictionary[Model, count[int]] = WeakKeyDictionary()
@@ -53,5 +73,5 @@ class FixedAgent(mesa.discrete_space.FixedAgent):
 
 __all__ = [
     "Agent", "AgentSet", "Cell", "DataCollector", "DiscreteSpace", "FixedAgent", "HexGrid",
-    "Model", "Network", "OrthogonalVonNeumannGrid", "number_agents_of",
+    "Model", "Network", "OrthogonalVonNeumannGrid", "number_agents_of", "track_figures",
 ]  # fmt: skip

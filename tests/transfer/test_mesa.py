@@ -232,3 +232,14 @@ def test_the_scenario_of_mesas_page():
         pytest.skip("Mesa knows scenarios from 3.5 on")
     again = LoadModel(small(), scenario=type(model.scenario)(rng=7))
     assert again.random.random() == model.random.random()
+
+
+def test_a_recorder_of_mesas_takes_the_figures():
+    of_mesa = pytest.importorskip("mesa.experimental.data_collection", reason="Mesa from 3.5 on")
+    model = LoadModel(plate(), engine="arrays")
+    recorder = of_mesa.DataRecorder(model, {"figures": {}})
+    result = model.run()
+    recorder.finalise()
+    table = recorder.get_table_dataframe("figures")
+    assert table["load_taken"].iloc[-1] == result.last.ledger.taken
+    assert len(table) == model.generation + 1

@@ -241,5 +241,5 @@ def test_a_recorder_of_mesas_takes_the_figures():
     result = model.run()
     recorder.finalise()
     table = recorder.get_table_dataframe("figures")
-    assert table["load_taken"].iloc[-1] == result.last.ledger.taken
+    assert table["load_taken"].iloc[-1] == pytest.approx(result.last.ledger.taken, rel=1e-12)
     assert len(table) == model.generation + 1

@@ -16,11 +16,10 @@ from kaju.model.outline.laws import Law
 
 from .cut_border import Border, Entries, Known, coo
 from .cut_elements import integrated, quadratic_strain, stress_rows
-from .cut_mesh import CORNERS, CutMesh
+from .cut_mesh import CutMesh
 from .elements import forms, means, rule, stresses
 from .mesh import followed
 
-FLAT = 0.03  # triangles that are flatter, in the shorter edge at a corner, join this to an edge
 SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
 NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
 MOST_STEPS = 20  # of conjugate gradients
@@ -48,65 +47,24 @@ class Solved:
         self._factors = factors_of(sp.csc_array(scaled))
 
     def __call__(self, force: Floats) -> Floats:
+        """Return u."""
         return np.asarray(self._scale * self._factors.solve(self._scale * force))
 
 
 class Near:
-    """Vertices that are very near to others, or to edges, and what they count from.
+    """Vertices that are very near to others, and what they count from.
 
-    Triangles between them are needles, or flat. In common unknowns what neighbours do together,
-    which is soft, would drown in what parts them, which is stiff.
+    Triangles between them are needles. In common unknowns what neighbours do together, which is
+    soft, would drown in what parts them, which is stiff.
     """
 
-    def __init__(self, mesh: CutMesh, size: Floats, free: Flags, flat_too: Flags | None = None):
-        self.mesh = mesh
-        # vertices, and edges numbered after them; those in the middle of sides follow the sides
-        many, (whole, middle, halves) = len(mesh.place), mesh.hanging
-        self._from: dict[int, list[int]] = {
-            m: [int(a), int(b), many + k]
-            for m, k, (a, b) in zip(middle.tolist(), whole.tolist(), mesh.ends[whole], strict=True)
+    def __init__(self, mesh: CutMesh, size: Floats, free: Flags):
+        self.mesh, whole = mesh, mesh.hanging
+        # vertices in the middle of sides follow the ends of these
+        rests = {
+            m: [int(a), int(b)]
+            for m, (a, b) in zip(whole[1].tolist(), mesh.ends[whole[0]], strict=True)
         }
-        for half in halves:
-            self._from |= {
-                many + own: [many + k] for own, k in zip(half.tolist(), whole.tolist(), strict=True)
-            }
-        self.flat = np.empty((0, 2), dtype=np.int64)  # triangle, and which of its corners
-        if flat_too is not None:
-            self._find_flat(free, flat_too)
-        self._find_near(size, free)
-
-    def _find_flat(self, free: Flags, bulge_free: Flags) -> None:
-        mesh = self.mesh
-        at = mesh.place[mesh.triangle]
-        legs = np.hypot(*np.moveaxis(np.roll(at, -1, axis=1) - at, 2, 0))  # after each corner
-        base = np.roll(legs, -1, axis=1)  # opposite of each corner
-        height = 2.0 * area_of(at)[:, None] / base
-        flat = height < FLAT * np.minimum(legs, np.roll(legs, 1, axis=1))
-        flat &= free[mesh.triangle]
-        # both other edges follow the one opposite of the corner
-        free_edge = bulge_free[mesh.triangle_edge]
-        flat &= free_edge & np.roll(free_edge, 1, axis=1)
-        rows, corners = np.nonzero(flat)
-        found = []
-        for k in np.argsort(height[rows, corners] / base[rows, corners]).tolist():
-            row, corner = int(rows[k]), int(corners[k])
-            apex, a, b = (int(mesh.triangle[row, (corner + j) % 3]) for j in (0, 1, 2))
-            own, base_edge, other = (
-                len(mesh.place) + int(mesh.triangle_edge[row, (corner + j) % 3]) for j in (0, 1, 2)
-            )
-            follow = (apex, own, other)
-            if any(
-                one in self._from or self._rests(to, one)
-                for one in follow
-                for to in (a, b, base_edge)
-            ):
-                continue
-            self._from |= {apex: [a, b, base_edge], own: [base_edge], other: [base_edge]}
-            found.append((row, corner))
-        self.flat = np.array(found, dtype=np.int64).reshape(-1, 2)
-
-    def _find_near(self, size: Floats, free: Flags) -> None:
-        mesh = self.mesh
         length, most = np.hypot(*mesh.run.T), np.zeros(len(mesh.ends))
         np.maximum.at(most, mesh.triangle_edge.ravel(), np.repeat(size[mesh.triangle_leaf], 3))
         short = np.flatnonzero(length < SHORT * most)
@@ -117,30 +75,25 @@ class Near:
                 vertex = root[vertex]
             return vertex
 
+        def counts_from(vertex: int, on: int) -> bool:
+            todo = [vertex]
+            while todo:
+                one = todo.pop()
+                if one == on:
+                    return True
+                todo += rests.get(one, [])
+            return False
+
         pairs = []
         for edge in short[np.argsort(length[short])].tolist():
             a, b = (top(int(vertex)) for vertex in mesh.ends[edge])
             for above, child in ((a, b), (b, a)):
-                if (
-                    a != b
-                    and free[child]
-                    and child not in self._from
-                    and not self._rests(above, child)
-                ):
-                    self._from[child], root[child] = [above], above
+                loose = a != b and free[child] and child not in rests
+                if loose and not counts_from(above, child):
+                    rests[child], root[child] = [above], above
                     pairs.append((child, above))
                     break
         self.pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-    def _rests(self, vertex: int, on: int) -> bool:
-        """Tell whether a vertex counts from another one, however far."""
-        todo = [vertex]
-        while todo:
-            one = todo.pop()
-            if one == on:
-                return True
-            todo += self._from.get(one, [])
-        return False
 
     def of_points(self) -> sp.csr_array:
         """Return what values at vertices, two each, are by what counts from others."""
@@ -154,57 +107,7 @@ class Near:
         away = mesh.place[child] - mesh.place[above]
         entries: Entries = [(3 * child + j, 3 * above + j, 1.0) for j in (0, 1, 2)]
         entries += [(3 * child, 3 * above + 1 + axis, away[:, axis]) for axis in (0, 1)]
-        every = entries + self._on_edges() + ties
-        return _summed(every, 3 * len(mesh.place) + len(mesh.ends))
-
-    def _on_edges(self) -> Entries:
-        """Return what corners of flat triangles, and the edges there, have of the edge opposite."""
-        mesh, (row, corner) = self.mesh, self.flat.T
-        apex = mesh.triangle[row, corner]
-        edge = mesh.triangle_edge[row, (corner + 1) % 3]
-        a, b = mesh.ends[edge].T
-        length, n = np.hypot(*mesh.run[edge].T), mesh.normal[edge]
-        t = mesh.run[edge] / length[:, None]
-        away = mesh.place[apex] - mesh.place[a]
-        s, d = (away * t).sum(axis=1) / length, (away * n).sum(axis=1)
-        bulge = 3 * len(mesh.place) + edge
-        # by φ and its slope along the edge at either end: φ, and that slope, at the foot
-        along = (
-            (a, (1 + 2 * s) * (1 - s) ** 2, -6 * s * (1 - s) / length,
-             length * s * (1 - s) ** 2, (1 - s) * (1 - 3 * s), 1 - s, -1 / length),
-            (b, s**2 * (3 - 2 * s), 6 * s * (1 - s) / length,
-             -length * s**2 * (1 - s), s * (3 * s - 2), s, 1 / length),
-        )  # fmt: skip
-        entries: Entries = []
-        for end, value, value_t, slope, slope_t, across, across_t in along:
-            entries.append((3 * apex, 3 * end, value))
-            for k in (0, 1):
-                own = slope * t[:, k] + d * across * n[:, k]
-                entries.append((3 * apex, 3 * end + 1 + k, own))
-                entries.append((3 * apex + 1 + k, 3 * end, value_t * t[:, k]))
-                for j in (0, 1):
-                    own = (slope_t * t[:, j] + d * across_t * n[:, j]) * t[:, k]
-                    entries.append(
-                        (3 * apex + 1 + k, 3 * end + 1 + j, own + across * n[:, j] * n[:, k])
-                    )
-        middle = 4 * s * (1 - s)
-        entries.append((3 * apex, bulge, d * middle))
-        for k in (0, 1):
-            own = middle * n[:, k] + d * 4 * (1 - 2 * s) / length * t[:, k]
-            entries.append((3 * apex + 1 + k, bulge, own))
-        # a part of the edge has of its bulge the square of its share
-        for turn in (0, 2):
-            other = mesh.triangle_edge[row, (corner + turn) % 3]
-            first = (mesh.ends[other] == a[:, None]).any(axis=1)
-            own = np.where(first, s, 1 - s) ** 2 * np.sign((mesh.normal[other] * n).sum(axis=1))
-            entries.append((3 * len(mesh.place) + other, bulge, own))
-        return entries
-
-
-def area_of(at: Floats) -> Floats:
-    """Return the areas of triangles, shape (n, 3, 2)."""
-    (x1, y1), (x2, y2) = (at[:, 1] - at[:, 0]).T, (at[:, 2] - at[:, 0]).T
-    return np.asarray(0.5 * (x1 * y2 - x2 * y1))
+        return _summed(entries + ties, 3 * len(mesh.place) + len(mesh.ends))
 
 
 def _summed(entries: Entries, size: int) -> sp.csr_array:
@@ -363,7 +266,7 @@ class Balancing:
         slave = np.asarray(tie.diagonal() == 0.0)
         free = np.asarray(~(slave | known.fixed))
         own_free: Flags = np.asarray(free[: 3 * nodes].reshape(-1, 3).all(axis=1))
-        near = sp.csc_array(Near(mesh, size, own_free, free[3 * nodes :]).of_slopes(ties))
+        near = sp.csc_array(Near(mesh, size, own_free).of_slopes(ties))
         own = sp.csr_array(near[:, np.flatnonzero(free)])
         plane = sp.csr_array(tie @ known.free)
         self._settle(own, plane, tie @ known.value + beyond, known)
@@ -562,6 +465,3 @@ def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
     matrix.data[np.abs(matrix.data) < NOTHING] = 0.0
     matrix.eliminate_zeros()
     return matrix
-
-
-__all__ = ["CORNERS", "Balancing", "Fitting"]

@@ -11,8 +11,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.outline.arc_triangles import ArcFrames, halved
-from kaju.model.outline.laws import AIR
-from kaju.model.outline.true_shapes import UNIT, leaf_at
+from kaju.model.outline.true_shapes import AIR, UNIT, leaf_at
 from kaju.model.results.result import Curves
 from kaju.model.scene.curves import flattened
 

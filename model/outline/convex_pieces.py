@@ -10,13 +10,11 @@ from math import atan2, hypot
 
 from kaju.model.scene.curves import Point
 
-from .laws import AIR, Law
+from .true_shapes import AIR, Law
 
 Corners = list[Point]  # corners of a polygon, counter-clockwise
 HalfPlane = tuple[float, float, float]
 """a, b, c: all points with a x + b y <= c; (a, b) has length 1."""
-Parts = list[tuple[Corners, list[HalfPlane] | None]]
-"""Convex parts of a square, and lines that part each from the rest; None for all its sides."""
 
 ON_LINE = 1e-9  # points this near to a line (in edges of the first agents) lie on it
 NEAR = 3e-9  # points nearer than this (in edges of the first leaves) are one
@@ -72,10 +70,10 @@ def sides_of(corners: Corners) -> list[HalfPlane]:
     return planes
 
 
-def split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Corners]]:
+def split(pieces: list[Corners], parts: list[Corners]) -> tuple[list[Corners], list[Corners]]:
     """Return what of convex pieces lies within parts, and beyond them all."""
     inside, left = [], pieces
-    for part, lines in parts:
+    for part in parts:
         beyond: list[Corners] = []
         for piece in left:
             if piece == part:
@@ -83,7 +81,7 @@ def split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Corn
                 continue
             rest: Corners | None = piece
             outside: list[Corners] = []
-            for line in sides_of(part) if lines is None else lines:
+            for line in sides_of(part):
                 if rest is None:
                     break
                 rest, other = parted(rest, line)
@@ -228,7 +226,7 @@ def painted(
 ) -> dict[Law, list[Corners]]:
     """Return the polygons of each law in a square that regions cover one after the other.
 
-    A layer is a region's law, what it covers (all, nothing, polygons), and whether the law taken
+    A layer is a region's law, what it covers (all, nothing, triangles), and whether the law taken
     near its outline is one no softer (or no stiffer) than both.
     """
     pieces = [(law, square)]
@@ -236,12 +234,9 @@ def painted(
         if isinstance(covers, bool):
             pieces = [(over, square)] if covers else pieces
             continue
-        parts: Parts = [
-            (list(triangle), None) for ring in covers for triangle in triangles_of(ring)[0]
-        ]
         after = []
         for before, piece in pieces:
-            inside, outside = split([piece], parts)
+            inside, outside = split([piece], covers)
             either = before.with_other(over, stiffer) if mixed else None
             within = either if stiffer and either else over
             beyond = either if not stiffer and either and before != AIR else before
@@ -252,39 +247,3 @@ def painted(
         if of != AIR:
             found.setdefault(of, []).append(piece)
     return dict(zip(found, rings_of(list(found.values()), square), strict=True))
-
-
-def triangles_of(at: Sequence[Point]) -> tuple[list[tuple[Point, Point, Point]], float]:
-    """Return the triangles of a polygon whose worst has the best shape, and that shape.
-
-    The shape is 4 √3 area / Σ sides², 1 if all sides are alike. Triangles that all run
-    counter-clockwise and end at the polygon's sides cannot overlap, whatever the polygon.
-    """
-    n = len(at)
-    best = [[2.0] * n for _ in range(n)]
-    apex = [[-1] * n for _ in range(n)]
-    for span in range(2, n):
-        for i in range(n - span):
-            k = i + span
-            (x0, y0), (x2, y2) = at[i], at[k]
-            found, where = -2.0, -1
-            for j in range(i + 1, k):
-                sofar = min(best[i][j], best[j][k])
-                if sofar <= found:
-                    continue
-                x1, y1 = at[j]
-                double = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-                squares = (x1 - x0) ** 2 + (y1 - y0) ** 2 + (x2 - x1) ** 2 + (y2 - y1) ** 2
-                squares += (x2 - x0) ** 2 + (y2 - y0) ** 2
-                shape = min(sofar, 3.4641016151377544 * double / squares)
-                if shape > found:
-                    found, where = shape, j
-            best[i][k], apex[i][k] = found, where
-    triangles, chords = [], [(0, n - 1)]
-    while chords:
-        i, k = chords.pop()
-        if k - i > 1:
-            j = apex[i][k]
-            triangles.append((at[i], at[j], at[k]))
-            chords += [(i, j), (j, k)]
-    return triangles, best[0][n - 1]

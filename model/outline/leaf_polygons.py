@@ -16,8 +16,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
 
 from .convex_pieces import Corners, painted
-from .laws import AIR, Law
-from .true_shapes import UNIT, TrueBody, leaf_at, snapped
+from .true_shapes import AIR, UNIT, Law, TrueBody, leaf_at, snapped
 
 NUDGE = 2.0**-34  # less than the grid of corners: tells the sides of a line that leaves meet along
 MOST_CORNERS = 10  # of one polygon; leaves with more, or with holes, are halved first
@@ -92,6 +91,63 @@ class Rings:
         """Return polygons of equally many corners, shape (n, corners, 2)."""
         count = np.full(len(polygons), polygons.shape[1])
         return cls(place, law, count, polygons.reshape(-1, 2))
+
+
+def area_of(at: Floats) -> Floats:
+    """Return the areas of triangles, shape (n, 3, 2)."""
+    (x1, y1), (x2, y2) = (at[:, 1] - at[:, 0]).T, (at[:, 2] - at[:, 0]).T
+    return np.asarray(0.5 * (x1 * y2 - x2 * y1))
+
+
+def filled(rings: Rings) -> tuple[Ints, Ints]:
+    """Return triangles that fill polygons: which polygon, and corners among all, shape (n, 3).
+
+    Of all ways those are chosen of which the worst has the best shape (4 √3 area / Σ sides²).
+    Triangles that all run counter-clockwise and end at the polygon's sides cannot overlap.
+    """
+    begin = np.cumsum(rings.count) - rings.count
+    owner, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 3), dtype=np.int64)]
+    for n in np.unique(rings.count).tolist():
+        rows = np.flatnonzero(rings.count == n)
+        at = rings.points[begin[rows, None] + np.arange(n)]
+        for row, corners in _split(at):
+            owner.append(rows[row])
+            found.append(begin[rows[row], None] + corners)
+    return np.concatenate(owner), np.concatenate(found)
+
+
+def _split(at: Floats) -> list[tuple[Ints, Ints]]:
+    """Return the triangles of polygons with equally many corners: rows, and corners."""
+    n = at.shape[1]
+    best = {(i, i + 1): np.full(len(at), 2.0) for i in range(n - 1)}
+    apex: dict[tuple[int, int], Ints] = {}
+    square = ((at[:, :, None] - at[:, None]) ** 2).sum(axis=3)
+    for span in range(2, n):
+        for i in range(n - span):
+            k, shapes = i + span, []
+            for j in range(i + 1, k):
+                (x1, y1), (x2, y2) = (at[:, j] - at[:, i]).T, (at[:, k] - at[:, i]).T
+                sides = square[:, i, j] + square[:, j, k] + square[:, i, k]
+                shape = 12.0**0.5 * (x1 * y2 - x2 * y1) / np.maximum(sides, 1e-300)
+                # corners at one place, where a polygon touches itself, part it there
+                same = (
+                    (square[:, i, j] == 0.0) | (square[:, j, k] == 0.0) | (square[:, i, k] == 0.0)
+                )
+                shape = np.where(same, 2.0, shape)
+                shapes.append(np.minimum(shape, np.minimum(best[i, j], best[j, k])))
+            every = np.array(shapes)
+            apex[i, k] = i + 1 + every.argmax(axis=0)
+            best[i, k] = every.max(axis=0)
+    out, chords = [], [(0, n - 1, np.arange(len(at)))]
+    while chords:
+        i, k, rows = chords.pop()
+        if k - i < 2:
+            continue
+        for j in np.unique(apex[i, k][rows]).tolist():
+            mine = rows[apex[i, k][rows] == j]
+            out.append((mine, np.tile([i, j, k], (len(mine), 1))))
+            chords += [(i, j, mine), (j, k, mine)]
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,13 +398,14 @@ def leaf_polygons(
     inside = rings.with_law(of[rings.place], within[of[rings.place]])
     found = [inside.only(~several[inside.place] & (inside.law >= 0)), rest]
     vague = of[vague[vague >= 0]]
+    mixed = (several & held)[inside.place]
+    ring, triangle = filled(inside.only(mixed))
+    thirds, region_of = inside.only(mixed).points[triangle], rings.place[mixed][ring] // len(leaves)
+    leaf_of = inside.place[mixed][ring]
     for leaf in np.flatnonzero(several & held).tolist():
-        mine = np.flatnonzero(inside.place == leaf)
         parts: dict[int, list[Corners]] = {k: [] for k in regions}
-        stop = np.cumsum(rings.count)
-        for j in mine.tolist():
-            ring = rings.points[stop[j] - rings.count[j] : stop[j]]
-            parts[int(rings.place[j] // len(leaves))].append([(x, y) for x, y in ring.tolist()])
+        for j in np.flatnonzero((leaf_of == leaf) & (area_of(thirds) > 0.0)).tolist():
+            parts[int(region_of[j])].append([(x, y) for x, y in thirds[j].tolist()])
         corners = (leaves.lower[leaf] + SQUARE * leaves.size[leaf]) * UNIT
         square = [(x, y) for x, y in corners.tolist()]
         layers = [

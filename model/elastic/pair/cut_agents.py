@@ -13,8 +13,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.outline.hoop_stress import HoopStress
-from kaju.model.outline.outline_problem import SIDES
-from kaju.model.outline.posed_outlines import OutlinedBody
+from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.true_shapes import DEPTH, UNIT
 from kaju.model.scene.shapes import Shape
 

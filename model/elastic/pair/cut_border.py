@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.outline.outline_problem import SIDES, OutlineProblem, UnlikeError
+from kaju.model.outline.posed_outlines import SIDES, OutlineProblem, UnlikeError
 
 from .cut_mesh import CutMesh
 

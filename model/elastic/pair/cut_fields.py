@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
-from kaju.model.outline.laws import Law
+from kaju.model.outline.true_shapes import Law
 
 from .cut_border import Border, Entries, Known, coo
 from .cut_elements import integrated, quadratic_strain, stress_rows

@@ -22,8 +22,7 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.outline.arc_triangles import ArcFrames
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.leaf_polygons import VagueError, leaf_polygons
-from kaju.model.outline.outline_problem import SIDES, UnlikeError, along
-from kaju.model.outline.posed_outlines import OutlinedBody, check_alone
+from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, along, check_alone
 from kaju.model.outline.true_shapes import UNIT, covering, leaf_at
 from kaju.model.scene import Scene
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Floats, Ints
-from kaju.model.outline.leaf_polygons import Rings, VagueError
+from kaju.model.outline.leaf_polygons import Rings, VagueError, filled
 from kaju.model.outline.true_shapes import UNIT
 
 from .cut_elements import slopes
@@ -291,54 +291,3 @@ def _with_vertices(rings: Rings, points: Floats, leaves: LeafCells) -> Rings:
         out[new, 1 - axis] = lines[axis].names[n].imag
     size = np.bincount(row, count + 1, len(rings.count)).astype(np.int64)
     return Rings(rings.place, rings.law, size, out)
-
-
-def filled(rings: Rings) -> tuple[Ints, Ints]:
-    """Return triangles that fill polygons: which polygon, and corners among all, shape (n, 3).
-
-    Of all ways those are chosen of which the worst has the best shape (4 √3 area / Σ sides²).
-    Triangles that all run counter-clockwise and end at the polygon's sides cannot overlap.
-    """
-    begin = np.cumsum(rings.count) - rings.count
-    owner, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 3), dtype=np.int64)]
-    for n in np.unique(rings.count).tolist():
-        rows = np.flatnonzero(rings.count == n)
-        at = rings.points[begin[rows, None] + np.arange(n)]
-        for row, corners in _split(at):
-            owner.append(rows[row])
-            found.append(begin[rows[row], None] + corners)
-    return np.concatenate(owner), np.concatenate(found)
-
-
-def _split(at: Floats) -> list[tuple[Ints, Ints]]:
-    """Return the triangles of polygons with equally many corners: rows, and corners."""
-    n = at.shape[1]
-    best = {(i, i + 1): np.full(len(at), 2.0) for i in range(n - 1)}
-    apex: dict[tuple[int, int], Ints] = {}
-    square = ((at[:, :, None] - at[:, None]) ** 2).sum(axis=3)
-    for span in range(2, n):
-        for i in range(n - span):
-            k, shapes = i + span, []
-            for j in range(i + 1, k):
-                (x1, y1), (x2, y2) = (at[:, j] - at[:, i]).T, (at[:, k] - at[:, i]).T
-                sides = square[:, i, j] + square[:, j, k] + square[:, i, k]
-                shape = 12.0**0.5 * (x1 * y2 - x2 * y1) / np.maximum(sides, 1e-300)
-                # corners at one place, where a polygon touches itself, part it there
-                same = (
-                    (square[:, i, j] == 0.0) | (square[:, j, k] == 0.0) | (square[:, i, k] == 0.0)
-                )
-                shape = np.where(same, 2.0, shape)
-                shapes.append(np.minimum(shape, np.minimum(best[i, j], best[j, k])))
-            every = np.array(shapes)
-            apex[i, k] = i + 1 + every.argmax(axis=0)
-            best[i, k] = every.max(axis=0)
-    out, chords = [], [(0, n - 1, np.arange(len(at)))]
-    while chords:
-        i, k, rows = chords.pop()
-        if k - i < 2:
-            continue
-        for j in np.unique(apex[i, k][rows]).tolist():
-            mine = rows[apex[i, k][rows] == j]
-            out.append((mine, np.tile([i, j, k], (len(mine), 1))))
-            chords += [(i, j, mine), (j, k, mine)]
-    return out

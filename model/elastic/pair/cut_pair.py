@@ -15,7 +15,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_polygons import leaf_polygons
-from kaju.model.outline.outline_problem import OutlineProblem, UnlikeError
+from kaju.model.outline.posed_outlines import OutlineProblem, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
 
 from .cut_border import Border

@@ -23,6 +23,9 @@ UNBROKEN = "nothing that is left is pulled: at no load will more break"
 _ROUNDING = 1e-9
 """Share of others below which an elongation or a work is none, but for rounding."""
 
+USUAL = {"stress": "strength=250e6 (Pa)", "strain": "strength=1e-3", "energy": "strength=1e-3 (J)"}
+"""Strengths for errors to name."""
+
 
 class FractureModel(Stepper[FractureResult]):
     """A network or a body whose springs or cells break, one at a time.
@@ -122,8 +125,8 @@ class FractureModel(Stepper[FractureResult]):
         self._measure: Measure = measure or ("stress" if cells else "force")
         require(
             strength is not None or not cells,
-            "strength: cells have none by themselves; give that of the material at cells of this "
-            f"size, such as strength=250e6 (Pa) for the measure {self._measure!r}",
+            "strength: is needed for cells: that of the material at cells of this size, such as "
+            f"{USUAL.get(self._measure)} for the measure {self._measure!r}",
         )
         self._most = most_breaks
         draw = np.random.default_rng(seed)

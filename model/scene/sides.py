@@ -20,7 +20,7 @@ _KINDS = {
     "displaced": cell_types.DISPLACED,
 }
 _WORDS = ("free", "rigid", "roller")
-_SAME = dict.fromkeys(("fixed", "clamped", "encastre", "ground", "built-in"), "rigid")
+_SAME = dict.fromkeys(("fixed", "clamped", "pinned", "encastre", "ground", "built-in"), "rigid")
 _SAME |= dict.fromkeys(("symmetry", "symmetric", "slider", "sliding"), "roller")
 """What others call them."""
 _FREELY = "free"

@@ -59,6 +59,7 @@ _SAME = {
     **{"e": "youngs_modulus", "young": "youngs_modulus", "modulus": "youngs_modulus"},
     **{"nu": "poissons_ratio", "poisson": "poissons_ratio", "rho": "density"},
     **{"diameter": "radius", "r": "radius", "center": "centre"},
+    **{"f": "force", "p": "pressure", "dx": "cell_size", "h": "cell_size", "t": "thickness"},
 }
 """What others call a key."""
 

@@ -97,15 +97,6 @@ def test_the_commands_work_in_their_order(kaju):
     assert {"summary.json", "result.npz", "agents.png"} <= set(names("my-result"))
 
 
-def test_check_reads_the_bracket_of_the_tutorial(kaju):
-    page = (EXAMPLES.parent / "docs" / "tutorials" / "first-bracket.md").read_text()
-    Path("bracket.toml").write_text(page.partition("```toml\n")[2].partition("```")[0])
-    assert kaju("check", "bracket.toml")[:2] == (
-        0,
-        "the scene can be read; kaju solve answers bodies with true outlines\n",
-    )
-
-
 def test_new_writes_a_scene_that_runs(kaju):
     assert kaju("new", "mine.toml")[0] == 0
     assert load_scene("mine.toml") == load_scene(PLATE)

@@ -44,23 +44,6 @@ def quarter_hole(cells):
     return scene, 3.1645
 
 
-def cooks_membrane(cells):
-    """Cook's membrane, half of whose compliance of 24.04 is the energy (J)."""
-    outline = [[0, 0], [48, 44], [48, 60], [0, 44]]
-    scene = Scene(
-        body={
-            "size": [48.0, 60.0],
-            "cells": [cells, round(cells * 60 / 48)],
-            "material": "air",
-            "regions": [{"polygon": outline, "material": "m"}],
-        },
-        materials={"m": {"youngs_modulus": 1.0, "poissons_ratio": 1 / 3}},
-        sides={"left": "rigid"},
-        loads=[{"region": {"box": [[48.0, 44.0], [48.0, 60.0]]}, "force": [0.0, 1.0]}],
-    )
-    return scene, 0.5 * 24.0409
-
-
 def outline_note(result):
     (note,) = [note for note in result.notes if "outlines are steps" in note]
     return note
@@ -69,7 +52,7 @@ def outline_note(result):
 @pytest.mark.parametrize(
     ("body", "cells"),
     [
-        *((body, cells) for body in (quarter_tube, cooks_membrane) for cells in (16, 64)),
+        *((body, cells) for body in (quarter_tube,) for cells in (16, 64)),
         *((quarter_hole, cells) for cells in (20, 80)),
     ],
 )
@@ -159,12 +142,6 @@ L_SHAPE = Scene(
     sides={"bottom": "rigid"},
     loads=[{"side": "top", "force": [1000.0, 0.0]}],
 )
-
-
-def test_a_mean_round_a_corner_is_a_goal():
-    region = {"box": [[0.05, 0.05], [0.15, 0.15]]}
-    result = solve(L_SHAPE, tolerance=0.1, goal=Stress(region, "yy"))
-    assert np.isfinite(result.goals[0].value)
 
 
 SLIT = Scene(

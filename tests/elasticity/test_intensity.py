@@ -97,20 +97,6 @@ def test_the_corner_of_an_l_has_the_factor_that_its_loads_were_made_for(opens, a
     assert abs(own - PULL) < found.error_estimate + 2e-3 * PULL < most * PULL
 
 
-@pytest.mark.parametrize("opens", [True, False])
-@pytest.mark.parametrize("tolerance", [0.05, 0.005])
-def test_estimates_cover_factors_of_few_agents(opens, tolerance):
-    found = solve(corner(16, opens), tolerance=tolerance).intensity((1.0, 1.0))
-    own = found.K_I if opens else found.K_II
-    assert abs(own - PULL) < found.error_estimate + 2e-3 * PULL < 0.05 * PULL
-
-
-def test_a_ring_of_any_size_tells_the_same():
-    answer = solve(corner(16, True), tolerance=0.02)
-    small, large = (answer.intensity((1.0, 1.0), radius).K_I for radius in (0.5, 0.8))
-    assert small == pytest.approx(large, rel=2e-3)
-
-
 @pytest.mark.parametrize(
     ("at", "radius", "key"),
     [

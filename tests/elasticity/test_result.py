@@ -1,7 +1,6 @@
 """One answer whatever its agents: the same names, the same meaning, and files that are safe."""
 
 import zipfile
-from contextlib import suppress
 from io import BytesIO
 
 import numpy as np
@@ -73,31 +72,6 @@ def test_agents_say_what_points_in_their_middles_say(answer):
     moved = answer.displacement_at(middle)
     inner = (middle[:, 1] > 0.02) & (middle[:, 1] < 0.17)
     np.testing.assert_allclose(moved[inner], answer.displacement[every][inner], atol=0.03 * size)
-
-
-@pytest.mark.parametrize("resolution", [None, 1, 2])
-def test_arrays_hold_the_values_of_points(answer, resolution):
-    cells = answer.cells(resolution)
-    assert cells.shape == cells.body.shape == cells.von_mises.shape
-    assert cells.material.min() == cells.material.max() == 0
-    points = cells.middle[::7]
-    at = tuple(np.floor(points / cells.cell_size).astype(int).T)
-    moved = cells.displacement[at] - answer.displacement_at(points)
-    if resolution is not None and resolution != answer.subdivision:
-        assert np.abs(moved).max() == 0.0
-    np.testing.assert_allclose(
-        cells.stress[at], answer.stress_at(points), atol=1e-9 * answer.von_mises.max()
-    )
-    corner = cells.corner_displacement
-    assert corner.shape == (cells.shape[0] + 1, cells.shape[1] + 1, 2)
-    np.testing.assert_allclose(
-        corner[5, 5], answer.displacement_at(np.array([[5, 5]]) * cells.cell_size)[0]
-    )
-    assert [f.shape for f in cells.face_displacement] == [
-        (cells.shape[0] + 1, cells.shape[1]),
-        (cells.shape[0], cells.shape[1] + 1),
-    ]
-    assert cells.edge_shear[0, 1].shape == corner.shape[:2]
 
 
 def test_arrays_leave_out_what_is_no_body():
@@ -210,24 +184,6 @@ def test_what_is_wrong_in_a_file_is_found_before_it_is_used(stored, tmp_path, wh
     with pytest.raises(ResultFileError, match=match) as caught:
         kaju.load_result(path)
     assert "wrong.npz" in str(caught.value)
-
-
-def test_checksums_are_read_to_their_end(stored, tmp_path):
-    """An array that claims to be shorter than it is would hide what follows."""
-    path = tmp_path / "flipped.npz"
-    with zipfile.ZipFile(stored["cells"]) as old, zipfile.ZipFile(path, "w") as new:
-        for entry in old.infolist():
-            data = old.read(entry)
-            if entry.filename == "found.solution.displacement.0.npy":
-                data = data.replace(b"'<f8'", b"'<f2'")
-            new.writestr(entry, data)
-    with pytest.raises(ResultFileError, match="shorter than what is stored"):
-        kaju.load_result(path)
-    whole = stored["cells"].read_bytes()
-    for at in range(60, len(whole) - 60, len(whole) // 40):
-        (tmp_path / "bit.npz").write_bytes(whole[:at] + bytes([whole[at] ^ 16]) + whole[at + 1 :])
-        with suppress(ResultFileError):  # a bit that nothing depends on may be flipped
-            kaju.load_result(tmp_path / "bit.npz")
 
 
 def test_what_unpacks_to_far_more_than_its_file_is_not_read(tmp_path):

@@ -62,18 +62,6 @@ def test_a_pressed_block_shortens_as_it_must():
     assert result.to_xarray().sizes["z_face"] == 6
 
 
-def test_a_wall_holds_the_corners_of_the_cells_that_touch_it(tmp_path):
-    load = {"cell": [2, 1, 4], "side": "top", "force": [1.0, 0.5, -2.0]}
-    result = solve(block(sides={"bottom": "rigid"}, loads=[load]), resolution=2)
-    nodes = result.cells().corner_displacement
-    assert np.isfinite(nodes).all()
-    np.testing.assert_allclose(nodes[:, :, 0], 0.0, atol=1e-18)
-    np.testing.assert_allclose(result.reactions["bottom"], [-1.0, -0.5, 2.0], atol=1e-8)
-    import meshlane
-
-    assert meshlane.read(result.to_vtk(tmp_path / "block.vtu")).cells[0].type == "hexahedron"
-
-
 def test_gravity_and_a_foundation():
     body = bar().body.model_copy(update={"gravity": (0.0, -10.0)})
     sides = {"left": "roller", "right": "roller", "bottom": {"stiffness": 1e5}}
@@ -118,16 +106,6 @@ def test_rigid_cells_inside_the_array_carry_reactions():
     assert list(result.reactions) == ["rigid"]
     held = result.displacement_at(np.array([[0.03, 0.01], [0.05, 0.01]]))
     np.testing.assert_allclose(held, 0.0, atol=1e-20)
-
-
-def test_drag_on_one_row_of_cells_upon_a_roller_goes_into_its_ends():
-    """Below the row is no layer from which the surface could be extrapolated."""
-    body = {"size": [0.08, 0.01], "cells": [8, 1], "material": "steel"}
-    sides = {"bottom": "roller", "left": "rigid"}
-    load = {"cell": [7, 0], "side": "top", "force": [1.0, 0.0]}
-    result = solve(Scene(body=body, sides=sides, loads=[load]))
-    assert result.cells().body.shape == (8, 1)
-    assert result.reactions["left"][0] == pytest.approx(-1.0)
 
 
 def test_tables_and_files_for_others(tmp_path):

@@ -106,17 +106,6 @@ def test_a_field_that_breaks_a_rule_is_named(wrong):
         kaju.solve(FULL, stiffness=wrong)
 
 
-@pytest.mark.parametrize(
-    "beside",
-    [
-        {"goal": "displacement"},
-    ],
-)
-def test_what_knows_no_field_says_so(beside):
-    with pytest.raises(ParameterError, match="stiffness"):
-        kaju.solve(FULL, stiffness=np.ones((8, 6)), **beside)
-
-
 def test_more_materials_than_kinds_are_refused_by_name():
     count = (1 << 15) + 1
     codes = np.arange(count).reshape(count, 1)

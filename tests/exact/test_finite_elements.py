@@ -5,13 +5,12 @@ import pytest
 from peers.problems import PLATE
 from plates import plate
 
-from kaju import Scene, compare, finite_elements, solve
+from kaju import compare, finite_elements, solve
 from kaju.errors import ParameterError
-from kaju.model.study.finite_elements import surroundings
 
 pytest.importorskip("skfem")
 
-from exact.graded_elements import graded_elements, singular_points
+from exact.graded_elements import graded_elements
 
 STUFF = {"stuff": {"youngs_modulus": 2e6, "poissons_ratio": 0.0, "density": 1000.0}}
 
@@ -55,21 +54,6 @@ def test_bar_of_cubes_under_tension(ratio):
     np.testing.assert_allclose(answer.displacement_at(points), expected, atol=1e-9)
 
 
-def test_singular_points_are_corners_and_ends():
-    drawing = "aa..\naab.\naabb\n"
-    scene = Scene(
-        body={"cell_size": 1.0, "drawing": drawing},
-        legend={"a": "steel", "b": "rubber", ".": "air"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[1, 3], [2, 3]]}, "force": [0, -1.0]}],
-    )
-    found = {tuple(map(int, p)) for p in singular_points(scene, surroundings(scene))}
-    ground = {(0, 0), (2, 0), (4, 0)}  # its ends, and where two materials meet on it
-    corners = {(2, 2), (3, 1)}
-    load = {(1, 3), (2, 3)}
-    assert found == ground | corners | load
-
-
 def test_what_elements_do_not_know_is_named():
     bed = {"bottom": {"stiffness": 1e9}}
     with pytest.raises(ParameterError, match="rollers"):
@@ -91,18 +75,3 @@ def test_it_is_believed_by_compare_all_over_the_body(elements, tmp_path):
     points = np.array([[0.0513, 0.0321], [0.15, 0.123]])
     assert compare(found, truth, points=points).displacement.max_error < 0.02
     assert len(compare(found, truth.load(truth.save(tmp_path / "fem"))).points) == 400
-
-
-def test_boxes_that_touch_at_a_corner_are_apart():
-    """The right one hangs on nothing, which elements that share a node would not see."""
-    scene = Scene(
-        body={"cell_size": 1.0, "drawing": ".a\na.", "allow_floating": True},
-        legend={"a": "steel", ".": "air"},
-        sides={"bottom": "rigid", "top": "rigid"},
-        loads=[{"cell": [0, 0], "side": "left", "force": [1.0, 0.0]}],
-    )
-    for elements in ELEMENTS:
-        answer = elements(scene)
-        moved = answer.displacement_at([[0.5, 0.99], [1.5, 1.01]])
-        assert abs(moved[0, 0]) > 1e-12
-        assert not moved[1].any()

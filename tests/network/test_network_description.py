@@ -186,24 +186,6 @@ def body(load=LOAD, cells=(6, 5), ratio=1.0 / 3.0, **changes):
     return hexagon_body(scene)
 
 
-def test_every_cell_is_a_node_and_every_shared_face_a_spring():
-    network = body()
-    cells = 30
-    contacts = 2 * 6  # two lower faces of each cell in the bottom row
-    assert len(network.positions) == cells + contacts
-    assert len(network.springs) == 6 * 5 - 5 + 4 * (2 * 6 - 1) + contacts
-    stiffness = np.sqrt(3.0) / 2.0 * 1e6 * 0.002
-    inner = (network.springs < cells).all(axis=1)
-    assert network.stiffness[inner] == pytest.approx(stiffness)
-    assert network.initial_length[inner] == pytest.approx(0.01)
-    assert network.stiffness[~inner] == pytest.approx(2.0 * stiffness)
-    assert network.initial_length[~inner] == pytest.approx(0.005)
-    assert np.flatnonzero(network.held.all(axis=1)).tolist() == list(range(cells, cells + contacts))
-    assert network.names[0] == (0, 0)
-    assert network.names[cells] == (0, 0, 4)
-    assert network.forces[0, network.node((3, 4))].tolist() == [0.0, -0.5]
-
-
 def test_a_sheet_under_even_pressure_has_the_materials_constants():
     pressure = 100.0
     load, sides = {"side": "top", "pressure": pressure}, dict.fromkeys(["bottom", "left"], "roller")

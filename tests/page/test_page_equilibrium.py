@@ -170,22 +170,3 @@ def test_every_newton_along_the_load_is_on_its_way_ended_or_handed_over(node):
         for row in ledger["rows"]:
             total = row["way"] + row["ended"] + row["ground"] - row["made"]
             assert total == pytest.approx(ledger["applied"], abs=1e-12 * largest)
-
-
-def test_the_part_with_the_load_says_what_is_missing(twin):
-    twin.press("Equilibrium")
-    twin.js("page.draw()")
-    text = twin.text(".cards")
-    assert "does not keep equilibrium" in text
-    assert "687.5 mN hold it up" in text
-    assert "1.313 N missing" in text
-    twin.tab.locator("canvas").first.focus()
-    twin.tab.keyboard.press("Shift+ArrowUp")
-    twin.js("page.draw()")
-    assert "1 N hold it up" in twin.text(".cards")
-    twin.tab.mouse.move(*twin.at((2, 17)))
-    twin.tab.mouse.down()
-    twin.tab.mouse.move(*twin.at((2, 14)))
-    twin.tab.mouse.up()
-    twin.js("page.draw()")
-    assert "125 mN hold it up" in twin.text(".cards")

@@ -97,11 +97,6 @@ def test_a_page_moves_cells_as_python_does(name, shown):
     np.testing.assert_allclose(np.transpose(moved), result.displacement, atol=1e-12 * size)
 
 
-def test_what_overrides_nothing_is_the_standard_rule():
-    assert unpack(packed_page(LoadModel(plate()).run()))[0]["kind"] == "runnable"
-    assert "own" not in unpack(packed_page(LoadModel(plate())))[0]
-
-
 # ------------------------------------------------------------------- agents of the elastic rule
 
 

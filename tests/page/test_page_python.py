@@ -299,25 +299,6 @@ def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     assert f"loads taken so far\n{course.values(stage.spawn_step)[0]:g}" in page.text(".story")
 
 
-def test_the_challenge_counts_five_lines_and_what_the_ground_gets(opened, pages):
-    page = opened(pages["sides"])
-    runs(page, READY["leaking"]["code"].replace("0.3, 0.0", "1.0, 0.0"))
-    assert "left foot" in page.text("header")
-    assert "the ground has" in page.text("header")
-    runs(page, READY["arch"]["code"])
-    assert "lines; five count" in page.text("header")
-    runs(page, READY["pillar"]["code"])
-    assert "best of the class" not in page.text("header")
-    code = (
-        "from kaju import Emission, MaterialAgent\nclass Straight(MaterialAgent):\n"
-        "    def emissions(self, load):\n        ground = load.direction == 3\n"
-        "        return [] if ground else [Emission(2 if self.index[0] < 10 else 0, 2, 1.0)]\n"
-    )
-    found = runs(page, code)
-    assert found["arrived"] >= 1.9
-    assert "best of the class" in page.text("header")
-
-
 def test_what_is_saved_runs_in_kaju(opened, pages, tmp_path, capsys):
     page = opened(pages["sides"])
     found = runs(page, READY["pillar"]["code"])

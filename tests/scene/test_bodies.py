@@ -123,15 +123,3 @@ def test_scenes_of_the_same_body_may_be_loaded_otherwise(tmp_path):
     assert not plate.same_body(plate.with_overrides({"body.thickness": 0.1}))
     softer = {"steel": {"base": "steel", "youngs_modulus": 1e9}}
     assert not plate.same_body(plate.replace(materials=softer))
-
-
-def test_a_picture_that_was_painted_over_is_another_body(tmp_path):
-    def painted(row):
-        pixels = np.full((4, 4), 255, np.uint8)
-        pixels[row, 1] = 0
-        Image.fromarray(pixels).save(tmp_path / "hole.png")
-        return Scene.from_toml(PLATE).with_region(image={"file": str(tmp_path / "hole.png")})
-
-    first, again, other = painted(1), painted(1), painted(2)
-    assert first.same_body(again)
-    assert not first.same_body(other)

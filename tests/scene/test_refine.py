@@ -30,17 +30,6 @@ def test_pictures_repeat_their_cells():
     assert scene.refine(2).refine(3) == scene.refine(6)
 
 
-def test_round_regions_become_rounder():
-    disk = {"disk": {"centre": [0.2, 0.2], "radius": 0.15}, "material": "air"}
-    scene = plate(cells=(4, 4), regions=[disk])
-    hole = [
-        np.count_nonzero(scene.refine(k).rasterise() < 0) * (0.1 / k) ** 2 for k in (1, 4, 16, 64)
-    ]
-    error = np.abs(np.array(hole) - np.pi * 0.15**2)
-    assert error[-1] < 1e-4
-    assert error[-1] < error[0] / 20
-
-
 def test_a_load_on_a_surface_cell_becomes_a_load_on_that_surface():
     fine = plate({"cell": [1, 2], "force": [0, -2], "steps": 5}).refine(2)
     (load,) = fine.loads

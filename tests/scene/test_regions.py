@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from plates import loaded
-from plates import plate as pressed
 
 from kaju.errors import SceneError
 from kaju.model.scene.cell_types import AIR, RIGID
@@ -107,16 +106,3 @@ def test_a_mirrored_region_fills_the_mirrored_cells(shape):
         return
     two = plate({**other, "material": "rigid"}, *corners)
     assert np.array_equal(one.rasterise(), two.rasterise()[::-1])
-
-
-def test_a_scene_with_one_region_more():
-    plate = pressed([20, 10], [3, 9], [0.0, -1.0], size=[0.2, 0.1])
-    hole = plate.with_region(disk={"centre": [0.1, 0.05], "radius": 0.02})
-    assert hole.kinds(np.array([[10, 5], [1, 1]])).tolist() == [-1, 0]
-    filled = hole.with_region("cork", disk={"centre": [0.1, 0.05], "radius": 0.02})
-    assert filled.kinds(np.array([[10, 5], [1, 1]])).tolist() == [1, 0]
-    assert plate.kinds(np.array([[10, 5]])).tolist() == [0]
-    with pytest.raises(SceneError, match="exactly one shape"):
-        plate.with_region()
-    with pytest.raises(SceneError, match=r"loads\.0"):
-        plate.with_region(box=[[0.02, 0.05], [0.05, 0.1]])

@@ -170,19 +170,6 @@ def test_images_that_cannot_be_read(tmp_path, content, told):
         Scene.from_image(path, legend={"black": "ice"}, cell_size=0.1)
 
 
-@pytest.mark.parametrize(
-    ("kind", "parts", "told"),
-    [
-        (Body, {"size": [-1, 1], "cells": [1, 1], "material": "ice"}, "^size.0: must be above 0"),
-        (Scene, {}, "^body: is needed"),
-        (Scene, {"body": 5}, "^body: must be a table, got 5"),
-    ],
-)
-def test_python_is_as_strict_as_files(kind, parts, told):
-    with pytest.raises(SceneError, match=told):
-        kind(**parts)
-
-
 anything = st.recursive(
     st.none()
     | st.booleans()
@@ -242,22 +229,6 @@ def test_words_of_other_programs_are_told_ours(table, words):
     with pytest.raises(SceneError) as error:
         Scene(body=body, **({"sides": {"bottom": "rigid"}} | table))
     assert words in str(error.value)
-
-
-def test_a_disk_of_few_cells_is_told():
-    body = {"cells": [24, 24], "cell_size": 0.0025, "material": "steel"}
-    notes = {
-        radius: Scene(
-            body=body
-            | {
-                "regions": [{"disk": {"centre": [0.02, 0.02], "radius": radius}, "material": "air"}]
-            },
-            sides={"bottom": "rigid"},
-        ).notes
-        for radius in (0.006, 0.0125)
-    }
-    assert notes[0.006][0].startswith("body.regions.0: its radius of 0.006 m is 2.4 cells")
-    assert notes[0.0125] == ()
 
 
 def test_millimetres_and_gigapascals_are_asked_about():

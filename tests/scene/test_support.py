@@ -30,26 +30,6 @@ def test_a_body_or_a_part_that_touches_no_support_is_refused(drawing, sides, tol
     assert isinstance(refused.value, SupportError) == ("none of" not in told)
 
 
-@pytest.mark.parametrize(
-    ("drawing", "side"),
-    [
-        # the right neighbour above an even row's first hexagon is the first of the odd row
-        ("#.\n#.", "bottom"),
-        # in an even row the neighbours above are the cell before and the cell itself
-        ("#.\n.#", "bottom"),
-        (".\n#\n.", "left"),
-        (".\n#\n.", "right"),
-    ],
-)
-def test_hexagons_hold_each_other_across_rows_and_ragged_sides(drawing, side):
-    assert loaded(drawing, sides={side: "rigid"}, lattice="hexagon").stages == 1
-
-
-def test_hexagons_without_a_common_face_do_not_hold_each_other():
-    with pytest.raises(SupportError, match=r"the one with cell \[1, 1\]"):
-        loaded(".#\n#.", lattice="hexagon")
-
-
 def test_loose_parts_in_space():
     slot = {"box": [[0, 0, 0.01], [0.03, 0.03, 0.02]], "material": "air"}
     with pytest.raises(SupportError, match=r"the one with cell \[0, 0, 2\]"):

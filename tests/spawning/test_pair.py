@@ -199,29 +199,6 @@ def test_one_quantity_has_one_number():
     np.testing.assert_array_equal(answer.gap, last.gap)
 
 
-def test_the_mean_of_a_region_is_that_of_what_is_read_in_it():
-    answer, box = bar(), [[0.1, 0.01], [0.3, 0.04]]
-    ticks, weights = np.polynomial.legendre.leggauss(30)
-    x, y = (np.interp(ticks, [-1, 1], [low, high]) for low, high in zip(*box, strict=True))
-    points = np.array([(a, b) for a in x for b in y])
-    weight = np.outer(weights, weights).ravel() / 4
-    stress = np.einsum("n,nab->ab", weight, answer.stress_at(points))
-    assert answer.value_of(Stress({"box": box}, "xy")) == pytest.approx(stress[0, 1], rel=0.01)
-    moved = weight @ answer.displacement_at(points)
-    np.testing.assert_allclose(answer.value_of({"box": box}), moved, rtol=1e-4, atol=1e-12)
-
-
-def test_work_of_one_load_on_the_other_is_mutual_within_the_bounds():
-    """Betti: F1 u2 = F2 u1, but for the product of both errors."""
-    right = bar(loads=[{"side": "right", "force": [0.0, -100.0]}])
-    top = bar(loads=[{"side": "top", "force": [0.0, -100.0]}])
-    there, back = (
-        -100 * a.value_of(Deflection(s, "y")) for a, s in ((right, "top"), (top, "right"))
-    )
-    off = 2 * np.sqrt(right.strain_energy * top.strain_energy) * right.error_bound * top.error_bound
-    assert abs(there - back) <= 4 * off
-
-
 def test_a_stored_answer_has_its_agents_and_finds_its_fields_again(tmp_path):
     answer = proved(SCENES["held hole and side"], 0.01)
     path = answer.save(tmp_path / "answer.npz")

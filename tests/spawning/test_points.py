@@ -40,22 +40,6 @@ def test_rigid_cells_inside_stand_still():
         assert np.all(result.displacement_at(points) == 0.0)
 
 
-def test_point_on_a_face_has_one_displacement():
-    """The mean of what is said on either side of it."""
-    result = spawned_by(plate(), tolerance=0.3)
-    rows = np.flatnonzero(result.lower[:, 0] > 0.0)
-    points = result.lower[rows] + result.size[rows, None] * [
-        0.0,
-        *[0.3] * (result.lower.shape[1] - 1),
-    ]
-    aside = np.zeros(points.shape)
-    aside[:, 0] = 1e-4 * result.size[rows]
-    sides = [result.displacement_at(points + way * aside) for way in (-1.0, 1.0)]
-    between = np.mean(sides, axis=0)
-    largest = result.max_displacement
-    assert np.abs(result.displacement_at(points) - between).max() < 1e-3 * largest
-
-
 def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
     scene = plate()
     fine = solve(scene, resolution=32)

@@ -92,19 +92,6 @@ def test_idle_body_beside_changes_nothing():
     assert np.abs(beside.displacement[~near]).max() < 1e-13 * np.abs(u).max()
 
 
-@pytest.mark.parametrize("joined_on", [False, True])
-def test_distant_material_costs_large_agents_only(joined_on):
-    """A long idle body, with a gap or without: as many agents near the load, however long."""
-    near = []
-    for width in (4, 64):
-        codes = np.ones((16 * width, 16), dtype=int)
-        codes[24:28] = joined_on
-        result = spawned_by(pressed(codes), tolerance=0.05)
-        near.append(np.count_nonzero(result.lower[:, 0] < 0.4))
-        assert result.agents - near[-1] <= 4 * width
-    assert abs(near[1] - near[0]) < 0.01 * near[0]
-
-
 @pytest.mark.parametrize("scene", [ragged(1), under_a_patch(3)], ids=["ragged", "cubes"])
 def test_same_numbers_bit_by_bit(scene):
     first, second = (spawned_by(scene, tolerance=0.15) for _ in range(2))

@@ -9,7 +9,6 @@ import sys
 import weakref
 
 import mesa
-import numpy as np
 import pytest
 from mesa import DataCollector
 from plates import plate as pressed
@@ -77,24 +76,6 @@ def sisters():
         lambda: ElasticModel(elastic, seed=1),
         lambda: SpawningModel(plate(cells=8), tolerance=0.02, seed=1),
     ]
-
-
-@pytest.mark.parametrize("number", range(2))
-def test_the_sister_models_are_alike(number):
-    model = sisters()[number]()
-    model.run(until=lambda model: model.steps >= 2)
-    assert model.steps == 2
-    model.run()
-    steps = model.steps
-    model.step()
-    assert model.steps == steps
-    table = model.datacollector.get_model_vars_dataframe()
-    assert len(table) in (steps, steps + 1)
-    assert np.isfinite(table.to_numpy(dtype=float)).all()
-    model.reset()
-    assert model.steps == 0
-    model.run()
-    assert model.steps == steps
 
 
 def test_runs_leave_nothing_behind():

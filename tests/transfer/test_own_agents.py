@@ -111,19 +111,6 @@ def test_a_rule_of_ones_own(engine):
     )
 
 
-def test_a_rule_that_does_not_answer_is_named():
-    class Mute:
-        threshold, accumulate, sense = 0.01, False, False
-
-        def shares(self, material, dimension):
-            return 0.5
-
-    with pytest.raises(ParameterError, match=r"shares of 'steel' must be kaju\.Shares, got 0\.5"):
-        LoadModel(column(), rule=Mute())
-    with pytest.raises(ParameterError, match="rule: object has no 'shares'"):
-        LoadModel(column(), rule=object())
-
-
 class Scattered(MaterialAgent):
     """Every agent draws its own forward share."""
 

@@ -1,11 +1,9 @@
 """Lattices of one's own: what follows from three answers, with triangles as the example."""
 
-from importlib import util
-
 import numpy as np
 import pytest
 from plates import loaded, plate
-from strategies import EXAMPLES, Triangles
+from strategies import Triangles
 from transfer_answers import ENGINES
 
 from kaju import (
@@ -176,20 +174,3 @@ def moved(change):
 def test_a_lattice_that_does_not_fit_together_is_refused(lattice, words):
     with pytest.raises(SceneError, match=words):
         sheet(lattice=lattice)
-
-
-def test_the_example_runs_and_draws(tmp_path, capsys, coarse):
-    folder = EXAMPLES / "triangles"
-    spec = util.spec_from_file_location("triangles_run", folder / "run.py")
-    example = util.module_from_spec(spec)
-    spec.loader.exec_module(example)
-    example.main(["--out", str(tmp_path / "pictures")])
-    assert capsys.readouterr().out.splitlines() == [
-        "every load ends within 14 generations",
-        "106 triangles and 14 boundary agents took part",
-        "32.4898 N taken, books off by less than 1e-15",
-    ]
-    drawn = {path.name: path.stat().st_size for path in (tmp_path / "pictures").iterdir()}
-    assert drawn.keys() == {"triangles.png", "triangles.gif", "triangles.html"}
-    assert min(drawn.values()) > 5_000
-    assert "python run.py" in (folder / "README.md").read_text()

@@ -157,20 +157,3 @@ def test_what_an_interrupted_command_leaves(kaju, monkeypatch, tmp_path, verb, k
     code, _, told = kaju(*written(tmp_path, verb, 8))
     assert code == 130
     assert assert_whole_or_none(tmp_path, told) == kept
-
-
-@pytest.mark.parametrize(("at", "kept"), [(2, []), (12, ["prescribed rule"])])
-def test_a_comparison_keeps_what_was_compared(monkeypatch, tmp_path, kaju, at, kept):
-    """The scene's own rule is run first, then its coefficients are fitted."""
-    large(10).save(tmp_path / "scene.toml")
-    interrupting(monkeypatch, LoadModel, "act_once", at)
-    code, _, told = kaju("compare", "scene.toml", "--out", "beside", "--resolution", "2")
-    assert code == 130
-    if not kept:
-        assert "before there was anything to keep" in told
-        assert not (tmp_path / "beside").exists()
-        return
-    assert "it is in beside" in told
-    found = json.loads((tmp_path / "beside/comparison.json").read_text())
-    assert list(found["answers"]) == kept
-    assert found["notes"] == [NOTE]

@@ -40,20 +40,6 @@ def test_no_code_is_made_and_nothing_is_fetched():
     assert found == KNOWN
 
 
-def test_nothing_that_users_hand_in_is_judged_by_an_assertion():
-    """`python -O` drops them: they tell the type checker what is known, and no more."""
-    known = {  # of our own numbering, and of our own halving
-        "(column >= 0).all()",
-        "(leaves.size[parent] // new.size).max() <= 1 << DEEPEST_STEP",
-    }
-    for path, tree in parsed().items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Assert):
-                told = ast.unparse(node.test)
-                narrows = told.endswith(" is not None") or told.startswith("isinstance(")
-                assert narrows or told in known, f"{path.name}:{node.lineno}: {told}"
-
-
 OFFLINE = """
 import sys
 def refuse(event, _):

@@ -76,12 +76,6 @@ def test_what_cannot_be_is_refused(run, tmp_path, name, options, message) -> Non
     assert not list(tmp_path.iterdir())
 
 
-def test_what_has_no_frames_is_refused(tmp_path) -> None:
-    crept = kaju.creep(kaju.ThreeElement(1.0, 1.0, 1.0), kaju.History().hold(1.0))
-    with pytest.raises(ParameterError, match="no such animation 'mesh' of a CreepResult"):
-        kaju.animate(crept, tmp_path / "still.glb")
-
-
 class Glb:
     """A GLB read as strictly as its specification says."""
 
@@ -225,24 +219,6 @@ def test_frames_have_no_background_and_one_size(run, tmp_path) -> None:
     assert (alpha[alpha.shape[0] // 2] > 240).mean() > 0.5  # the body
     # The camera stays: what no agent and no arrow has touched is the same in every frame.
     assert all(np.array_equal(picture[-8:], pictures[0][-8:]) for picture in pictures)
-
-
-def test_small_arrows_and_later_blues_keep_their_colours_in_a_gif(tmp_path) -> None:
-    """The palette is that of all frames: the first, at rest, has neither."""
-    history = kaju.History().ramp(1.0, duration=1.0).hold(2.0)
-    crept = kaju.creep(soft(), history, times=[0.0, 0.5, 1.0, 3.0])
-    shown = []
-    for name in ("soft.webp", "soft.gif"):
-        with Image.open(kaju.animate(crept, tmp_path / name, bare=True)) as film:
-            film.seek(2)
-            shown.append(np.asarray(film.convert("RGB"), dtype=int))
-    assert durations(tmp_path / "soft.gif")[0] == 40  # 25 frames a second
-    true, seen = shown
-    vivid = np.ptp(true, axis=2) > 40
-    red = vivid & (true.argmax(axis=2) == 0)
-    assert red.sum() > 20
-    assert (vivid & ~red).sum() > 200
-    assert np.abs(true - seen).max(axis=2)[vivid].mean() < 12
 
 
 def test_webp_and_gif_show_the_same_frames(run, tmp_path) -> None:

@@ -374,17 +374,17 @@ def _error_of(result: ElasticResult) -> str:
 
 
 def growth_steps(result: GrowthResult) -> Motion:
-    """Return densities step by step; of the last step alone if no other were kept."""
+    """Return densities step by step."""
     lattice = result.scene.lattice
     corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
-    kept = len(result.designs) > 0
-    steps = chosen_frames(result.steps + 1) if kept else np.array([result.steps])
-    designs = result.designs[steps] if kept else result.cells[None]
+    steps = chosen_frames(result.steps + 1)
     return Motion(
         **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
         at=steps.astype(float),
         along="step",
-        values={"density": ("", np.rint(256.0 * designs) / 256.0)},  # more would not deflate
+        values={
+            "density": ("", np.rint(256.0 * result.designs[steps]) / 256.0)
+        },  # more would not deflate
         curves=growth_curves(result),
         forces=applied(result.scene, result.stage),
         outcome=result.outcome,

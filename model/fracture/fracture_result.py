@@ -151,7 +151,8 @@ class FractureResult(Result):
     def _where(self) -> dict[str, Any]:
         """Return the nodes of the springs, or the middles of the cells (m), that broke."""
         if isinstance(self.subject, Scene):
-            middle = self.cells[self.broken]
+            cells = np.argwhere(self.subject.rasterise() >= 0)[self.broken]
+            middle = self.subject.lattice.centres(cells)
             return {
                 f"{name}_m": middle[:, axis] for axis, name in enumerate("xyz"[: middle.shape[1]])
             }
@@ -160,21 +161,6 @@ class FractureResult(Result):
             "first": [names[node] for node in ends[:, 0]],
             "second": [names[node] for node in ends[:, 1]],
         }
-
-    @property
-    def cells(self) -> Floats:
-        """Middles of a scene's cells of material (m), row by row, shape (n, dimension).
-
-        Raises
-        ------
-        ParameterError
-            If springs of a network broke.
-        """
-        if not isinstance(self.subject, Scene):
-            raise ParameterError(
-                "cells: springs of a network broke, not cells; it is result.network"
-            )
-        return self.subject.lattice.centres(np.argwhere(self.subject.rasterise() >= 0))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the history."""
@@ -237,18 +223,6 @@ class FractureResult(Result):
             while len(body.broken) < count:
                 body.break_part(body.index_of(int(self.broken[len(body.broken)])))
             yield body
-
-    def moments(self, counts: Iterable[int]) -> Iterator[tuple[Floats, Floats]]:
-        """Give displacements (m) and what parts bear after so many breaks, at the load of the last.
-
-        A body that has parted stays as it was before its last break, and bears nothing.
-        """
-        asked = list(counts)
-        at_most = [min(count, self.breaks_resisted) for count in asked]
-        for count, at, body in zip(asked, at_most, self.replayed(at_most), strict=True):
-            factor = self.factor_after(at)
-            borne = factor * body.borne()
-            yield factor * body.displacement(), borne if at == count else np.zeros_like(borne)
 
     def factor_after(self, count: int) -> float:
         """Return the load factor after so many breaks; before the first, that of the first."""

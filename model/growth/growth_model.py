@@ -16,7 +16,7 @@ from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.problem import ElasticProblem, FaceFields
 from kaju.model.elastic.equal.solver import followed
 from kaju.model.elastic.equal.staggered import energy_of_cells
-from kaju.model.elastic.moduli import Moduli, von_mises
+from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.scene import Scene
 from kaju.model.scene.scene import scene_needed
 from kaju.model.stepper import Stepper
@@ -63,8 +63,6 @@ class GrowthModel(Stepper[GrowthResult]):
     tolerance : float
         Relative error in the energy norm to which the equations are solved; its square is the
         error of the compliance. The last design is solved to 1e-6.
-    keep : bool
-        Whether the result has the densities of every step (4 bytes a cell and step), for films.
 
     Attributes
     ----------
@@ -110,7 +108,6 @@ class GrowthModel(Stepper[GrowthResult]):
         most_steps: int = 100,
         at_rest: float = 0.01,
         tolerance: float = 1e-2,
-        keep: bool = True,
     ) -> None:
         scene_needed(scene)
         known = isinstance(rule, GrowthRule) or (isinstance(rule, str) and rule in RULES)
@@ -127,7 +124,7 @@ class GrowthModel(Stepper[GrowthResult]):
         require(sure, f"tolerance: from {SMALLEST:g} to below 1, got {tolerance}")
         self.scene, self.stage = scene, stage
         self.rule = RULES[rule]() if isinstance(rule, str) else copy(rule)
-        self._volume, self._radius, self._keep = volume, filter_radius, keep
+        self._volume, self._radius = volume, filter_radius
         self._most_steps, self._at_rest, self._tolerance = most_steps, at_rest, tolerance
         self._growing = GrowingBody(scene, stage)
         self._around = Neighbours.within(self._growing.body, filter_radius)
@@ -185,8 +182,7 @@ class GrowthModel(Stepper[GrowthResult]):
         self._growing.solve(self.stiffness, min(tolerance, self._tolerance))
         volume = float(self.density.mean())
         self._rows.append((self.compliance, volume, change, self._growing.iterations))
-        if self._keep:
-            self._designs.append(self.density.astype(np.float32))
+        self._designs.append(self.density.astype(np.float32))
 
     def _felt(self) -> Felt:
         """Return what the cells feel."""
@@ -223,7 +219,7 @@ class GrowthModel(Stepper[GrowthResult]):
             rule=self.rule.name,
             cells=self.density.copy(),
             stiffness_of_cells=self.stiffness.copy(),
-            designs=np.array(self._designs, dtype=np.float32).reshape(-1, self.density.size),
+            designs=np.array(self._designs),
             compliances=compliances,
             volumes=volumes,
             changes=changes,
@@ -286,11 +282,9 @@ class GrowingBody:
         problem = self._whole
         parts = fields.stress_parts(replace(problem, surface_shear={}), self._moved)
         stress = fields.cell_tensor(problem, parts)[self.body]
-        across: Floats | float = 0.0
-        if problem.plane == "strain":
-            lateral, shear = problem.moduli.lateral, problem.moduli.shear
-            across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-        return self._symmetric(problem.scales.stress * von_mises(stress, across))
+        own = problem.kinds[problem.inner][self.body]
+        equivalent = equivalent_stress(stress, problem.moduli, own, problem.plane)
+        return self._symmetric(problem.scales.stress * equivalent)
 
     def _flipped(self, values: Floats, axis: int) -> Floats:
         """Return the values of the cells' mirror images along an axis."""

@@ -54,9 +54,8 @@ class GrowthResult(BodyResult):
     """Density from 0 to 1 of each cell of material, row by row. Shape (n,)."""
     stiffness_of_cells: Annotated[Floats, Column("agents", 0.0, 1.0)]
     """Stiffness of each as a share of its material's. Shape (n,)."""
-    designs: Annotated[NDArray[np.float32], Column("kept agents", 0.0, 1.0)]
-    """Densities at first and after every step, in single precision; none if they were not kept.
-    Shape (steps + 1, n)."""
+    designs: Annotated[NDArray[np.float32], Column("steps agents", 0.0, 1.0)]
+    """Densities at first and after every step, in single precision. Shape (steps + 1, n)."""
     compliances: Annotated[Floats, Column("steps", 0.0)]
     """Work of the forces F·u (J). Shape (steps + 1,)."""
     volumes: Annotated[Floats, Column("steps", 0.0, 1.0)]
@@ -80,9 +79,8 @@ class GrowthResult(BodyResult):
         self.scene.applied(self.stage)  # refuses a stage that there is not
         if np.count_nonzero(self.body) != len(self.cells):
             raise ResultError("'cells' must hold one density for each cell of material")
-        steps = len(self.compliances)
-        if not steps or len(self.designs) not in (0, steps):
-            raise ResultError("'designs' must be of no step or of all, and there must be one")
+        if not len(self.compliances):
+            raise ResultError("'compliances' must be of one step or more")
 
     @property
     def name(self) -> str:
@@ -136,11 +134,10 @@ class GrowthResult(BodyResult):
         Raises
         ------
         ParameterError
-            If there were fewer steps, or their densities were not kept.
+            If there were fewer steps.
         """
         if step is None:
             return self.cells
-        require(len(self.designs) > 0, "step: densities were not kept; grow with keep=True")
         require(0 <= step <= self.steps, f"step: 0 to {self.steps}, got {step}")
         return np.asarray(self.designs[step], dtype=np.float64)
 

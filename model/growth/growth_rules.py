@@ -2,21 +2,11 @@
 
 References
 ----------
-O. Sigmund, "A 99 line topology optimization code written in Matlab", Structural and
-Multidisciplinary Optimization 21 (2001) 120-127; M. P. Bendsøe, O. Sigmund, *Topology
-Optimization* (Springer 2003), ch. 1: `Compliance`.
-
-A. Tovar et al., "Topology optimization using a hybrid cellular automaton method with local
-control rules", Journal of Mechanical Design 128 (2006) 1205-1216; R. Huiskes et al., "Adaptive
-bone-remodeling theory applied to prosthetic-design analysis", Journal of Biomechanics 20 (1987)
-1135-1150 (the lazy zone): `Remodelling`.
-
-R. Razani, "Behavior of fully stressed design of structures and its relationship to minimum-weight
-design", AIAA Journal 3 (1965) 2262-2268: `FullyStressed`.
-
-T. E. Bruns, D. A. Tortorelli, "Topology optimization of non-linear elastic structures and
-compliant mechanisms", Computer Methods in Applied Mechanics and Engineering 190 (2001) 3443-3459:
-means of densities, `Neighbours.within`.
+`Compliance`: M. P. Bendsøe, O. Sigmund, *Topology Optimization*, Springer 2003, ch. 1; O. Sigmund,
+Structural and Multidisciplinary Optimization 21 (2001) 120. `Remodelling`: A. Tovar et al., Journal
+of Mechanical Design 128 (2006) 1205; R. Huiskes et al., Journal of Biomechanics 20 (1987) 1135 (the
+lazy zone). `FullyStressed`: R. Razani, AIAA Journal 3 (1965) 2262. `Neighbours.within`: T. E.
+Bruns, D. A. Tortorelli, Computer Methods in Applied Mechanics and Engineering 190 (2001) 3443.
 """
 
 from __future__ import annotations

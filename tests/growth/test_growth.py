@@ -174,8 +174,6 @@ def test_it_is_stored_and_shown(tmp_path):
     np.testing.assert_allclose(again.density_at(12), again.cells, atol=1e-7)
     with pytest.raises(ParameterError, match="step: 0 to 12, got 13"):
         again.density_at(13)
-    with pytest.raises(ParameterError, match="keep=True"):
-        small(keep=False).run(2).density_at(1)
     with pytest.raises(ResultError, match="stiffness"):
         kaju.compare(again, kaju.solve(SMALL.scene()))
     shown = kaju.plot(result, step=0).axes[0].collections

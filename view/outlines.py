@@ -48,7 +48,7 @@ def along_outlines(result: ElasticResult, found: CutAgents) -> list[Curves]:
     for name in found.along:
         (x, y), hoop = result.outline_stress(name)[0].T, result.outline_stress(name)[1]
         way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
-        title = f"Hoop stress over the way along {name} (m)"
+        title = f"Hoop stress: {name}"
         drawn.append(Curves(title, "place", "m", way, {"hoop stress": hoop}, "Pa"))
     return drawn
 

@@ -50,7 +50,7 @@ export function ticksOf(low, high, most = 4) {
 }
 
 /** One chart: axes with ticks and a unit, a line each, its name at its end, the present as a dot and a number. */
-export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lists, names, over, now, log = false, course = false }, inks) {
+export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lists, names, over, now, log = false, course = false, axis = "" }, inks) {
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log && !(low < top)) low = top / 10 || 0.1;
@@ -71,12 +71,15 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   ctx.strokeStyle = inks.soft; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x, y + h); ctx.lineTo(x + w, y + h); ctx.stroke();
   ctx.textBaseline = "top";
   const whole = over.every(Number.isInteger);
-  for (const at of ticksOf(first, first + reach, Math.max(2, Math.min(5, w / 30))).filter((v) => !whole || Number.isInteger(v))) {
-    ctx.textAlign = X(at) > x + w - 8 ? "right" : "center"; ctx.fillText(String(at), Math.min(X(at), x + w), y + h + 4);
-  }
+  ticksOf(first, first + reach, Math.max(2, Math.min(5, w / (axis ? 45 : 30)))).filter((v) => !whole || Number.isInteger(v)).forEach((at, n, { length }) => {
+    const text = axis && n === length - 1 ? `${at} ${axis}` : String(at), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
+    ctx.textAlign = close ? "right" : "center"; ctx.fillText(text, close ? x + w : X(at), y + h + 4);
+  });
   ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillStyle = inks.soft;
-  const head = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`;
-  ctx.fillText(head, x - LEFT + 4, y - 6, w + LEFT - 6);
+  const about = `${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`;
+  let head = word;
+  while (head.length > 1 && ctx.measureText(head + about).width > w + LEFT - 6) head = `${head.slice(0, -2)}…`;   // rather cut than squeezed
+  ctx.fillText(head + about, x - LEFT + 4, y - 6);
   const colours = [inks.rule, inks.elastic, inks.miss, inks.soft];
   shown.forEach((list, i) => {
     ctx.strokeStyle = colours[i % 4]; ctx.lineWidth = 1.8; ctx.setLineDash(i ? [5, 3] : []); ctx.beginPath();

@@ -1,11 +1,10 @@
 // Equilibrium at a glance: the force through every cut, rule beside elasticity; the part beyond a cut
 // as a free body; and where the force of the loads has gone.
-import { askElastic, cutsOf, fieldsOf, loadAxis } from "./answer.js";
+import { askElastic, bothOf, cutsOf, fieldsOf, loadAxis } from "./twin.js";
 import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintNumbers, paintWord } from "./paint.js";
 import { hand } from "./scene.js";
-import { bothOf } from "./twin.js";
 import { general, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars

@@ -70,7 +70,7 @@ class Runs(Protocol):
 MODULES = (
     "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
     "markdown.js", "paint.js", "charts.js", "state.js",
-    "loads.js", "cell.js", "lesson.js", "answer.js", "twin.js", "cutting.js",
+    "loads.js", "cell.js", "lesson.js", "twin.js", "cutting.js",
     "panels.js", "page.js", "motion.js",
 )  # fmt: skip
 """In the order in which they are joined: each uses only those before it at its top level."""

@@ -224,8 +224,8 @@ export class MotionPage extends Page {
     const { parts: { charts: canvas }, curveList, inks, at, g } = this;
     canvas.hidden = !curveList.length;
     if (!canvas.isConnected || !curveList.length) return;
-    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, lines, logarithmic, course, place }) =>
-      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: place ? null : at[g], log: logarithmic, course })), inks);
+    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
+      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;

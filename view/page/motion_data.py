@@ -82,6 +82,7 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
         "at": curves.at.tolist(),
         "lines": {name: line.tolist() for name, line in curves.lines.items()},
         "logarithmic": curves.logarithmic,
+        "axis": curves.along_unit if curves.along in ("displacement", "place") else "",
         "course": curves.along == "displacement",  # a point a moment, there and back
         "place": curves.along == "place",  # no moments at all
     }

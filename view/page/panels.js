@@ -3,7 +3,7 @@ import { button, choice, icon, iconButton, labelled, make, offered, segments, sl
 import { rendered } from "./markdown.js";
 import { lessonSide } from "./lesson.js";
 import { loadsPanel } from "./loads.js";
-import { largestForce, saveFilm, savePng, saveScene, saveTable } from "./scene.js";
+import { largestForce, savePng, saveScene, saveTable } from "./scene.js";
 import { copyLink } from "./state.js";
 import { general, LANGUAGES, quantity } from "./words.js";
 
@@ -30,10 +30,9 @@ export function buildHeader(page) {
 function saves(page) {
   const { t } = page, item = (word, save) => button(t(word), async (event) => {
     event.target.closest("details").open = false;
-    if (save === saveFilm) page.announce(t("filming"));
     try { page.announce(t("saved", { name: await save(page) })); } catch (error) { page.announce(t("noAnswer", { why: error.message })); }
   });
-  const items = [item("savePng", savePng), item("saveFilm", saveFilm)];
+  const items = [item("savePng", savePng)];
   if (page.touchable) items.unshift(item("saveScene", saveScene));
   if (page.run.taken) items.push(item("saveCsv", saveTable));
   return items;

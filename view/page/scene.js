@@ -116,23 +116,3 @@ function onPaper(page) {                       // the picture on its background
 }
 
 export const savePng = async (page) => hand(fileName(page, "png"), await new Promise((done) => onPaper(page).toBlob(done, "image/png")));
-
-/** Play from the start to the end and record the picture. */
-export async function saveFilm(page) {
-  const kind = ["video/webm;codecs=vp9", "video/webm"].find((type) => globalThis.MediaRecorder?.isTypeSupported(type));
-  if (!kind) throw new Error("MediaRecorder");
-  const sheet = onPaper(page), recorder = new MediaRecorder(sheet.captureStream(30), { mimeType: kind, videoBitsPerSecond: 4e6 });
-  let patience = 100;
-  const pieces = [], ctx = sheet.getContext("2d"), stopped = new Promise((done) => { recorder.onstop = done; });
-  recorder.ondataavailable = (event) => pieces.push(event.data);
-  const seconds = (part) => new Promise((done) => setTimeout(done, 1000 * part)), picture = () => { ctx.fillStyle = page.inks.paper; ctx.fillRect(0, 0, sheet.width, sheet.height); ctx.drawImage(page.canvas, 0, 0); };
-  recorder.start(100);
-  for (let g = 0; g <= page.run.generation; g++) {
-    page.goTo(g); page.draw(); picture();
-    await seconds(1 / Math.max(4, page.look.speed));
-  }
-  do { picture(); await seconds(0.4); } while (pieces.reduce((sum, { size }) => sum + size, 0) < 500 && --patience);   // a busy machine encodes late
-  recorder.stop();
-  await stopped;
-  return hand(fileName(page, "webm"), new Blob(pieces, { type: "video/webm" }));
-}

@@ -10,7 +10,7 @@ export function inline(text) {
   for (const found of text.matchAll(PIECES)) {
     const [all, bold, emphasis, code, words, to] = found;
     list.push(text.slice(at, found.index));
-    if (words !== undefined) list.push(/^(https?:|[\w./#-]+$)/.test(to) ? make("a", { href: to, textContent: words }) : words);
+    if (words !== undefined) list.push(/^(https?:|[\w./#-]+$)/.test(to) ? make("a", { href: to, textContent: words, target: self === top ? "_blank" : "", rel: "noopener" }) : words);
     else list.push(make(bold ? "strong" : emphasis ? "em" : "code", {}, ...(code ? [code] : inline(bold ?? emphasis))));
     at = found.index + all.length;
   }

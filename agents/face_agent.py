@@ -7,43 +7,13 @@ to act on waits instead of ending, so that the agent can act again and again unt
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
 
-from .boundary_agent import BoundaryAgent, FreeBoundaryAgent
+from .boundary_agent import BoundaryAgent
 from .materials import Material
-
-
-class Faces(Protocol):
-    """The state of the faces of a level, agent or not, as arrays by face number."""
-
-    @property
-    def left(self) -> Floats:
-        """Load left (N), along the face's normal."""
-
-    @property
-    def displacement(self) -> Floats:
-        """How far the face has moved (m)."""
-
-    @property
-    def taken(self) -> Floats:
-        """Sum of the sizes of the loads that its agent has taken (N)."""
-
-
-class FaceModel(Protocol):
-    """What a face agent needs of the model it lives in."""
-
-    @property
-    def generation(self) -> int:
-        """Steps taken."""
-
-    def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
-        """Bring a load (N) to another face of the level, or to a support."""
-
-    def boundary_agent(self, number: int) -> FreeBoundaryAgent:
-        """Return the agent of the air cell with that number, awake."""
 
 
 class Link(NamedTuple):
@@ -80,6 +50,8 @@ class FaceAgent(FixedAgent):
         Where the agent stands, and to whom it passes what.
     spawn_step : int
         Step in which the agent spawned, counted from 1.
+    faces : object
+        The state of all faces of its level as arrays by number: `left`, `displacement`, `taken`.
 
     Examples
     --------
@@ -100,7 +72,7 @@ class FaceAgent(FixedAgent):
     13
     """
 
-    def __init__(self, model: FaceModel, cell: Cell, place: Place, faces: Faces) -> None:
+    def __init__(self, model: Any, cell: Cell, place: Place, faces: Any) -> None:
         super().__init__(model)
         self.cell = cell
         self.place = place
@@ -163,10 +135,10 @@ class SupportAgent(BoundaryAgent):
 
     def __init__(
         self,
-        model: FaceModel,
+        model: Any,
         cell: Cell,
         kind: int,
-        faces: Faces,
+        faces: Any,
         held: tuple[tuple[int, int, float], ...],
     ) -> None:
         super().__init__(model, cell)

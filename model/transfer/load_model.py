@@ -50,9 +50,8 @@ class LoadModel(SteppedModel):
     scene : Scene
         Body, supports, loads and a prescribed rule.
     engine : {"auto", "agents", "arrays"}
-        "agents": every agent is an object on Mesa's cell space. "arrays": agents are rows of
-        arrays, for any size of body. Both give the same loads. "auto" takes objects for
-        bodies of up to 10,000 cells and for agents of your own.
+        "agents": objects on Mesa's cell space. "arrays": rows of arrays, for any size of body.
+        "auto": objects for up to 10,000 cells and for agents of your own.
     material_agent : type of MaterialAgent
         Your own subclass, if you have one.
     allow_unstable : bool
@@ -81,10 +80,6 @@ class LoadModel(SteppedModel):
     ----------
     generation : int
         Steps taken in the current stage.
-    stage : int
-        Current stage of loading, counted from 1.
-    running : bool
-        False when the last stage has come to rest or was stopped.
     certificate : Certificate
         Whether loads will end, as far as it is known before the run; it is not known for agents of
         your own.

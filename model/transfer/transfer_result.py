@@ -344,8 +344,41 @@ class TransferResult(BodyResult):
         return write_vtk(path, corners, lattice.cell_size, values)
 
     def load_path(self) -> networkx.DiGraph:
-        """Return who loaded whom, with the loads as edge weights (N)."""
-        return load_path(self.scene, self.last)
+        """Return the `networkx.DiGraph` of all loads handed over.
+
+        Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free", "rigid"
+        or "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from the cell
+        that passed loads on to the one that took them; its ``weight`` is their sum (N). A boundary
+        hands all it gets back over an edge of the same weight.
+        """
+        import networkx
+
+        scene, stage, graph = self.scene, self.last, networkx.DiGraph()
+        lattice = scene.lattice
+
+        def add(cells: Ints, steps: Ints, **attributes: list[str]) -> list[tuple[int, ...]]:
+            nodes = [tuple(cell) for cell in cells.tolist()]
+            columns = {"spawn_step": steps.tolist(), **attributes}
+            columns["pos"] = list(map(tuple, lattice.centres(cells).tolist()))
+            rows = zip(*columns.values(), strict=True)
+            for node, row in zip(nodes, rows, strict=True):
+                graph.add_node(node, **dict(zip(columns, row, strict=True)))
+            return nodes
+
+        names = [scene.cell_materials[number].name for number in stage.material]
+        kinds = [BOUNDARY_NAMES[kind] for kind in stage.boundary_kind.tolist()]
+        cells = add(stage.cells, stage.spawn_step, kind=["material"] * len(names), material=names)
+        outside = set(add(stage.boundary_cells, stage.boundary_spawn_step, kind=kinds))
+        for arm in range(lattice.directions):
+            passing = np.flatnonzero(stage.passed[:, arm] > 0.0)
+            targets = lattice.neighbours(stage.cells[passing], arm).tolist()
+            for row, target in zip(passing.tolist(), map(tuple, targets), strict=True):
+                weight = float(stage.passed[row, arm])
+                if target in graph:
+                    graph.add_edge(cells[row], target, weight=weight)
+                if target in outside:
+                    graph.add_edge(target, cells[row], weight=weight)
+        return graph
 
     def checks(self) -> list[Check]:
         """Return whether every newton is accounted for at every stage."""
@@ -396,40 +429,3 @@ class TransferResult(BodyResult):
                 columns[f"strain_{a}{b}"] = self.strain[:, i, j]
                 columns[f"stress_{a}{b}"] = self.stress[:, i, j]
         return pandas.DataFrame(columns)
-
-
-def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:
-    """Return the `networkx.DiGraph` of all loads handed over.
-
-    Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free", "rigid" or
-    "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from the cell that passed
-    loads on to the one that took them; its ``weight`` is their sum (N). A boundary hands all it
-    gets back over an edge of the same weight.
-    """
-    import networkx
-
-    lattice, graph = scene.lattice, networkx.DiGraph()
-
-    def add(cells: Ints, steps: Ints, **attributes: list[str]) -> list[tuple[int, ...]]:
-        nodes = [tuple(cell) for cell in cells.tolist()]
-        columns = {"spawn_step": steps.tolist(), **attributes}
-        columns["pos"] = list(map(tuple, lattice.centres(cells).tolist()))
-        rows = zip(*columns.values(), strict=True)
-        for node, row in zip(nodes, rows, strict=True):
-            graph.add_node(node, **dict(zip(columns, row, strict=True)))
-        return nodes
-
-    names = [scene.cell_materials[number].name for number in stage.material]
-    kinds = [BOUNDARY_NAMES[kind] for kind in stage.boundary_kind.tolist()]
-    cells = add(stage.cells, stage.spawn_step, kind=["material"] * len(names), material=names)
-    outside = set(add(stage.boundary_cells, stage.boundary_spawn_step, kind=kinds))
-    for arm in range(lattice.directions):
-        passing = np.flatnonzero(stage.passed[:, arm] > 0.0)
-        targets = lattice.neighbours(stage.cells[passing], arm).tolist()
-        for row, target in zip(passing.tolist(), map(tuple, targets), strict=True):
-            weight = float(stage.passed[row, arm])
-            if target in graph:
-                graph.add_edge(cells[row], target, weight=weight)
-            if target in outside:
-                graph.add_edge(target, cells[row], weight=weight)
-    return graph

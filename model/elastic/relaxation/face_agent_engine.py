@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import networkx
 import numpy as np
@@ -10,18 +10,12 @@ import scipy.sparse as sp
 
 from kaju._mesa import Cell, FixedAgent, Network
 from kaju.agents.boundary_agent import FreeBoundaryAgent
-from kaju.agents.face_agent import FaceAgent, FaceModel, Link, Place, SupportAgent
+from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.relaxation.push_state import PushEngine
 from kaju.model.elastic.relaxation.push_table import PushTable, cells_beside
 from kaju.model.scene.cell_types import AIR
 from kaju.stepping import Order, chosen
-
-
-class PushModel(FaceModel, Protocol):
-    """What the engine needs of the model of its agents."""
-
-    random: Any  # Mesa's generator of random numbers
 
 
 class AgentPushEngine(PushEngine):
@@ -31,7 +25,7 @@ class AgentPushEngine(PushEngine):
     hands shares to.
     """
 
-    def __init__(self, model: PushModel, table: PushTable, face_agent: type[FaceAgent]) -> None:
+    def __init__(self, model: Any, table: PushTable, face_agent: type[FaceAgent]) -> None:
         self.model, self.face_agent = model, face_agent
         self.agents: list[dict[int, FaceAgent]] = []
         self.air: dict[int, FreeBoundaryAgent] = {}

@@ -177,20 +177,20 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
     (TAKE, "self.kept = 'much'", 7, KIND),
     (TAKE, "self.kept += '1'", 7, KIND),
-    (TAKE, "self.kept = float('inf')", 7, "has kept inf N"),
+    (TAKE, "self.kept = float('inf')", 7, "hat inf N behalten"),
     (TAKE, "load.magnitude = 1", 7, "ging etwas schief"),
     (TAKE, "load[7]", 7, "so lang ist die Liste nicht"),
     (TAKE, "int('a')", 7, VALUE),
     (TAKE, "if self.kept = 1: pass", 7, PYTHON),
     (TAKE, "return self.kept +", 7, PYTHON),
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
-    (SEND, "return None", 7, "returned None, which is no Emission"),
-    (SEND, "return rows * 500", 7, "more than 1000 for a load"),
-    (SEND, "return [row._replace(arm=7) for row in rows]", 7, "it has an arm of (0, 1, 2, 3)"),
+    (SEND, "return None", 7, "gab None zurück; das ist keine Emission"),
+    (SEND, "return rows * 500", 7, "gab mehr als 1000 Emissionen"),
+    (SEND, "return [row._replace(arm=7) for row in rows]", 7, "möglich sind die Arme (0, 1, 2, 3), die Richtungen 0 bis 3"),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def tak(self, load): pass", 3, "niemand ruft `tak` auf; meinst du `take`?"),
-    (CLASS, "def __init__(self, *start):\n        self.x = 1", 4, "must call super().__init__"),
+    (CLASS, "def __init__(self, *start):\n        self.x = 1", 4, "muss super().__init__ mit allen"),
     (CLASS, "state = State('x')", 3, "its default must be a number"),
 ]
 
@@ -201,6 +201,9 @@ def test_mistakes_are_named_with_their_line_and_the_page_lives_on(opened, pages)
         found = runs(page, before + line + "\n")
         assert (found.get("line"), words in found.get("error", "")) == (number, True), (line, found)
         assert found["error"].startswith(f"Zeile {number}: ")
+    growing = SEND + "return [row._replace(share=3.0) for row in rows]\n"
+    assert runs(page, growing)["grew"] == 7
+    assert "Zeile 7: die Lasten sind auf das Tausendfache" in page.text("aside")
     assert runs(page, READY["standard"]["code"])["agents"] > 30
 
 

@@ -39,6 +39,15 @@ function distance(a, b) {
 const NAMES = "MaterialAgent FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent Load Emission Shares Parameter State direction magnitude copies sense total arm share kept taken passed dropped squeezed index model material shares threshold generation emissions take pass_on shortening give_back turn spawn_step woken_by random super self load True False None return import range print super append hand_over uniform choice random own forward friction poisson".split(" ");
 const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word)).sort((a, b) => distance(a, word) - distance(b, word))[0];
 
+/** What a guard of kaju says, in the reader's language; in English as it is. */
+function guarded(t, text) {
+  const [, hook, cls, cell, g, said] = text.match(/^(\w+): (\w+) at cell (\(.*?\)) in generation (\d+) (.*)$/s) ?? [];
+  for (const [pattern, words] of t("guards").split("\n").map((row) => row.split("\t"))) {
+    const found = said && words && said.match(new RegExp(pattern, "s"));
+    if (found) return t("guard", { hook, cls, cell, g, what: words.replace(/\$(\d)/g, (_, n) => found[n] ?? "") });
+  }
+  return text;
+}
 /** An error in the reader's language. */
 export function told(t, { error, args = [], line }, code) {
   const text = args[0] ?? "", at = (words) => ({ error: t("atLine", { n: line, e: words }), line });
@@ -48,7 +57,7 @@ export function told(t, { error, args = [], line }, code) {
   if (error === "ImportError") return at(t("hasNo", { a: "kaju", n: name }) + mean);
   const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex", TypeError: "wrongType", ValueError: "wrongValue" }[error];
   if (word) return at(t(word, { e: text }));
-  return at(["AgentError", "ParameterError", "KajuError"].includes(error) ? text : t("wentWrong", { e: `${error}: ${text}` }));
+  return at(["AgentError", "ParameterError", "KajuError"].includes(error) ? guarded(t, text) : t("wentWrong", { e: `${error}: ${text}` }));
 }
 
 // ------------------------------------------------------------------------------- the workshop
@@ -98,14 +107,14 @@ export class Workshop {
   }
   drop() { this.worker?.terminate(); this.worker = null; this.busy = false; clearTimeout(this.watch); }
   stop() { if (this.busy) this.drop(); }
-  hear({ line, steps, print, at, error, args, declares, run, end }) {
+  hear({ line, steps, print, at, error, args, declares, run, end, grew }) {
     if (!this.busy) return;
     if (steps !== undefined) { this.line = line; if (steps !== this.steps) { this.steps = steps; this.wait(); } return; }
     if (print !== undefined) { this.wait(); this.print(print, at); return; }
     if (error) { this.busy = false; this.end(told(this.page.t, { error, args, line }, this.code)); return; }
     if (declares) { Object.assign(this, declares); return; }
     this.busy = false;
-    this.show(run); this.end(end);
+    this.show(run); this.end(grew ? { ...end, grew } : end);
   }
   /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */
   print(text, at) {
@@ -158,7 +167,8 @@ export class Workshop {
   }
   score() {
     const { agents, generations, taken, arrived } = this.result, n = (x) => general(x, 4);
-    return this.page.t("codeScore", { a: agents, g: generations, t: n(taken), r: n(arrived), f: n(this.foot()) });
+    const { grew } = this.result;
+    return grew ? this.page.t("atLine", { n: grew, e: this.page.t("grew") }) : this.page.t("codeScore", { a: agents, g: generations, t: n(taken), r: n(arrived), f: n(this.foot()) });
   }
   /** The challenge, for the header: with five lines most of the load to the left foot, nearly all of it to the ground. */
   challenge() {

@@ -1,11 +1,11 @@
 // In the worker: Brython, kaju's agents, and a pupil's code. Nothing of it reaches a network.
 const py = __BRYTHON__, post = postMessage.bind(globalThis), noted = py.set_lineno, MOST_ROWS = 2e6, MOST = 4000;
 for (const name of ["log", "warn", "error", "debug", "info"]) console[name] = () => {};
-let line = 0, beat = 0, every = false, steps = 0;
+let line = 0, lines = {}, beat = 0, every = false, steps = 0;
 const live = () => { if (Date.now() - beat > 200) { beat = Date.now(); post({ line, steps }); } };
 py.set_lineno = (frame, at, type) => {
   if (frame[2] === "agent") {
-    line = at;
+    line = at; lines[frame[0]] = at;
     if (every) beat = 0;
     live();
   } else if (frame[0] === "step") { steps++; live(); }   // an agent acts
@@ -80,14 +80,14 @@ function play({ code, scene, cells, stage, parameters, warming }) {
   if (!warming) post({ declares: { states, names: classes, parameters: numbers.map(([name, label, low, high, value, whole]) => ({ name, label, low, high, value, whole })) } });
   run.begin(python, states);
   while (!run.over && run.generation < MOST && run.taken.n < MOST_ROWS && Date.now() < until) { run.step(); steps++; live(); }
-  return run.shown;
+  return { ...run.shown, grew: run.grown ? lines.emissions ?? lines.pass_on ?? lines.take ?? 0 : 0 };   // a line that lets more go than came
 }
 /** What has run some times runs ten times as fast, the first of a pupil's too. */
 let warmed = 0;
 const warm = (data) => { if (warmed++ < 15) { beat = Infinity; play(data); setTimeout(warm, 0, data); } };
 onmessage = ({ data }) => {
   if (data.warming) { warm(data); return; }
-  line = 0; every = data.lines; beat = Date.now(); warmed = Infinity;
+  line = 0; lines = {}; every = data.lines; beat = Date.now(); warmed = Infinity;
   try { post(play(data)); } catch (raised) {
     const error = raised.__cause__?.args ? raised.__cause__ : raised, args = error.args ? Array.from(error.args, String) : [String(error.message ?? error)];
     post({ error: namesOf(error), args, line: lineOf(error, args) });

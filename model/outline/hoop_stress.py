@@ -103,9 +103,7 @@ def _ends_of_body(pair: CutPair, region: int, line: Floats) -> Edges:
     """Return the edges along an outline at which the body ends."""
     mesh, border = pair.balancing.mesh, pair.borders[1]
     rows = np.flatnonzero(border.outline == region)
-    leaf, law = np.full(len(mesh.ends), -1), np.full(len(mesh.ends), -1)
-    for edges, of, kind in _elements(pair):
-        leaf[edges], law[edges] = of[:, None], kind[:, None]
+    leaf, law = mesh.owner
     start, end = (mesh.place[border.ends[rows, k]] for k in (0, 1))
     if not pair.problem.body.regions[region].solid:
         start, end = end, start

@@ -31,10 +31,9 @@ OUTSIDE = "points: ({}) m lies outside the body"
 
 
 class Ends(NamedTuple):
-    """Where a body ends: straight lines, how their ends move, and the tractions there; scaled."""
+    """Where a body ends: straight lines, and the forces there; scaled."""
 
     ends: Floats  # shape (n, 2, 2)
-    moved: Floats
     force: Floats  # of each, shape (n, 2)
     place: Ints  # side, or behind these region, to which each belongs
     outward: Floats  # unit normals
@@ -126,26 +125,17 @@ class CutAgents(PairAgents):
 
     @cached_property
     def border(self) -> Ends:
-        """Where the body ends, what acts there, and how it moves: of the stress that balances."""
+        """Where the body ends, and what acts there: of the stress that balances."""
         mesh, border = self.pair.balancing.mesh, self.pair.borders[1]
         long = np.hypot(*border.run.T)[:, None]
         outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1) / long
         place = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
         ends = mesh.place[border.ends]
-        leaf = np.full(len(mesh.ends), -1)
-        leaf[mesh.square_edge], leaf[mesh.triangle_edge] = (
-            one[:, None] for one in (mesh.square_leaf, mesh.triangle_leaf)
-        )
-        law = np.full(len(mesh.ends), -1)
-        law[mesh.square_edge], law[mesh.triangle_edge] = (
-            one[:, None] for one in (mesh.square_law, mesh.triangle_law)
-        )
-        own, kind = leaf[border.edge], law[border.edge]
-        moved = self.pair.displacement_at(np.repeat(own, 2), ends.reshape(-1, 2))
+        own, kind = (of[border.edge] for of in mesh.owner)
         # along an edge the stress that balances is linear: that in the middle is its mean
         stress = tensors(self.pair.stress_at(own, ends.mean(axis=1), kind))
         borne = np.where(border.held, np.einsum("nab,nb->na", stress, outward), border.traction)
-        return Ends(ends, moved.reshape(-1, 2, 2), borne * long, place, outward)
+        return Ends(ends, borne * long, place, outward)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
@@ -176,6 +166,9 @@ class CutAgents(PairAgents):
             else:
                 along = np.arctan2(*(at - at.mean(axis=0)).T[::-1])
             order = np.argsort(along)
+            if place >= len(SIDES):  # what is not loaded all round begins after the widest gap
+                gap = np.diff(along[order], append=along[order[0]] + 2.0 * np.pi)
+                order = np.roll(order, -1 - int(gap.argmax()))
             way = np.append(0.0, np.cumsum(long[order]))
             step = way[-1] / (ARROWS if place >= len(SIDES) else ARROWS // 3)
             total = np.vstack([np.zeros(2), np.cumsum(force[rows[order]], axis=0)])

@@ -19,6 +19,7 @@ from .leaves import LeafCells
 CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)], dtype=np.float64)
 SIDES = np.array([(0, 2), (1, 3), (0, 1), (2, 3)])
 """Corners at the ends of a square's sides: lower, upper, left, right."""
+THIRDS = np.array([(0, 1), (1, 2), (2, 0)])  # corners at the ends of a triangle's sides
 ROUND = np.array([0, 2, 3, 1])  # corners of a square, counter-clockwise
 
 
@@ -42,9 +43,7 @@ class CutMesh:
     @cached_property
     def _sides(self) -> tuple[Ints, Ints]:
         pairs = [self.square[:, SIDES].reshape(-1, 2)]
-        pairs.append(
-            np.stack([self.triangle, np.roll(self.triangle, -1, axis=1)], 2).reshape(-1, 2)
-        )
+        pairs.append(self.triangle[:, THIRDS].reshape(-1, 2))
         both = np.sort(np.concatenate(pairs), axis=1)
         key, edge = np.unique(both[:, 0] * len(self.place) + both[:, 1], return_inverse=True)
         return key, edge
@@ -63,6 +62,17 @@ class CutMesh:
     def triangle_edge(self) -> Ints:
         """Edges of triangles, the first between the first two vertices, shape (triangles, 3)."""
         return self._sides[1][4 * len(self.square) :].reshape(-1, 3)
+
+    @property
+    def owner(self) -> tuple[Ints, Ints]:
+        """Leaf and law of an element at each edge; of the border the only one."""
+        leaf, law = np.full(len(self.ends), -1), np.full(len(self.ends), -1)
+        for edge, of, kind in (
+            (self.square_edge, self.square_leaf, self.square_law),
+            (self.triangle_edge, self.triangle_leaf, self.triangle_law),
+        ):
+            leaf[edge], law[edge] = of[:, None], kind[:, None]
+        return leaf, law
 
     @cached_property
     def run(self) -> Floats:
@@ -147,56 +157,30 @@ class CutMesh:
 
     def torn(self) -> CutMesh:
         """Return the mesh, vertices parted where only points of the body touch."""
-        ends = self.border[1]
-        many = np.flatnonzero(np.bincount(ends[:, 0], minlength=len(self.place)) > 1)
-        if not len(many):
-            return self
-        # elements round such a vertex hang together by the edges that they share there
         corner = np.concatenate([self.square.ravel(), self.triangle.ravel()])
-        owner = np.concatenate([
-            np.repeat(np.arange(len(self.square)), 4),
-            len(self.square) + np.repeat(np.arange(len(self.triangle)), 3),
-        ])  # fmt: skip
-        of_edge = np.concatenate([
-            np.repeat(np.arange(len(self.square)), 4),
-            len(self.square) + np.repeat(np.arange(len(self.triangle)), 3),
-        ])  # fmt: skip
-        at = np.flatnonzero(np.isin(corner, many))
-        rows = {(int(owner[k]), int(corner[k])): n for n, k in enumerate(at)}
-        beside: dict[int, list[int]] = {}
-        for element, edge in zip(of_edge.tolist(), self._sides[1].tolist(), strict=True):
-            if np.isin(self.ends[edge], many).any():
-                beside.setdefault(edge, []).append(element)
-        whole, middle, halves = self.hanging
-        for big, mid, (one, other) in zip(whole, middle, halves.T, strict=True):
-            for edge in (int(one), int(other)):
-                if edge in beside:
-                    beside[edge] += beside.get(int(big), [])
-            del mid
-        links = []
-        for edge, elements in beside.items():
-            for vertex in self.ends[edge].tolist():
-                mine = [rows[e, vertex] for e in elements if (e, vertex) in rows]
-                links += [(mine[0], other) for other in mine[1:]]
-        a, b = np.array(links, dtype=np.int64).reshape(-1, 2).T
-        graph = sp.coo_array((np.ones(len(a)), (a, b)), shape=(len(at), len(at)))
-        label = connected_components(graph, directed=False)[1]
-        first = np.full(len(self.place), -1)
-        corner, extra = corner.copy(), []
-        for k, part in zip(at.tolist(), label.tolist(), strict=True):
-            vertex = int(corner[k])
-            if first[vertex] < 0:
-                first[vertex] = part
-            if first[vertex] != part:
-                if (vertex, part) not in extra:
-                    extra.append((vertex, part))
-                corner[k] = len(self.place) + extra.index((vertex, part))
-        place = np.concatenate([self.place, self.place[[v for v, _ in extra]]])
-        count = 4 * len(self.square)
+        squares, count = len(self.square), len(corner)
+        sides = [4 * np.arange(squares)[:, None, None] + SIDES]
+        sides.append(4 * squares + 3 * np.arange(len(self.triangle))[:, None, None] + THIRDS)
+        slot = np.concatenate([one.reshape(-1, 2) for one in sides])
+        # elements round a vertex hang together by the ends of edges that they share there
+        end = 2 * self._sides[1][:, None] + (corner[slot] != self.ends[self._sides[1], :1])
+        whole, _, halves = self.hanging
+        pairs = [(slot.ravel(), count + end.ravel())]
+        for k, half in enumerate(halves):
+            own = 2 * half + (self.ends[half, 0] != self.ends[whole, k])
+            pairs.append((count + own, count + 2 * whole + k))
+        a, b = (np.concatenate(one) for one in zip(*pairs, strict=True))
+        graph = sp.coo_array((np.ones(len(a)), (a, b)), shape=(count + 2 * len(self.ends),) * 2)
+        label = connected_components(graph, directed=False)[1].astype(np.int64)
+        key = corner * len(label) + label[:count]
+        _, first, number = np.unique(key, return_index=True, return_inverse=True)
+        own_square, own_triangle = np.split(number, [4 * squares])
         return replace(
-            self, place=place, square=corner[:count].reshape(-1, 4),
-            triangle=corner[count:].reshape(-1, 3),
-        )  # fmt: skip
+            self,
+            place=self.place[corner[first]],
+            square=own_square.reshape(-1, 4),
+            triangle=own_triangle.reshape(-1, 3),
+        )
 
 
 def named(points: Floats) -> np.ndarray:

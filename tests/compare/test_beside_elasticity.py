@@ -9,7 +9,7 @@ from plates import plate as pressed
 from kaju import LoadModel, compare, solve
 from kaju.errors import KajuError
 from kaju.model.study.rule_study import CHOSEN, DERIVED, FITTED, beside_elasticity
-from kaju.view.comparison import pictures_beside, words_beside
+from kaju.view.comparison import words_beside
 
 
 def plate(**changes):
@@ -46,22 +46,6 @@ def test_where_the_error_lies(study):
     assert f"off by up to {pair.max_error:.1%} of the largest" in told
     worst = 1e3 * points[pair.error.argmax()]
     assert f"at ({worst[0]:.4g}, {worst[1]:.4g}) mm" in told
-
-
-def test_four_figures_show_both_stresses_shapes_and_displacements(study):
-    figures = pictures_beside(study)
-    assert list(figures) == ["stress_ratio", "stress_rows", "deformed", "displacement", "cuts"]
-    ratio, rows = figures["stress_ratio"].axes, figures["stress_rows"].axes
-    assert len(ratio) == 3
-    assert len(rows) == 6, "two stresses, three depths"
-    # the middle of the first row of cells, from the picture and from the answers
-    at = np.array([[0.045, 0.075]])
-    drawn = rows[0].lines[0]
-    middle = int(np.argmin(np.abs(drawn.get_xdata() - 0.045)))
-    stress = study.believed.stress_at(at)[0]
-    assert drawn.get_ydata()[middle] == pytest.approx(stress[1, 1], rel=1e-6)
-    stress = study.comparisons[CHOSEN].result.stress_at(at)[0]
-    assert ratio[2].lines[1].get_ydata()[0] == pytest.approx(stress[0, 0] / stress[1, 1])
 
 
 @pytest.fixture

@@ -108,25 +108,6 @@ def test_rigid_cells_inside_the_array_carry_reactions():
     np.testing.assert_allclose(held, 0.0, atol=1e-20)
 
 
-def test_tables_and_files_for_others(tmp_path):
-    result = solve(Scene(**PLATE))
-    frame = result.to_dataframe()
-    assert len(frame) == 400
-    row = frame[np.isclose(frame["x (m)"], 0.105) & np.isclose(frame["y (m)"], 0.195)].iloc[0]
-    assert row["stress_yy (Pa)"] == result.cells().stress[10, 19, 1, 1]
-    dataset = result.to_xarray()
-    assert dataset.stress.attrs["units"] == "Pa"
-    np.testing.assert_array_equal(dataset.face_displacement_y, result.cells().face_displacement[1])
-    import meshlane
-
-    mesh = meshlane.read(result.to_vtk(tmp_path / "plate"))
-    assert len(mesh.cells[0].data) == 400
-    first = mesh.cells[0].data[0]
-    assert mesh.points[first][:, :2] == pytest.approx(
-        np.array([[0, 0], [0.01, 0], [0.01, 0.01], [0, 0.01]])
-    )
-
-
 def test_a_member_one_cell_wide_is_solved_on_halved_cells():
     load = {"cell": [2, 3], "force": [1.0, -1.0]}
     result = solve(drawn(["aaaaaa"] + ["a....a"] * 3, [STEEL], [load]))

@@ -7,11 +7,8 @@
 True
 """
 
-from .bars import BimaterialBar, TimoshenkoCantilever
-from .eigenfields import LCorner
-from .half_space import Boussinesq, Flamant, StripLoad
-from .holes import Kirsch, Lame
 from .known_problem import convergence as convergence
+from .plane_problems import Kirsch, Lame, LCorner, StripLoad, TimoshenkoCantilever
 from .uniform_fields import (
     ConfinedCompression,
     DisplacementPatch,
@@ -32,15 +29,12 @@ EXACT_PROBLEMS = (
     ForcePatch,
     SolidDisplacementPatch,
     SolidForcePatch,
-    BimaterialBar,
 )
 """Problems whose solution the grid represents exactly."""
 
 CONVERGING_PROBLEMS = (
     TimoshenkoCantilever,
     StripLoad,
-    Flamant,
-    Boussinesq,
     Kirsch,
     Lame,
     LCorner,

@@ -12,7 +12,6 @@ HEAD = "| problem | order (u; σ) | error (u; σ) | cells | source |\n|---|---|-
 SHORT = {
     "Timoshenko & Goodier, Theory of Elasticity": "T&G",
     ", Finite Elements in Analysis and Design 1, 3-20": "",
-    ", Contact Mechanics": "",
     ", J. Applied Mechanics 19, 526-528": "",
 }
 """What the text below the table says of sources."""

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import kaju
 from kaju.cli import app
-from kaju.errors import ParameterError, ResultError, ResultFileError, SceneError
+from kaju.errors import ParameterError, ResultError, ResultFileError
 from kaju.model.growth.growth_rules import (
     Compliance,
     FullyStressed,
@@ -234,25 +234,6 @@ def test_arguments_that_break_a_rule_are_named(key):
     for make in BROKEN[key]:
         with pytest.raises(ParameterError, match=f"^{key}: "):
             make()
-
-
-@pytest.mark.parametrize(
-    ("told", "changes"),
-    [
-        ("loads: ", {"loads": ()}),
-        ("sides: ", {"sides": {"left": {"displacement": [0.0, 1e-3]}}}),
-        ("one cell wide", {"body": {**STEEL, "cells": [8, 1]}}),
-        ("gravity: ", {"body": {**STEEL, "cells": [8, 8], "gravity": (0.0, -9.81)}}),
-    ],
-)
-def test_what_cannot_grow_says_why(told, changes):
-    scene = kaju.Scene(
-        body={**STEEL, "cells": [12, 8]},
-        sides={"left": "rigid"},
-        loads=[{"side": "right", "force": [0.0, 1.0]}],
-    )
-    with pytest.raises(SceneError, match=told):
-        kaju.GrowthModel(scene.replace(**changes))
 
 
 def test_the_command_grows_a_bridge(tmp_path):

@@ -48,32 +48,6 @@ def test_what_is_wrong_is_named(changes, error, message):
         square(**changes)
 
 
-SPOILT = {
-    "no attribute 'rest_length'": {},
-    "has no attribute 'place' .*positions=": {"positions": "place"},
-    "joins a node to itself": {"loop": True},
-    r"no node \(9, 9\)": {"forces": {(9, 9): (0, 1)}},
-    "to_undirected": {"directed": True},
-    "must be made of numbers, got 'here'": {"moved": "here"},
-    "2 coordinates, or all need 3": {"moved": (0.0, 0.0, 0.0)},
-}
-
-
-@pytest.mark.parametrize("told", SPOILT)
-def test_what_a_graph_lacks_is_named(told):
-    how = {"held": [(0, 0), (2, 0)], **SPOILT[told]}
-    graph = nx.triangular_lattice_graph(2, 3)
-    how |= {"stiffness": 1.0} | ({"rest_length": None} if SPOILT[told] else {})
-    if how.pop("loop", False):
-        graph.add_edge((0, 0), (0, 0))
-    if moved := how.pop("moved", None):
-        graph.nodes[0, 0]["pos"] = moved
-    if how.pop("directed", False):
-        graph = graph.to_directed()
-    with pytest.raises(SceneError, match=told):
-        SpringNetwork.from_graph(graph, **how)
-
-
 def test_attributes_of_a_graph_are_read_node_by_node(tmp_path):
     graph = nx.Graph()
     graph.add_node("foot", x=0.0, y=0.0, z=0.0, held=True)

@@ -193,18 +193,6 @@ def test_a_saved_result_is_the_same(result, tmp_path):
     assert solved.displacement[-1] == pytest.approx(result.displacement[-1], abs=1e-13)
 
 
-def test_names_survive_a_file_or_are_refused(tmp_path):
-    names = ["a", 3, (1, 2), ("a", (0, 1.5))]
-    corners = [[0, 0], [1, 0], [0, 1], [1, 1]]
-    how = {"springs": [[0, 1], [2, 3]], "held": [1] * 4}
-    net = SpringNetwork.build(corners, names=names, **how)
-    again = NetworkResult.load(solve(net, 1).save(tmp_path / "net"))
-    assert again.network.names == tuple(names)
-    odd = solve(SpringNetwork.build(corners, names=[frozenset({1}), *names[1:]], **how), 1)
-    with pytest.raises(ResultError, match="relabel_nodes"):
-        odd.save(tmp_path / "odd")
-
-
 def chain(force, braced=False):
     """Two springs in a line, pressed at the free end, held aside there but not in the middle."""
     positions, springs = [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]]

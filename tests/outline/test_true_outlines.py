@@ -320,28 +320,6 @@ def test_a_pressed_outline_stands_alone() -> None:
         kaju.solve(crossing, tolerance=0.2)
 
 
-def test_parts_that_hang_on_nothing_are_told() -> None:
-    hole, island = disk(0.05, 0.05, 0.03, "air"), disk(0.05, 0.05, 0.015, "steel")
-    held, loose = (
-        kaju.solve(
-            plate().replace(
-                body={
-                    "size": [0.1, 0.1],
-                    "cells": [4, 4],
-                    "material": "steel",
-                    "regions": regions,
-                },
-            ),
-            tolerance=0.2,
-        )
-        for regions in ([hole], [hole, island])
-    )
-    assert not held.notes
-    assert len(loose.notes) == 1
-    assert loose.energy_bounds[0] < held.energy_bounds[1]
-    assert held.energy_bounds[0] < loose.energy_bounds[1]
-
-
 @pytest.mark.parametrize("pull", [1e-100, 1e100])
 def test_the_size_of_the_load_decides_nothing(pull):
     usual, other = (

@@ -8,7 +8,7 @@ import pytest
 from plates import plate as pressed
 
 import kaju
-from kaju import ElasticModel, History, Scene, SpawningModel, ThreeElement, creep, solve
+from kaju import ElasticModel, History, SpawningModel, ThreeElement, creep, solve
 from kaju.errors import SceneError
 from kaju.model.network import jittered, load_in_increments, pulled, triangular
 from kaju.view.fracture_plots import bearing
@@ -263,33 +263,3 @@ def test_what_breaks_is_there_until_then(shown, broken, name):
     curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement"]
     assert curve["course"]
     assert curve["at"][1:] == result.displacement[: len(curve["at"]) - 1].tolist()
-
-
-def jelly(rule):
-    law = {"K_f": 1e4, "D_f": 1e4, "D_d": 2e5}
-    soft = {"youngs_modulus": 1e4, "poissons_ratio": 0.45, "rheology": law}
-    return Scene(
-        body={"size": [0.1, 0.05], "cells": [8, 4], "thickness": 0.1, "material": "jelly"},
-        materials={"jelly": soft},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.04, 0.05], [0.06, 0.05]]}, "force": [0.0, -1.0]}],
-        history={"steps": [{"ramp": 1.0, "duration": 0.1}, {"hold": 2.0}]},
-        rule=rule,
-    )
-
-
-@pytest.mark.parametrize("rule", [{"kind": "elastic"}, {"kind": "prescribed", "threshold": 0.01}])
-def test_a_creeping_body_tells_strain_and_stress_at_its_times(rule):
-    result = creep(jelly(rule))
-    assert motion_data(result)[0]["shares"] == pytest.approx(result.factors)
-    header, columns = motion_data(result)
-    frames, cells = len(header["at"]), 32
-    assert header["along"] == "s"
-    assert set(header["colours"]) == {"strain", "stress"}
-    titles = [curve["title"] for curve in header["curves"]]
-    assert titles[2:] == ["Largest strain", "Largest stress"]
-    stress = columns["value stress"].reshape(frames, cells)
-    strain = columns["value strain"].reshape(frames, cells)
-    last = np.abs(np.linalg.eigvalsh(result.stress(-1))).max(axis=-1)
-    assert stress[-1].max() == pytest.approx(last.max(), rel=1e-6)
-    assert strain[-1].max() > 1.5 * strain[frames // 8].max() > 0.0  # it goes on giving

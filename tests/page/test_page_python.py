@@ -326,31 +326,6 @@ def test_what_is_saved_runs_in_kaju(opened, pages, tmp_path, capsys):
     assert taken == pytest.approx(found["taken"], rel=1e-12)
 
 
-class Cracking(MaterialAgent):
-    sound = kaju.State(1.0, "sound")
-
-    def take(self, load):
-        super().take(load)
-        self.sound -= 0.25 * load.total
-
-
-@pytest.mark.parametrize("python", [False, True])
-def test_states_of_an_exported_model_are_in_its_page(tmp_path, opened, python):
-    """Recorded, and run again in the page: from the default on, generation by generation."""
-    model = LoadModel(Scene(**PLATE), material_agent=Cracking)
-    page = opened(kaju.export_page(model, tmp_path / "a.html", python=python, exact=True))
-    if python:
-        runs(page, page.js("page.studio.code"))
-    stage = model.again(model.scene).run().last
-    (course,) = stage.states
-    for generation in (1, 4, stage.generations):
-        awake = stage.spawn_step <= generation
-        known = course.values(stage.spawn_step, generation)[awake]
-        page.js(f"page.seek({generation})")
-        shown = page.js("page.values('state sound').filter((v) => !Number.isNaN(v))")
-        np.testing.assert_allclose(np.sort(shown), np.sort(known), atol=1e-12)
-
-
 class Helped(MaterialAgent):
     def take(self, load):
         super().take(load)

@@ -112,18 +112,6 @@ def test_generations_can_be_looked_at_before_the_end(tmp_path):
     assert len(late.family.standing(1)) == count
 
 
-def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.spawning_model.MOST_OBJECTS", 100)
-    model = SpawningModel(under_a_patch(), 0.01)
-    first = next(iter(model.agents))
-    model.run()
-    assert len(model.family) > 100 >= len(model.agents_by_type[type(first)])
-    assert len(model.agents) == len(model.family)
-    assert model.agent(0) is first
-    held = next(agent for agent in model.agents if not agent.alive)
-    assert held.children[0].parent is held
-
-
 def test_run_that_may_not_have_enough_agents_says_so():
     model = SpawningModel(under_a_patch(), 0.01, most_agents=150)
     found = model.run()

@@ -15,7 +15,6 @@ import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
 from kaju.model.network import triangular
 from kaju.model.study.sweep_runs import points_of
-from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
 SCENE = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.01})
 ELASTIC = SCENE.replace(rule={"kind": "elastic"})
@@ -143,22 +142,3 @@ def test_what_cannot_be_swept_is_refused(arguments, options, error, message):
     with pytest.raises(error, match=message) as raised:
         sweep(*arguments, progress=False, **options)
     assert isinstance(raised.value, kaju.KajuError)
-
-
-def test_pictures_show_what_was_swept(tmp_path):
-    vary = {"rule.alpha[1]": [0.1, 0.5, 3.0], "rule.threshold": [1e-3, 1e-2, 1e-1]}
-    table = alone(SCENE, vary, ["load_taken", "spectral_radius"])
-    effects = plot_effects(table, "load_taken")
-    assert [ax.get_xlabel() for ax in effects.axes] == list(vary)
-    assert effects.axes[1].get_xscale() == "log"
-    evenly = alone(SCENE, {"rule.alpha[1]": [0.01, 0.3, 0.6, 0.9]}, "load_taken")
-    assert plot_effects(evenly, "load_taken").axes[0].get_xscale() == "linear"
-    means = effects.axes[0].lines[1].get_ydata()
-    worked = table[table["error"] == ""]
-    np.testing.assert_allclose(means, worked.groupby("rule.alpha[1]")["load_taken"].mean())
-    drawn = plot_sweep_map(table, "spectral_radius")
-    squares, crosses = drawn.axes[0].collections[:2]
-    assert len(squares.get_offsets()) == 6
-    assert len(crosses.get_offsets()) == 3
-    with pytest.raises(kaju.KajuError, match="two of the varied quantities"):
-        plot_sweep_map(table, "load_taken", x="rule.beta")

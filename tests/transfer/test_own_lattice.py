@@ -95,18 +95,6 @@ def test_squares_by_outline_do_what_squares_by_formula_do(sense):
     )
 
 
-@pytest.mark.parametrize("lattice", ["square", "hexagon", Triangles, OutlinedSquares])
-def test_a_point_lies_in_the_cell_whose_outline_holds_it(lattice):
-    rng = np.random.default_rng(7)
-    lattice = sheet((8, 6), cell=(0, 0), lattice=lattice).lattice
-    cells = np.argwhere(np.ones((8, 6)))
-    inside = rng.dirichlet(np.ones(len(lattice.outline(0))), (50, len(cells)))
-    for row, cell in enumerate(cells):
-        outline = lattice.outline(int(lattice.form(cell[None])[0]))
-        points = lattice.centres(cell[None]) + 0.999 * inside[:, row] @ outline
-        assert (lattice.locate(points) == cell).all()
-
-
 def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_path):
     result = LoadModel(sheet()).run()
     again = load_result(result.save(tmp_path / "run"))

@@ -8,7 +8,6 @@ from kaju import (
     LoadModel,
     MaterialAgent,
     Parameter,
-    PrescribedRule,
     RigidBoundaryAgent,
     load_result,
 )
@@ -56,22 +55,6 @@ def test_a_declared_number_acts_and_is_told_in_summary_file_and_columns(tmp_path
 def test_wrong_numbers_are_named(numbers, told):
     with pytest.raises(KajuError, match=told):
         LoadModel(pressed(), material_agent=Hardening, **numbers)
-
-
-def test_a_number_belongs_to_one_alone():
-    class Second(MaterialAgent):
-        threshold = Parameter(1.0, 0.0, 2.0)
-
-    with pytest.raises(ParameterError, match="threshold: the rule has a number of this name"):
-        LoadModel(pressed(), material_agent=Second)
-
-    class Third(RigidBoundaryAgent):
-        loads = Parameter(3, 1, 10)
-
-    with pytest.raises(ParameterError, match="loads: two classes"):
-        LoadModel(pressed(), material_agent=Hardening, boundary_agents={"rigid": Third})
-    with pytest.raises(ParameterError, match="threshold: is a number of the scene's rule"):
-        LoadModel(pressed(), rule=PrescribedRule(), threshold=0.1)
 
 
 def test_it_is_the_same_for_all_agents():

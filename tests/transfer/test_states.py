@@ -105,22 +105,6 @@ def test_a_hook_that_nobody_calls_is_refused_by_name(body, told):
         LoadModel(plate(), material_agent=mine)
 
 
-def test_a_step_that_calls_the_usual_one_is_taken():
-    class Counting(MaterialAgent):
-        steps = 0
-
-        def step(self):
-            self.steps += 1
-            super().step()
-
-        def _emission(self):
-            return ()
-
-    model = LoadModel(plate(), material_agent=Counting)
-    model.run()
-    assert max(agent.steps for agent in model.agents_by_type[Counting]) > 1
-
-
 def test_the_numbers_of_a_scenario_are_read():
     class Scenario:  # as Mesa's keeps its numbers, from 3.5 on
         def __init__(self, **numbers):

@@ -53,21 +53,3 @@ def test_shares_are_told_in_per_cent(files, typed):
     with pytest.raises(KajuError, match="tolerance: must be a number from"):
         typed("solve", "block.toml", "--tolerance", "120%", "--out", "other")
     assert typed("solve", "block.toml", "--tolerance", "5x").exit_code == 2
-
-
-def test_ranges_are_told_by_two_points_too(files, typed):
-    told = typed(
-        *("sweep", "block.toml", "--vary", "rule.beta=0..1", "--method", "lhs"),
-        *("--samples", "2", "--workers", "1", "--no-pictures", "--measure", "load_taken"),
-    )
-    assert told.exit_code == 0
-    assert told.stdout.startswith("2 runs, 0 failed")
-
-
-def test_materials_of_a_file_are_listed(files, typed):
-    lab = files / "lab.toml"
-    lab.write_text("[agar]\nyoungs_modulus = 30e3\npoissons_ratio = 0.49\n")
-    told = typed("materials", "--file", lab)
-    assert "agar" in told.stdout
-    assert "granite" not in told.stdout
-    assert "granite" in typed("materials").stdout

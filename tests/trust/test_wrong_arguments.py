@@ -49,21 +49,6 @@ def test_pictures_name_the_options_that_they_have(what, option, told):
         kaju.plot(LoadModel(BLOCK).run(), what, **{option: 1})
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"title": 5},
-        {"presets": [1]},
-        {"presets": {"a": "b"}},
-        {"language": "fr"},
-    ],
-)
-def test_options_of_pages_are_checked_by_type(tmp_path, options):
-    with pytest.raises(ParameterError, match=f"{next(iter(options))}: "):
-        kaju.export_page(BLOCK, tmp_path / "x.html", **options)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_sweep_of_more_points_than_anybody_waits_for_is_refused():
     many = {f"loads.0.force.{axis}": range(10**6) for axis in range(2)}
     with pytest.raises(ParameterError, match=r"1,000,000,000,000 combinations"):

@@ -10,7 +10,7 @@ from artists import axes_of, drawn, notes, part
 from matplotlib.figure import Figure
 from plates import plate as plate_of
 
-from kaju import LoadModel, Scene, plot
+from kaju import LoadModel, plot
 from kaju.errors import ParameterError
 from kaju.view import PICTURES, plot_all
 
@@ -63,22 +63,6 @@ def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form():
     assert len(drawn(ax, "free boundary agents")[0]) == 21
 
 
-def test_materials_are_told_apart_without_colour():
-    scene = Scene.from_drawing(
-        "####\n#.##\noooo\n====",
-        legend={"#": "rubber", "o": "oak", ".": "air", "=": "rigid"},
-        cell_size=0.01,
-        loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
-        rule={"threshold": 0.1},
-    )
-    ax = axes_of(LoadModel(scene).run(), "agents")
-    named = {str(one.get_gid()) for one in ax.collections}
-    own = {"material agents", "material rubber", "material oak"}
-    assert {name for name in named if name.startswith("material ")} == own
-    assert part(ax, "material rubber").get_hatch() != part(ax, "material oak").get_hatch()
-    assert len(drawn(ax, "material rubber")) == 7
-
-
 def test_a_run_in_which_nothing_happens_says_so():
     quiet = plate(5.0, 3)
     for what in ("agents", "loads"):
@@ -111,16 +95,6 @@ def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load():
     assert len(drawn(ax, "loads taken")) == np.count_nonzero(result.last.taken)
 
 
-def test_agents_that_are_pulled_are_marked():
-    result = LoadModel(plate_scene(force=(0.0, 2.0), sense=True)).run()
-    stage = result.last
-    pulled = stage.pulled.sum(axis=1) > (stage.taken - stage.pulled).sum(axis=1)
-    ax = axes_of(result, "agents")
-    assert len(drawn(ax, "pulled agents")) == pulled.sum() > 0
-    assert "took more pulls than pushes" in legend(ax)
-    assert "took more pulls than pushes" not in legend(axes_of(plate(), "agents"))
-
-
 def test_maps_have_units_and_signed_ones_are_centred():
     figure = plot(plate(), "stress")
     field = part(figure.axes[0], "map")
@@ -129,18 +103,6 @@ def test_maps_have_units_and_signed_ones_are_centred():
     assert plot(plate(), "displacement").axes[1].get_ylabel() == "displacement (nm)"
     with pytest.raises(ParameterError, match=r"there is no 'yx'.*there is xx, xy, yy"):
         plot(plate(), "stress", component="yx")
-
-
-def test_stages_show_load_against_displacement_and_agents():
-    result = plate(0.01, 20)
-    left, right = plot(result, "stages").axes
-    curve = next(line for line in left.lines if line.get_label() == "load transfer")
-    assert len(curve.get_xdata()) == 21
-    assert curve.get_xdata()[-1] == pytest.approx(2.0)
-    assert curve.get_ydata()[0] == 0.0
-    counts = next(line for line in right.lines if line.get_label() == "material agents")
-    assert counts.get_ydata()[-1] == 34
-    assert left.get_xlabel() == "sum of the applied loads (N)"
 
 
 def test_cubes_show_only_faces_that_nothing_hides(cube):

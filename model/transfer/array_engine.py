@@ -74,9 +74,11 @@ class ArrayEngine:
             books[every, 1 + one, self.states + over] += 1.0
             books[every, 1 + len(self.shares) + one, -1] += 1.0
         self.books_of = books
-        self.edge = round(LOOKED_AT_ONCE ** (1.0 / self.lattice.dimension))
-        block = product(range(self.edge), repeat=self.lattice.dimension)
-        self.block = np.array(list(block), dtype=np.int64)
+        edge = round(LOOKED_AT_ONCE ** (1.0 / self.lattice.dimension))
+        if self.lattice.size <= 4 * LOOKED_AT_ONCE:  # with its rim a block of its own
+            edge = max(self.lattice.shape) + 2
+        self.edges = np.minimum(edge, np.array(self.lattice.shape) + 2)
+        self.block = np.array(list(product(*map(range, self.edges))), dtype=np.int64)
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
         """Put the applied loads (N) on the body; they are taken in the next step.
@@ -158,7 +160,8 @@ class ArrayEngine:
         if self.accumulate:
             number = 1 - passes
         else:
-            self.values = np.unique(size[passes])
+            values = np.sort(size[passes])
+            self.values = values[_firsts(values)]
             number = np.searchsorted(self.values, size)
             number[~passes] = len(self.values)
         entry = number.T[:, self.which_share].transpose(1, 0, 2)  # by column, magnitude, emission
@@ -296,10 +299,10 @@ class ArrayEngine:
 
     def _look_round(self, cells: Ints) -> None:
         """See the blocks that cells and their neighbours are in, and number their cells."""
-        lattice, edge, before = self.lattice, self.edge, len(self.key)
+        lattice, edges, before = self.lattice, self.edges, len(self.key)
         near = cells[:, None] + lattice.steps[lattice.form(cells)]
         near = np.concatenate([cells, near.reshape(-1, lattice.dimension)])
-        corner = lattice.key((near + 1) // edge * edge - 1)  # from -1 on: the rim is seen, too
+        corner = lattice.key((near + 1) // edges * edges - 1)  # from -1 on: the rim is seen, too
         blocks = np.setdiff1d(corner, self.blocks)
         self.blocks = np.append(self.blocks, blocks)
         for part in _slices(len(blocks), len(self.block)):
@@ -472,7 +475,7 @@ def _longer(table: Any, rows: int) -> Any:
     return np.concatenate([table, np.zeros((rows, *table.shape[1:]), dtype=table.dtype)])
 
 
-def _firsts(rising: Ints) -> Ints:
+def _firsts(rising: Ints | Floats) -> Ints:
     """Return where each new number begins."""
     begins = np.ones(len(rising), dtype=np.bool_)
     np.not_equal(rising[1:], rising[:-1], out=begins[1:])

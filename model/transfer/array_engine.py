@@ -44,10 +44,10 @@ class Waits(NamedTuple):
 class Sent(NamedTuple):
     """What a copy of each kind of load does. A kind is a column of the rule and a magnitude."""
 
-    # Of each emission state · (magnitudes + 1) + magnitude, as they will be, (kinds, emissions);
+    # Of each emission state · (magnitudes + 1) + magnitude, as they will be, (emissions, kinds);
     # one magnitude more than there are: it ends.
     entry: Ints
-    books: Floats  # what is taken by state, passed by arm, and dropped (N), a row for each kind
+    books: Floats  # what is taken by state, passed by arm, and dropped (N), (entries, kinds)
 
 
 class ArrayEngine:
@@ -59,21 +59,21 @@ class ArrayEngine:
         self.transfer, self.scene, self.lattice = transfer, transfer.scene, transfer.lattice
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
         self.states, self.directions = transfer.states, transfer.lattice.directions
-        # The rule's tables: a row for each material, form and state, a column for each emission.
+        # The rule's tables: a row for each emission, a column for each material, form and state.
         arm, state, share = transfer.tables
         most = share.shape[2]
-        self.arm, self.next_state = arm.reshape(-1, most), state.reshape(-1, most)
-        self.share = share.reshape(-1, most)
+        self.arm, self.next_state = arm.reshape(-1, most).T.copy(), state.reshape(-1, most).T.copy()
+        self.share = share.reshape(-1, most).T.copy()
         self.shares, which = np.unique(self.share, return_inverse=True)
         self.which_share = which.reshape(self.share.shape)
         # What enters the books of an agent: of a load, and of shares that are passed or dropped.
-        every, entries = np.arange(len(self.share)), self.states + self.directions + 1
-        books = np.zeros((len(every), 1 + 2 * len(self.shares), entries))
-        books[every, 0, every % self.states] = 1.0
-        for over, one in zip(self.arm.T, self.which_share.T, strict=True):
-            books[every, 1 + one, self.states + over] += 1.0
-            books[every, 1 + len(self.shares) + one, -1] += 1.0
-        self.books_of = books
+        every, entries = np.arange(self.share.shape[1]), self.states + self.directions + 1
+        books = np.zeros((entries, len(every), 1 + 2 * len(self.shares)))
+        books[every % self.states, every, 0] = 1.0
+        for over, one in zip(self.arm, self.which_share, strict=True):
+            books[self.states + over, every, 1 + one] += 1.0
+            books[-1, every, 1 + len(self.shares) + one] += 1.0
+        self.books_of = books.reshape(entries * len(every), -1)
         edge = round(LOOKED_AT_ONCE ** (1.0 / self.lattice.dimension))
         if self.lattice.size <= 4 * LOOKED_AT_ONCE:  # with its rim a block of its own
             edge = max(self.lattice.shape) + 2
@@ -156,7 +156,7 @@ class ArrayEngine:
         size = self.shares[:, None] * self.values
         passes = size > (0.0 if self.accumulate else self.threshold)
         passed = np.where(passes, size, 0.0)
-        books = np.concatenate([self.values[None], passed, size - passed]).T @ self.books_of
+        books = self.books_of @ np.concatenate([self.values[None], passed, size - passed])
         if self.accumulate:
             number = 1 - passes
         else:
@@ -164,9 +164,10 @@ class ArrayEngine:
             self.values = values[_firsts(values)]
             number = np.searchsorted(self.values, size)
             number[~passes] = len(self.values)
-        entry = number.T[:, self.which_share].transpose(1, 0, 2)  # by column, magnitude, emission
-        entry = entry + (self.next_state * (len(self.values) + 1))[:, None]
-        return Sent(entry.reshape(-1, entry.shape[2]), books.reshape(-1, books.shape[2]))
+        entry = number.take(self.which_share, axis=0)
+        entry += (self.next_state * (len(self.values) + 1))[:, :, None]
+        entries = self.states + self.directions + 1
+        return Sent(entry.reshape(len(entry), -1), books.reshape(entries, -1))
 
     def _passed_on(self, rows: Waits, values: Floats, sent: Sent) -> Iterator[tuple[Ints, Floats]]:
         """Book what is done with loads; yield where their shares come, and how many copies."""
@@ -178,22 +179,22 @@ class ArrayEngine:
             column = self.shift.take(cell) + place
             kind = column * len(values) + rows.number[part]
             self._book(cells[first[:-1]], first[:-1] - first[0], kind, copies, sent.books)
-            arm = self.arm.take(column, axis=0)
-            arm += (cell * self.directions)[:, None]
+            arm = self.arm.take(column, axis=1)
+            arm += cell * self.directions
             over = self.over.take(arm)
             came = np.multiply(over, count, dtype=np.int64)
-            came += sent.entry.take(kind, axis=0)
+            came += sent.entry.take(kind, axis=1)
             self._note_woken(over, came, arm)
             if self.accumulate:
-                yield came.reshape(-1), (self.share.take(column, axis=0) * copies[:, None]).ravel()
+                yield came.reshape(-1), (self.share.take(column, axis=1) * copies).reshape(-1)
             else:
-                yield came.reshape(-1), copies.repeat(came.shape[1])
+                yield came.reshape(-1), np.concatenate([copies] * len(came))
 
     def _book(self, cell: Ints, first: Ints, kind: Ints, copies: Floats, books: Floats) -> None:
         """Book what agents take, pass on and drop, whose rows begin at `first`."""
-        done = books.take(kind, axis=0)
-        done *= copies[:, None]
-        done = np.add.reduceat(done, first, axis=0)
+        done = books.take(kind, axis=1)
+        done *= copies
+        done = np.add.reduceat(done, first, axis=1).T
         self.books[cell] += done
         taken = done[:, : self.states]
         act, state = (taken > 0.0).nonzero()

@@ -9,7 +9,6 @@ from plates import plate as plate_of
 
 from kaju import LoadModel, Reference, compare, load_scene, solve
 from kaju.errors import ParameterError, ResultError, ResultFileError
-from kaju.model.study.compare import load_answer
 
 ROOT = Path(__file__).parents[2]
 SMALL_HOLE = {"disk": {"centre": [0.035, 0.035], "radius": 0.006}, "material": "air"}
@@ -127,14 +126,6 @@ def test_different_bodies_and_loads_are_told_apart(other, message):
         compare(solve(plate()), solve(other))
 
 
-def test_a_stage_is_compared_with_the_same_stage():
-    scene = plate(loads=[{"cell": [4, 7], "force": [0.0, -2.0], "steps": 2}])
-    run, elastic = LoadModel(scene).run(), solve(scene, stage=1)
-    assert compare(run.at_stage(1), elastic).displacement.scale > 0.0
-    with pytest.raises(ResultError, match="same stage"):
-        compare(run, elastic)
-
-
 def test_a_reference_never_guesses():
     reference = Reference([[0.0, 0.0], [1.0, 0.0]], [[1.0, 2.0], [3.0, 4.0]])
     np.testing.assert_array_equal(reference.displacement_at(np.array([[1.0, 0.0]])), [[3.0, 4.0]])
@@ -146,18 +137,6 @@ def test_a_reference_never_guesses():
         Reference([[0.0, 0.0]], [[1.0, 2.0], [3.0, 4.0]])
     with pytest.raises(ParameterError, match="finite"):
         Reference([[0.0, 0.0]], [[1.0, np.nan]])
-
-
-def test_answers_are_read_back_by_kind(tmp_path, elements):
-    elastic, run = solve(plate()), LoadModel(plate()).run()
-    saved = [answer.save(tmp_path / name) for answer, name in ((elastic, "e"), (run, "r"))]
-    assert compare(load_answer(saved[0]), elastic).displacement.max_error == 0.0
-    assert compare(load_answer(saved[1]), elastic).summary() == compare(run, elastic).summary()
-    again = load_answer(elements.save(tmp_path / "reference"))
-    np.testing.assert_array_equal(again.stress, elements.stress)
-    assert again.source == elements.source
-    with pytest.raises(ResultFileError, match=r"(?i)no such file"):
-        load_answer(tmp_path / "nothing.npz")
 
 
 ELEMENTS = Path(__file__).parents[1] / "data" / "plate_finite_elements.npz"

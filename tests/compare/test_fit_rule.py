@@ -7,7 +7,6 @@ import pytest
 from plates import plate as pressed
 
 from kaju import (
-    Coefficients,
     LoadModel,
     PrescribedRule,
     Reference,
@@ -49,28 +48,6 @@ def test_coefficients_that_made_the_reference_are_found_again():
     fit = fit_rule(plate(), as_reference(LoadModel(plate(made)).run()), evaluations=200)
     assert fit.misfit[0] > 0.3
     assert fit.misfit[1] < 0.1
-
-
-def test_the_last_stage_alone_is_fitted_and_materials_lose_their_own_coefficients():
-    rule = replace(OWN, materials={"steel": Coefficients(alpha=(0.4, 0.4, 0.3))})
-    fit = fit_rule(plate(rule, steps=3), solve(plate()), evaluations=20)
-    assert fit.rule.materials == {}
-    assert fit.rule.threshold == rule.threshold
-    single = LoadModel(plate(rule)).run()
-    assert fit.misfit[0] == pytest.approx(compare(single, solve(plate())).displacement.misfit)
-
-
-def test_several_quantities_are_weighed():
-    reference = solve(plate(), resolution=4)
-
-    def both_after(**weights):
-        fit = fit_rule(plate(), reference, quantity=weights, evaluations=30)
-        return np.hypot(*(after for _, after in fit.misfits.values()))
-
-    both = both_after(displacement=1.0, stress=1.0)
-    assert both < both_after(displacement=1.0)
-    assert both < both_after(displacement=1.0, stress=0.0)
-    assert both == pytest.approx(both_after(displacement=3.0, stress=3.0), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """The compiled loops against the law in plain NumPy, and the law against itself."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -121,21 +119,3 @@ def moves(grid):
     level = grid.level
     inverse = level.inverse.reshape(level.box.components, -1, level.box.shape[2])
     return (inverse[:, level.rows] > 0.0).ravel()
-
-
-def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(both):
-    hierarchy = both[1]
-    for at, (level, below) in enumerate(pairwise(hierarchy.levels)):
-        load = np.random.default_rng(2).standard_normal(level.u.size) * moves(level)
-        both_levels = level.level, below.level.box
-        whole, parts = np.empty_like(load), np.zeros_like(load)
-        restricted, below_load = np.empty_like(below.load), np.empty_like(below.load)
-        kernels.smooth_and_restrict(whole, load, restricted, *both_levels, 3)
-        for _ in range(3):  # One sweep from where the last ended: on what that left unbalanced.
-            left, more = residual(hierarchy, at, parts, load, 1.0), np.empty_like(load)
-            kernels.smooth_and_restrict(more, left, below_load, *both_levels, 1)
-            parts += more
-        np.testing.assert_allclose(whole, parts, atol=1e-12 * np.abs(parts).max())
-        left = residual(hierarchy, at, parts, load, 1.0)
-        kernels.smooth_and_restrict(left, left, below_load, *both_levels, 0)
-        np.testing.assert_allclose(restricted, below_load, atol=1e-12 * np.abs(restricted).max())

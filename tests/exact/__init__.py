@@ -13,7 +13,6 @@ from .uniform_fields import (
     ConfinedCompression,
     DisplacementPatch,
     ForcePatch,
-    PureShear,
     RigidRotation,
     SolidDisplacementPatch,
     SolidForcePatch,
@@ -23,7 +22,6 @@ from .uniform_fields import (
 EXACT_PROBLEMS = (
     UniformCompression,
     ConfinedCompression,
-    PureShear,
     RigidRotation,
     DisplacementPatch,
     ForcePatch,

@@ -91,45 +91,6 @@ class ConfinedCompression(UniformCompression):
 
 
 @dataclass(frozen=True)
-class PureShear(KnownProblem):
-    """A square glued to the ground with the same shear traction (Pa) on its other sides.
-
-    u_x = τy/μ and u_y = 0, so the ground's displacement is met as well
-    (Timoshenko & Goodier, §6).
-    """
-
-    traction: float = 1e6
-
-    title = "Pure shear"
-    source = "Timoshenko & Goodier, Theory of Elasticity, §6"
-    orders = EXACT
-    resolutions = (4, 7)
-
-    def scene(self, resolution):
-        """Return a square of 1 m, `resolution` cells wide."""
-        drag = self.traction
-        loads = [
-            {"side": "top", "force": [drag, 0.0]},
-            {"side": "right", "force": [0.0, drag]},
-            {"side": "left", "force": [0.0, -drag]},
-        ]
-        return self._scene([1.0, 1.0], 1.0 / resolution, sides={"bottom": "rigid"}, loads=loads)
-
-    def points(self):
-        """Return points inside the square and on its free sides."""
-        return grid_points([0.0, 0.3, 0.55, 1.0], [0.3, 0.55, 1.0])
-
-    def exact_displacement(self, points):
-        return np.stack(
-            [self.traction / self.shear_modulus * points[:, 1], 0 * points[:, 1]], axis=1
-        )
-
-    def exact_stress(self, points):
-        tensor = np.array([[0.0, self.traction], [self.traction, 0.0]])
-        return np.broadcast_to(tensor, (len(points), 2, 2))
-
-
-@dataclass(frozen=True)
 class LinearField(KnownProblem):
     """A block in which the displacement is G·x, given on the whole outline."""
 

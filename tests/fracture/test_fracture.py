@@ -129,29 +129,3 @@ def test_a_cut_weakens_by_its_stress_intensity():
 def test_what_is_outside_its_rule_is_named(change, told):
     with pytest.raises(kaju.KajuError, match=told):
         kaju.FractureModel(bundle(3), **change)
-
-
-def test_what_cannot_break_says_why():
-    three, pull = bundle(3), np.array([[0.0, 0.0], [1.0, 0.0]])
-    pressed = kaju.FractureModel(three.with_loads(forces=-pull)).run()
-    assert (pressed.breaks, len(pressed.history)) == (0, 0)
-    assert "nothing that is left is pulled" in pressed.outcome
-    assert pressed.state().tension[-1] == pytest.approx([-1 / 3] * 3)
-    slack = kaju.SpringNetwork.build(
-        three.positions, three.springs, rest_length=0.9, held=three.held, forces=three.forces
-    )
-    loose = kaju.SpringNetwork.build(
-        [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]],
-        held=[[1, 1], [0, 0], [1, 1]], forces=[[0, 0], [0, 1], [0, 0]],
-    )  # fmt: skip
-    for subject, told in (
-        (three.with_loads(forces=[pull, 2 * pull]), "loads"),
-        (three.with_loads(forces=0 * pull), "neither"),
-        (slack, "rest_length"),
-        (loose, "mechanism"),
-        ("plate.toml", "subject"),
-    ):
-        with pytest.raises(kaju.KajuError, match=told):
-            kaju.FractureModel(subject)
-    with pytest.raises(kaju.KajuError, match="parted"):
-        kaju.FractureModel(three).run().state(3)

@@ -88,17 +88,6 @@ def test_compliance_falls_by_what_cells_feel():
     assert slope == pytest.approx(felt.slope.min(), rel=2e-3)
 
 
-def test_runs_are_the_same_bit_by_bit_and_may_end_early(monkeypatch):
-    model = small()
-    model.run(6, progress=False)
-    assert (model.steps, model.running) == (6, True)
-    np.testing.assert_array_equal(model.run().designs, small().run().designs)
-    stopped = small()
-    monkeypatch.setattr("kaju.stepping.interrupt_requested", lambda: stopped.steps >= 3)
-    result = stopped.run()
-    assert (result.steps, result.outcome, result.compliance) == (3, "", stopped.compliance)
-
-
 def test_a_tie_gets_the_thickness_that_its_stress_asks_for():
     result = tie(rule=FullyStressed(stress=2.5 * STRESS), volume=0.9)
     np.testing.assert_allclose(result.density, 0.4, rtol=1e-5)

@@ -48,19 +48,6 @@ def test_what_is_wrong_is_named(changes, error, message):
         square(**changes)
 
 
-def test_attributes_of_a_graph_are_read_node_by_node(tmp_path):
-    graph = nx.Graph()
-    graph.add_node("foot", x=0.0, y=0.0, z=0.0, held=True)
-    graph.add_node("head", x=0.0, y=0.0, z=2.0, held="(True, True, False)", fz=3.0)
-    graph.add_edge("foot", "head", stiffness=5.0, rest_length=1.5)
-    axes = {"positions": ("x", "y", "z"), "forces": ("fx", "fy", "fz")}
-    network = SpringNetwork.from_graph(written("graphml", graph, tmp_path), **axes)
-    assert network.held.tolist() == [[True] * 3, [True, True, False]]
-    assert network.forces.tolist() == [[[0, 0, 0], [0, 0, 3]]]
-    assert network.stiffness.tolist() == [5.0]
-    assert network.prestretch.tolist() == [0.5]
-
-
 def written(kind, graph, tmp_path):
     """Write a graph to a file, and read it again."""
     path = tmp_path / "net"

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import kaju
 from kaju.errors import SceneError
@@ -173,22 +172,6 @@ def test_samples_of_a_circle_are_a_body_near_to_it(tmp_path: Path) -> None:
     again = kaju.load_result(one.save(tmp_path / "drawn"))
     points = np.array([[0.0705, 0.05], [0.02, 0.02]])
     assert np.array_equal(again.displacement_at(points), one.displacement_at(points))
-
-
-def test_a_grey_image_is_a_body(tmp_path: Path) -> None:
-    grey = np.full((20, 20), 255, dtype=np.uint8)
-    grey[:, :12] = 0  # the middles of its columns are 5 mm apart: black up to x = 57.5 mm
-    grey[:10, 12] = 51  # 0.8 of black: the level 0.5 lies 0.375 of the way to white
-    Image.fromarray(grey).save(tmp_path / "bar.png")
-    region = {"image": {"file": str(tmp_path / "bar.png"), "level": 0.5}, "name": "bar"}
-    answer = kaju.solve(
-        body(region, sides={"bottom": "rigid"}, loads=[{"side": "top", "force": [0.0, 1.0]}]),
-        tolerance=0.2,
-    )
-    low, high = 0.0575 + 0.0025, 0.0625 + 0.005 * 0.375
-    assert low * 0.045 + high * 0.045 < answer.area.sum() < high * 0.1
-    assert kaju.load_result(answer.save(tmp_path / "bar")).summary() == answer.summary()
-    (tmp_path / "bar.png").unlink()
 
 
 def test_lines_that_cross_between_samples_are_refused(tmp_path: Path) -> None:

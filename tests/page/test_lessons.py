@@ -54,22 +54,6 @@ def test_a_sentence_that_is_untrue_is_found():
     assert "not true" in lesson_claims.fault(of, replace(shape, held_by=("not narrows()",)))
 
 
-@pytest.mark.parametrize(
-    ("number", "value", "fits"),
-    [
-        ("1.886", 1.88625, True),
-        ("1.887", 1.88625, False),
-        ("1,819", 1819, True),
-        ("1,800", 1819, True),
-        ("1,800", 1860, False),
-        ("2", 2.4, True),
-        ("0.5", 0.5, True),
-    ],
-)
-def test_a_number_is_held_to_the_digits_that_it_gives(number, value, fits):
-    assert lesson_claims.fits(number, value) is fits
-
-
 @pytest.mark.parametrize("name", ORDER)
 def test_a_worksheet_is_whole(name):
     of = lesson(name)

@@ -160,21 +160,6 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
     assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-12)
 
 
-def test_presets_load_by_one_click_and_everything_goes_back(opened, shown, plate):
-    page = opened(plate)
-    page.press("A finer threshold", exact=False)
-    page.until("page.run.generation === 11 && page.run.agents === 85")
-    page.press("Make it blow up", exact=False)
-    page.until("page.run.grown")
-    assert "bad" in page.tab.locator(".verdict").get_attribute("class")
-    page.press("As it was", exact=False)
-    page.until("page.run.generation === 8 && page.run.agents === 34")
-    hole = Scene(**PLATE).with_region(disk={"centre": [0.1, 0.1], "radius": 0.03})
-    page = shown(Scene(**PLATE), presets={"A hole": (hole, "Where does it go?")})
-    page.press("A hole", exact=False)
-    assert page.js("page.run.kinds[page.run.lattice.key([10, 10])]") == -1
-
-
 SLOW = itertools.product((1280, 420), (False, True), ("en-GB", "de-DE", "ja-JP"))
 EVERYBODY = [(1280, False, "ja-JP"), (420, True, "de-DE")]
 EVERYBODY += [pytest.param(*window, marks=pytest.mark.slow) for window in SLOW]

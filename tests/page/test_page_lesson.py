@@ -246,24 +246,3 @@ def test_loads_are_moved_turned_added_deleted_and_everything_undone(shown):
     page.until("!page.due && page.run.agents === 34")
     page.tab.keyboard.press("Control+Shift+z")
     assert loads() == [[[6, 19], [0, -2]]]
-
-
-def test_a_link_opens_the_page_as_it_stood(shown):
-    page = shown(Scene(**PLATE))
-    field = page.tab.get_by_role("textbox", name="γ threshold")
-    field.fill("1 mN")
-    field.press("Enter")
-    field.fill("1 kN")
-    field.press("Enter")
-    assert page.tab.get_by_role("alert").inner_text() == "Between 10 µN and 10 N."
-    field.press("Escape")
-    page.until("!page.due && page.run.atRest")
-    page.js("page.seek(5)")
-    page.press("Copy link")
-    page.until("location.hash.includes('s=')")
-    link = page.tab.url
-    page.tab.goto("about:blank")
-    page.tab.goto(link)
-    page.until("page?.g === 5 && page.run.atRest")
-    assert page.js("[page.scene.rule.threshold, page.run.agents]") == [0.001, 85]
-    assert page.js("page.scene.loads[0].force") == [0, -2]

@@ -9,12 +9,9 @@ from plates import plate as pressed
 
 import kaju
 from kaju import ElasticModel, History, SpawningModel, ThreeElement, creep, solve
-from kaju.errors import SceneError
 from kaju.model.network import jittered, load_in_increments, pulled, triangular
 from kaju.view.fracture_plots import bearing
-from kaju.view.page.export import packed_page
 from kaju.view.page.motion_data import motion_data
-from kaju.view.page.packing import unpack
 
 FARTHEST = (
     "Math.max(...Array.from({ length: page.moved[page.g].length / page.dimension }, "
@@ -202,27 +199,6 @@ def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
     stress = page.js(f"{there}.map((i) => page.value(i, 'von_mises'))")
     np.testing.assert_allclose(np.sort(stress), np.sort(result.von_mises), rtol=1e-6)
     assert page.js(FARTHEST) == pytest.approx(result.max_displacement, rel=0.2)
-
-
-def test_a_rule_keeps_the_cells_of_true_outlines_and_says_so():
-    scene = plate_with_a_hole()
-    header, columns = unpack(packed_page(scene, text="A plate."))
-    assert header["kind"] == "runnable"
-    assert (columns["cells"] == -1).sum() == 4
-    assert set(header["text"]) == {"en", "de", "ja"}
-    assert header["text"]["en"].startswith("A plate.\n\n")
-    header, _ = unpack(packed_page(plate_with_a_hole(rule={"kind": "elastic"})))
-    assert header["kind"] == "pictures"
-    pressed = plate_with_a_hole(loads=[{"outline": "bore", "pressure": 1e5}])
-    with pytest.raises(SceneError, match=r"loads\.0\.outline"):
-        packed_page(pressed)
-    # the answer has arrows all along the pressed outline, out of the hole
-    forces = motion_data(solve(pressed, tolerance=0.1))[0]["forces"]
-    place, force = (np.array([arrow[key] for arrow in forces]) for key in ("place", "force"))
-    total = 1e5 * 2 * np.pi * 0.031 * 0.002
-    assert np.hypot(*force.T).sum() == pytest.approx(total, rel=0.01)
-    outwards = ((place - 0.1) * force).sum(axis=1)
-    assert outwards == pytest.approx(0.031 * np.hypot(*force.T), rel=0.01)
 
 
 def test_a_body_that_grew_is_told_step_by_step():

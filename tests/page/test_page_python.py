@@ -312,20 +312,6 @@ def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     assert f"loads taken so far\n{course.values(stage.spawn_step)[0]:g}" in page.text(".story")
 
 
-def test_what_is_saved_runs_in_kaju(opened, pages, tmp_path, capsys):
-    page = opened(pages["sides"])
-    found = runs(page, READY["pillar"]["code"])
-    page.tab.get_by_role("tab", name="Agent").click()
-    with page.tab.expect_download() as download:
-        page.press("Save as Python")
-    saved = tmp_path / "agent.py"
-    download.value.save_as(saved)
-    exec(compile(saved.read_text(), "agent", "exec"), {"__name__": "__main__"})
-    agents, generations, taken = map(float, capsys.readouterr().out.split())
-    assert [agents, generations] == [found["agents"], found["generations"]]
-    assert taken == pytest.approx(found["taken"], rel=1e-12)
-
-
 class Helped(MaterialAgent):
     def take(self, load):
         super().take(load)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kaju import CreepModel, History, Scene, ThreeElement, creep
-from kaju.errors import ConvergenceError, ParameterError, ResultError
+from kaju.errors import ParameterError
 from kaju.model.network import triangular
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
@@ -145,15 +145,3 @@ def test_half_the_work_of_a_sudden_load_on_springs_is_set_free_and_said():
 def test_impossible_arguments_are_refused(options, message):
     with pytest.raises(ParameterError, match=message):
         creep(**{"subject": ELEMENT, "history": BITE} | options)
-
-
-def test_what_has_not_been_seen_is_refused():
-    result = creep(ELEMENT, BITE, times=TIMES)
-    assert result.record_at(5.2) == 4
-    with pytest.raises(ResultError, match=r"nearest is 5\.2"):
-        result.record_at(5.0)
-    late = CreepModel(DOUGH, PUSH, times=[1.0, 2.0])
-    with pytest.raises(ResultError, match="take a step first"):
-        late.result()
-    with pytest.raises(ConvergenceError, match="larger tolerance"):
-        creep(ELEMENT, BITE, tolerance=1e-9, most_steps=500)

@@ -68,8 +68,3 @@ def test_a_new_kind_of_rule_starts_a_new_rule():
     elastic = scene.with_overrides({"rule.threshold": "0.5", "rule.kind": "elastic"})
     assert (elastic.rule.kind, elastic.rule.threshold) == ("elastic", 0.5)
     assert scene.with_overrides({"rule.kind": "prescribed"}).rule == scene.rule
-
-
-def test_one_share_of_a_rule_that_left_them_to_the_dimension():
-    scene = Scene.from_toml(PLATE)
-    assert scene.with_overrides({"rule.alpha.1": "0.3"}).rule.alpha == (0.5, 0.3, 0.25)

@@ -108,10 +108,3 @@ def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
 def test_what_cannot_be_drawn_is_named(flat, options, match):
     with pytest.raises(ParameterError, match=match):
         plot(flat, "agents", **options)
-
-
-def test_agents_of_one_opinion_say_so(solid):
-    with pytest.raises(ParameterError, match="one stress only"):
-        plot(solid, "agents", colour="balanced")
-    with pytest.raises(ParameterError, match="one stress only"):
-        plot(solve(under_a_patch(2)), "agents", colour="gap")

@@ -1,9 +1,7 @@
 """Many runs: points, measures, rows, seeds, sensitivities."""
 
-import math
 from functools import partial
 
-import numpy as np
 import pytest
 import sweep_work
 from hypothesis import given
@@ -13,7 +11,6 @@ from scipy import stats
 
 import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
-from kaju.model.network import triangular
 from kaju.model.study.sweep_runs import points_of
 
 SCENE = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.01})
@@ -74,21 +71,6 @@ def test_every_model_and_agents_of_ones_own():
 
 def own_agents(subject):
     return LoadModel(subject, material_agent=OnlyAhead).run()
-
-
-def test_networks_and_creep():
-    table = alone(triangular, {"width": [5, 9], "force": [0.1]}, lambda net: net.share_of_height())
-    assert table["measure"].round(3).tolist() == [0.033, 0.022]
-    element = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=10.0)
-    course = lambda result: {"x": result.displacement[-1]}  # noqa: E731
-    vary = {"force": [1.0], "run.times": [[4.0], [1.0, 4.0]]}
-    table = alone(lambda force: element, vary, course, run=creep_of)
-    exact = 0.5 * (1.0 - math.exp(-8.0)) + 0.4
-    np.testing.assert_allclose(table["x"], exact, rtol=1e-3)
-
-
-def creep_of(element, times):
-    return kaju.creep(element, kaju.History.step().hold(4.0), times=times)
 
 
 def test_a_failed_point_is_a_row_with_its_error():

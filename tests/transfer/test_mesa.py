@@ -3,7 +3,6 @@
 import copy
 import gc
 import pickle
-import runpy
 import subprocess
 import sys
 import weakref
@@ -100,33 +99,6 @@ def test_a_run_on_arrays_imports_no_mesa():
         "assert not late, late"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-@pytest.mark.filterwarnings("ignore")  # Solara's own
-def test_the_example_app_moves_its_slider_steps_and_starts_again():
-    solara = pytest.importorskip("solara", reason="Mesa's page needs Solara, which is not here")
-    pytest.importorskip("altair")
-    page = runpy.run_path("examples/solara_app/app.py")["page"]
-
-    @solara.component
-    def app():
-        solara.AppLayout(children=[page])
-
-    box, _ = solara.render(app(), handle_error=False)
-    widgets, seen = [box], set()
-    for widget in widgets:
-        slots = [part.get("children", ()) for part in getattr(widget, "v_slots", ())]
-        inner = [*getattr(widget, "children", ()), *slots]
-        for child in inner:
-            for each in child if isinstance(child, (list, tuple)) else [child]:
-                if hasattr(each, "comm") and id(each) not in seen:
-                    seen.add(id(each))
-                    widgets.append(each)
-    (slider,) = (w for w in widgets if getattr(w, "label", None) == "γ (N)")
-    slider.v_model = 0.05
-    for name in ("Step", "Reset"):
-        (button,) = (w for w in widgets if getattr(w, "children", None) == [name])
-        button.fire_event("click", {})
 
 
 def small(**more):

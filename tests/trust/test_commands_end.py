@@ -53,14 +53,6 @@ def test_an_output_that_is_full_is_named(folder):
     assert not (folder / "o").exists() or kaju.load_result(folder / "o").checks()[0].holds
 
 
-def test_a_stored_result_is_checked(folder, typed):
-    path = kaju.solve(folder / "s.toml").save(folder / "r.npz")
-    done = typed("check", path)
-    assert done.exit_code == 0
-    assert "supports bear the loads: holds" in done.output
-    assert '"holds": true' in typed("check", path, "--json").output
-
-
 def test_a_result_whose_books_do_not_balance_is_told(folder, typed):
     path = kaju.LoadModel(kaju.load_scene(folder / "s.toml")).run().save(folder / "r.npz")
 

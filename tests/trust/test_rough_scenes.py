@@ -82,25 +82,6 @@ def test_a_bed_too_soft_for_the_digits_there_are_is_refused_or_missed():
     assert missed.energy_bounds[0] <= 0.5e6 <= missed.energy_bounds[1]
 
 
-@pytest.mark.parametrize("depth", [0, 1])
-def test_a_body_held_by_one_cell_is_solved_on_halved_ones(depth):
-    codes = np.ones((6,) * (2 + depth), dtype=int)
-    codes[(2,) * (1 + depth) + (0,)] = -1
-    force = [0.3, *[0.0] * depth, -1.0]
-    scene = Scene.from_array(
-        codes,
-        legend={1: "steel", -1: "rigid"},
-        cell_size=0.01,
-        loads=[{"cell": [0] * (1 + depth) + [5], "force": force}],
-    )
-    result = solve(scene)
-    assert "a single rigid cell holds no turn: the cells were halved" in result.notes
-    assert result.subdivision == 2
-    assert result.reactions["rigid"] == pytest.approx(-np.array(force), abs=1e-7)
-    finer = solve(scene, resolution=4)
-    assert result.strain_energy == pytest.approx(finer.strain_energy, rel=0.25)
-
-
 def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours():
     load = {"side": "top", "force": [0.0, 0.0, -1.0]}
     scene = plate([4, 4, 4], None, size=[1.0, 1.0, 1.0], loads=[load])

@@ -32,15 +32,14 @@ if TYPE_CHECKING:
 
     from .elastic_result import ElasticResult
 
-ROUGH = 0.1  # From this estimated error on an answer says what to do about it
+ROUGH = 0.1  # From this estimated error on an answer says what to do about it: a choice
 STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
 SAMPLES = {2: 4, 3: 2}  # Points along the edge of a cell by which an outline is found in it
 LEFT_OUT = 1e-3
-"""Share of the energy norm from which on a caveat says what agents do not take of loads."""
-STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on its steps are a caveat
-ON_EDGE = 1e-6  # Of a cell: what is nearer to an edge lies on it
+"""Share of the energy norm from which on a caveat says what agents do not take of loads: chosen."""
+STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on its steps are a caveat: a choice
 
 
 class Caveat(NamedTuple):

@@ -12,11 +12,24 @@ import numpy as np
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import ResultError
+from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.bounds_of_cells import bounds_of_cells
+from kaju.model.elastic.caveats import (
+    caveats_of,
+    load_error,
+    no_limit,
+    refuse_singular,
+    steps_near,
+)
+from kaju.model.elastic.corners import sharp_corners
+from kaju.model.elastic.elastic_export import columns, dataset, write_mesh
 from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.equal_arrays import EqualArrays
+from kaju.model.elastic.goals.duals import goal_of
 from kaju.model.elastic.goals.quantities import (
     HOOP,
     Goal,
+    Place,
     Quantity,
     Stress,
     plain,
@@ -44,8 +57,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from kaju.model.elastic.equal.equal_arrays import EqualArrays
-    from kaju.model.elastic.goals.quantities import Place
     from kaju.model.elastic.pair.history import Generation
     from kaju.model.outline.hoop_stress import HoopStress
 
@@ -227,8 +238,8 @@ class ElasticResult(BodyResult):
     def strain_energy(self) -> float:
         """Energy (J) stored in the body, and in a foundation if there is one.
 
-        Of agents that spawned in the plane the middle of `energy_bounds`; else that of `stress`,
-        of which agents in space have no more than is true where no side is moved.
+        Of agents that spawned in the plane the middle of `energy_bounds`, as long as these are not
+        three times each other; in space no more than is true where no side is moved.
         """
         return self.found.solution.energy * self.found.scales.energy
 
@@ -406,11 +417,6 @@ class ElasticResult(BodyResult):
         return tuple(goal.in_units(self.found.scales) for goal in self.found.goals)
 
     @property
-    def goal_values(self) -> tuple[float | Floats, ...]:
-        """The quantities that the tolerance is about, in m, Pa or N."""
-        return tuple(goal.value for goal in self.goals)
-
-    @property
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its figures and agents; none of equal cells."""
         scales = self.found.scales
@@ -454,15 +460,11 @@ class ElasticResult(BodyResult):
     @cached_property
     def _caveats(self) -> tuple[tuple[str, str], ...]:
         """What is approximate, in a few words and in full."""
-        from .caveats import caveats_of
-
         return caveats_of(self, *self._steps)
 
     @cached_property
     def _steps(self) -> tuple[Ints, Flags]:
         """Cells that slanted outlines cross, and which agents lie in or beside them."""
-        from .caveats import steps_near
-
         return steps_near(self.grid, self.middle)
 
     @cached_property
@@ -472,15 +474,11 @@ class ElasticResult(BodyResult):
         In the energy norm, relative to the answer; they take the force and the moments of each, and
         the rest is part of `error_bound`. 0 where loads end at the agents' edges.
         """
-        from .caveats import load_error
-
         return load_error(self)
 
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
-        from .caveats import no_limit
-
         agent = first_largest(self.von_mises)
         place = tuple(self.middle[agent].tolist())
         reason = no_limit(self, agent, near_step=bool(self._steps[1][agent]))
@@ -500,8 +498,6 @@ class ElasticResult(BodyResult):
     @cached_property
     def sharp_corners(self) -> Floats:
         """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
-        from .corners import sharp_corners
-
         if isinstance(self.found, CutAgents):
             return self.found.ground.without_limit
         return sharp_corners(self.scene)
@@ -593,7 +589,7 @@ class ElasticResult(BodyResult):
         (2, True)
         """
         along = self._outline(name, "outline_stress")
-        return along.place * self._first_edge, self.found.scales.stress * along.moved
+        return along.place * self.found.scales.length, self.found.scales.stress * along.moved
 
     def outline_traction(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along an outline between two materials, and tractions (Pa) there.
@@ -612,7 +608,7 @@ class ElasticResult(BodyResult):
             raise ResultError(
                 f"outline_traction: along {name!r} no two materials meet; what acts there are loads"
             )
-        return along.place * self._first_edge, self.found.scales.stress * along.traction
+        return along.place * self.found.scales.length, self.found.scales.stress * along.traction
 
     def _outline(self, name: str, asked: str) -> HoopStress:
         known = self.found.along if isinstance(self.found, CutAgents) else {}
@@ -620,11 +616,6 @@ class ElasticResult(BodyResult):
             names = ", ".join(known) or "none has a name"
             raise ResultError(f"{asked}: there is no outline {name!r}; there is {names}")
         return known[name]
-
-    @property
-    def _first_edge(self) -> float:
-        """Length (m) that is 1 along outlines."""
-        return self.found.scales.length
 
     @property
     def max_displacement(self) -> float:
@@ -679,10 +670,6 @@ class ElasticResult(BodyResult):
         SingularPlaceError
             If it is a stress where stresses have no limit.
         """
-        from kaju.model.elastic.goals.duals import goal_of
-
-        from .caveats import refuse_singular
-
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
             if goal.quantity == asked:
@@ -715,10 +702,6 @@ class ElasticResult(BodyResult):
         ResultError
             If there would be too many cells.
         """
-        from kaju.model.elastic.equal.equal_arrays import EqualArrays
-
-        from .arguments import check_numbers
-
         check_numbers(None, resolution)
         return EqualArrays(self.found, self.subdivision, int(resolution or self.subdivision))
 
@@ -768,8 +751,6 @@ class ElasticResult(BodyResult):
         """Return one row per agent: place, size, material, displacement, strain and stress."""
         import pandas as pd
 
-        from .elastic_export import columns
-
         return pd.DataFrame(columns(self))
 
     def to_xarray(self, resolution: int | None = None) -> xarray.Dataset:
@@ -780,8 +761,6 @@ class ElasticResult(BodyResult):
         MissingExtraError
             If xarray is not installed.
         """
-        from .elastic_export import dataset
-
         return dataset(self, resolution)
 
     def to_vtk(self, path: str | Path) -> Path:
@@ -792,8 +771,6 @@ class ElasticResult(BodyResult):
         MissingExtraError
             If meshlane is not installed.
         """
-        from .elastic_export import write_mesh
-
         return write_mesh(self, path)
 
     def _located(self, points: Floats) -> tuple[Floats, Ints]:

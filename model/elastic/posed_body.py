@@ -19,22 +19,19 @@ from kaju.model.elastic.pair.leaves import BITS, LeafCells, corner_ends
 from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.uneven_loads import Portions
 from kaju.model.scene import Scene
-from kaju.model.scene.lattice import Lattice
 from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.resolved_body import MIXED
 from kaju.model.scene.selection import Uneven
 
 ACROSS_LONGEST, ACROSS_SHORTEST = {2: 8, 3: 4}, 2
-"""The first agents are at least this many along the body's longest and shortest side."""
+"""The first agents are at least this many along the body's longest and shortest side. Of 4, 8
+and 16 in the plane 8 are a sixth sooner than the others on a plate, an L and a pierced plate, at
+0.02 and 0.003, with 2 % more agents than 4."""
 ENDED = {2: 3e-4, 3: 1e-2}
-"""Loads that end within sides may leave about such a share of the energy norm."""
+"""Loads that end within sides may leave about such a share of the energy norm: less than tolerances
+that are asked for."""
 DEEPEST = {2: 22, 3: 16}
 """An agent's edge is at least the scene's cell divided by 2 to this power."""
-
-
-def face_keys(lattice: Lattice, cells: Ints, direction: Ints) -> Ints:
-    """Return a number for every side, or middle (-1), of cells."""
-    return lattice.key(cells) * (2 * lattice.dimension + 1) + direction + 1
 
 
 class LeafForces(NamedTuple):
@@ -236,8 +233,9 @@ class PosedBody:
         """Sum the forces on the same face of a cell, in the order of their keys."""
         # Uneven ones stay apart: `_uneven_of` is the index of each in `_uneven`, -1 for others.
         applied = self.scene.applied(stage)
-        keys = face_keys(self.scene.lattice, applied.cells, applied.direction)
         d = self.dimension
+        # A number for every side, or middle (-1), of cells.
+        keys = self.scene.lattice.key(applied.cells) * (2 * d + 1) + applied.direction + 1
         nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
         self._uneven = applied.uneven or nothing
         rows = self._uneven.row

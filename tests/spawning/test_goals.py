@@ -181,7 +181,7 @@ def test_mean_of_a_linear_field_is_its_value_in_the_middle(at, middle, dimension
     ratio = np.array([1.0, -steel.poissons_ratio, -steel.poissons_ratio])[:dimension]
     quantities = [Deflection(at), Stress(at, "xx"), Stress(at, "von_mises"), Stress(at, "xy")]
     result = solve(bar(dimension), tolerance=1e-4, goal=quantities)
-    moved, stress, equivalent, shear = result.goal_values
+    moved, stress, equivalent, shear = (goal.value for goal in result.goals)
     exact = 1e6 / steel.youngs_modulus * ratio * np.array(middle)
     np.testing.assert_allclose(moved, exact, atol=1e-8 * np.abs(exact).max())
     assert [stress, equivalent] == pytest.approx([1e6, 1e6], rel=1e-8)
@@ -222,6 +222,19 @@ def test_goals_in_space_are_estimated(make, quantity):
     assert result.tolerance_kept == "estimated"
     assert result.goals[0].error_bound is None
     assert "in space" in result.goals[0].no_bound
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_place_without_body_is_refused_by_name(d):
+    air = {"box": [[0.0] * d, [0.1] * d]}
+    body = {"cells": [3] * d, "cell_size": 0.1, "material": "steel"}
+    scene = Scene(
+        body=body | {"regions": [air | {"material": "air"}]},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "pressure": 1.0}],
+    )
+    with pytest.raises(ParameterError, match="there is no body at"):
+        solve(scene, tolerance=0.2, goal=Stress(air, "xx"))
 
 
 @pytest.mark.parametrize(

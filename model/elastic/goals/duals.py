@@ -15,7 +15,7 @@ import numpy as np
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.goals.goal_places import GoalBox, Where, where_of
+from kaju.model.elastic.goals.goal_places import Cover, GoalBox, Where, where_of
 from kaju.model.elastic.goals.quantities import (
     Deflection,
     Goal,
@@ -107,6 +107,13 @@ class _At(DualGoal):
             self.box = GoalBox.of(self.where, body, flat)
             self.no_bound = "" if self.box.exact else NEAREST
 
+    def _cover(self, leaves: LeafCells) -> Cover:
+        assert self.box is not None
+        cover = self.box.cover(leaves)
+        if not len(cover.agent):
+            raise ParameterError(f"goal: there is no body at {self.where.name}")
+        return cover
+
 
 class Displaced(_At):
     """The mean displacement of a place."""
@@ -117,8 +124,7 @@ class Displaced(_At):
 
     def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return a force along each direction."""
-        assert self.box is not None
-        agent, side, share = self.box.cover(leaves)
+        agent, side, share = self._cover(leaves)
         return [Forces(agent, side, share[:, None] * along) for along in self.directions]
 
     def read(self, found: Found) -> Floats:
@@ -141,8 +147,7 @@ class Stressed(_At):
 
     def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return the stress of the strain by which the quantity grows."""
-        assert self.box is not None
-        agent, _, share = self.box.cover(leaves)
+        agent, _, share = self._cover(leaves)
         if self._component is None and found is not None:
             return [Strained(agent, share, self._slope(found))]
         strain = np.eye(len(self._pairs))[self._pairs.index(self._component or (0, 0))]

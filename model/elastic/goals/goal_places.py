@@ -15,17 +15,19 @@ import numpy as np
 from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import KajuError, ParameterError
+from kaju.model.elastic.corners import ON_EDGE
 from kaju.model.elastic.goals.quantities import Place
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Region, Scene, body_cells
 from kaju.model.scene.shapes import Box, Shape
 
-NEAR = 1e-6  # A plane that is nearer to a face than this part of a cell lies on it
 PARTED = {2: 16, 3: 2}
 """Agents can end at multiples of this part of a cell, should a goal ask for it."""
 RULE = 3  # Points along an axis of an agent: exact for quadratics
-SAMPLES = {2: 8, 3: 4}  # Points along an axis by which round shapes are measured in an agent
+SAMPLES = {2: 8, 3: 4}
+"""Points along an axis by which round shapes are measured in an agent: a disk of the radius of an
+agent's edge is 3 % off at most, a ball 4 % (of 40 places)."""
 
 
 class Points(NamedTuple):
@@ -116,7 +118,7 @@ class GoalBox:
         """Return the smallest box round a place; `flat` says whether it may be a section."""
         step = max(body.cell // PARTED[body.dimension], body.smallest)
         low, high = where.lower * (body.cell / step), where.upper * (body.cell / step)
-        near = NEAR * body.cell / step
+        near = ON_EDGE * body.cell / step
         first, last = np.floor(low + near), np.ceil(high - near)
         axis = where.flat if flat else None
         if axis is not None:
@@ -211,7 +213,7 @@ def _region(region: dict[str, Any], scene: Scene) -> Where:
     if flat is not None:
         low, high = (np.asarray(c, dtype=np.float64) / lattice.cell_size for c in region["box"])
         face = np.rint(low[flat])
-        if abs(low[flat] - face) < NEAR:
+        if abs(low[flat] - face) < ON_EDGE:
             low[flat] = high[flat] = face
         return Where(scene, f"{region}", low, high, flat)
     try:
@@ -235,5 +237,5 @@ def _flat_axis(box: Any, cell_size: float) -> int | None:
     except (TypeError, ValueError):
         return None
     spans = np.atleast_1d(upper - lower)
-    flat = np.flatnonzero(np.abs(spans) <= NEAR * cell_size)
+    flat = np.flatnonzero(np.abs(spans) <= ON_EDGE * cell_size)
     return int(flat[0]) if len(flat) == 1 and np.all(np.delete(spans, flat) > 0.0) else None

@@ -82,16 +82,9 @@ class Stress(_Parsed):
 
     Examples
     --------
-    >>> from kaju import Scene, Stress, solve
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> answer = solve(scene, tolerance=0.1)
-    >>> middle = Stress({"box": [[0.02, 0.02], [0.03, 0.03]]}, "yy")
-    >>> round(answer.value_of(middle) / 1e2)  # hPa
-    -1
+    >>> from kaju import Stress
+    >>> Stress({"box": [[0.02, 0.02], [0.03, 0.03]]}, "yy").component
+    'yy'
     """
 
     at: Place
@@ -111,15 +104,9 @@ class Reaction(_Parsed):
 
     Examples
     --------
-    >>> from kaju import Reaction, Scene, solve
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> answer = solve(scene, tolerance=0.1)
-    >>> round(answer.value_of(Reaction("bottom", "y")), 6)  # N
-    2.0
+    >>> from kaju import Reaction
+    >>> Reaction("bottom", "y")
+    Reaction(side='bottom', along='y')
     """
 
     side: str

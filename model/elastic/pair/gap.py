@@ -20,9 +20,10 @@ from kaju.model.elastic.pair.elements import rule, strains, stresses
 
 ROUNDING = 0.1
 """Of the gap: energies whose difference misses it by more are lost in rounding."""
-FAR = 2.0
-"""Energies so many times apart have no middle worth telling: of stiff parts that touch
-in corners, 1e8 times as stiff as the rest, they were 5.3 and 96,000 J, the true one 5.4 J."""
+FAR = 3.0
+"""Energies so many times apart have no middle worth telling. Of 45 random bodies on far too few
+agents, with stiff inclusions and rubber, the value told was 4.3 times off at most, with 5 and 10 as
+well, the middle 13.6 times."""
 
 
 def fields_at_rule(

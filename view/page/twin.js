@@ -4,7 +4,7 @@ import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES, picker, segments } from "./controls.js";
 import { cornersOf } from "./deformation.js";
 import { RIGID, ROLLER } from "./lattice.js";
-import { FONT, paintCells, paintLegend, paintPick, paintWord, View } from "./paint.js";
+import { FONT, paintCells, paintLegend, paintNumbers, paintPick, paintWord, View } from "./paint.js";
 import { hand } from "./scene.js";
 import { general, quantity } from "./words.js";
 
@@ -202,7 +202,7 @@ MODES.push({
     if (answer) { views.elastic = paintAnswer(page, twin.elastic.firstChild, "elastic", both); if (!twin.gap.hidden) views.gap = paintDifference(page, twin.gap.firstChild, both); }
     page.loads.paint(views.rule);
     for (const view of Object.values(views)) {
-      if (two.ruler) paintRuler(page, view);
+      if (two.ruler) { paintNumbers(view, inks); paintRuler(page, view); }
       for (const k of [twin.at >= 0 ? twin.at : page.picked]) if (k >= 0) paintPick(view, page.run.lattice.cell(k), inks);
     }
     const { x0, u } = views.rule, [nx] = page.run.lattice.shape, x = x0 + u * (two.split ??= nx / 2);

@@ -112,7 +112,7 @@ def test_profiles_between_results_leave_holes_out():
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (plate([8, 6], size=[0.08, 0.06]), "one reaches from"),
+        (plate([8, 6], size=[0.08, 0.06]), "by what is at"),
         (plate(thickness=0.003), "in thickness: 0.002 and 0.003 m"),
         (plate(plane="strain"), "in plane: stress and strain"),
         (plate(material="aluminium"), "by what is at"),

@@ -40,7 +40,7 @@ def columns(result: ElasticResult) -> dict[str, NDArray[Any]]:
 
 
 def dataset(result: ElasticResult, resolution: int | None) -> xarray.Dataset:
-    """Return cells, faces and corners as labelled arrays."""
+    """Return cells and corners as labelled arrays."""
     try:
         import xarray
     except ImportError as error:
@@ -66,12 +66,6 @@ def dataset(result: ElasticResult, resolution: int | None) -> xarray.Dataset:
         "von_mises": (cells, found.von_mises, {"units": "Pa"}),
         "body": (cells, found.body),
     }
-    for axis, values in enumerate(found.face_displacement):
-        names = tuple(f"{AXES[a]}_face" if a == axis else AXES[a] for a in range(d))
-        variables[f"face_displacement_{AXES[axis]}"] = (names, values, {"units": "m"})
-    for (a, b), values in found.edge_shear.items():
-        names = tuple(f"{AXES[i]}_face" if i in (a, b) else AXES[i] for i in range(d))
-        variables[f"edge_shear_{AXES[a]}{AXES[b]}"] = (names, values, {"units": "Pa"})
     plain = {
         name: value
         for name, value in result.summary().items()

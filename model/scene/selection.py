@@ -70,6 +70,12 @@ class AppliedLoads:
     uneven: Uneven | None = None
     """Which of the forces do not lie evenly on whole faces."""
 
+    def within(self, lower: Ints, upper: Ints) -> AppliedLoads:
+        """Return those that act in a box of cells, counted from its corner."""
+        inside = np.all((self.cells >= lower) & (self.cells < upper), axis=1)
+        kept = self.cells[inside] - lower, self.direction[inside], self.force[inside]
+        return AppliedLoads(*kept, uneven=self.uneven and self.uneven.within(inside))
+
 
 @dataclass(frozen=True, eq=False)
 class Selection:

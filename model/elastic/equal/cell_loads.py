@@ -19,10 +19,10 @@ from kaju.model.elastic.uneven_loads import Portions
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import AppliedLoads
 
-from .problem import ACTIVE, CellLoads, ElasticProblem
+from .problem import ACTIVE, ElasticProblem
 
 
-def face_forces(problem: ElasticProblem, loads: CellLoads) -> None:
+def face_forces(problem: ElasticProblem, loads: AppliedLoads) -> None:
     """Add forces to the problem's faces, and the moments of those that lie unevenly on theirs."""
     cells, direction, force = loads.cells + 1, loads.direction, loads.force / problem.scales.force
     d = problem.dimension
@@ -40,7 +40,7 @@ def face_forces(problem: ElasticProblem, loads: CellLoads) -> None:
             _turn(problem, side, cells[portions.box[here]], portions.moment[here])
 
 
-def portions_of_cells(loads: CellLoads | AppliedLoads, unit: float) -> Portions:
+def portions_of_cells(loads: AppliedLoads, unit: float) -> Portions:
     """Return what faces have of uneven loads, in units of a force; `box` are rows of the loads."""
     uneven = loads.uneven
     if uneven is None or not len(uneven.row):

@@ -11,7 +11,6 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU
 
 from kaju.arrays import Floats
-from kaju.errors import SceneError
 from kaju.factors import factors_of
 
 from .krylov import Iteration, dot
@@ -130,38 +129,26 @@ def _ghosts_from_inside(count: int, weights: Floats) -> sp.csr_array:
     return sp.csr_array((value, (row, column)), shape=(count, count))
 
 
-def by_factors(problem: ElasticProblem) -> Solution | None:
-    """Solve few cells by factors; None if these are singular."""
+def by_factors(problem: ElasticProblem, discretisation: float | None = None) -> Solution | None:
+    """Solve by factors; None if these are singular."""
+    # The error of the grid is that of an iteration that did not serve, or else found here; factors
+    # of few cells, of which it is found, are kept.
+    few = discretisation is None
     try:
-        if not (_last and _same_body(_last[0].body, problem)):
+        if few and not (_last and _same_body(_last[0].body, problem)):
             _last[:] = [Factors(problem)]
+        factors = _last[0] if few else Factors(problem)
     except RuntimeError:
         return None
-    factors = _last[0]
-    system = System(problem, factors.numbering)
+    system, lost = System(problem, factors.numbering), 0.0
     run = _solve_direct(factors, system.right)
-    if not run.converged:
-        return None
-    missed = factors.missed_by_coarse(system, run.solution)
-    solution = system.solution(run, "direct", missed, 1)
-    pivots = float(np.finfo(np.float64).eps / factors.smallest_pivot)
-    judge_rounding(system, solution, factors.matrix.diagonal() * run.solution, pivots)
-    return solution
-
-
-def factorised(problem: ElasticProblem, discretisation: float) -> Solution:
-    """Solve by factors where an iteration does not serve."""
-    try:
-        factors = Factors(problem)
-    except RuntimeError as error:
-        raise SceneError(
-            "body: some of its cells are joined by a single face only, and can turn about it; "
-            "give a larger resolution (2 halves the cells), or a tolerance"
-        ) from error
-    system = System(problem, factors.numbering)
-    run = _solve_direct(factors, system.right)
+    if discretisation is None:
+        if not run.converged:
+            return None
+        discretisation = factors.missed_by_coarse(system, run.solution)
+        lost = float(np.finfo(np.float64).eps / factors.smallest_pivot)
     solution = system.solution(run, "direct", discretisation, 1)
-    judge_rounding(system, solution, factors.matrix.diagonal() * run.solution)
+    judge_rounding(system, solution, factors.matrix.diagonal() * run.solution, lost)
     return solution
 
 

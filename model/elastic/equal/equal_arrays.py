@@ -12,7 +12,7 @@ from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
 
 from . import fields
-from .staggered import Pair, axis_pairs
+from .staggered import ends
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
@@ -108,37 +108,10 @@ class EqualArrays:
         if self._agents is not None:
             problem, u = self._agents.problem, self._agents.solution.displacement
             return problem.scales.displacement * fields.node_displacement(problem, u)
-        nodes, points = self._round(tuple(range(self.dimension)))
+        nodes, points = self._corners()
         field = np.full((*nodes.shape, self.dimension), np.nan)
         field[nodes] = self._displacement_at(points)
         return field
-
-    @cached_property
-    def face_displacement(self) -> tuple[Floats, ...]:
-        """Normal displacement (m) of the faces' middles per axis, one more along that axis."""
-        if self._agents is not None:
-            unit = self._agents.scales.displacement
-            return tuple(unit * values for values in self._agents.face_displacement)
-        found = []
-        for axis in range(self.dimension):
-            faces, points = self._round((axis,))
-            field = np.full(faces.shape, np.nan)
-            field[faces] = self._displacement_at(points)[:, axis]
-            found.append(field)
-        return tuple(found)
-
-    @cached_property
-    def edge_shear(self) -> dict[Pair, Floats]:
-        """Shear stress (Pa) at the corners (edges) of the cells, per pair of axes."""
-        if self._agents is not None:
-            unit = self._agents.scales.stress
-            return {pair: unit * shear for pair, shear in self._agents.parts.edges.items()}
-        found = {}
-        for pair in axis_pairs(self.dimension):
-            edges, points = self._round(pair)
-            found[pair] = np.zeros(edges.shape)
-            found[pair][edges] = self._stress_at(points)[:, pair[0], pair[1]]
-        return found
 
     @cached_property
     def _law(self) -> Ints:
@@ -162,18 +135,12 @@ class EqualArrays:
     def _middles(self, chosen: Flags) -> Floats:
         return np.asarray((np.argwhere(chosen) + np.asarray(self.origin) + 0.5) * self.cell_size)
 
-    def _round(self, axes: tuple[int, ...]) -> tuple[Flags, Floats]:
-        """Return which faces (one axis), edges (two) or corners touch the body, and their middles.
-
-        Along these axes there is one more of them than there are cells.
-        """
-        touched = self.body
-        for axis in axes:
-            width = [(1, 1) if a == axis else (0, 0) for a in range(self.dimension)]
-            padded = np.moveaxis(np.pad(touched, width), axis, 0)
-            touched = np.moveaxis(padded[:-1] | padded[1:], 0, axis)
-        offset = np.array([0.0 if a in axes else 0.5 for a in range(self.dimension)])
-        points = np.asarray((np.argwhere(touched) + self.origin + offset) * self.cell_size)
+    def _corners(self) -> tuple[Flags, Floats]:
+        """Return which corners of cells, one more along each axis, touch the body, and where."""
+        touched = np.pad(self.body, 1)
+        for axis in range(self.dimension):
+            touched = np.logical_or(*ends(touched, axis))
+        points = np.asarray((np.argwhere(touched) + self.origin) * self.cell_size)
         inside = self._found.holds(points)  # of cells that true outlines cut some are not
         touched[touched] = inside
         return touched, points[inside]

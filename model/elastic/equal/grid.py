@@ -15,11 +15,11 @@ from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
+from kaju.model.scene.selection import AppliedLoads
 
 from .cell_loads import face_forces
 from .problem import (
     SIDES,
-    CellLoads,
     ElasticProblem,
     FaceFields,
     Side,
@@ -59,7 +59,7 @@ def problem_of_scene(
         constants[:, 0] *= np.pad(stiffness, 1)[box][body]
         kinds[body] = np.arange(len(constants))
     used = constants if len(constants) == 1 else constants[np.unique(kinds[body])]
-    loads = CellLoads.of(scene.applied(stage), lower, upper)
+    loads = scene.applied(stage).within(lower, upper)
     try:
         scales = scales_of(scene, used, sides_of(scene, lower, upper), loads.force)
         problem = problem_of(scene, kinds, constants, (lower, upper), loads, scales)
@@ -102,7 +102,7 @@ def problem_of(
     rim: NDArray[np.int32],
     constants: Floats,
     box: tuple[Ints, Ints],
-    loads: CellLoads,
+    loads: AppliedLoads,
     scales: Scales,
 ) -> ElasticProblem:
     """Return the problem of a box of a scene's cells."""

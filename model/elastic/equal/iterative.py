@@ -9,9 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Floats
+from kaju.errors import SceneError
 from kaju.stopping import interrupt_requested
 
-from .direct import DIRECT_LIMIT, factorised
+from .direct import DIRECT_LIMIT, by_factors
 from .hierarchy import Hierarchy
 from .krylov import Iteration, conjugate_gradients, dot, minimal_residuals
 from .problem import STIFF, ElasticProblem, FaceFields, without_pressure
@@ -152,9 +153,7 @@ def _by_multigrid(
     if watch.slow and not hierarchy.plain and not interrupt_requested():
         notes = [f"geometric multigrid was slow after {run.iterations} iterations"]
         if np.count_nonzero(hierarchy.moving) <= DIRECT_LIMIT[problem.dimension]:
-            solution = factorised(problem, watch.discretisation)
-            solution.notes.append(f"{notes[0]}: factorised instead")
-            return solution
+            return _factorised(problem, watch.discretisation, notes[0])
         watch.patient = True
         run = _iterate(system, hierarchy, run.solution, watch, MOST)
         run.converged = run.converged and not watch.slow
@@ -217,6 +216,18 @@ class _Watch:
         return self.slow and not self.patient
 
 
+def _factorised(problem: ElasticProblem, discretisation: float, why: str) -> Solution:
+    """Solve by factors where an iteration does not serve."""
+    solution = by_factors(problem, discretisation)
+    if solution is None:
+        raise SceneError(
+            "body: some of its cells hang together by single faces, about which they turn freely; "
+            "give a larger resolution (2 halves the cells), or a tolerance, so that agents spawn"
+        )
+    solution.notes.append(f"{why}: factorised instead")
+    return solution
+
+
 def _by_mixed_form(
     problem: ElasticProblem, tolerance: float | None, start: FaceFields | None
 ) -> Solution:
@@ -238,9 +249,7 @@ def _by_mixed_form(
     whole = system.energy(run.solution)
     discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
     if not run.converged and numbering.size <= DIRECT_LIMIT[problem.dimension]:
-        solution = factorised(problem, discretisation)
-        solution.notes.append("the mixed form did not converge: factorised instead")
-        return solution
+        return _factorised(problem, discretisation, "the mixed form did not converge")
     solution = system.solution(run, "mixed form", discretisation, len(mixed.block.levels))
     judge_rounding(system, solution, run.solution)
     return solution

@@ -14,16 +14,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats
 from kaju.model.elastic.moduli import Moduli, is_rubber, moduli_at
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene.cell_types import DISPLACED, RIGID, ROLLER
-from kaju.model.scene.selection import AppliedLoads, Uneven
 
 FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
@@ -119,26 +118,6 @@ def without_pressure(moduli: Moduli) -> Moduli:
 
 Side = tuple[str, float | Sequence[float]]
 """A side that needs a number: ("foundation", N/m³) or ("displacement", (x, y[, z]) in m)."""
-
-
-class CellLoads(NamedTuple):
-    """Forces and where they enter; see `kaju.model.scene` for the meaning of the columns."""
-
-    cells: Ints
-    direction: Ints
-    force: Floats
-    uneven: Uneven | None = None
-
-    @classmethod
-    def of(cls, applied: AppliedLoads, lower: Ints, upper: Ints) -> CellLoads:
-        """Return those of a scene's forces that act in a box of cells, counted from its corner."""
-        inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
-        return cls(
-            applied.cells[inside] - lower,
-            applied.direction[inside],
-            applied.force[inside],
-            applied.uneven and applied.uneven.within(inside),
-        )
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:

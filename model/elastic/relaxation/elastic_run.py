@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from kaju import __version__
 from kaju.arrays import Floats
 from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.relaxation.push_table import WaveCertificate
 from kaju.model.elastic.relaxation.records import (
@@ -76,7 +77,8 @@ class ElasticRun(BodyResult):
     @property
     def displacement(self) -> tuple[Floats, ...]:
         """Per axis the displacement (m) of the faces normal to it; NaN where there is no body."""
-        return self.result.cells().face_displacement
+        found = cast(CellAgents, self.result.found)
+        return tuple(found.scales.displacement * values for values in found.face_displacement)
 
     @property
     def energy(self) -> Floats:

@@ -10,6 +10,8 @@ from kaju.errors import ConvergenceError, KajuError, SupportError
 
 LEGEND = {0: "air", 1: "steel", 2: "rigid"}
 PLATE = np.ones((8, 8), int)
+HOLED = PLATE.copy()
+HOLED[3:5, 3:5] = 0
 HELD_HOLE = np.pad(np.full((3, 3), 2), 3, constant_values=1)
 TWO_HELD = np.ones((16, 9), int)
 TWO_HELD[3:5, 3:6] = TWO_HELD[10:12, 4:6] = 2
@@ -242,3 +244,18 @@ def test_a_load_straight_onto_a_support_is_borne_by_it_alone():
     assert answer.reactions["bottom"] == pytest.approx([-3.0, 12.0])
     alone = kaju.solve(body(PLATE, sides={"bottom": "rigid"}, loads=loads[1:]), tolerance=0.05)
     assert answer.energy_bounds == pytest.approx(alone.energy_bounds)
+
+
+@pytest.mark.parametrize("codes", [PLATE, HOLED], ids=["plate", "hole"])
+def test_a_symmetric_body_keeps_symmetric_agents(codes):
+    """To a tolerance at which equations are iterated."""
+    load = {"region": {"box": [[0.03, 0.08], [0.05, 0.08]]}, "force": [0.0, -100.0]}
+    answer = proved(body(codes, sides={"bottom": "rigid"}, loads=[load]), 1e-3)
+    mirrored = answer.lower * [-1, 1] + (0.08 - answer.size)[:, None] * [1, 0]
+    unit = answer.size.min()
+    whole = [
+        np.rint(np.column_stack([lower, answer.size]) / unit) for lower in (answer.lower, mirrored)
+    ]
+    one, other = (np.lexsort(rows.T) for rows in whole)
+    np.testing.assert_array_equal(whole[0][one], whole[1][other])
+    np.testing.assert_allclose(answer.gap[one], answer.gap[other], rtol=1e-4)

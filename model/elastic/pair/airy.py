@@ -141,7 +141,7 @@ class Airy:
 
     def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
-        self.part = mesh.parts()
+        self.part = mesh.part
         self.loops = loops_of(mesh)
         self.sheets = sheets_of(mesh, sides, self.loops, self.part)
         self.points = mesh.vertices + len(self.sheets.base)
@@ -192,29 +192,49 @@ class Airy:
         corner = on_sides(2)[self.mesh.side[rows], end]
         return np.asarray(self.sheets.corner[self.mesh.owner[rows], corner])
 
-    def way(self) -> tuple[sp.csr_array, Ints]:
-        """Return what all unknowns are by the free ones, and which these are."""
+    def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array]:
+        """Return what all unknowns are by the free ones, which these are, and how they turn."""
         self._follow = _Follow(self.size)
         fixed = np.zeros(self.size, dtype=np.bool_)
         self._hang()
         self._jump(self.mesh.vertices + np.arange(len(self.sheets.base)), self.sheets.base, 1.0)
-        begun: set[int] = set()
-        for loop in sorted(
-            self.loops, key=lambda rows: not self.sides.given[rows].all(axis=1).any()
-        ):
-            first = self._walk(loop, fixed)
-            own = int(self.part[self.mesh.owner[loop[0]]])
-            # A linear function has no stress: phi and its slopes vanish somewhere in every part.
-            if own not in begun:
-                begun.add(own)
-                fixed[3 * first] = True
-                vertices = self.mesh.along()[0][loop]
-                for k in (1, 2):
-                    unknown = 3 * vertices + k
-                    fixed[unknown[~self._follow.follows[unknown]][0]] = True
+        self._stretches: list[tuple[int, Ints]] = []
+        begun: dict[int, tuple[float, int]] = {}
+        for loop in self.loops:
+            count, part = len(self._stretches), int(self.part[self.mesh.owner[loop[0]]])
+            begun[part] = max(begun.get(part, (-1.0, 0)), (-0.5, self._walk(loop, fixed)))
+            for first, ends in self._stretches[count:]:
+                long = float(np.ptp(self.place[ends], axis=0).sum())
+                begun[part] = max(begun[part], (long, first))
         self._close(fixed)
-        free = np.flatnonzero(~(self._follow.follows | fixed))
-        return sp.csr_array(self._follow.way()[:, free]), free
+        way, follows = self._follow.way(), self._follow.follows
+        # A linear function has no stress: phi and its slopes vanish in every part, along the
+        # longest stretch of free edges, or somewhere.
+        for _, first in begun.values():
+            for k in range(3):
+                terms = way[[3 * first + k]].indices
+                fixed[terms[(terms < 3 * self.points) & (terms % 3 == k)]] = True
+        free = np.flatnonzero(~(follows | fixed))
+        return self._centred(sp.csr_array(way[:, free]), free)
+
+    def _centred(self, way: sp.csr_array, free: Ints) -> tuple[sp.csr_array, Ints, sp.csr_array]:
+        """Let linear functions along free stretches turn about their middles, not their ends."""
+        # Of the columns where phi begins so much is added to those of its slopes.
+        number = np.full(self.size, -1)
+        number[free] = np.arange(len(free))
+        rows, columns, values = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], []
+        values.append(np.zeros(0))
+        for first, ends in self._stretches:
+            if number[3 * first] >= 0:
+                arm = self.place[first] - self.place[ends].mean(axis=0)
+                for k in (1, 2):
+                    slope = way[[3 * first + k]]
+                    columns.append(slope.indices)
+                    rows.append(np.full(slope.nnz, number[3 * first]))
+                    values.append(arm[k - 1] * slope.data)
+        at = np.concatenate(rows), np.concatenate(columns)
+        turn = sp.csr_array((np.concatenate(values), at), shape=(len(free),) * 2)
+        return sp.csr_array(way + way @ turn), free, turn
 
     def _jump(self, copy: Ints, base: Ints, sign: float, cuts: Ints | None = None) -> None:
         """Say that phi at copies is that at their vertices, and the linear function of the cut."""
@@ -300,6 +320,8 @@ class Airy:
             fixed[3 * self.points + mesh.border[loop[rows]]] = True
             # Vertices of the stretch but the first follow it; those beyond cuts less the jumps.
             first = vertex[low]
+            if kind[low] == 3:
+                self._stretches.append((int(first), end[loop[rows]]))
             terms = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
             if kind[low] != 3:
                 terms = [(2, 2)] if kind[low] == 1 else [(1, 1)]

@@ -120,7 +120,7 @@ def _common_shift(moved: Floats, held: Flags, bed: Floats) -> Floats:
 
 def check_held(body: PosedBody, mesh: Mesh, sides: Sides) -> None:
     """Refuse a body of which a part could move without straining, or whose supports tear it."""
-    part, d = mesh.parts(), body.dimension
+    part, d = mesh.part, body.dimension
     place = mesh.place[mesh.on_border[:, : 1 << (d - 1)]] / body.cell
     for number in range(int(part.max()) + 1):
         side, axis = np.nonzero(~sides.given & (part[mesh.owner] == number)[:, None])

@@ -120,13 +120,13 @@ class FieldLevel:
         before: FieldLevel | None = None,
         rise: sp.csr_array | None = None,
     ) -> None:
-        self.blocks, self.way, self.back = blocks, way, sp.csr_array(way.T)
+        self.blocks, self.way, self.back = blocks, way, way.T
         self.before, self.factors = None, None
         if before is None or rise is None:
             matrix = blocks.assembled(way)
-            self.scale = matrix.diagonal() ** -0.5
-            scaled = sp.diags_array(self.scale)
-            self.factors = factors_of(sp.csc_array(scaled @ matrix @ scaled))
+            self.scale = scale = matrix.diagonal() ** -0.5
+            matrix.data *= scale[matrix.indices] * np.repeat(scale, np.diff(matrix.indptr))
+            self.factors = factors_of(matrix)
             return
         # For a row of k entries (sum p x)^2 <= k sum p^2 x^2, so this diagonal bounds the matrix.
         entries = np.diff(way.indptr)
@@ -201,7 +201,7 @@ def chebyshev(apply: Callable[[Floats], Floats], rest: Floats, top: float) -> Fl
 
 def level_of(
     blocks: Blocks,
-    free: tuple[sp.csr_array, Ints],
+    free: tuple[sp.csr_array, Ints, sp.csr_array | None],
     before: FieldLevel | None,
     family: tuple[Ints, Ints] | None,
     maps: Floats,
@@ -210,7 +210,8 @@ def level_of(
     """Return the equations of a generation; up to `direct` free unknowns it has factors."""
     # family: the parent of each agent, and which of its parts it is.
     # maps: What an agent's own unknowns, taken component by component, are by its parent's.
-    way, unknown = free
+    # turn: By how much unknowns are less than those that `way` is told for.
+    way, unknown, turn = free
     if before is None or family is None or way.shape[1] <= direct:
         return FieldLevel(blocks, way)
     parent, part = family
@@ -230,7 +231,7 @@ def level_of(
         rows[alone, 0], columns[alone, 0] = 1.0, old.size - (blocks.size - unknown[alone])
     place = np.arange(len(unknown) + 1) * m
     rise = sp.csr_array((rows.ravel(), columns.ravel(), place), (len(unknown), old.size))
-    return FieldLevel(blocks, way, before, rise)
+    return FieldLevel(blocks, way, before, rise if turn is None else rise - turn @ rise)
 
 
 def handed_down(own: Floats, family: tuple[Ints, Ints], maps: Floats) -> Floats:

@@ -22,7 +22,7 @@ from kaju.model.elastic.pair.leaves import LeafCells, corner_ends
 TINY = 1e-12  # Weights by which nodes follow others that are below this are rounding
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Mesh:
     """Corners and edges of agents of 2:1; lengths in units of the tree."""
 
@@ -107,8 +107,9 @@ class Mesh:
         some = np.abs(entries) > TINY
         return followed(row[some], column[some], entries[some], len(follows)), follows
 
-    def parts(self) -> Ints:
-        """Return to which part of the body each agent belongs: agents joined by sides."""
+    @cached_property
+    def part(self) -> Ints:
+        """To which part of the body each agent belongs: agents joined by sides."""
         leaves, n = self.leaves, len(self.leaves)
         beside = np.stack([leaves.find(beyond(leaves, side)) for side in range(6)])
         other, agent = beside[beside >= 0], np.nonzero(beside >= 0)[1]
@@ -116,7 +117,7 @@ class Mesh:
         return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class PlaneMesh(Mesh):
     """The mesh of squares, of which edges are the sides."""
 
@@ -160,8 +161,9 @@ class PlaneMesh(Mesh):
             np.concatenate(rows), np.concatenate(columns), values, len(follows)
         ), follows
 
-    def parts(self) -> Ints:
-        """Return to which part of the body each agent belongs: agents joined by edges."""
+    @cached_property
+    def part(self) -> Ints:
+        """To which part of the body each agent belongs: agents joined by edges."""
         n = len(self.leaves)
         follows = np.arange(self.edges)
         follows[self.halves] = self.whole
@@ -242,6 +244,10 @@ def _largest(leaves: LeafCells, points: Ints) -> Ints:
 def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_array:
     """Return what unknowns are by those that follow no other: those they follow may do so, too."""
     way: sp.csr_array[np.float64] = sp.csr_array((values, (rows, columns)), shape=(size, size))
+    follows = np.zeros(size, dtype=np.bool_)
+    follows[rows[rows != columns]] = True
+    if not follows[columns].any():
+        return way
     while True:
         next_way: sp.csr_array[np.float64] = sp.csr_array(way @ way)
         if next_way.nnz == way.nnz and np.abs((next_way - way).data).max(initial=0.0) < TINY:

@@ -147,6 +147,8 @@ class Opinions(Fitting):
     def tractions_of_beds(self, case: int) -> Floats:
         """Return what beds put on the body by both opinions, at four points; (2, beds, 4)."""
         mesh, beds = self.mesh, self.sides.beds
+        if not len(beds):
+            return np.zeros((2, 0, 4))
         owner, side = mesh.owner[beds], mesh.side[beds]
         own = self.fit[case].reshape(-1, 8, 2)
         u = own[owner[:, None], on_sides(2)[side], side[:, None] // 2]
@@ -158,8 +160,10 @@ class Opinions(Fitting):
 
     def on_beds(self, one: Floats, other: Floats) -> Floats:
         """Return the products of two tractions of beds (their energy), by side of the border."""
-        beds = self.sides.beds
-        out, weight = np.zeros(len(self.mesh.border)), 0.5 * np.polynomial.legendre.leggauss(4)[1]
+        beds, out = self.sides.beds, np.zeros(len(self.mesh.border))
+        if not len(beds):
+            return out
+        weight = 0.5 * np.polynomial.legendre.leggauss(4)[1]
         length = self.size[self.mesh.owner[beds]]
         out[beds] = length / self.sides.bed[beds] * ((one * other) @ weight)
         return out

@@ -41,6 +41,8 @@ def settled(
     if before is None:
         check_held(body, mesh, sides)
     family = descent(before.leaves, leaves) if before else None
+    if before is not None and family is not None:
+        mesh.part = before.mesh.part[family[0]]
     # The body's own loads, then those of the goals: all have the same equations.
     size = leaves.size / body.cell
     loads = [sides, *(aim(mesh, sides, size, law) for aim in aims)]

@@ -229,7 +229,7 @@ class Airy:
                 arm = self.place[first] - self.place[ends].mean(axis=0)
                 for k in (1, 2):
                     slope = way[[3 * first + k]]
-                    columns.append(slope.indices)
+                    columns.append(slope.indices.astype(np.int64))
                     rows.append(np.full(slope.nnz, number[3 * first]))
                     values.append(arm[k - 1] * slope.data)
         at = np.concatenate(rows), np.concatenate(columns)

@@ -139,7 +139,8 @@ class FieldLevel:
 
     def apply(self, free: Floats) -> Floats:
         """Return the scaled matrix times a vector."""
-        return self.scale * (self.back @ self.blocks.apply(self.way @ (self.scale * free)))
+        image = self.back @ self.blocks.apply(self.way @ (self.scale * free))
+        return np.asarray(self.scale * image)
 
     def smooth(self, rest: Floats) -> Floats:
         """Return a correction that takes the upper part of the spectrum."""

@@ -178,7 +178,8 @@ class PairLoop:
             new = new.split(again)
         new = new.balanced()
         # The tree's balance may not ask for more than `child_maps` holds.
-        assert (leaves.size[new.parents_in(leaves)] // new.size).max() <= 1 << DEEPEST_STEP
+        parent = new.parents_in(leaves)
+        assert (leaves.size[parent] // new.size).max() <= 1 << DEEPEST_STEP
         return new
 
     def _expected(self, error: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,6 +70,8 @@ def compare(
     target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
     place = None if target is None else Folder(target, force)
     found: Any
+    lines: Iterable[str]
+    drawn: Any
     if reference is None:
         found = _beside(scene_of(judged, settings), resolution, fit)
         lines, drawn = words_beside(found), pictures_beside
@@ -119,7 +121,8 @@ def _beside(scene: Scene, resolution: int | None, fit: int) -> RuleStudy:
     try:
         return beside_elasticity(scene, resolution=resolution, evaluations=fit)
     except KeyboardInterrupt as stop:
-        return best_of(stop, RuleStudy)
+        best: RuleStudy = best_of(stop, RuleStudy)
+        return best
 
 
 def _two(result: Path, reference: Path) -> Comparison:

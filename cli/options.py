@@ -6,7 +6,7 @@ import json
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,9 +15,6 @@ from kaju.files import is_there
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
-
-
-Best = TypeVar("Best")
 
 
 def fraction(word: str) -> float:
@@ -107,7 +104,7 @@ def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
     return described.with_overrides(changes) if changes else described
 
 
-def best_of(stop: KeyboardInterrupt, kind: type[Best]) -> Best:
+def best_of(stop: KeyboardInterrupt, kind: type[Any]) -> Any:
     """Return what Ctrl-C left of an answer; end the command if it left nothing."""
     best = getattr(stop, "best", None)
     if not isinstance(best, kind):

@@ -44,6 +44,9 @@ def check_sound(ask):
         return
     assert all(map(isfinite, numbers(result.summary())))
     assert [check for check in result.checks() if not check.holds] == []
+    if result.kind == "elastic" and result.generations and result.generations[0].lower is not None:
+        lower, upper = zip(*((one.lower, one.upper) for one in result.generations), strict=True)
+        assert max(lower) <= min(upper) * (1.0 + 1e-9)  # one truth lies within all
 
 
 def run(scene):

@@ -28,7 +28,7 @@ def columns(result: ElasticResult) -> dict[str, NDArray[Any]]:
         "size (m)": result.size,
         "level": result.level,
         "spawn_step": result.spawn_step,
-        "cause (N)": result.cause,
+        "cause (J)": result.cause,
         "material": names[result.material],
     }
     d = len(result.lower.T)

@@ -187,7 +187,7 @@ class ElasticResult(BodyResult):
 
     @property
     def spawn_step(self) -> Ints:
-        """Step in which each agent spawned; 0 for the first, and those of a previous answer."""
+        """Step in which each agent spawned; 0 for the first."""
         return self.found.spawn_step
 
     @property

@@ -193,7 +193,7 @@ def test_mean_of_a_linear_field_is_its_value_in_the_middle(at, middle, dimension
 def test_everything_is_stored(tmp_path, make):
     low = [0.25, 0.25, 0.5] if make is cube else [0.05, 0.05]
     box = {"box": [low, [x + 0.25 if make is cube else x + 0.03 for x in low]]}
-    result = solve(make(), tolerance=0.1, goal=["top", Stress(box, "xx"), Reaction("bottom", "y")])
+    result = solve(make(), tolerance=0.3, goal=["top", Stress(box, "xx"), Reaction("bottom", "y")])
     again = load_result(result.save(tmp_path / "answer"))
     assert again.goal == result.goal
     assert again.summary() == result.summary()
@@ -224,19 +224,6 @@ def test_goals_in_space_are_estimated(make, quantity):
     assert "in space" in result.goals[0].no_bound
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_a_place_without_body_is_refused_by_name(d):
-    air = {"box": [[0.0] * d, [0.1] * d]}
-    body = {"cells": [3] * d, "cell_size": 0.1, "material": "steel"}
-    scene = Scene(
-        body=body | {"regions": [air | {"material": "air"}]},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "pressure": 1.0}],
-    )
-    with pytest.raises(ParameterError, match="there is no body at"):
-        solve(scene, tolerance=0.2, goal=Stress(air, "xx"))
-
-
 @pytest.mark.parametrize(
     ("asked", "match"),
     [
@@ -263,3 +250,7 @@ def test_air_and_empty_regions_are_outside():
         solve(pierced(), tolerance=0.1, goal=(0.1, 0.1))
     with pytest.raises(ParameterError, match="no body at"):
         solve(pierced(), tolerance=0.1, goal={"box": [[0.09, 0.09], [0.11, 0.11]]})
+    air = {"box": [[0.0, 0.0, 0.0], [0.25, 0.25, 0.25]]}
+    cut = {"cells": [4, 4, 4], "cell_size": 0.25, "regions": [air | {"material": "air"}], **STEEL}
+    with pytest.raises(ParameterError, match="no body at"):
+        solve(cube().replace(body=cut), tolerance=0.2, goal=Stress(air, "xx"))

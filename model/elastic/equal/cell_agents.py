@@ -195,7 +195,7 @@ class CellAgents(OnCells):
         """Displacement of the corners of the box's cells; NaN where there is no body."""
         return fields.node_displacement(self.problem, self.solution.displacement)
 
-    @property
+    @cached_property
     def farthest(self) -> float:
         """Largest displacement, of corners and middles."""
         places = self.corner_displacement, self.moved

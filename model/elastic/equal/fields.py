@@ -147,14 +147,9 @@ def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Ints, local: Floa
     for (a, b), tau in parts.edges.items():
         corners = np.array([[moved(moved(cells, a, i), b, j) for j in (0, 1)] for i in (0, 1)])
         around = tau[tuple(np.moveaxis(corners, -1, 0))]
-        tensor[:, a, b] = tensor[:, b, a] = between_corners(around, local[:, a], local[:, b])
+        low, high = (1.0 - local[:, b]) * around[:, 0] + local[:, b] * around[:, 1]
+        tensor[:, a, b] = tensor[:, b, a] = (1.0 - local[:, a]) * low + local[:, a] * high
     return tensor
-
-
-def between_corners(values: Floats, first: Floats, second: Floats) -> Floats:
-    """Return what is linear along two axes between four corners, shape (2, 2, n), at places."""
-    low, high = (1.0 - second) * values[:, 0] + second * values[:, 1]
-    return np.asarray((1.0 - first) * low + first * high)
 
 
 def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Ints, local: Floats) -> Floats:

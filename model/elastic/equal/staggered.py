@@ -156,12 +156,7 @@ def internal_force(problem: ElasticProblem, u: FaceFields) -> FaceFields:
     """Return the force that holds every face at the displacement `u`: the plain twin."""
     # It is the gradient of the strain energy with respect to the face displacements, plus the force
     # of the foundation.
-    return force_of(problem, u, stresses(problem, strains(u)))
-
-
-def force_of(problem: ElasticProblem, u: FaceFields, stress: Strains) -> FaceFields:
-    """Return the forces on the faces by stresses, and by the foundation."""
-    forces = []
+    stress, forces = stresses(problem, strains(u)), []
     for axis, values in enumerate(u):
         force = problem.spring[axis] * values
         low, high = ends(force, axis)

@@ -141,23 +141,12 @@ def judge_rounding(system: System, solution: Solution, resisted: Floats, lost: f
     if system.problem.needs_mixed_form:
         lost = system.unbalanced(solution.displacement)
     else:
-        lost = max(lost, lost_digits(resisted, system.right))
+        # A face's force is the difference of far larger ones where the body hardly resists (a soft
+        # bed, a hinge) or hardly shrinks (a pressure λ div u).
+        rounding = float(np.finfo(np.float64).eps * np.linalg.norm(resisted))
+        lost = max(lost, rounding / sqrt(dot(system.right, system.right)))
         if solution.method == "direct":
             lost = max(lost, solution.residuals[-1])
-    solution.notes += rounding_notes(lost)
-
-
-def lost_digits(stiffness_times_x: Floats, right: Floats) -> float:
-    """Return about which share of the loads rounding leaves unbalanced."""
-    # A face's force is the difference of far larger ones where the body hardly resists (a soft bed,
-    # a hinge) or hardly shrinks (a pressure λ div u).
-    square = dot(right, right)
-    lost = np.finfo(np.float64).eps * float(np.linalg.norm(stiffness_times_x))
-    return lost / sqrt(square) if square > 0.0 else 0.0
-
-
-def rounding_notes(lost: float) -> list[str]:
-    """Return what is to be said of a share of the loads that rounding leaves unbalanced."""
     if lost > UNBALANCED:
         share = f"about {lost:.1g}" if lost < 1.0 else "all"
         raise SceneError(
@@ -166,8 +155,7 @@ def rounding_notes(lost: float) -> list[str]:
             "of materials and supports nearer to each other"
         )
     if lost > NOTEWORTHY:
-        return [f"rounding leaves about {lost:.1g} of the loads unbalanced"]
-    return []
+        solution.notes.append(f"rounding leaves about {lost:.1g} of the loads unbalanced")
 
 
 def missed(coarser: float, potential: float, whole: float) -> float:

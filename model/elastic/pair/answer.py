@@ -191,7 +191,7 @@ class PairAgents(OnCells):
         middles = np.full((self.count, self.ground.dimension), 0.5)
         return self.opinions.displacement_at(np.arange(self.count), middles)
 
-    @property
+    @cached_property
     def farthest(self) -> float:
         """Largest displacement at corners, on sides and in the middles of agents."""
         found, d = self.opinions, self.ground.dimension

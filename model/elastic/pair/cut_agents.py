@@ -90,7 +90,7 @@ class CutAgents(PairAgents):
         """Index of each agent's moduli."""
         return self.material
 
-    @property
+    @cached_property
     def farthest(self) -> float:
         """Largest displacement at corners of agents and pieces, and in the middles of edges."""
         fit = self.pair.fitting

@@ -210,9 +210,9 @@ class OutlinedBody:
         left = 0.5 * (2.0 * rounding / (1.0 - rounding)) ** 0.5 if rounding < 1.0 else inf
         if len(self.problem.body.laws) > 1 and left > tolerance:
             raise SceneError(
-                f"body.regions: materials this unlike leave an error of {left:.2g} to rounding "
-                f"alone, above the tolerance of {tolerance:g}; take a larger one, rigid sides for "
-                "what is all but rigid, or air for what is all but air"
+                "body.regions: the materials are so different that rounding alone makes an "
+                f"error of {left:.2g}, above the tolerance of {tolerance:g}; take a larger "
+                "tolerance, or a rigid side or air instead of the extreme material"
             )
 
 

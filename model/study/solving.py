@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from kaju.model.transfer.load_model import LoadModel
 
 _OUTLINES = (
-    "{name}: is not known of true outlines, whose agents %s; leave it out, or take regions with "
+    "{name}: is not taken within true outlines, whose agents %s; leave it out, or take "
+    "regions with "
     'outline = "cells"'
 )
 _TAKEN = {
@@ -36,8 +37,8 @@ _TAKEN = {
     ),
     "stiffness": (
         "tolerance resolution previous stage stiffness",
-        "stiffness: a field of it belongs to equal cells, which know no {name}; leave the one or "
-        "the other out",
+        "stiffness: an array of it needs equal cells, which take no {name}; leave one of the "
+        "two out",
     ),
 }
 """By solver, the options that it takes (or the one value of them), and what is said of others."""
@@ -209,8 +210,8 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
         return solve_cells(scene, None, resolution, **kept)
     if previous is not None:
         raise ParameterError(
-            "previous: agents that spawn begin anew, which takes no longer; leave it out, or "
-            "tolerance and goal: equal cells start from the answer before"
+            "previous: agents that spawn always start anew; leave previous out, or leave "
+            "tolerance and goal out (equal cells start from the previous answer)"
         )
     if goal is not None:
         refuse_singular(scene, goal, stage)

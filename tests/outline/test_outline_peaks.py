@@ -111,7 +111,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         (kaju.Deflection("hole"), plate(region(**DISK)), "largest hoop stress along one"),
         (["hole", "hole"], plate(region(**DISK)), "largest hoop stress along one"),
         ([HOOP, HOOP], plate(region(**DISK)), "largest hoop stress along one"),
-        (HOOP, plate(region(**SQUARE)), r"no limit, since it has a sharp corner at \(6, 5\)"),
+        (HOOP, plate(region(**SQUARE)), r"no limit, because it has a sharp corner at \(6, 5\)"),
         (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "meets the rigid side 'left'"),
         (

@@ -184,9 +184,9 @@ class CutLoop(PairLoop):
 
 def _unresolved(why: UnlikeError) -> SceneError:
     return SceneError(
-        f"body.regions: the outlines could not be resolved ({why}); outlines that all but "
-        "touch the lines between agents, or are covered by another region, do so: move one "
-        "by a little; so do parts of the body that hang on nothing"
+        f"body.regions: the outlines could not be resolved ({why}). This happens if an outline "
+        "nearly touches a line between agents, or is covered by another region (move it a "
+        "little), or if nothing holds a part of the body"
     )
 
 
@@ -229,7 +229,7 @@ class _Peak:
         self.name, self._tolerance = name, tolerance
         self._value = self._off = self._error = inf
         check_alone(problem.body.regions, self._which, f"goal: {name!r}", "peak")
-        no_limit = f"goal: the stress along {name!r} has no limit, since it"
+        no_limit = f"goal: the stress along {name!r} has no limit, because it"
         sharp = problem.body.without_limit(KINK, problem.shape, self._which)
         for x, y in body.edge * sharp[:1]:
             raise SingularPlaceError(

@@ -1,9 +1,9 @@
 """How people see it: pictures and films.
 
 In comes a result, out go figures, films and meshes; nothing is computed again.
-Read `plots` and `animation` (the verbs), `style`, `space` and `section` (what all pictures share),
-then the file of a subject, such as `agents` or `maps`. Functions are looked up when they are first
-used, so that ``import kaju.view`` loads no drawing library.
+Read `plots` and `animation` (the verbs), `style`, `section` and `body_in_space` (what all pictures
+share), then the file of a subject, such as `agents` or `maps`. Functions are looked up when they
+are first used, so that ``import kaju.view`` loads no drawing library.
 """
 
 from __future__ import annotations

@@ -26,10 +26,10 @@ from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
 from . import load_plots
+from .body_in_space import DrawnBox, box_around, draw_voxels, space_for
 from .body_plots import BodyPicture
 from .films import Film
 from .section import Cut, How, Section, one_a_place, section_of
-from .space import DrawnBox, box_around, draw_voxels, space_for
 from .style import INK, PULL, SEQUENTIAL, add_polygons, caption, colour_bar, legend
 from .units import counted, quantity
 

@@ -1,4 +1,4 @@
-"""What breaks: where the crack runs, and how large avalanches are."""
+"""What grows and what breaks: densities, where the crack runs, and how large avalanches are."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from .films import Film
 from .network_plots import NetworkPicture, visible
 from .section import Cut, section_of
 from .style import DIVERGING, FAINT, INK, LINE, add_polygons, caption, colour_bar, legend, new_axes
-from .units import counted, times
+from .units import counted, quantity, times
 
 if TYPE_CHECKING:
     from kaju.model.fracture.fracture_result import FractureResult
+    from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network.network_result import NetworkResult
 
 _BROKEN = "#c44e52"
@@ -144,3 +145,25 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
     ax.legend(fontsize=8, framealpha=1.0, edgecolor="white")
     caption(ax, "Avalanches", [f"{counted(len(sizes), 'avalanche')} before the last one"])
     return ax
+
+
+def plot_design(
+    result: GrowthResult, ax: Axes | None = None, *, step: int | None = None, cut: Cut = None
+) -> Axes:
+    """Draw the densities of the cells, of a body of cubes those in a plane."""
+    section, norm = section_of(result.scene, None, cut), Normalize(0.0, 1.0)
+    picture = BodyPicture(section, ax, result.stage)
+    colour_bar(picture.ax, ScalarMappable(norm, "Greys"), "density", "")
+    tiles, shown = section.gather(np.argwhere(result.body), result.density_at(step), "max")
+    look: dict[str, Any] = {"array": shown, "cmap": "Greys", "norm": norm, "zorder": 2}
+    look |= {"edgecolors": "none", "linewidths": 0.0, "antialiased": False}
+    add_polygons(picture.ax, section.polygons(tiles), "densities", **look)
+    at = result.steps if step is None else step
+    compliance, volume = quantity(float(result.compliances[at]), "J"), result.volumes[at]
+    notes = [f"after {counted(at, 'step')}: F·u = {compliance}, volume {volume:.1%}"]
+    notes += [*picture.notes, *([result.outcome] if step is None else [])]
+    return picture.finish(f"What grows by the rule of {result.rule}", notes)
+
+
+STEPS = Film("design", "step", lambda result: range(result.steps + 1))
+"""The densities after every step."""

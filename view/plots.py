@@ -18,11 +18,11 @@ from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
+from .body_in_space import plot_body_in_space
 from .body_plots import BodyPicture
 from .layers import layer_of
 from .picture_files import save
 from .section import Cut, section_of
-from .space import plot_body_in_space
 from .style import figure_of
 
 Picture = Callable[..., "Axes | Figure"]

@@ -21,11 +21,11 @@ from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
 from kaju.model.scene import Scene
 
+from .body_in_space import FACES, DrawnBox, box_around, space_for
 from .body_plots import BodyPicture
 from .films import Film
 from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
 from .section import Cut
-from .space import FACES, DrawnBox, box_around, space_for
 from .style import SEQUENTIAL, SIZE, caption, colour_bar
 from .units import grouped, quantity
 

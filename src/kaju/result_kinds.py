@@ -18,7 +18,7 @@ _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
 _MOTION = "view.motion"
-NOTEBOOK = "view.page.notebook:html_of"
+NOTEBOOK = "view.page.export:html_of"
 """The function that returns what a notebook shows of a model or a result."""
 
 
@@ -105,10 +105,10 @@ KINDS = {
     "growth": Kind(
         "model.growth.growth_result:GrowthResult",
         pictures={
-            "design": "view.growth_plots:plot_design",
+            "design": "view.fracture_plots:plot_design",
             "history": "view.charts:plot_curves",
         },
-        films={"steps": "view.growth_plots:STEPS"},
+        films={"steps": "view.fracture_plots:STEPS"},
         page=f"{_MOTION}:growth_steps",
     ),
     "element in time": Kind(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import inspect
+import io
 import json
 import re
 import textwrap
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import ParameterError, ResultFileError, SceneError, check_type
+from kaju.errors import KajuError, ParameterError, ResultFileError, SceneError, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.loading import from_file
@@ -431,3 +432,43 @@ def page_html(
     }
     template = files(__package__).joinpath("page.html").read_text("utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], template)
+
+
+HEIGHT = 640
+"""Of a page in a notebook (pixels)."""
+
+
+def html_of(of: Any) -> str:
+    """Return what a notebook shows: of a scene a picture, of all else a page, or a picture."""
+    if isinstance(of, Scene):
+        return _picture(of)
+    try:
+        page = page_html(packed_page(_so_far(of)), "kaju")
+    except KajuError:
+        return _picture(of)
+    return (
+        f'<iframe title="kaju" sandbox="allow-scripts allow-downloads" srcdoc="{escape(page)}" '
+        f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+    )
+
+
+def _so_far(of: Any) -> Any:
+    """Return what to show: of a model what has happened, or will; the model stays as it is."""
+    if not isinstance(of, SteppedModel):
+        return of
+    if of.steps:
+        return of.result()
+    return of.again(of.scene)
+
+
+def _picture(of: Any) -> str:
+    from kaju.view.plots import plot
+
+    try:
+        figure = plot(of)
+    except KajuError:
+        return f"<pre>{escape(repr(of))}</pre>"
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=100)
+    picture = base64.b64encode(data.getvalue()).decode()
+    return f'<img alt="{escape(repr(of))}" src="data:image/png;base64,{picture}">'

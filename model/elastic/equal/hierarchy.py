@@ -21,6 +21,7 @@ from kaju.arrays import Flags, Floats
 from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli
 
+from .direct import GUARD
 from .krylov import dot
 from .multigrid_levels import FIRST, MultigridLevel, coarse_level, level_by_law, spread
 from .problem import ElasticProblem, FaceFields, coarse_box, ghost_weights_of, is_box
@@ -42,9 +43,6 @@ DIRECT = 2_000
 """The last of these is solved by factors if it has at most so many faces: without stencils, which
 take long to be compiled."""
 ALMOST = 0.1  # A guess is taken if its residual is below this share of the coarse answer's
-GUARD = 1e-11
-"""Ghost unknowns may be linearly dependent: the coarsest matrix is regularised by this share of its
-diagonal."""
 
 
 class Hierarchy:
@@ -246,6 +244,6 @@ class _Smallest:
             matrix[number[here[some]], number[other[some]]] = value[some]
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
-        matrix[np.diag_indices_from(matrix)] += GUARD
+        matrix[np.diag_indices_from(matrix)] += GUARD  # Ghosts may be linearly dependent.
         inverse: Floats = np.linalg.inv(matrix) / np.outer(size, size)
         return lambda load: np.asarray(inverse @ load)

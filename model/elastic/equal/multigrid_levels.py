@@ -31,9 +31,6 @@ Offset = tuple[int, int, int]
 Entry = tuple[int, int, Offset]
 """Two components and the offset from the first's face to the second's."""
 
-NORMAL = {-1: 0.5, 0: 1.0, 1: 0.5}
-ACROSS = {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
-"""Weights of a coarse face for fine ones, by their distance from twice its place."""
 TOGETHER = 4  # Terms that are added at once
 
 
@@ -139,10 +136,13 @@ def _step(
     dimension: int, axis: int, sources: dict[Entry, tuple[tuple[int, int], int, int]]
 ) -> tuple[Terms, tuple[Entry, ...]]:
     """Return the sums that coarsen one axis, and the entries that they make."""
+    # Weights of a coarse face for fine ones, by their distance from twice its place: along its
+    # normal, and across it.
+    normal, across = {-1: 0.5, 0: 1.0, 1: 0.5}, {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
     axes = axes_of(dimension)
     found: dict[Entry, list[tuple[tuple[int, int], int, int, float]]] = {}
     for (a, b, way), (row, slot, shift) in sources.items():
-        ours, theirs = (NORMAL if axes[c] == axis else ACROSS for c in (a, b))
+        ours, theirs = (normal if axes[c] == axis else across for c in (a, b))
         for fine, weight in ours.items():
             for other, other_weight in theirs.items():
                 between = fine + way[axis] - other
@@ -189,7 +189,6 @@ def stencil_of(dimension: int, entries: tuple[Entry, ...]) -> Stencil:
 
 FIRST = GHOST + 1
 """Place of the body's first cell, behind ghosts; even, so that fine and coarse places match."""
-_NO_COUPLINGS = np.zeros((0, 3), dtype=np.int64)
 
 
 class MultigridLevel(NamedTuple):
@@ -260,7 +259,7 @@ def level_by_law(problem: ElasticProblem) -> MultigridLevel:
         number = np.arange(len(number))
     rows = number.reshape(described, -1)[place].ravel()
     data, described_inverse = (x.ravel() for x in parts)
-    level = Level(data, described_inverse, _NO_COUPLINGS, rows, box)
+    level = Level(data, described_inverse, np.zeros((0, 3), dtype=np.int64), rows, box)
     n = problem.dimension * box.places
     return MultigridLevel(problem.shape, level, None, np.empty(n), np.empty(n))
 

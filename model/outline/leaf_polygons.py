@@ -61,10 +61,6 @@ class Rings:
         corners = np.repeat(kept, self.count)
         return Rings(self.place[kept], self.law[kept], self.count[kept], self.points[corners])
 
-    def placed(self, row: Ints) -> Rings:
-        """Return the polygons in the leaves of these rows."""
-        return Rings(row[self.place], self.law, self.count, self.points)
-
     def with_law(self, place: Ints, law: Ints) -> Rings:
         """Return the polygons with other places and laws."""
         return Rings(place, law, self.count, self.points)

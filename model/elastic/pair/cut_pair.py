@@ -76,8 +76,9 @@ class CutPair:
         row = np.full(len(every), -1)
         row[at] = np.arange(len(at))
         parts = [
-            (whole[at], rings.only(row[rings.place] >= 0).placed(row))
+            (whole[at], kept.with_law(row[kept.place], kept.law))
             for _, whole, rings, _ in polygons
+            for kept in (rings.only(row[rings.place] >= 0),)
         ]
         laws, others, within = polygons[0][0], polygons[1][0], polygons[1][3]
         self.problem, self.leaves = problem, leaves

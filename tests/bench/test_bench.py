@@ -1,7 +1,6 @@
 """The benchmark: its problems, its peers, its bookkeeping. Nothing here is timed."""
 
 import csv
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +14,10 @@ from peers.report import (
     QUOTED,
     environment,
     measured_on,
-    publish,
     quotations,
-    ratios,
     read_csv,
     write_csv,
 )
-from work_precision import run
 
 
 def test_pictures_have_no_cells_that_touch_at_corners_only():
@@ -99,22 +95,3 @@ def test_documents_quote_the_record():
     assert {(m.problem, m.method, m.division) for m in record} <= set(jobs(False))
     for name, said in zip(QUOTES, quotations(record), strict=True):
         assert said in (ROOT / name).read_text(encoding="utf-8"), f"{name} quotes other figures"
-
-
-def test_publishing_makes_documents_quote_what_was_measured(tmp_path, monkeypatch):
-    def pretend(problem, method, division):
-        pace = {"multigrid": 1e-3, "superlu": 7e-3}.get(method, 2e-3)
-        fall = division**-2
-        return Measurement(problem, method, division, 400, pace / fall, 9.0, 0.02 * fall, fall)
-
-    monkeypatch.setattr("work_precision.in_a_fresh_process", pretend)
-    (tmp_path / "docs" / "pictures").mkdir(parents=True)
-    for name in QUOTES:
-        shutil.copy(ROOT / name, tmp_path / name)
-    found = run(tmp_path / "bench", problems=("plate",))
-    publish(tmp_path / "bench", tmp_path)
-    assert "SuperLU 7 times as long" in (tmp_path / "README.md").read_text()
-    page = (tmp_path / "docs/work-precision.md").read_text()
-    assert ratios(found) in page
-    assert measured_on(environment()).split("load")[0] in page
-    assert read_csv(tmp_path / "docs/work_precision.csv") == found

@@ -105,21 +105,6 @@ def test_in_any_order_the_energy_falls_to_the_direct_solution(make, size, order)
     assert relative_error(model) < 0.03
 
 
-def test_an_order_may_draw_from_the_models_seed(tmp_path):
-    def someone(agents):
-        return [agents[model.rng.integers(len(agents))]]
-
-    scene = plate(4, tolerance=1e-2)
-    taken = []
-    for seed in (1, 1, 2):
-        model = ElasticModel(scene, order=someone, seed=seed)
-        for _ in range(40):
-            model.step()
-        taken.append(model.state.levels[0].taken.copy())
-    assert np.array_equal(taken[0], taken[1])
-    assert not np.array_equal(taken[0], taken[2])
-
-
 def test_what_is_no_order_is_said():
     scene = plate(4)
     with pytest.raises(ParameterError, match=r"order: must return at least one of the \d+ agents"):

@@ -111,9 +111,3 @@ def test_the_corner_of_an_l_has_the_factor_that_its_loads_were_made_for(opens, a
 def test_places_without_a_factor_are_refused(at, radius, key):
     with pytest.raises(ParameterError, match=f"^{key}: "):
         solve(corner(4, True)).intensity(at, radius)
-
-
-def test_a_slit_with_an_edge_close_by_is_refused():
-    scene, (tip, _) = strip(10, 0, 5)
-    with pytest.raises(ParameterError, match=r"^at: .*smaller"):
-        solve(scene).intensity(tip)

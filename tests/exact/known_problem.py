@@ -100,7 +100,6 @@ class KnownProblem(ABC):
     poissons_ratio: float = 0.3
     plane: str | None = "strain"
 
-    title: ClassVar[str]
     source: ClassVar[str]
     """Where the solution is derived."""
     orders: ClassVar[dict]

@@ -29,7 +29,6 @@ class UniformCompression(KnownProblem):
     dimension: int = 2
     pressure: float = 1e6
 
-    title = "Uniform compression"
     source = "Timoshenko & Goodier, Theory of Elasticity, §6"
     orders = EXACT
     resolutions = (4, 7)
@@ -76,8 +75,6 @@ class ConfinedCompression(UniformCompression):
     Strain is -p/C₁₁ along the load and zero across it; the walls bear p·C₁₂/C₁₁
     (Timoshenko & Goodier, §6).
     """
-
-    title = "Confined compression"
 
     def _held(self):
         beside = ("left", "right") if self.dimension == 2 else ("left", "right", "front", "back")
@@ -131,14 +128,11 @@ class DisplacementPatch(LinearField):
     With E = 10⁶ and ν = 1/4 in plane stress: σ_xx = σ_yy = 1333.3 and σ_xy = 400.
     """
 
-    title = "Patch test, displacements"
-
 
 @dataclass(frozen=True)
 class ForcePatch(LinearField):
     """The same patch under its tractions on the right and above."""
 
-    title = "Patch test, tractions"
     given_sides = ("left", "bottom")
     loaded_sides = ("right", "top")
 
@@ -151,7 +145,6 @@ class SolidDisplacementPatch(LinearField):
     gradient: tuple = ((1e-3, 5e-4, 5e-4), (5e-4, 1e-3, 5e-4), (5e-4, 5e-4, 1e-3))
     size: tuple[float, ...] = (1.0, 1.0, 1.0)
 
-    title = "Solid patch test, displacements"
     given_sides = ("left", "right", "front", "back", "bottom", "top")
 
 
@@ -159,7 +152,6 @@ class SolidDisplacementPatch(LinearField):
 class SolidForcePatch(SolidDisplacementPatch):
     """The solid patch under its tractions on the right, behind and above."""
 
-    title = "Solid patch test, tractions"
     given_sides = ("left", "front", "bottom")
     loaded_sides = ("right", "back", "top")
 
@@ -177,7 +169,6 @@ class RigidRotation(LinearField):
     finite: bool = False
     """Whether points move on arcs, (R - 1)·x, instead of on tangents."""
 
-    title = "Rigid rotation"
     source = "Timoshenko & Goodier, Theory of Elasticity, ch. 7"
     orders = DISPLACEMENT
 

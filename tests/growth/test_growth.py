@@ -105,54 +105,6 @@ def test_bone_rests_where_its_stimulus_is_met():
     assert tie(rule=lazy, start=start).changes[1] == 0.0
 
 
-@pytest.mark.parametrize("power", [1, 3])
-def test_a_gain_below_its_limit_is_stable_and_others_are_refused(power):
-    stimulus = power * STRESS**2 / (2.0 * 1e9 * 0.3 ** (power + 1))
-    limit = 2.0 / (power + 1.0)
-    rule = Remodelling(stimulus, 0.8 * limit, 0.0, (power, power))
-    changes = tie(rule=rule, start=np.full((8, 2), 0.31), at_rest=0.0, most_steps=30).changes
-    assert changes[-1] < 0.1 * changes[1]
-    with pytest.raises(ParameterError, match="gain: "):
-        Remodelling(stimulus, limit, 0.0, (power, power))
-
-
-STEEL = {"cell_size": 0.01, "material": "steel"}
-SYMMETRIC = {  # cells, sides, loads as (box, force), axes of mirrors, and how it grows
-    "bent": ([40, 20], ["left"], [([[0.38, 0.09], [0.4, 0.11]], [0, -1])], [1], {}),
-    "pulled": ([40, 20], ["left"], [([[0.38, 0.09], [0.4, 0.11]], [1, 0])], [1], {}),
-    "bone": ([40, 20], ["left"], [([[0.38, 0.09], [0.4, 0.11]], [0, -1])], [1],
-             {"rule": "remodelling"}),
-    "thickness": ([20, 40], ["bottom"], [([[0.09, 0.38], [0.11, 0.4]], [1, 0])], [0],
-                  {"rule": "stress"}),
-    "bridge": ([48, 24], ["left", "right"], [([[0.1, 0.0], [0.12, 0.02]], [0, -1]),
-                                             ([[0.36, 0.0], [0.38, 0.02]], [0, -1])], [0], {}),
-    "couple": ([20, 40], ["bottom"], [([[0.02, 0.36], [0.06, 0.4]], [0, 1]),
-                                      ([[0.14, 0.36], [0.18, 0.4]], [0, -1])], [0], {}),
-    "cubes": ([16, 8, 8], ["left"], [([[0.14, 0.03, 0.03], [0.16, 0.05, 0.05]], [0, 0, -1])],
-              [1, 2], {}),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", SYMMETRIC)
-def test_a_symmetric_scene_grows_symmetric(name):
-    cells, sides, loads, axes, how = SYMMETRIC[name]
-    scene = kaju.Scene(
-        body={"cells": cells, **STEEL},
-        sides=dict.fromkeys(sides, "rigid"),
-        loads=[{"region": {"box": box}, "force": force} for box, force in loads],
-    )
-    how = {"volume": 0.3, "filter_radius": 1.0, "most_steps": 20, **how}
-    grown = kaju.GrowthModel(scene, **how).run()
-    assert grown.density.max() > 0.5
-    for axis in axes:
-        np.testing.assert_allclose(grown.density, np.flip(grown.density, axis), atol=1e-9)
-    assert grown.compliance < grown.compliances[0]
-    uneven = np.full(cells, 0.3)
-    uneven[tuple(slice(size // 4) for size in cells)] = 0.2
-    other = kaju.GrowthModel(scene, start=uneven, **how | {"most_steps": 3}).run().density
-    assert np.abs(other - np.flip(other, axes[0])).max() > 1e-3
-
-
 def test_it_is_stored_and_shown(tmp_path):
     result = small().run()
     again = kaju.load_result(result.save(tmp_path / "grown"))

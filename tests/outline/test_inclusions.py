@@ -232,29 +232,6 @@ def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -
         answer.outline_traction("korn")
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            {
-                "body": {
-                    "gravity": [0.0, -9.81],
-                    "regions": [region("grain", box=[[0, 0], [1, 0.3]])],
-                }
-            },
-            "body.gravity: the weight of two materials",
-        ),
-        (
-            {"scene": {"loads": [{"outline": "grain", "pressure": 1.0}]}},
-            "loads.0.outline: 'grain' is grain in matrix",
-        ),
-    ],
-)
-def test_what_is_not_proved_of_two_materials_is_refused(change: dict, words: str) -> None:
-    with pytest.raises(kaju.KajuError, match=words):
-        kaju.solve(plate(**change.get("body", {})).replace(**change.get("scene", {})))
-
-
 def test_materials_too_unlike_for_the_tolerance_are_refused_before_agents_spawn() -> None:
     with pytest.raises(kaju.KajuError, match="to rounding alone"):
         kaju.solve(plate(1e9), tolerance=0.1)

@@ -158,29 +158,3 @@ def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     for name in ("von_mises", "deformed", "scene", "cuts"):
         plt.close(kaju.plot(again, name))
     assert all(check.holds for check in answer.checks())
-
-
-@pytest.mark.parametrize(("key", "change"), [
-    ("body.gravity", {"body.gravity": [0.0, 0.0, -9.81]}),
-    ("loads.0", {"loads.0.side": "right"}),
-    ("loads.0.outline", {"loads": [{"outline": "void", "pressure": 1.0}]}),
-    ("sides.left", {"sides.left": {"stiffness": 1e9}}),
-    ("sides.right", {"sides.right": {"displacement": [1e-6, 0.0, 0.0]}}),
-    ("body.regions.0.outline", {"body.regions": [
-        BALL | {"material": "air"}, BALL | {"material": "air", "outline": "true"}]}),
-])  # fmt: skip
-def test_what_is_not_proved_is_refused_by_name(key: str, change: dict[str, Any]) -> None:
-    hole = {"ball": {"centre": [0.9, 0.5, 0.5], "radius": 0.3}, "name": "void"}
-    scene = block(8, hole)
-    parts = {"body": dict(scene.body) | {"regions": list(scene.body.regions)}}
-    parts |= {"sides": dict(SIDES), "loads": [dict(one) for one in PULLED]}
-    for path, value in change.items():
-        first, *rest = path.split(".")
-        if not rest:
-            parts[first] = value
-        elif first == "loads":
-            parts[first] = [parts[first][0] | {rest[1]: value}]
-        else:
-            parts[first] = parts[first] | {rest[0]: value}
-    with pytest.raises(kaju.KajuError, match=rf"^{key}"):
-        kaju.solve(kaju.Scene(materials=STEEL, **parts))

@@ -42,56 +42,6 @@ def test_a_runnable_page_is_small_asks_for_itself_and_gives_the_reference_number
     assert page.tab.title() == "A plate"
 
 
-class Stubborn(Leaky):
-    """Keeps more than its share, and yields by a law of its own."""
-
-    def take(self, load):
-        super().take(load)
-        self.kept += 0.25 * load.total
-
-    def shortening(self, axis):
-        return 2.0 * super().shortening(axis) + 1e-9 * self.squeezed.get(axis, 0.0) ** 2
-
-
-def test_what_own_agents_did_is_known_at_every_generation(shown):
-    """Their numbers, shape and load path are those of a model stopped there."""
-    loads = [{"cell": [10, 19], "force": [1.5, -2.0]}]
-    scene = Scene(**PLATE | {"sides": {"bottom": "rigid", "right": "roller"}, "loads": loads})
-    page = shown(LoadModel(scene, material_agent=Stubborn))
-    model = LoadModel(scene, material_agent=Stubborn)
-    for generation in (1, 4, 9):
-        model.run(until=lambda model, g=generation: model.generation >= g)
-        result = model.result()
-        stage = result.last
-        awake = stage.spawn_step <= generation  # others have not taken anything yet
-        keys = scene.lattice.key(stage.cells[awake]).tolist()
-        page.js(f"page.seek({generation})")
-        stories = page.js(f"{keys}.map((k) => page.storyOf(k))")
-        assert [s["spawn"] for s in stories] == stage.spawn_step[awake].tolist()
-        outside = scene.kinds(scene.lattice.neighbours(stage.cells, 1)) < 0
-        for name, wanted in {
-            "taken": stage.taken,
-            "passed": stage.passed,
-            "dropped": stage.dropped,
-            "returned": np.where(outside, stage.passed[:, 1], 0.0)
-            + np.where(stage.cells[:, 1] == 0, stage.passed[:, 2], 0.0),
-            "kept": np.abs(stage.kept).sum(axis=1),
-        }.items():
-            told = np.array([s[name] for s in stories])
-            np.testing.assert_allclose(told, wanted[awake], rtol=1e-6, atol=1e-7, err_msg=name)
-        moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
-        size = np.abs(result.displacement).max()
-        wanted = result.displacement[awake]
-        np.testing.assert_allclose(np.transpose(moved), wanted, atol=1e-6 * size)
-    page.js("(page.seek(4), page.look.deformed = true, page.draw())")
-    assert "magnified" in page.text(".cap")
-    late = shown(LoadModel(scene, material_agent=Stubborn).run())
-    story = f"page.storyOf({keys[0]})"
-    assert late.js(f"(page.seek(4), {story}.passed)") is None
-    kept = np.abs(model.run().last.kept[0]).sum()
-    assert late.js(f"(page.seek(Infinity), {story}.kept)") == pytest.approx(kept, rel=1e-6)
-
-
 def test_clicked_agents_tell_the_numbers_of_the_table(shown):
     """With a finer threshold, and a wall that gives loads back."""
     wall = PLATE | {"sides": {"bottom": "rigid", "right": "rigid"}}

@@ -101,28 +101,6 @@ def read_csv(page, name="Save CSV"):
     return list(csv.DictReader(page.js("page.handed").splitlines()))
 
 
-def pressed_while_it_is_drawn(page, name):
-    """Press a button, have everything written anew, and let the button go."""
-    page.tab.get_by_role("button", name=name, exact=True).hover()
-    page.tab.mouse.down()
-    page.js("(page.draw(), page.refresh(), page.draw())")
-    page.tab.mouse.up()
-
-
-def test_a_click_is_not_lost_while_pictures_are_drawn(twin):
-    twin.tab.get_by_role("button", name="Ruler", exact=True).click()
-    axis = twin.js("page.look.twin.ruler.axis")
-    pressed_while_it_is_drawn(twin, "Turn the ruler")
-    assert twin.js("page.look.twin.ruler.axis") == 1 - axis
-    pressed_while_it_is_drawn(twin, "Shape")
-    assert twin.js("page.look.deformed")
-    twin.js("page.setMode('body')")
-    twin.click([10, 18])
-    twin.until("page.look.mode === 'cell'")
-    pressed_while_it_is_drawn(twin, "‹ Whole body")
-    assert twin.js("page.look.mode") == "body"
-
-
 BODIES = {
     "plate": {},
     "from the left": {

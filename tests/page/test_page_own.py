@@ -6,7 +6,6 @@ from page_scenes import Leaky
 from plates import plate as pressed
 
 from kaju import (
-    ElasticModel,
     FaceAgent,
     FreeBoundaryAgent,
     LoadModel,
@@ -124,35 +123,3 @@ def last_only(waiting):
 
 FACES = {kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Twice)}
 FACES["last_only"] = {"order": last_only}
-
-
-def faces(**own):
-    rule = {"kind": "elastic", "order": "wave", "tolerance": 0.2}
-    return ElasticModel(plate(rule=rule, sides={"bottom": "rigid"}), max_steps=60, **own)
-
-
-@pytest.mark.parametrize("begun", [False, True])
-@pytest.mark.parametrize("name", FACES)
-def test_faces_of_ones_own_are_named_and_move_as_they_did(name, begun):
-    model = faces(**FACES[name])
-    if begun:
-        model.step()
-    header, columns = unpack(packed_page(model))
-    assert header["kind"] == "pictures"
-    assert header["own"]["names"] == [name]
-    assert f" {name}(" in header["own"]["source"]
-    agents = faces(**FACES[name]).run().agents
-    assert not agents.level.any()
-    moved = columns["moved"].reshape(len(header["at"]), -1, 2)[-1]
-    along = moved[np.arange(len(agents.axis)), agents.axis]
-    np.testing.assert_allclose(along, agents.displacement, rtol=2e-5, atol=1e-30)
-    left = columns["value load_left"].reshape(len(header["at"]), -1)[-1]
-    np.testing.assert_allclose(left, abs(agents.left), rtol=1e-5, atol=1e-9)
-
-
-def test_a_page_says_whose_faces_it_shows(shown):
-    assert "own" not in unpack(packed_page(faces()))[0]
-    page = shown(faces(face_agent=Stiff))
-    check_own(page, "Stiff", "class Stiff(FaceAgent)")
-    for word in ("Elasticity", "Equilibrium"):
-        assert not page.tab.get_by_role("button", name=word, exact=True).count()

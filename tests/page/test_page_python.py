@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_scenes import Leaky
 from plates import PLATE
 
 import kaju
@@ -310,35 +309,6 @@ def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     page.js(f"page.pick(page.run.lattice.key({[int(i) for i in stage.cells[0]]}))")
     page.js("page.draw()")
     assert f"loads taken so far\n{course.values(stage.spawn_step)[0]:g}" in page.text(".story")
-
-
-class Helped(MaterialAgent):
-    def take(self, load):
-        super().take(load)
-        self.kept = float(np.round(self.kept, HELP))
-
-
-HELP = 3
-
-
-def test_an_own_agent_opens_with_its_class_and_says_what_it_needs(tmp_path, opened):
-    path = kaju.export_page(
-        LoadModel(Scene(**PLATE), material_agent=Leaky), tmp_path / "own.html", python=True
-    )
-    assert path.stat().st_size < 700_000
-    page = opened(path)
-    code = page.js("page.studio.code")
-    assert "class Leaky" in code
-    ast.parse(code)
-    assert runs(page, code)["agents"] > 5
-    other = opened(
-        kaju.export_page(
-            LoadModel(Scene(**PLATE), material_agent=Helped), tmp_path / "b.html", python=True
-        )
-    )
-    other.tab.get_by_role("tab", name="Agent").click()
-    assert "`HELP`, `np` is not in the page" in other.text(".body")
-    assert kaju.export_page(Scene(**PLATE), tmp_path / "a.html").stat().st_size < 125_000
 
 
 def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):

@@ -12,7 +12,6 @@ if not DOCS.exists():
     pytest.skip("the lessons are in docs/, which is not here", allow_module_level=True)
 sys.path.insert(0, str(DOCS))
 
-import make_pages  # noqa: E402
 from lesson_measures import Seen  # noqa: E402
 from lesson_texts import ORDER, lesson  # noqa: E402
 
@@ -112,17 +111,3 @@ def test_a_whole_lesson_by_keyboard(opened, tmp_path):
         press("Enter")
     download.value.save_as(tmp_path / "mine.toml")
     assert kaju.load_scene(tmp_path / "mine.toml").rule.alpha[1] == pytest.approx(0.5)
-
-
-def test_a_rule_is_written_in_its_lesson(opened, tmp_path):
-    [path] = make_pages.make_lesson(lesson("write-the-rule"), tmp_path)
-    page = opened(path)
-    page.js("page.lesson.open(1)")
-    page.tab.get_by_label("Begin with").select_option(label="Ant on a trail")
-    page.until("page.studio.result?.agents === 56")
-    for place, number in enumerate(("8", "56", "13")):
-        field = page.tab.locator("input.field").nth(place)
-        field.fill(number)
-        field.press("Tab")
-    assert page.tab.locator(".fields .right").count() == 3
-    page.check_open_to_everybody(1280)

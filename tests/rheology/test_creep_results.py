@@ -2,13 +2,11 @@
 
 import json
 
-import numpy as np
 import pytest
 from PIL import Image
 from plates import plate
 
 from kaju import History, Scene, ThreeElement, animate, creep, load_result, plot
-from kaju.errors import ParameterError
 from kaju.model.network import triangular
 
 LAW = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
@@ -122,15 +120,3 @@ def test_the_command_lets_a_scene_creep(tmp_path, typed):
     assert "rheology takes no part" in run.output
     notes = load_result(tmp_path / "run").summary()["notes"]
     assert any("rheology takes no part" in note for note in notes)
-
-
-def test_a_scene_without_a_history_is_pressed_and_held(tmp_path, typed):
-    scene = tmp_path / "jelly.toml"
-    block("elastic", history=None).save(scene)
-    with pytest.raises(ParameterError, match="needs --hold SECONDS"):
-        typed("creep", scene, "--out", tmp_path / "none")
-    typed("creep", scene, "--out", tmp_path / "here", "--hold", "5", "--no-pictures")
-    found = load_result(tmp_path / "here")
-    assert found.times[-1] == 5.0
-    expected = creep(block("elastic"), History.step().hold(5.0))
-    np.testing.assert_allclose(found.growth, expected.growth)

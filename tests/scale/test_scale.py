@@ -103,38 +103,6 @@ def test_written_in_parallel_and_read_in_pieces(tmp_path, task, seed):
     assert kaju.load_result(folder / "result.xdmf").summary() == stored.summary()
 
 
-@pytest.mark.parametrize("task", ["save", "save_space"])
-def test_vtk_reads_what_was_written(tmp_path, task):
-    """By a reader that ParaView has, piece by piece."""
-    vtk = pytest.importorskip("vtk")
-    numbers = pytest.importorskip("vtk.util.numpy_support").vtk_to_numpy
-    folder = tmp_path / "answer"
-    mpirun(4, WORK, task, folder)
-    reader = vtk.vtkXdmfReader()
-    reader.SetFileName(str(folder / "result.xdmf"))
-    reader.Update()
-    stored = kaju.load_result(folder)
-    d, h = stored.scene.lattice.dimension, stored.scene.lattice.cell_size
-    blocks = reader.GetOutputDataObject(0)
-    assert blocks.GetNumberOfBlocks() == 4
-    for block, piece in enumerate(stored.pieces):
-        image = blocks.GetBlock(block)
-        np.testing.assert_allclose(image.GetBounds()[: 2 * d : 2], h * np.array(piece.lower))
-        np.testing.assert_allclose(image.GetBounds()[1 : 2 * d : 2], h * np.array(piece.upper))
-        cells = [*np.subtract(piece.upper, piece.lower), 1][:3]
-        moved = numbers(image.GetPointData().GetArray("displacement"))
-        stress = numbers(image.GetCellData().GetArray("stress"))
-        for a in range(d):
-            read = moved[:, a].reshape(np.array(cells) + 1, order="F")
-            assert np.array_equal(
-                read[:, :, 0] if d == 2 else read, piece.nodes["displacement"][..., a]
-            )
-        shear = stress[:, 1].reshape(cells, order="F")
-        assert np.array_equal(
-            shear[:, :, 0] if d == 2 else shear, piece.cells["stress"][..., 0, 1], equal_nan=True
-        )
-
-
 def test_damaged_pieces_are_refused(tmp_path):
     folder = tmp_path / "answer"
     mpirun(2, WORK, "save", folder)
@@ -147,12 +115,6 @@ def test_damaged_pieces_are_refused(tmp_path):
     piece.unlink()
     with pytest.raises(kaju.KajuError, match="damaged"):
         kaju.load_result(folder)
-
-
-def test_a_failing_process_ends_the_run_with_its_error():
-    done = mpirun(2, WORK, "fail", check=False, timeout=60)
-    assert done.returncode != 0
-    assert "process 1 of 2 failed: MemoryError: no more of it" in done.stderr
 
 
 def test_a_killed_process_ends_the_run_and_leaves_no_torn_file(tmp_path):

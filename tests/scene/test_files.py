@@ -221,15 +221,6 @@ def test_what_is_no_outline_is_named(tmp_path, inner, words):
 TOML = pressed([4, 4], [2, 3], [0.0, -2.0]).to_toml()
 
 
-def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text(TOML, encoding="utf-8-sig")
-    assert kaju.load_scene(path) == kaju.Scene.from_toml(TOML)
-    path.write_text(TOML, encoding="utf-16")
-    with pytest.raises(SceneError, match="is not a text"):
-        kaju.load_scene(path)
-
-
 def test_a_scene_comes_from_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(TOML.encode("utf-8-sig"))))
     assert kaju.load_scene("-") == kaju.Scene.from_toml(TOML)

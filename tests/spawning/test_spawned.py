@@ -2,14 +2,16 @@
 
 from itertools import product
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
+from exact.graded_elements import graded_elements
 from goal_bodies import plate
-from spawning_bodies import STEEL, drawn, spawned_by, under_a_patch
+from spawning_bodies import BODIES, PLANE, SOLID, STEEL, drawn, ragged, spawned_by, under_a_patch
 
-from kaju import Scene, solve
-from kaju.errors import SceneError
+from kaju import Reference, Scene, solve
+from kaju.errors import ParameterError, SceneError
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
@@ -137,3 +139,125 @@ def test_cells_held_all_round_are_no_loose_part():
     scene = drawn(rows, [STEEL], [load], sides={}, cell_size=0.1)
     result = solve(scene, tolerance=0.2)
     np.testing.assert_allclose(result.reactions["rigid"], [0.0, -1.0], atol=1e-9)
+
+
+def between(**others):
+    load = {"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
+    return plate(**{"loads": [load]} | others)
+
+
+@pytest.mark.parametrize(
+    "scene", [between(), under_a_patch(3, force=(0.3, 0.0, -1.0))], ids=["plate", "block"]
+)
+def test_body_does_not_leave_a_wall(scene):
+    result = spawned_by(scene, tolerance=0.3)
+    size = scene.lattice.size ** (1 / scene.lattice.dimension) * scene.lattice.cell_size
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0.0, size, size=(300, scene.lattice.dimension))
+    points = np.concatenate([points, np.array(list(product((0.0, size), repeat=points.shape[1])))])
+    points[:, -1] = 0.0
+    assert np.all(result.displacement_at(points) == 0.0)
+    points[:, -1] = 1e-4 * result.size.min()
+    assert np.abs(result.displacement_at(points)).max() < 1e-3 * result.max_displacement
+
+
+def test_rigid_cells_inside_stand_still():
+    rows = ["a" * 8] * 3 + ["aaa==aaa"] * 2 + ["a" * 8] * 3
+    scene = drawn(rows, [STEEL], [{"side": "top", "force": [1.0, -2.0]}], sides={})
+    result = spawned_by(scene, tolerance=0.2)
+    around = np.linspace(0.03, 0.05, 41)
+    for fixed, axis in product((0.03, 0.05), (0, 1)):
+        points = np.insert(around[:, None], axis, fixed, axis=1)
+        assert np.all(result.displacement_at(points) == 0.0)
+
+
+def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
+    scene = between()
+    fine = solve(scene, resolution=32)
+    result = spawned_by(scene, tolerance=0.003)
+    x = np.linspace(0.08, 0.12, 81)
+    top = np.stack([x, np.full(81, 0.2)], axis=1)
+    true = fine.displacement_at(top)
+    error = np.abs(result.displacement_at(top) - true).max() / np.abs(true).max()
+    assert error < 2e-3, "of which the equal cells are off by a third"
+    below = result.displacement_at(top - [0.0, 0.01]) - fine.displacement_at(top - [0.0, 0.01])
+    assert np.abs(below).max() / np.abs(true).max() < 1.5e-3
+
+
+# Generations that are factorised settle to rounding; of others the last digits depend on the
+# order of the agents, and with them, now and then, who spawns.
+
+
+def pressed(codes):
+    load = {"region": {"box": [[0.05, 0.16], [0.07, 0.16]]}, "force": [0.3, -1.0]}
+    return drawn(codes, [STEEL], [load])
+
+
+def test_idle_body_beside_changes_nothing():
+    """A plate under a load, and beside it another that stands on the same ground."""
+    codes = np.zeros((28, 16), dtype=int)
+    codes[:16] = codes[20:] = 1
+    alone, beside = (spawned_by(pressed(c), tolerance=0.1) for c in (codes[:16], codes))
+    near = beside.lower[:, 0] < 0.16
+    mine, theirs = np.lexsort(alone.lower.T), np.flatnonzero(near)
+    theirs = theirs[np.lexsort(beside.lower[near].T)]
+    np.testing.assert_array_equal(alone.lower[mine], beside.lower[theirs])
+    np.testing.assert_array_equal(alone.size[mine], beside.size[theirs])
+    u, v = alone.displacement[mine], beside.displacement[theirs]
+    np.testing.assert_allclose(v, u, atol=1e-12 * np.abs(u).max())
+    assert np.abs(beside.displacement[~near]).max() < 1e-13 * np.abs(u).max()
+
+
+@pytest.mark.parametrize("scene", [ragged(1), under_a_patch(3)], ids=["ragged", "cubes"])
+def test_same_numbers_bit_by_bit(scene):
+    first, second = (spawned_by(scene, tolerance=0.15) for _ in range(2))
+    np.testing.assert_array_equal(first.displacement, second.displacement)
+    assert first.residuals == second.residuals
+    assert first.error_estimate == second.error_estimate
+
+
+DATA = Path(__file__).parents[1] / "data" / "spawning"
+CASES = [(name, 0.05) for name in PLANE] + [("cube", 0.2), ("cube-inclusion", 0.2)]
+CASES += [
+    pytest.param(name, 0.1, marks=pytest.mark.slow)
+    for name in (*PLANE, *SOLID)
+    if name != "cube-rubber"
+]
+
+
+@pytest.mark.parametrize(("name", "tolerance"), CASES)
+def test_true_error_is_what_was_asked_for(name, tolerance):
+    """Ragged bodies, holes between two materials, rubber, contrasts of 10⁴, in both dimensions."""
+    truth = Reference.load(DATA / f"{name}.npz")
+    result = solve(BODIES[name](), tolerance=tolerance)
+    error = np.sqrt(abs(result.generations[-1].energy / truth.strain_energy - 1))
+    estimate = result.found.solution.error
+    kept = "proved" if name in PLANE else result.tolerance_kept
+    assert result.tolerance_kept == kept
+    assert kept == "proved" or estimate <= tolerance
+    # The estimate of few agents is less sure, above all where foam is beside steel; what the bounds
+    # take in the plane does not depend on it.
+    assert 0.5 < estimate / error < (10.0 if name == "blotched" else 4.0)
+    assert error < 1.6 * max(tolerance, estimate)
+    if kept == "proved":
+        lower, upper = result.energy_bounds
+        assert lower < truth.strain_energy < upper < (1.0 + 4.1 * tolerance**2) * lower
+    largest = np.linalg.norm(truth.displacement, axis=1).max()
+    away = np.linalg.norm(result.displacement_at(truth.points) - truth.displacement, axis=1).max()
+    assert away < (10 if name in PLANE else 4) * tolerance**2 * largest
+
+
+def test_tolerance_in_space_is_refused_for_rubber():
+    """The estimate is too small there; equal cells answer for any ratio below one half."""
+    with pytest.raises(ParameterError, match=r"0\.499 at most.*0\.4999"):
+        solve(BODIES["cube-rubber"](), tolerance=0.1)
+
+
+@pytest.mark.parametrize("name", ["rubber", "rubber-corner"])
+def test_truth_is_what_finite_elements_say(name):
+    pytest.importorskip("skfem")
+    truth = Reference.load(DATA / f"{name}.npz")
+    answer = graded_elements(BODIES[name](), order=4, levels=6)
+    assert answer.strain_energy == pytest.approx(truth.strain_energy, rel=3e-5)
+    away = answer.displacement_at(truth.points) - truth.displacement
+    assert np.abs(away).max() < 1e-4 * np.abs(truth.displacement).max()

@@ -1,7 +1,5 @@
 """Agents, boundaries, orders and rules of one's own."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from plates import loaded, plate
@@ -109,28 +107,6 @@ def test_a_rule_of_ones_own(engine):
     np.testing.assert_allclose(
         stage.kept[:, 1], 0.9 * own * (stage.taken - 2 * stage.pulled)[:, 2:].sum(axis=1)
     )
-
-
-class Scattered(MaterialAgent):
-    """Every agent draws its own forward share."""
-
-    def __init__(self, model, cell, material, shares):
-        drawn = float(model.rng.uniform(0.6, 0.9))
-        super().__init__(model, cell, material, replace(shares, forward=drawn))
-
-
-def test_random_shares_come_from_the_seed():
-    def run(**seed):
-        return LoadModel(column(), material_agent=Scattered, **seed).run().last.taken
-
-    np.testing.assert_array_equal(run(seed=3), run(rng=3))
-    assert not np.array_equal(run(seed=3), run(seed=4))
-    with pytest.raises(ParameterError, match="seed: is another word for rng"):
-        LoadModel(column(), seed=1, rng=1)
-    model = LoadModel(column(), material_agent=Scattered, seed=3)
-    first = model.run().last.taken
-    model.reset()
-    np.testing.assert_array_equal(model.run().last.taken, first)
 
 
 def test_gamma_is_told_by_its_name():

@@ -11,13 +11,6 @@ from kaju.errors import StabilityError
 from kaju.model.transfer.stability import transfer_operator
 from kaju.model.transfer.transfer import Transfer
 
-TWO = {
-    "body": {"cell_size": 0.01, "drawing": "ssss\nsrrs\nss.s"},
-    "legend": {"s": "steel", "r": "rubber", ".": "air"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [1, 2], "force": [0.0, -2.0]}],
-}
-
 
 def test_the_plate_ends_within_eight_generations():
     certificate = stability(Scene(**PLATE))
@@ -92,17 +85,3 @@ def test_the_bounds_enclose_the_dense_spectral_radius(scene):
     # Eigenvalues of defective matrices are themselves only good to some digits.
     assert certificate.lower <= radius + 1e-3
     assert radius <= certificate.upper + 1e-3
-
-
-def test_the_operator_does_what_a_generation_does():
-    """T applied to the loads of one generation gives those of the next."""
-    scene = Scene(**TWO, rule=PrescribedRule(beta=0.2, threshold=1e-9))
-    operator = transfer_operator(scene, Transfer(scene))
-    stage = LoadModel(scene, engine="arrays").run().last
-    record = stage.history
-    number = np.cumsum(scene.rasterise().ravel() >= 0) - 1  # of the cells that are body
-    cell = number[np.ravel_multi_index(stage.cells[record.agent].T, scene.lattice.shape)]
-    loads = np.zeros((record.generation.max() + 1, operator.shape[0]))
-    loads[record.generation, 4 * cell + record.direction] = record.load
-    for generation in range(1, 4):
-        np.testing.assert_allclose(operator @ loads[generation], loads[generation + 1], atol=1e-7)

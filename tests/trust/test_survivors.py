@@ -53,30 +53,6 @@ def test_what_does_not_shorten_an_agent_widens_it():
     assert shares.poisson == pytest.approx(0.75 * 0.4 * 0.5)
 
 
-def mixed(first, second, cells=8):
-    """Two materials that differ in Poisson's ratio alone, one above the other."""
-    side = 0.01 * cells
-    materials = {
-        name: {"youngs_modulus": 2e11, "poissons_ratio": ratio}
-        for name, ratio in (("one", first), ("two", second))
-    }
-    upper = {"box": [[0.0, side / 2], [side, side]], "material": "two"}
-    changes = {"material": "one", "materials": materials, "regions": [upper]}
-    return pressed([cells, cells], [cells // 2, cells - 1], **changes)
-
-
-def test_materials_that_differ_by_rounding_pass_on_the_same():
-    certificate = kaju.stability(mixed(0.3, 0.3 + 1e-15, cells=500))
-    assert certificate.lower == certificate.upper == certificate.spectral_radius
-
-
-def test_a_radius_that_is_only_bounded_is_not_told():
-    """Too many cells to look closer: the bounds are those of the two materials."""
-    certificate = kaju.stability(mixed(0.28, 0.3, cells=500))
-    assert certificate.lower < certificate.upper
-    assert certificate.spectral_radius is None
-
-
 def test_what_shrinks_when_pressed_needs_pulls():
     foam = {"foam": {"youngs_modulus": 1e6, "poissons_ratio": -0.2}}
     shrinking = {"material": "foam", "materials": foam}

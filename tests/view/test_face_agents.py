@@ -7,7 +7,6 @@ from PIL import Image
 from plates import plate as pressed
 
 from kaju import ElasticModel, ElasticRule, animate, load_result, plot
-from kaju.errors import ParameterError
 
 
 def plate(order, cells=(8, 8), **rule):
@@ -55,15 +54,6 @@ def test_a_picture_shows_every_agent_of_a_level_as_a_diamond(run):
     middles = [path.vertices[:4].mean(axis=0) for path in agents.get_paths()]
     np.testing.assert_allclose(middles, run.agents.position[finest], atol=1e-12)
     np.testing.assert_array_equal(agents.get_array(), run.agents.spawn_step[finest])
-
-
-def test_parents_are_drawn_twice_as_large():
-    run = ElasticModel(plate("multilevel", threshold=0.02)).run()
-    for level, edge in ((0, 0.01), (1, 0.02)):
-        first, *_ = drawn(axes_of(run, "agents", level=level), "face agents")
-        assert np.ptp(first[:, 0]) == pytest.approx(edge)
-    with pytest.raises(ParameterError, match="levels 0 to"):
-        plot(run, "agents", level=9)
 
 
 def test_every_picture_and_the_film_can_be_drawn(run, tmp_path, monkeypatch):

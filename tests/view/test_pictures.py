@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 from artists import axes_of, drawn, notes, part
-from matplotlib.figure import Figure
 from plates import plate as plate_of
 
 from kaju import LoadModel, plot
@@ -61,15 +60,6 @@ def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form():
     assert len(rigid) == (tall.last.boundary_kind == -2).sum() > 0
     assert len(rigid[0]) == 4  # a closed triangle
     assert len(drawn(ax, "free boundary agents")[0]) == 21
-
-
-def test_a_run_in_which_nothing_happens_says_so():
-    quiet = plate(5.0, 3)
-    for what in ("agents", "loads"):
-        assert "nothing happens" in notes(axes_of(quiet, what))
-    assert "nothing has moved" in notes(axes_of(quiet, "deformed"))
-    assert "no cell has taken a load" in notes(axes_of(quiet, "von_mises"))
-    assert "nothing happens" in notes(axes_of(quiet, "stages"))
 
 
 def test_the_deformed_grid_sinks_by_magnification_times_displacement():
@@ -137,15 +127,6 @@ def test_a_giant_body_is_cropped_to_its_agents_and_says_so():
     assert ax.get_xlabel() == "x − 5 km (mm)"
     whole = axes_of(giant, "scene")
     assert len(drawn(whole, "material steel")) < 100_000
-
-
-def test_a_picture_goes_into_given_axes():
-    figure = Figure()
-    left, right = figure.subplots(1, 2)
-    assert plot(plate(), "agents", left) is figure
-    assert len(drawn(left, "material agents")) == 34
-    assert not right.collections
-    assert tuple(figure.get_size_inches()) == tuple(Figure().get_size_inches())
 
 
 def test_an_unknown_picture_is_refused_with_a_suggestion():

@@ -1,14 +1,18 @@
-"""Pictures that say what is there: weights in the body, hatching beside it, units, the ground."""
+"""Pictures that say what is there: weights, hatching, cuts, networks, elastic answers."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from artists import axes_of, drawn
+from artists import axes_of, drawn, notes, part
 from PIL import Image
+from plates import plate
 
-from kaju import LoadModel, Scene, load_scene, plot
-from kaju.errors import SceneError
+from kaju import LoadModel, Scene, load_scene, plot, solve
+from kaju.errors import ParameterError, SceneError
+from kaju.model.network import solve as solve_network
+from kaju.model.network import triangular
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAME = "#######\n" + 5 * "#.....#\n"
@@ -72,3 +76,65 @@ def test_smoothed_images_take_the_nearest_colour(smoothed):
     assert (solid == (true[::-1].transpose(1, 0, 2)[:, :, 0] == 140)).mean() > 0.9
     assert Scene.from_toml(scene.to_toml()) == scene
     assert (scene.refine(2).rasterise() >= 0).sum() == 4 * solid.sum()
+
+
+def test_an_elastic_result_is_drawn_on_the_cells_that_were_solved() -> None:
+    """And as agents of one size."""
+    result = solve(plate([8, 6], None, material="oak", loads=[{"side": "top", "pressure": 1e5}]))
+    cells = np.count_nonzero(result.cells().body)
+    assert len(drawn(axes_of(result, "deformed"), "moved")) == cells
+    field = part(axes_of(result, "von_mises"), "map")
+    assert field.get_array().max() == pytest.approx(np.nanmax(result.von_mises))
+    agents = part(axes_of(result, "agents"), "agents")
+    assert len(agents.get_paths()) == result.agents
+    assert np.all(agents.get_array() == 0)
+    with pytest.raises(ParameterError, match="there is deformed, displacement"):
+        plot(result, "loads")
+
+
+def test_the_springs_of_a_network_are_coloured_by_tension() -> None:
+    result = solve_network(triangular(5), 4)
+    springs = part(axes_of(result), "springs")
+    assert len(springs.get_segments()) == len(result.network.springs)
+    assert springs.get_array().tolist() == result.tension[-1].tolist()
+    assert springs.norm.vmin == -springs.norm.vmax
+
+
+@pytest.mark.parametrize("options", [{"record": 9}, {"record": -9}, {"magnification": 0.0}])
+def test_what_a_network_does_not_know_is_refused(options) -> None:
+    with pytest.raises(ParameterError, match=next(iter(options))):
+        plot(solve_network(triangular(3), 2), **options)
+
+
+PLATE = plate([20, 20], [10, 19], size=[0.2, 0.2], thickness=0.002)
+
+
+@cache
+def rule():
+    return LoadModel(PLATE).run()
+
+
+@cache
+def elasticity():
+    return solve(PLATE)
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"), [(rule, "keeps no equilibrium"), (elasticity, "every cut carries")]
+)
+def test_bars_are_what_cuts_carry_and_stand_where_they_lie(answer, said):
+    """And it says who keeps equilibrium."""
+    result = answer()
+    (ax,), cuts = plot(result, "cuts").axes, result.cuts()
+    np.testing.assert_array_equal([bar.get_width() for bar in ax.patches], cuts.carried)
+    middles = [bar.get_y() + 0.5 * bar.get_height() for bar in ax.patches]
+    np.testing.assert_allclose(middles, cuts.at)
+    (line,) = ax.lines
+    np.testing.assert_array_equal(line.get_xdata(), cuts.balance)
+    assert said in notes(ax)
+
+
+def test_cuts_across_another_axis_stand_upright():
+    (ax,) = plot(rule(), "cuts", axis="x").axes
+    assert ax.get_xlabel().startswith("x")
+    assert ax.get_ylabel().startswith("force")

@@ -12,7 +12,8 @@ from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
 from kaju.model.study.sweep_runs import ERROR
 
-from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, figure_of, new_axes, new_figure
+from . import style
+from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, colour_bar, figure_of
 
 if TYPE_CHECKING:
     import pandas
@@ -28,7 +29,7 @@ def plot_effects(table: pandas.DataFrame, measure: str) -> Figure:
     `table`: what `kaju.sweep` returned; `measure`: a column of numbers.
     """
     keys, good = _varied(table), _worked(table, measure)
-    figure = new_figure((max(4.6, 2.9 * len(keys)), 3.6))
+    figure = style.new_figure((max(4.6, 2.9 * len(keys)), 3.6))
     panels = figure.subplots(1, len(keys), sharey=True, squeeze=False)[0]
     value = good[measure].to_numpy(dtype=np.float64)
     for ax, key in zip(panels, keys, strict=True):
@@ -64,25 +65,20 @@ def plot_sweep_map(
         raise ParameterError(f"x, y: two of the varied quantities ({', '.join(keys)}) are needed")
     good = _worked(table, measure)
     bad = table[table[ERROR] != ""]
-    ax = new_axes(ax, (6.4, 4.8))
+    ax = style.new_axes(ax, (6.4, 4.8))
     places = [_places(table[key]) for key in (x, y)]
     where = np.column_stack([place for place, _ in places])
     rows = table[ERROR].to_numpy() == ""
     value = good[measure].to_numpy(dtype=np.float64)
-    drawn = ax.scatter(
-        where[rows, 0], where[rows, 1], c=value, s=_size(where), cmap=SEQUENTIAL, marker="s"
-    )
-    ax.scatter(where[~rows, 0], where[~rows, 1], c=FORCE, s=24, marker="x", lw=1.2)
+    drawn = ax.scatter(*where[rows].T, c=value, s=_size(where), cmap=SEQUENTIAL, marker="s")
+    ax.scatter(*where[~rows].T, c=FORCE, s=24, marker="x", lw=1.2)
     for axis, key, (place, names) in zip("xy", (x, y), places, strict=True):
         _axis(ax, axis, key, place, names)
     stable = measure == "spectral_radius" and value.min() < 1.0 < value.max()
     if stable and len(value) > 3 and not any(names for _, names in places):
-        ax.tricontour(
-            where[rows, 0], where[rows, 1], value, levels=[1.0], colors=INK, linewidths=1.4
-        )
-    bar = figure_of(ax).colorbar(drawn, ax=ax, shrink=0.85, aspect=28)
-    bar.set_label(measure, fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+        look: Any = {"levels": [1.0], "colors": INK, "linewidths": 1.4}
+        ax.tricontour(*where[rows].T, value, **look)
+    colour_bar(ax, drawn, measure)
     ax.tick_params(labelsize=8, color=FAINT)
     notes = [f"{len(good)} runs" + (f"; crosses: {len(bad)} that failed" if len(bad) else "")]
     if stable:

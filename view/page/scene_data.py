@@ -40,23 +40,13 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
             f"body: {lattice.size:.3g} cells are more than a page holds ({MOST_CELLS:,}); "
             "take larger cells"
         )
+    told = ("name", "youngs_modulus", "poissons_ratio", "density")
+    shape = {"kind": lattice.kind, "shape": list(lattice.shape), "cell_size": lattice.cell_size}
     data = {
-        "lattice": {
-            "kind": lattice.kind,
-            "shape": list(lattice.shape),
-            "cell_size": lattice.cell_size,
-        },
+        "lattice": shape,
         "thickness": scene.thickness,
         "plane": scene.plane,
-        "materials": [
-            {
-                "name": material.name,
-                "youngs_modulus": material.youngs_modulus,
-                "poissons_ratio": material.poissons_ratio,
-                "density": material.density,
-            }
-            for material in scene.cell_materials
-        ],
+        "materials": [{key: getattr(m, key) for key in told} for m in scene.cell_materials],
         "sides": {side: _side(scene.side_condition(side)) for side in lattice.sides},
         "rule": _rule(scene),
         "stages": scene.stages,
@@ -107,24 +97,17 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
     ]
 
 
-def amount_columns(
-    generation: Ints,
-    place: Ints,
-    amount: Floats,
-    span: tuple[int, int],
-    exact: bool = False,
-    name: str = "",
-) -> Columns:
-    """Return the history's columns for the generations from the first to the last of `span`.
+def _amounts(rows: tuple[Ints, Ints, Floats], last: int, exact: bool, name: str = "") -> Columns:
+    """Return the history's columns up to the last generation of rows: generation, place, amount.
 
     One row a generation and place: of loads taken the cell's key times the number of channels,
     plus the channel; of what agents did with them see `Account`. Amounts are newtons, of
     elongations metres.
     """
-    first, last = span
+    generation, place, amount = rows
     order = np.lexsort((place, generation))
     generation, place = generation[order], place[order]
-    offset = np.searchsorted(generation, np.arange(first, last + 2))
+    offset = np.searchsorted(generation, np.arange(1, last + 2))
     # Places are stored as steps from the one before, but for the first of each generation.
     delta = np.diff(place, prepend=0)
     starts = offset[:-1][offset[:-1] < offset[1:]]
@@ -160,7 +143,7 @@ class Account:
         arms = range(lattice.directions)
         beyond = [self.scene.kinds(lattice.neighbours(new, arm)) < 0 for arm in arms]
         self._outside = np.concatenate([self._outside, np.stack(beyond, axis=1)])
-        for name, now in self._amounts(totals, returned).items():
+        for name, now in self._sums(totals, returned).items():
             change = now.copy()
             if name in self._last:
                 change[: len(self._last[name])] -= self._last[name]
@@ -170,7 +153,7 @@ class Account:
             when = np.full(len(row), generation)
             self._rows.setdefault(name, []).append((when, place, change[row, column]))
 
-    def _amounts(self, totals: Totals | Stage, returned: float) -> dict[str, Floats]:
+    def _sums(self, totals: Totals | Stage, returned: float) -> dict[str, Floats]:
         """Return all sums so far, one row an agent.
 
         Loads one by one are handed over only above the threshold, so what went to a boundary
@@ -189,16 +172,16 @@ class Account:
             found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
         return found
 
-    def columns(self, span: tuple[int, int], exact: bool = False) -> Columns:
-        """Return the history's columns for the generations of a span, once."""
+    def columns(self, last: int, exact: bool) -> Columns:
+        """Return the history's columns up to the last generation."""
         columns: Columns = {}
         names = ["passed", "dropped"]
         names += ["returned"] * self._returns + ["kept", "stretch"] * self.own
         none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
         for name in names:
-            rows = self._rows.pop(name, [])
-            when, place, amount = map(np.concatenate, zip(none, *rows, strict=True))
-            columns |= amount_columns(when, place, amount, span, exact, f"{name} ")
+            every = zip(none, *self._rows.get(name, []), strict=True)
+            when, place, amount = map(np.concatenate, every)
+            columns |= _amounts((when, place, amount), last, exact, f"{name} ")
         return columns
 
 
@@ -211,21 +194,21 @@ def history_columns(
     sense = isinstance(scene.rule, PrescribedRule) and scene.rule.sense
     states = lattice.directions * (2 if sense else 1)
     state = history.direction + lattice.directions * history.pull
-    place, span = key[history.agent] * states + state, (1, stage.generations)
+    place, last = key[history.agent] * states + state, stage.generations
     if account is None:
         account = Account(scene, not _by_shares(scene, stage))
         account.note(stage.generations, stage, float(stage.returned.sum()))
     return {
-        **amount_columns(history.generation, place, history.load, span, exact),
+        **_amounts((history.generation, place, history.load), last, exact),
         "key": key.astype(np.uint32),
         "spawn": stage.spawn_step.astype(np.uint32),
         "woken": stage.woken_by.astype(np.uint8),
-        **account.columns(span, exact),
-        **_state_columns(stage, key, span, exact),
+        **account.columns(last, exact),
+        **_state_columns(stage, key, exact),
     }
 
 
-def _state_columns(stage: Stage, key: Ints, span: tuple[int, int], exact: bool) -> Columns:
+def _state_columns(stage: Stage, key: Ints, exact: bool) -> Columns:
     """Return what agents of one's own knew: from waking on the default, then what changed it."""
     columns: Columns = {}
     for course in stage.states:
@@ -236,7 +219,7 @@ def _state_columns(stage: Stage, key: Ints, span: tuple[int, int], exact: bool) 
         agent, when, value = agent[order], when[order], value[order]
         change = np.where(np.diff(agent, prepend=-1) != 0, value, np.diff(value, prepend=0.0))
         name = f"state {course.name} "
-        columns |= amount_columns(when, key[agent], change, span, exact, name)
+        columns |= _amounts((when, key[agent], change), stage.generations, exact, name)
     return columns
 
 

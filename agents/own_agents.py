@@ -1,4 +1,4 @@
-"""Guards of agents of one's own: classes before a run, and every answer of their hooks in it."""
+"""Guards of agents of your own: classes before a run, and every answer of their hooks in it."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _check_hooks(name: str, agent: type, base: type) -> None:
 
 
 class OwnAgents:
-    """Checks what agents of one's own answer, on a body with these arms and senses.
+    """Checks what agents of your own answer, on a body with these arms and senses.
 
     `arms` are those of each form of cell; a boundary may give back over any of `directions`.
     """
@@ -162,7 +162,7 @@ class OwnAgents:
                 raise self.wrong(agent, name, f"has become {getattr(agent, name)!r:.60}")
 
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
-        """Return the emissions that an agent answers; refuse what is none."""
+        """Return the emissions that an agent answers; refuse anything else."""
         checked = []
         try:
             rows = iter(sent)
@@ -184,7 +184,7 @@ class OwnAgents:
         return checked
 
     def load(self, agent: PlacedAgent, hook: str, load: Any, arm: int) -> Load:
-        """Return a load of an agent's own making; refuse what is none."""
+        """Return a load of an agent's own making; refuse anything else."""
         try:
             direction, magnitude, copies, sense = load
             fits = self._fits(agent, arm, direction, sense, magnitude, copies)

@@ -135,7 +135,7 @@ class SteppedModel(Model):
         return html
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and classes and functions of one's own."""
+        """Return the model's plain arguments, and classes and functions of your own."""
         raise NotImplementedError
 
 

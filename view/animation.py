@@ -130,7 +130,7 @@ def animate(
         return target
     known = {name: kind.films.get(name, "view.agents:GENERATIONS") for name in result.films}
     film: Film = _chosen(known, result, what)
-    if what is not None and what not in kind.films:  # what agents of one's own know
+    if what is not None and what not in kind.films:  # what agents of your own know
         film = film._replace(picture=what)
     picture = pictures_of(result)[film.picture]
     check_options(film.picture, picture, options)

@@ -306,7 +306,7 @@ def section_of(
 
 
 def named_cut(scene: Scene, cut: Cut) -> tuple[int, float] | None:
-    """Return axis and place (m) of a cut, None unless one is asked for; refuse what is none."""
+    """Return axis and place (m) of a cut, None unless one is asked for; refuse anything else."""
     if not cut:
         return None
     if scene.lattice.dimension == 2:

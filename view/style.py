@@ -43,7 +43,7 @@ PULL = "#c51b8a"
 BODY = ("#ececec", "#e6d9be", "#cfe0ea", "#d9e3cf", "#e7d3dc", "#d6d4e6")
 """Materials that no load has reached; the first six, then again."""
 BODY_HATCHES = ("", "...", "--", "oo", "++", "**")
-"""So that materials can be told apart without colour."""
+"""So that materials differ without colour."""
 
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")
 """Of several curves in one chart."""

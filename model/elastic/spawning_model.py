@@ -208,7 +208,7 @@ class SpawningModel(SteppedModel):
         return f"stopped after {self.generation} steps: {missed or agents}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and classes and functions of one's own."""
+        """Return the model's plain arguments, and classes and functions of your own."""
         names = ("tolerance", "resolution", "stage", "most_agents")
         options = {name: getattr(self, name) for name in names}
         return options, {"goal": self._asked}

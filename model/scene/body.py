@@ -28,7 +28,7 @@ Codes = Annotated[str | np.ndarray, PlainValidator(_codes)]
 
 
 def _lattice(value: Any) -> Any:
-    """Return the name of a lattice that kaju brings, or the class of one's own."""
+    """Return the name of a lattice that kaju brings, or the class of your own."""
     if value is None or (isinstance(value, str) and value in BUILT_IN):
         return value
     if isinstance(value, str):
@@ -52,7 +52,7 @@ LatticeName = Annotated[
     PlainValidator(_lattice),
     PlainSerializer(lambda value: value if value is None or isinstance(value, str) else value.kind),
 ]
-"""What a file calls a lattice, or the class of one's own."""
+"""What a file calls a lattice, or the class of your own."""
 
 
 class Body(Described):

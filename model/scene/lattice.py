@@ -1,6 +1,6 @@
 """The protocol of a lattice: where its cells are, and all that follows from their form.
 
-A lattice of one's own is a subclass of `Lattice` that says three things: which *form* a cell has
+A lattice of your own is a subclass of `Lattice` that says three things: which *form* a cell has
 (squares have one, triangles stand on a side or on a corner), the outline of each form, and where
 the middles of the cells are. Neighbours, faces, areas, the ways of a load through a cell, the
 lines along which cells deform, and pictures follow from these. What a lattice knows better it

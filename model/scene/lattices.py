@@ -1,4 +1,4 @@
-"""The lattices that kaju brings, lattices by name, and the check of those of one's own."""
+"""The lattices that kaju brings, lattices by name, and the check of those of your own."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ MOST_DIRECTIONS = 8
 
 
 def check_lattice(lattice: Lattice) -> None:
-    """Refuse a lattice of one's own whose answers do not fit together."""
+    """Refuse a lattice of your own whose answers do not fit together."""
     # Of squares and cubes only `way` is not a formula.
     checks = (_of_ways,) if lattice.boxes else (_of_forms, _of_places, _of_neighbours)
     for holds, answer, rule in chain.from_iterable(check(lattice) for check in checks):

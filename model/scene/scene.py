@@ -424,7 +424,7 @@ class Scene(Description):
         return ours == theirs and np.array_equal(self._resolved.base, other._resolved.base)
 
     __hash__ = None  # type: ignore[assignment]
-    __iter__ = None  # type: ignore[assignment]  # one value, for Mesa's batch_run too
+    __iter__ = None  # type: ignore[assignment]  # not iterable: Mesa's batch_run takes a scene as one value
 
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.lattice.shape))

@@ -190,7 +190,7 @@ class AgentEngine:
             for (_, magnitude, _), copies in loads.items():
                 self.pending += magnitude * copies
             agent = self._wake(box, loads) if box.agent is None else box.agent
-            if agent.inbox:  # left by an order of one's own
+            if agent.inbox:  # left by an order of your own
                 for load, copies in loads.items():
                     agent.inbox[load] = agent.inbox.get(load, 0.0) + copies
             else:
@@ -348,7 +348,7 @@ class AgentEngine:
     # What has happened.
 
     def _note_states(self) -> None:
-        """Note what agents of one's own know now, where it has changed."""
+        """Note what agents of your own know now, where it has changed."""
         for name, state in self.states.items():
             known, changes = self.known[name], self.changes[name]
             for number, agent in enumerate(self.agents.values()):

@@ -353,7 +353,7 @@ class ArrayEngine:
         return self.key[cell] + self.lattice.key_steps[self.form[cell], arm]
 
     def find(self, key: Ints) -> Ints:
-        """Return the numbers of cells, kinds below 0 of what is none, and 0 of what is not seen."""
+        """Return numbers of cells; outside of the body kinds, below 0; 0 for what is not seen."""
         place = np.minimum(np.searchsorted(self.seen_key, key), len(self.seen_key) - 1)
         return np.where(self.seen_key[place] == key, self.seen[place], 0)
 

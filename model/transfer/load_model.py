@@ -241,7 +241,7 @@ class LoadModel(SteppedModel):
         return self.engine.totals()
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and classes and functions of one's own."""
+        """Return the model's plain arguments, and classes and functions of your own."""
         options = {
             "engine": "agents" if isinstance(self.engine, AgentEngine) else "arrays",
             "allow_unstable": self.allow_unstable,

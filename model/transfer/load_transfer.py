@@ -21,7 +21,7 @@ MOST_GROWTH = 1e12
 """A run whose waiting loads exceed the applied ones by this factor is stopped."""
 
 MOST_GROWTH_UNKNOWN = 1e3
-"""The same for agents of one's own, of which no certificate says that their loads end."""
+"""The same for agents of your own, of which no certificate says that their loads end."""
 
 MOST_AT_ONE = 30_000
 """A run is stopped when more loads than this, each of another size, wait at one agent."""
@@ -38,7 +38,7 @@ class LoadTransfer(Stepper[TransferResult]):
     runs by itself, and waits for no import of Mesa; `LoadModel` runs it with agents.
     """
 
-    parameters: Mapping[str, Any] = MappingProxyType({})  # of agents of one's own
+    parameters: Mapping[str, Any] = MappingProxyType({})  # of agents of your own
 
     def __init__(
         self,

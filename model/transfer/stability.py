@@ -47,11 +47,11 @@ class Certificate:
     generations: int | None  # after which every load has ended, at the latest, if known
     stable: bool  # whether the run is sure to end
     verdict: str  # the same in words, with a remedy if the run is unstable
-    known: bool = True  # not of agents of one's own, nor where a trial has told nothing
+    known: bool = True  # not of agents of your own, nor where a trial has told nothing
 
 
 def not_known(agents: list[str]) -> Certificate:
-    """Return the certificate of agents of one's own, which pass on what they like."""
+    """Return the certificate of agents of your own, which pass on what they like."""
     verdict = (
         f"not known: agents of your own ({', '.join(agents)}) decide what they pass on; the run "
         "stops if the loads grow to 1000 times the applied ones"

@@ -31,7 +31,7 @@ class Ledger:
     returned: float  # emissions that a boundary gave back
     dropped: float  # loads up to the threshold, which ended
     pending: float  # loads handed over but not yet taken; 0 when the stage has come to rest
-    absorbed: float = 0.0  # emissions that a boundary of one's own did not give back
+    absorbed: float = 0.0  # emissions that a boundary of your own did not give back
 
     @property
     def imbalance(self) -> float:
@@ -125,7 +125,7 @@ class Stage:
     arrived: Annotated[Floats, Column("boundary directions")]
     history: TakenHistory
     ledger: Ledger
-    states: tuple[StateCourse, ...] = ()  # what agents of one's own declare
+    states: tuple[StateCourse, ...] = ()  # what agents of your own declare
 
 
 class TakenRows(NamedTuple):

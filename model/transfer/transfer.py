@@ -32,7 +32,7 @@ class RuleTables(NamedTuple):
 
 
 class Transfer:
-    """The prescribed rule, or a rule of one's own, on a scene's lattice.
+    """The prescribed rule, or a rule of your own, on a scene's lattice.
 
     Loads are numbered by *state*: the direction of the force for pushes, and the same plus the
     number of directions for pulls, which only a rule with a sense has.
@@ -135,7 +135,7 @@ class Transfer:
     def turned(self) -> Ints:
         """The state in which a boundary gives a load back, by its type, arm and state.
 
-        Types of boundaries are below 0, so they count from the end of the first axis.
+        Kinds of boundaries are negative, so they index the first axis from its end.
         """
         lattice = self.lattice
         every = np.arange(lattice.directions)

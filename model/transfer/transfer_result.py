@@ -99,7 +99,7 @@ class TransferResult(BodyResult):
     seconds: float
     """Time that the run took (s)."""
     parameters: Mapping[str, bool | int | float] = field(default_factory=dict)
-    """Values of the parameters that agents of one's own declare, by name."""
+    """Values of the parameters that agents of your own declare, by name."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.stages) <= self.scene.stages:

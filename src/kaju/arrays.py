@@ -20,7 +20,7 @@ def first_largest(values: Floats) -> int:
 def all_largest(values: Floats) -> Ints:
     """Return the indices of all values that equal the largest one, but for rounding."""
     found = np.flatnonzero(values >= values.max() - TIE * np.abs(values).max())
-    return found if len(found) else np.array([values.argmax()])  # infinities, or no numbers
+    return found if len(found) else np.array([values.argmax()])  # inf or NaN
 
 
 def moved(points: Ints, axis: int, by: int | Ints | Flags) -> Ints:

@@ -32,7 +32,7 @@ class ParameterError(KajuError, ValueError):
 
 
 class AgentError(ParameterError):
-    """An agent or boundary of one's own has answered what is no answer."""
+    """An agent or boundary of your own has returned something impossible."""
 
 
 class SceneError(KajuError, ValueError):

@@ -28,7 +28,7 @@ class Steps(Protocol):
 
 
 def chosen(order: Order[A], waiting: list[A]) -> list[A]:
-    """Return the agents that an order of one's own lets act, each once."""
+    """Return the agents that an order of your own lets act, each once."""
     most = 10 * len(waiting) + 10  # an order may name an agent twice, but must come to an end
     answer = order(list(waiting))
     try:
@@ -46,7 +46,7 @@ def chosen(order: Order[A], waiting: list[A]) -> list[A]:
 
 
 def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
-    """Tell whether agents are to be objects: asked for, of one's own class, or few ("auto")."""
+    """Tell whether agents are to be objects: asked for, of your own class, or few ("auto")."""
     own_class = agent is not usual
     if engine not in ("auto", "agents", "arrays"):
         raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")

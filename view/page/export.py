@@ -247,7 +247,7 @@ def packed_page(
 
 
 def _own_data(model: Any) -> dict[str, Any]:
-    """Return names, source and parameters of agents, boundaries, order and rule of one's own."""
+    """Return names, source and parameters of agents, boundaries, order and rule of your own."""
     found: list[Any] = []
     for own in model.arguments()[1].values():
         found += list(own.values()) if isinstance(own, Mapping) else [own]

@@ -123,7 +123,7 @@ class Account:
     """What agents did with the loads they took, noted generation by generation.
 
     What each passed on, by arm; what it let end; what boundaries gave back to it; and, of agents or
-    a rule of one's own, what it kept along each axis of the lattice and by how much it lengthened
+    a rule of your own, what it kept along each axis of the lattice and by how much it lengthened
     along it. The place of a row is the cell's key times the number of these, plus its number.
     """
 

@@ -268,7 +268,7 @@ class ElasticModel(SteppedModel):
         return self.engine.space
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's plain arguments, and classes and functions of one's own."""
+        """Return the model's plain arguments, and classes and functions of your own."""
         own = None if self.face_agent is FaceAgent else self.face_agent
         options = {
             "engine": "agents" if isinstance(self.engine, AgentPushEngine) else "arrays",

@@ -178,7 +178,7 @@ def largest_first(engine: PushEngine, pushes: int) -> Iterator[Visit]:
 
 
 def own_order(engine: PushEngine, order: Order[FaceAgent]) -> Iterator[Visit]:
-    """Let those yield that an order of one's own chooses: the energy falls with any choice."""
+    """Let those yield that an order of your own chooses: the energy falls with any choice."""
     while True:
         engine.relax_chosen(order)
         yield Visit()

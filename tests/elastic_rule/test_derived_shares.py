@@ -4,11 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kaju import ElasticRule, Material, Shares
-from kaju.agents.materials import LIBRARY
+from kaju import ElasticRule, Material, Shares, material
 from kaju.errors import ParameterError
 
-STEEL = LIBRARY["steel"]
+STEEL = material("steel")
 ratios = st.floats(-0.95, 0.49)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scattered import scattered
 
 import kaju
-from kaju.model.network.spring_lattices import cut, pulled, triangular
+from kaju.model.network import cut, pulled, triangular
 
 
 def cut_network(width, rows, half, given=False):

@@ -6,7 +6,8 @@ from PIL import Image
 from plates import PLATE_TEXT, loaded, plate
 
 from kaju import PrescribedRule, Scene
-from kaju.model.scene.cell_types import AIR, RIGID
+
+AIR, RIGID = -1, -2
 
 PLATE = f"""
 {PLATE_TEXT.replace("[sides]", "thickness = 0.002" + chr(10) + "[sides]")}

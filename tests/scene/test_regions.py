@@ -8,7 +8,8 @@ from PIL import Image
 from plates import loaded
 
 from kaju.errors import SceneError
-from kaju.model.scene.cell_types import AIR, RIGID
+
+AIR, RIGID = -1, -2
 
 
 def plate(*regions, cells=(8, 8), **body):

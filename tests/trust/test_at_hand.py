@@ -6,7 +6,7 @@ from plates import plate
 import kaju
 from kaju import LoadModel
 from kaju.errors import KajuError, ParameterError
-from kaju.model.network.spring_lattices import triangular
+from kaju.model.network import triangular
 
 BLOCK = plate([4, 3], [1, 2])
 

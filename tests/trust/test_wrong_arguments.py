@@ -8,7 +8,6 @@ from plates import plate
 import kaju
 from kaju import LoadModel, Scene, creep, solve
 from kaju.errors import KajuError, ParameterError, ResultError
-from kaju.model.scene.shared_materials import shared_materials
 
 BLOCK = plate([4, 3], [1, 2])
 
@@ -61,7 +60,6 @@ def test_a_sweep_of_more_points_than_anybody_waits_for_is_refused():
     [
         kaju.load_scene,
         kaju.load_result,
-        shared_materials,
         lambda path: Scene.from_array(path, legend={1: "steel"}, cell_size=0.1),
         lambda path: Scene.from_image(path, legend={"black": "steel"}, cell_size=0.1),
     ],

@@ -29,7 +29,7 @@ LOOKED_AT_ONCE = 256
 ROWS_AT_ONCE = 2**18
 """So many rows are passed on at once: more take more memory, and no less time."""
 
-MOST_EMPTY = 256
+MOST_EMPTY = 64
 """Loads are added up in a table, unless it had so many times more entries than there are rows."""
 
 

@@ -300,7 +300,7 @@ class ArrayEngine:
 
     def _look_round(self, cells: Ints) -> None:
         """See the blocks that cells and their neighbours are in, and number their cells."""
-        lattice, edges, before = self.lattice, self.edges, len(self.key)
+        lattice, edges = self.lattice, self.edges
         near = cells[:, None] + lattice.steps[lattice.form(cells)]
         near = np.concatenate([cells, near.reshape(-1, lattice.dimension)])
         corner = lattice.key((near + 1) // edges * edges - 1)  # from -1 on: the rim is seen, too
@@ -312,7 +312,7 @@ class ArrayEngine:
         order = np.argsort(self.seen_key)
         self.seen_key, self.seen = self.seen_key[order], self.seen[order]
         changed = (self.over == 0).any(axis=1)
-        changed[0], changed[before:] = False, True
+        changed[0] = False
         cell = changed.nonzero()[0]
         for part in _slices(len(cell)):
             self._see_over(cell[part])

@@ -90,6 +90,17 @@ def test_many_loads_in_parts_and_sparse_tables_give_the_same(monkeypatch, accumu
     assert many.ledger.imbalance < 1e-12
 
 
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_a_load_that_ended_has_woken_nobody(engine):
+    """The cell below is woken from the left; what the one above presses down on it is too small."""
+    rule = {"alpha": [0.5, 0.5, 0.0], "beta": 0.0, "accumulate": True, "threshold": 0.1}
+    scene = plate([3, 2], [0, 0], [1.0, 0.0], rule=rule)
+    above = scene.loads[0].model_copy(update={"cell": (1, 1), "force": (0.3, 0.0)})
+    stage = LoadModel(scene.replace(loads=[*scene.loads, above]), engine=engine).run().last
+    woken = dict(zip(map(tuple, stage.cells.tolist()), stage.woken_by.tolist(), strict=True))
+    assert woken[1, 0] == 1 << scene.lattice.direction_names.index("-x")
+
+
 @pytest.mark.parametrize("accumulate", [False, True])
 def test_cells_whose_numbers_no_integer_holds_are_named_anew(accumulate):
     """A corner of a body of 4·10¹⁸ cells does what the same corner of a small one does."""

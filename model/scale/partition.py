@@ -59,10 +59,8 @@ class PetscLevel:
 
     def numbers(self, axis: int, faces: Index) -> Index:
         """Return PETSc's numbers of faces, -1 of those that this process does not know."""
-        place = faces - self.ghosts[0]
-        known = self.knows(faces)
-        found = np.full(len(faces), -1, dtype=np.int64)
-        found[known] = self.number[axis][tuple(place[known].T)]
+        known, found = self.knows(faces), np.full(len(faces), -1, dtype=np.int64)
+        found[known] = self.number[axis][tuple((faces[known] - self.ghosts[0]).T)]
         return found
 
     def knows(self, faces: Index) -> Flags:

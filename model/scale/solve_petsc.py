@@ -138,9 +138,8 @@ def solve_petsc(
 
 def _energy(window: Window, faces: FaceFields) -> float:
     """Return what this process's faces contribute to the energy (scaled)."""
-    force = internal_force(window.problem, faces)
-    own = [window.owned(axis) for axis in range(len(faces))]
-    return 0.5 * sum(float(f[o] @ u[o]) for f, u, o in zip(force, faces, own, strict=True))
+    pairs = enumerate(zip(internal_force(window.problem, faces), faces, strict=True))
+    return 0.5 * sum(float(f[window.owned(a)] @ u[window.owned(a)]) for a, (f, u) in pairs)
 
 
 def _piece(window: Window, faces: FaceFields) -> Piece:
@@ -263,13 +262,8 @@ def _potential(matrix: Any, x: Any, right: Any) -> float:
     return 0.5 * float(x.dot(force)) - float(x.dot(right))
 
 
-Rows = tuple[Index, csr_array, Floats, Floats]
-"""PETSc's numbers of the faces of a process; their rows of the stiffness matrix, with PETSc's
-numbers as columns; what acts on them; and 1 of those that move, else 0."""
-
-
-def rows_on(window: Window) -> Rows:
-    """Return the rows of a process's own faces."""
+def rows_on(window: Window) -> tuple[Index, csr_array, Floats, Floats]:
+    """Return numbers of a process's faces, their rows of the matrix, loads, and 1 if they move."""
     problem, level = window.problem, window.level
     numbering = Numbering(problem.face_states)
     stiffness = stiffness_matrix(problem, numbering)

@@ -10,7 +10,6 @@ to the right, vertices have copies, which differ by a linear function with three
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -29,23 +28,15 @@ from kaju.model.elastic.pair.elements import (
 from kaju.model.elastic.pair.levels import Blocks
 from kaju.model.elastic.pair.mesh import PlaneMesh, backwards, followed
 
+LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
+"""Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""
+
 
 def compliance(law: Floats) -> Floats:
     """Return the compliances of like and unlike normal stresses, and of shear; shape (3, n)."""
     stretch, lateral, shear = law
     area = (stretch - lateral) * (stretch + lateral)
     return np.stack([stretch / area, -lateral / area, 1.0 / shear])
-
-
-@dataclass(frozen=True, eq=False)
-class Sheets:
-    """The vertices as agents see them: beyond a cut they see copies, where phi has jumped."""
-
-    corner: Ints  # Vertices or copies at the agents' corners; shape (n, 4)
-    base: Ints  # The vertex, or earlier copy, that each copy is of; shape (copies,)
-    cut: Ints  # The cut beyond which it lies; shape (copies,)
-    part: Ints  # Part of the body that each cut lies in; shape (cuts,)
-    closed: Flags  # Which of a cut's forces along x and y, and couple, are none; shape (cuts, 3)
 
 
 def loops_of(mesh: PlaneMesh) -> list[Ints]:
@@ -64,47 +55,6 @@ def loops_of(mesh: PlaneMesh) -> list[Ints]:
         if loop:
             loops.append(np.array(loop))
     return loops
-
-
-def sheets_of(mesh: PlaneMesh, sides: Sides, loops: list[Ints], part: Ints) -> Sheets:
-    """Cut the body to the right of every hole that something holds."""
-    start, end = mesh.along()
-    place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
-    base: list[Ints] = []
-    cut: list[Ints] = []
-    parts: list[int] = []
-    closed: list[Flags] = []
-    count = mesh.vertices
-    for loop in loops:
-        a, b = place[start[loop]], place[end[loop]]
-        inside = np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) < 0.0
-        if not inside or sides.given[loop].all():
-            continue
-        right = a[:, 0] == max(a[:, 0].max(), b[:, 0].max())
-        right &= a[:, 0] == b[:, 0]
-        height = min(a[right, 1].min(), b[right, 1].min()) + 0.5
-        # An agent on the cut sees what lies below it with the jump.
-        on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= a[right][0, 0])
-        below = on[:, None] & (place[mesh.corner][..., 1] < height)
-        own = np.unique(corner[below])
-        # A vertex that no other agent sees would stand alone; copies follow their vertices.
-        own = own[np.isin(own, corner[~below]) | (own >= mesh.vertices)]
-        table = np.arange(count)
-        table[own] = count + np.arange(len(own))
-        corner = np.where(below, table[corner], corner)
-        base.append(own)
-        cut.append(np.full(len(own), len(parts)))
-        count += len(own)
-        parts.append(part[mesh.owner[loop[0]]])
-        closed.append(_closed(sides.given[loop]))
-    nothing = np.zeros(0, dtype=np.int64)
-    return Sheets(
-        corner,
-        np.concatenate([nothing, *base]),
-        np.concatenate([nothing, *cut]),
-        np.array(parts, dtype=np.int64),
-        np.array(closed, dtype=np.bool_).reshape(-1, 3),
-    )
 
 
 def _closed(given: Flags) -> Flags:
@@ -141,19 +91,63 @@ class Airy:
 
     def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
-        self.part = mesh.part
         self.loops = loops_of(mesh)
-        self.sheets = sheets_of(mesh, sides, self.loops, self.part)
-        self.points = mesh.vertices + len(self.sheets.base)
+        self._cut()
+        self.points = mesh.vertices + len(self.base)
         self.jump = 3 * self.points + mesh.edges
-        self.size = self.jump + 3 * len(self.sheets.part)
-        self.place = np.concatenate([mesh.place, np.zeros((len(self.sheets.base), 2))]) / cell
-        for copy, base in enumerate(self.sheets.base.tolist(), mesh.vertices):
+        self.size = self.jump + 3 * len(self.closed)
+        self.place = np.concatenate([mesh.place, np.zeros((len(self.base), 2))]) / cell
+        for copy, base in enumerate(self.base.tolist(), mesh.vertices):
             self.place[copy] = self.place[base]
+
+    def _cut(self) -> None:
+        """Cut the body to the right of every hole that something holds.
+
+        Beyond a cut agents see copies of the vertices, where phi has jumped: `corner` are the
+        vertices or copies at their corners, `base` and `beyond` say what vertex, or earlier copy,
+        each copy is of, and beyond which cut it lies; `closed` which of a cut's forces along x and
+        y, and couple, are none, and `cut_part` in what part of the body it is.
+        """
+        mesh, given = self.mesh, self.sides.given
+        start, end = mesh.along()
+        place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
+        base, beyond = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        closed: list[Flags] = []
+        parts, count = [], mesh.vertices
+        for loop in self.loops:
+            if not self._is_hole(loop) or given[loop].all():
+                continue
+            a, b = place[start[loop]], place[end[loop]]
+            right = a[:, 0] == max(a[:, 0].max(), b[:, 0].max())
+            right &= a[:, 0] == b[:, 0]
+            height = min(a[right, 1].min(), b[right, 1].min()) + 0.5
+            # An agent on the cut sees what lies below it with the jump.
+            on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= a[right][0, 0])
+            below = on[:, None] & (place[mesh.corner][..., 1] < height)
+            own = np.unique(corner[below])
+            # A vertex that no other agent sees would stand alone; copies follow their vertices.
+            own = own[np.isin(own, corner[~below]) | (own >= mesh.vertices)]
+            table = np.arange(count)
+            table[own] = count + np.arange(len(own))
+            corner = np.where(below, table[corner], corner)
+            base.append(own)
+            beyond.append(np.full(len(own), len(closed)))
+            closed.append(_closed(given[loop]))
+            parts.append(mesh.part[mesh.owner[loop[0]]])
+            count += len(own)
+        self.corner, self.closed = corner, np.array(closed, dtype=np.bool_).reshape(-1, 3)
+        self.base, self.beyond = np.concatenate(base), np.concatenate(beyond)
+        self.cut_part = np.array(parts, dtype=np.int64)
+
+    def _is_hole(self, loop: Ints) -> bool:
+        """Tell whether a loop of the border goes round a hole: clockwise."""
+        start, end = self.mesh.along()
+        a, b = self.mesh.place[start[loop]], self.mesh.place[end[loop]]
+        return bool(np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) < 0)
 
     def blocks(self, laws: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
         """Return the compliance of the agents and of the beds."""
-        corner = (3 * self.sheets.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
+        corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
         dof = np.concatenate([corner, 3 * self.points + self.mesh.edge], axis=1)
         one, h = np.ones_like(size), size
         scale = np.stack([*[one, h, h] * 4, *[h] * 4], axis=1)
@@ -190,18 +184,21 @@ class Airy:
     def seen(self, rows: Ints, end: int) -> Ints:
         """Return the vertices or copies at the ends of border edges, as their agents see them."""
         corner = on_sides(2)[self.mesh.side[rows], end]
-        return np.asarray(self.sheets.corner[self.mesh.owner[rows], corner])
+        return np.asarray(self.corner[self.mesh.owner[rows], corner])
 
     def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array]:
         """Return what all unknowns are by the free ones, which these are, and how they turn."""
         self._follow = _Follow(self.size)
         fixed = np.zeros(self.size, dtype=np.bool_)
         self._hang()
-        self._jump(self.mesh.vertices + np.arange(len(self.sheets.base)), self.sheets.base, 1.0)
+        copies = self.mesh.vertices + np.arange(len(self.base))
+        for k in range(3):
+            self._follow.add(3 * copies + k, 3 * self.base + k, 1.0)
+        self._jump(copies, self.beyond, 1.0)
         self._stretches: list[tuple[int, Ints]] = []
         begun: dict[int, tuple[float, int]] = {}
         for loop in self.loops:
-            count, part = len(self._stretches), int(self.part[self.mesh.owner[loop[0]]])
+            count, part = len(self._stretches), int(self.mesh.part[self.mesh.owner[loop[0]]])
             begun[part] = max(begun.get(part, (-1.0, 0)), (-0.5, self._walk(loop, fixed)))
             for first, ends in self._stretches[count:]:
                 long = float(np.ptp(self.place[ends], axis=0).sum())
@@ -236,29 +233,25 @@ class Airy:
         turn = sp.csr_array((np.concatenate(values), at), shape=(len(free),) * 2)
         return sp.csr_array(way + way @ turn), free, turn
 
-    def _jump(self, copy: Ints, base: Ints, sign: float, cuts: Ints | None = None) -> None:
-        """Say that phi at copies is that at their vertices, and the linear function of the cut."""
-        cuts = self.sheets.cut if cuts is None else cuts
-        x, y = self.place[copy].T
-        jump = self.jump + 3 * cuts
-        for k in range(3):
-            if len(copy):
-                self._follow.add(3 * copy + k, 3 * base + k, 1.0)
-        for k, by, value in ((0, 0, 1.0), (0, 1, x), (0, 2, y), (1, 1, 1.0), (2, 2, 1.0)):
-            if len(copy):
-                self._follow.add(3 * copy + k, jump + by, sign * np.broadcast_to(value, len(copy)))
+    def _jump(
+        self, point: Ints, cut: Ints | int, times: float, terms: list[tuple[int, int]] = LINEAR
+    ) -> None:
+        """Add so many times the linear functions of cuts to phi at vertices or copies."""
+        for k, by in terms:
+            value = times * (self.place[point, by - 1] if by > k else 1.0)
+            self._follow.add(3 * point + k, self.jump + 3 * np.asarray(cut) + by, value)
 
     def _chain(self, vertex: int) -> list[int]:
         """Return the cuts that a copy lies beyond."""
         found = []
         while vertex >= self.mesh.vertices:
-            found.append(int(self.sheets.cut[vertex - self.mesh.vertices]))
-            vertex = int(self.sheets.base[vertex - self.mesh.vertices])
+            found.append(int(self.beyond[vertex - self.mesh.vertices]))
+            vertex = int(self.base[vertex - self.mesh.vertices])
         return found
 
     def _hang(self) -> None:
         """Let the middles of whole edges, and the bulges of their halves, follow these."""
-        mesh, follow, corner = self.mesh, self._follow, self.sheets.corner
+        mesh, follow, corner = self.mesh, self._follow, self.corner
         owner, number = np.zeros(mesh.edges, dtype=np.int64), np.zeros(mesh.edges, dtype=np.int64)
         owner[mesh.edge.ravel()] = np.repeat(np.arange(len(mesh.edge)), 4)
         number[mesh.edge.ravel()] = np.tile(np.arange(4), len(mesh.edge))
@@ -287,14 +280,9 @@ class Airy:
         follow.add(3 * middle + across, bulge, 1.0)
         for half in mesh.halves:
             follow.add(3 * self.points + half, bulge, 0.25)
-        if not len(self.sheets.base):
-            return
-        for own, copy in zip(middle.tolist(), view.tolist(), strict=True):
+        for own, copy in zip(middle, view.tolist(), strict=True):
             for cut in self._chain(copy):
-                x, y = self.place[own]
-                for k, by, value in ((0, 0, 1.0), (0, 1, x), (0, 2, y), (1, 1, 1.0), (2, 2, 1.0)):
-                    row, column = np.array([3 * own + k]), np.array([self.jump + 3 * cut + by])
-                    follow.add(row, column, -value)
+                self._jump(own[None], cut, -1.0)
 
     def _walk(self, loop: Ints, fixed: Flags) -> int:
         """Say what tractions along a loop of the border are none; return where it began."""
@@ -322,9 +310,7 @@ class Airy:
             first = vertex[low]
             if kind[low] == 3:
                 self._stretches.append((int(first), end[loop[rows]]))
-            terms = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
-            if kind[low] != 3:
-                terms = [(2, 2)] if kind[low] == 1 else [(1, 1)]
+            terms = {3: LINEAR, 1: [(2, 2)], 2: [(1, 1)]}[int(kind[low])]
             for k, by in terms:
                 own = end[loop[rows]]
                 # The walk's first vertex, met again in the end, follows where this closes no ring.
@@ -345,39 +331,33 @@ class Airy:
     ) -> None:
         """Take the jumps off where a stretch of the border crosses cuts."""
         passed: dict[int, int] = {}
-        for row in rows.tolist() if len(self.sheets.base) else ():
+        for row in rows.tolist() if len(self.base) else ():
             # Within an edge both ends are seen on one sheet; between edges the sheet may change.
             for cut in self._chain(int(seen[0][row])):
                 passed[cut] = passed.get(cut, 0) + 1
             for cut in self._chain(int(seen[1][row])):
                 passed[cut] = passed.get(cut, 0) - 1
-            own = int(end[row])
+            own = end[[row]]
+            open_ = [one for one in terms if not (own[0] == last and closed[one[0]])]
             for cut, times in passed.items():
-                for k, by in terms:
-                    if times and not (own == last and closed[k]):
-                        value = times * (self.place[own, by - 1] if by > k else 1.0)
-                        at = np.array([3 * own + k]), np.array([self.jump + 3 * cut + by])
-                        self._follow.add(*at, value)
+                if times:
+                    self._jump(own, cut, times, open_)
 
     def _close(self, fixed: Flags) -> None:
         """Say that forces and couples of cuts that the border leaves no room for are none."""
-        sheets, start = self.sheets, self.mesh.along()[0]
-        for cut, closed in enumerate(sheets.closed):
+        for cut, closed in enumerate(self.closed):
             fixed[self.jump + 3 * cut + np.flatnonzero(closed)] = True
-        for loop in self.loops if len(sheets.part) else ():
-            place = self.mesh.place[start[loop]]
-            following = np.roll(place, -1, axis=0)
-            if np.sum(place[:, 0] * following[:, 1] - following[:, 0] * place[:, 1]) < 0.0:
-                continue  # a hole's loop
-            given = _closed(self.sides.given[loop])
-            own = np.flatnonzero(sheets.part == self.part[self.mesh.owner[loop[0]]])
-            for k, none in enumerate(given.tolist()):
-                left = own[~sheets.closed[own, k]]
+        for loop in self.loops if len(self.closed) else ():
+            if self._is_hole(loop):
+                continue
+            own = np.flatnonzero(self.cut_part == self.mesh.part[self.mesh.owner[loop[0]]])
+            for k, none in enumerate(_closed(self.sides.given[loop]).tolist()):
+                left = own[~self.closed[own, k]]
                 if none and len(left):
-                    row = np.array([self.jump + 3 * left[-1] + k])
+                    row = self.jump + 3 * left[-1:] + k
                     fixed[row] = len(left) == 1
                     for other in left[:-1]:
-                        self._follow.add(row, np.array([self.jump + 3 * other + k]), -1.0)
+                        self._follow.add(row, self.jump + 3 * other[None] + k, -1.0)
 
 
 def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:

@@ -37,7 +37,7 @@ from kaju.model.elastic.goals.duals import (
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.border import Sides, torn
-from kaju.model.elastic.pair.gap import energies
+from kaju.model.elastic.pair.gap import ROUNDING, energies
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.mesh import Mesh
 from kaju.model.elastic.pair.opinions import Opinions
@@ -48,8 +48,7 @@ from kaju.model.elastic.posed_body import PosedBody
 FACTOR = 2.0
 """In space: on 24 random solids the estimate was down to 0.53 of an error; here two are multiplied.
 """
-ROUNDING = 1e-14  # Share of the products that rounding may take beside what they miss each other by
-LOST = 0.1  # Of an interval: where rounding is more, no agents make it shorter
+PRODUCTS = 1e-14  # Share of the products that rounding may take beside what they miss each other by
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +93,7 @@ class Goals:
         worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
         open_ = [part for goal, part, _ in told if goal.relative_error > tolerance]
         shares = np.sum(open_ or [part for _, part, _ in told], axis=0)
-        lost = rounding > LOST * worst.error_estimate and worst.relative_error > 1e-6
+        lost = rounding > ROUNDING * worst.error_estimate and worst.relative_error > 1e-6
         return Judged(tuple(goal for goal, *_ in told), worst.relative_error, shares, lost)
 
     def read_again(self, found: Settled, judged: Judged) -> Judged:
@@ -227,7 +226,7 @@ def _products(primal: _Primal, dual: Opinions) -> tuple[float, float]:
     missed = abs(te - dual.work_on(found.fit.sum(axis=0)) - borne)
     handed = found.work_on(dual.fit.sum(axis=0)) + _borne(found, dual.sides.moved)
     missed += abs(zs - handed)
-    return 0.5 * (ts + te + zs - ze) - borne, missed + ROUNDING * (abs(ts) + abs(te) + abs(zs))
+    return 0.5 * (ts + te + zs - ze) - borne, missed + PRODUCTS * (abs(ts) + abs(te) + abs(zs))
 
 
 def _borne(found: Opinions, moved: Floats) -> float:

@@ -9,7 +9,6 @@ from math import exp, inf, log
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError
 from kaju.model.elastic.goals.quantities import Quantity
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.border import torn
@@ -18,7 +17,7 @@ from kaju.model.elastic.pair.goals import Goals
 from kaju.model.elastic.pair.history import Generation, generation_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.settling import Settled, settled
-from kaju.model.elastic.pair.space import Bricks
+from kaju.model.elastic.pair.space import Bricks, refuse_rubber
 from kaju.model.elastic.posed_body import PosedBody
 
 GAIN = {2: 0.92, 3: 0.8}
@@ -42,7 +41,6 @@ ENOUGH_DEEP = 0.95
 stiff parts that touch in a corner (seed 37 of the random bodies) others gained 1 % for twice the
 agents."""
 WINDOW = 6  # Generations over which the rate is measured by which an estimate falls
-MOST_RATIO = 0.499  # In space: at 0.4999 the true error of a cube was 1.9 times its estimate
 MOST_AGENTS, MOST_BRICKS = 1_000_000, 400_000
 """Those in space take some 5 kB each, so about 2 GB."""
 
@@ -69,13 +67,8 @@ class PairLoop:
         self.notes: list[str] = []
         self._without_gain, self._best = 0, inf
         self._errors: list[tuple[int, float]] = []  # Agents and error of the generations
-        for material in body.scene.cell_materials if body.dimension == 3 else ():
-            if material.poissons_ratio > MOST_RATIO:
-                raise ParameterError(
-                    f"tolerance: in space agents spawn for a Poisson's ratio of {MOST_RATIO} at "
-                    f"most, and {material.name!r} has {material.poissons_ratio:.10g}; solve "
-                    "without a tolerance, for which equal cells take any ratio"
-                )
+        if body.dimension == 3:
+            refuse_rubber(body)
 
     @property
     def reached(self) -> bool:
@@ -132,20 +125,18 @@ class PairLoop:
         gained = judged.error <= (ENOUGH_DEEP if deep else ENOUGH) * self._best
         self._without_gain = 0 if gained else self._without_gain + 1
         self._best = min(self._best, judged.error)
-        nobody = np.zeros(len(leaves), dtype=np.bool_)
+        often = self._halvings(leaves)
         if judged.lost:
             self.stopped = "rounding"
-            return nobody
-        often = self._halvings(leaves)
-        if not often.any() or self._without_gain >= (1 if deep else STALLED):
+        elif not often.any() or self._without_gain >= (1 if deep else STALLED):
             self.stopped = "depth" if deep or not often.any() else "stalled"
-            return nobody
-        new = self._halved(leaves, often)
-        if max(len(new), self._expected(judged.error)) > self.most_agents:
+        else:
+            new = self._halved(leaves, often)
+            if max(len(new), self._expected(judged.error)) <= self.most_agents:
+                self.leaves = new
+                return np.asarray(often > 0)
             self.stopped = "agents"
-            return nobody
-        self.leaves = new
-        return np.asarray(often > 0)
+        return np.zeros(len(leaves), dtype=np.bool_)
 
     def _halvings(self, leaves: LeafCells) -> Ints:
         """Return how often each agent halves."""

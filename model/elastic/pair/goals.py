@@ -46,8 +46,8 @@ from kaju.model.elastic.pair.space import NO_BOUND, Bricks
 from kaju.model.elastic.posed_body import PosedBody
 
 FACTOR = 2.0
-"""In space: on 24 random solids the estimate was down to 0.53 of an error; here two are multiplied.
-"""
+"""In space, by which the estimate is multiplied: of ten random solids of one and two materials the
+errors of deflections and a stress were 0.07 to 0.73 of it."""
 PRODUCTS = 1e-14  # Share of the products that rounding may take beside what they miss each other by
 
 

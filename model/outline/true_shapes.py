@@ -24,9 +24,6 @@ from .arc_triangles import (
     kept_apart,
 )
 
-LONGEST = 0.5
-"""Edges of agents that an arc may be long: a pressed ring to 1 % takes 347 agents, 555 at 1, where
-half of the gap lies between the arcs' polygons; less hardly lowers it."""
 SMOOTH = 1e-9  # arcs that meet at a smaller angle go on in one direction
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
 DEPTH = 16  # how often a first agent can be halved
@@ -115,14 +112,14 @@ class ClosedLine:
             self.arcs = self.arcs[::-1, ::-1]
 
     def refine(self, leaves: LeafCells) -> None:
-        """Halve arcs until none is longer than its share of its leaves."""
+        """Halve arcs until none is longer than its leaves."""
         while True:
             frames = ArcFrames(self.arcs)
             size = np.full(len(self.arcs), np.inf)
             for points in (frames.start, frames.tip, frames.end):
                 leaf = leaf_at(leaves, points)
                 size = np.minimum(size, np.where(leaf >= 0, leaves.size[leaf] * UNIT, np.inf))
-            long = (frames.turn != 0.0) & (frames.length > LONGEST * size)
+            long = (frames.turn != 0.0) & (frames.length > size)
             if not long.any():
                 return
             self.arcs = halved(self.arcs, long)

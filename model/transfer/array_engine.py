@@ -23,8 +23,9 @@ from kaju.errors import AgentError
 from .stage import Ledger, Stage, TakenHistory, TakenRows, Totals
 from .transfer import Transfer
 
-LOOKED_AT_ONCE = 256
-"""An agent that wakes looks at blocks of about so many cells."""
+LOOKED_AT_ONCE = 144
+"""An agent that wakes looks at blocks of about so many cells; of 64 to 1,024 on squares of 20 to
+300 cells a side the quickest."""
 
 ROWS_AT_ONCE = 2**18
 """So many rows are passed on at once: more take more memory, and no less time."""

@@ -70,14 +70,15 @@ def plot_sweep_map(
     where = np.column_stack([place for place, _ in places])
     rows = table[ERROR].to_numpy() == ""
     value = good[measure].to_numpy(dtype=np.float64)
-    drawn = ax.scatter(*where[rows].T, c=value, s=_size(where), cmap=SEQUENTIAL, marker="s")
-    ax.scatter(*where[~rows].T, c=FORCE, s=24, marker="x", lw=1.2)
+    across, along = where[rows].T
+    drawn = ax.scatter(across, along, c=value, s=_size(where), cmap=SEQUENTIAL, marker="s")
+    ax.scatter(where[~rows, 0], where[~rows, 1], c=FORCE, s=24, marker="x", lw=1.2)
     for axis, key, (place, names) in zip("xy", (x, y), places, strict=True):
         _axis(ax, axis, key, place, names)
     stable = measure == "spectral_radius" and value.min() < 1.0 < value.max()
     if stable and len(value) > 3 and not any(names for _, names in places):
         look: Any = {"levels": [1.0], "colors": INK, "linewidths": 1.4}
-        ax.tricontour(*where[rows].T, value, **look)
+        ax.tricontour(across, along, value, **look)
     colour_bar(ax, drawn, measure)
     ax.tick_params(labelsize=8, color=FAINT)
     notes = [f"{len(good)} runs" + (f"; crosses: {len(bad)} that failed" if len(bad) else "")]

@@ -25,8 +25,8 @@ from kaju.model.elastic.pair.elements import (
     on_sides,
     without_plane,
 )
+from kaju.model.elastic.pair.leaf_mesh import PlaneMesh, backwards, followed
 from kaju.model.elastic.pair.levels import Blocks
-from kaju.model.elastic.pair.mesh import PlaneMesh, backwards, followed
 
 LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
 """Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""

@@ -18,7 +18,7 @@ from .cut_border import Border, Entries, Known, coo
 from .cut_elements import integrated, quadratic_strain, stress_rows
 from .cut_mesh import CutMesh
 from .elements import forms, means, rule, stresses
-from .mesh import followed
+from .leaf_mesh import followed
 
 SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
 NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
@@ -136,7 +136,7 @@ def _diagonal(blocks: Floats) -> sp.csr_array:
     )
 
 
-class Fitting:
+class CutFitting:
     """A displacement without gaps on squares and triangles: quadratic on all edges."""
 
     def __init__(

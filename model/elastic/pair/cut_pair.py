@@ -20,7 +20,7 @@ from kaju.model.outline.true_shapes import UNIT, covering
 
 from .cut_border import Border
 from .cut_elements import slopes
-from .cut_fields import Balancing, Fitting
+from .cut_fields import Balancing, CutFitting
 from .cut_mesh import CutMesh, mesh_of, squares_to_cut, with_squares
 from .elements import airy_stress, quadratic_values, rule, strain_rows, strains, stresses
 from .gap import FAR, Bounds
@@ -107,7 +107,7 @@ class CutPair:
         loose = loose_parts(meshes[0], edges[0], problem.weight)
         self.loose = int(loose.sum())
         """Parts of the body that hang on nothing, and bear nothing."""
-        self.fitting = Fitting(meshes[0], edges[0], laws, problem.weight, size, loose)
+        self.fitting = CutFitting(meshes[0], edges[0], laws, problem.weight, size, loose)
         self.balancing = Balancing(meshes[1], edges[1], others, problem.weight, size)
         self.borders = edges[0], edges[1]
         self.laws, self.along = (laws, others), within

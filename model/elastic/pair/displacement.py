@@ -22,9 +22,9 @@ from kaju.model.elastic.pair.elements import (
     side_masses,
     strains,
 )
+from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.levels import Blocks, FieldLevel
-from kaju.model.elastic.pair.mesh import Mesh
 from kaju.model.elastic.posed_body import PosedBody
 
 

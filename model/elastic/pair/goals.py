@@ -38,8 +38,8 @@ from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reac
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.border import Sides, torn
 from kaju.model.elastic.pair.gap import ROUNDING, energies
+from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.mesh import Mesh
 from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.settling import Aim, Settled
 from kaju.model.elastic.pair.space import NO_BOUND, Bricks

@@ -32,8 +32,8 @@ from kaju.model.elastic.pair.gap import (
     fields_at_rule,
     stress_of,
 )
+from kaju.model.elastic.pair.leaf_mesh import PlaneMesh, backwards
 from kaju.model.elastic.pair.levels import FieldLevel, handed_down, level_of
-from kaju.model.elastic.pair.mesh import PlaneMesh, backwards
 
 
 @dataclass(eq=False)

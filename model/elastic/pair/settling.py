@@ -11,9 +11,9 @@ from kaju.arrays import Floats
 from kaju.model.elastic.pair.border import Sides, check_held, sides_of
 from kaju.model.elastic.pair.displacement import moved_by, way_of
 from kaju.model.elastic.pair.elements import child_maps
+from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.levels import FieldLevel, descent, handed_down, level_of
-from kaju.model.elastic.pair.mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.opinions import Opinions, balance
 from kaju.model.elastic.pair.space import MOST_FACTORED, Bricks, Hats
 from kaju.model.elastic.posed_body import PosedBody

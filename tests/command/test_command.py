@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from kaju import TransferResult, load_scene
-from kaju.model.transfer.load_transfer import LoadTransfer
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLATE = str(EXAMPLES / "plate.toml")
@@ -101,18 +100,6 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert kaju("new", "mine.toml")[0] == 0
     assert load_scene("mine.toml") == load_scene(PLATE)
     code, _, err = kaju("new", "mine.toml")
-    assert code == 2
-    assert "exists already" in err
-
-
-def test_animate_makes_a_picture_from_a_stored_run(kaju, monkeypatch):
-    kaju("run", PLATE, "--out", "here", "--no-pictures", "--set", "loads.0.steps=1")
-    monkeypatch.setattr(LoadTransfer, "__init__", lambda *_: pytest.fail("ran again"))
-    code, out, _ = kaju("animate", "here")
-    assert code == 0
-    assert out.strip() == str(Path("here/film.gif"))
-    assert Path("here/film.gif").read_bytes().startswith(b"GIF")
-    code, _, err = kaju("animate", "here")
     assert code == 2
     assert "exists already" in err
 

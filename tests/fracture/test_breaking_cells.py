@@ -1,7 +1,6 @@
 """Bodies that break cell by cell, and the verb for it."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -124,15 +123,3 @@ def test_a_notched_body_parts_where_it_is_notched(tmp_path):
     assert sorted(path.name for path in (tmp_path / "broken").iterdir()) == [
         *("crack.png", "result.npz", "summary.json")
     ]
-
-
-def test_the_example_cracks_from_its_notch_to_the_other_side(tmp_path):
-    scene = Path(__file__).parents[2] / "examples" / "notch" / "notch.toml"
-    words = ["break", scene, "--out", tmp_path / "broken", "--strength", 50e6, "--scatter", "20%"]
-    told = CliRunner().invoke(app, [*map(str, words), "--json"], catch_exceptions=False)
-    assert json.loads(told.stdout)["outcome"].startswith("parted")
-    history = kaju.load_result(tmp_path / "broken").history
-    assert history["x_m"].idxmin() == 0
-    assert history["x_m"][0] == pytest.approx(0.0525)
-    assert history["x_m"].max() > 0.19
-    assert (abs(history["y_m"] - 0.105) < 0.02).all()

@@ -54,16 +54,6 @@ def test_polygons_of_a_file_fill_the_body(answer, tmp_path, ending) -> None:
     np.testing.assert_allclose(np.array(moved)[far], told, atol=1e-6 * largest)
 
 
-def test_an_outline_is_followed_without_a_leap(answer) -> None:
-    at, _ = answer.outline_stress("bore")
-    np.testing.assert_allclose(np.hypot(*(at - 0.1).T), 0.031, rtol=0.02)
-    turn = np.unwrap(np.arctan2(*(at - 0.1).T[::-1]))
-    steps = np.diff(turn) * np.sign(turn[-1] - turn[0])
-    assert steps.min() > 0.0
-    assert steps.max() < 0.8
-    assert abs(turn[-1] - turn[0]) < 2.0 * np.pi
-
-
 @pytest.fixture(scope="module")
 def finer() -> kaju.ElasticResult:
     return kaju.solve(plate(), tolerance=0.05)

@@ -55,16 +55,6 @@ def grown():
     return kaju.GrowthModel(plate((1.0, -2.0)), rule="stress", volume=0.4, most_steps=9).run()
 
 
-def test_springs_stand_where_the_network_put_them():
-    result = network()
-    header, columns = motion_data(result)
-    np.testing.assert_allclose(columns["moved"], result.displacement, rtol=1e-6)
-    np.testing.assert_allclose(columns["value tension"], result.tension, rtol=1e-6, atol=1e-9)
-    assert columns["held"].tolist() == np.flatnonzero(result.network.held.any(axis=1)).tolist()
-    assert len(header["forces"]) == 2
-    assert header["at"] == result.stage.tolist()
-
-
 def test_agents_of_every_generation_fill_the_plate():
     result = spawned()
     header, columns = motion_data(result)

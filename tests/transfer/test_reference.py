@@ -79,18 +79,6 @@ def test_stages_repeat_the_run_with_more_load(engine):
     assert not np.allclose(taken, np.linspace(0.05, 1, 20) * taken[-1], rtol=0.05), "not linear"
 
 
-@ENGINES
-def test_a_run_can_be_looked_at_half_way(engine):
-    model = LoadModel(worked(), engine=engine)
-    for _ in range(3):
-        model.step()
-    stage = model.result().last
-    assert stage.outcome == "interrupted after 3 generations"
-    assert stage.ledger.pending > 0.0
-    assert stage.ledger.imbalance < 1e-12
-    assert stage.history.generation.max() == 3
-
-
 RULE = PrescribedRule(threshold=1e-3)
 
 

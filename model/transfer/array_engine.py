@@ -238,7 +238,9 @@ class ArrayEngine:
         if size > MOST_EMPTY * len(self.waiting.place) + 2**16:  # a table of those that occur
             came = [(where % size, copies) for where, copies in came]
             names = np.concatenate([where for where, _ in came])
-            names = np.append(names, self._back(names[names >= cells] - size, count))
+            back = names[names >= cells] - size
+            home = self.home[self._wall(back // count)] * count + back % count
+            names = np.append(names, home)
             names.sort()
             names = names[_firsts(names)]
             came = [(np.searchsorted(names, where), copies) for where, copies in came]
@@ -268,16 +270,11 @@ class ArrayEngine:
             small = goes_on & ~(copies > self.threshold)
             self.dropped += float(copies[small].sum())
             goes_on &= ~small
-        where, copies = where[goes_on], copies[goes_on]
-        load = self.values.take(number[goes_on]) * copies
-        self.given_back.append((self.generation, self._wall(where // count), load))
+        where, number, copies = where[goes_on], number[goes_on], copies[goes_on]
+        wall, load = self._wall(where // count), self.values.take(number) * copies
+        self.given_back.append((self.generation, wall, load))
         self.returned += float(load.sum())
-        return self._back(where, count), copies
-
-    def _back(self, where: Ints, count: int) -> Ints:
-        """Return where loads go that have come to boundaries."""
-        place = where // count
-        return self.home[self._wall(place)] * count + where - place * count
+        return self.home[wall] * count + number, copies
 
     def _wall(self, place: Ints) -> Ints:
         """Return the numbers of places of boundaries, which count from 0 up, wall after wall."""

@@ -157,16 +157,20 @@ def plot_agents(
     generation: int | None = None,
     cut: Cut = None,
     crop: bool | None = None,
+    state: str | None = None,
 ) -> Axes:
     """Draw the body with its agents, coloured by the generation in which they spawned.
 
     With a generation also the loads that were taken in it. Bodies in space unless cut as blocks.
+    With the name of a state of agents of one's own, coloured by that.
     """
-    if result.scene.lattice.dimension == 3 and cut is None:
+    if result.scene.lattice.dimension == 3 and cut is None and state is None:
         return _plot_in_space(result, ax, generation, crop)
     stage, until = result.last, _until(result.last, generation)
     section = section_of(result.scene, result.focus, cut, crop, caveats=result.caveats_in_brief)
     picture = BodyPicture(section, ax, result.stage)
+    if state is not None:
+        return _finish_states(result, picture, state, generation)
     if not len(stage.cells):
         return picture.finish("Agents", [stage.outcome, *picture.notes])
     norm, born = spawn_norm(stage.generations), stage.spawn_step <= until
@@ -188,19 +192,11 @@ def plot_agents(
     return picture.finish("Agents", notes)
 
 
-def plot_state(
-    result: TransferResult,
-    ax: Axes | None = None,
-    *,
-    state: str,
-    generation: int | None = None,
-    cut: Cut = None,
-    crop: bool | None = None,
+def _finish_states(
+    result: TransferResult, picture: BodyPicture, state: str, generation: int | None
 ) -> Axes:
     """Draw the agents by what they know (`kaju.State`), after a generation or in the end."""
     stage, known = result.last, result.states[state]
-    section = section_of(result.scene, result.focus, cut, crop, caveats=result.caveats_in_brief)
-    picture = BodyPicture(section, ax, result.stage)
     every, last = known.values(), stage.generations if generation is None else generation
     yes_or_no = every.dtype == np.bool_
     low, high = (0.0, 1.0) if yes_or_no else (float(every.min()), float(every.max()))
@@ -209,7 +205,7 @@ def plot_state(
         norm = BoundaryNorm([-0.5, 0.5, 1.5], colormaps[SEQUENTIAL].N)
     born = stage.spawn_step <= last + 1
     agents = stage.cells[born], known.values(last)[born]
-    _draw_tiles(picture.ax, section, "states", *agents, "max", norm=norm)
+    _draw_tiles(picture.ax, picture.section, "states", *agents, "max", norm=norm)
     bar = colour_bar(picture.ax, ScalarMappable(norm, SEQUENTIAL), known.meaning)
     if yes_or_no:
         bar.set_ticks([0.0, 1.0], labels=["no", "yes"])

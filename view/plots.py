@@ -67,7 +67,7 @@ def _picture(known: Mapping[str, str], name: str) -> Picture:
     """Return what draws a picture; names of agents' own states are all drawn by one."""
     if name in known:
         return cast(Picture, fetch(known[name]))
-    return partial(fetch("view.agents:plot_state"), state=name)
+    return partial(fetch("view.agents:plot_agents"), state=name)
 
 
 def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **options: Any) -> Figure:

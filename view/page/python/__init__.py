@@ -25,17 +25,6 @@ OFFERED = (
     "RollerBoundaryAgent", "Shares", "State",
 )  # fmt: skip
 """What agents in a page import from kaju."""
-LICENCE = (
-    "Brython 3.15 (brython.info): Copyright (c) 2012, Pierre Quentel. All rights reserved"
-    ". BSD 3-clause licence: redistribution and use in source and binary forms, with or w"
-    "ithout modification, are permitted provided that the copyright notice, these conditi"
-    "ons and the disclaimer are kept, and that the names of its makers are not used to en"
-    "dorse products without written permission. THIS SOFTWARE IS PROVIDED BY THE COPYRIGH"
-    'T HOLDERS AND CONTRIBUTORS "AS IS" AND ANY EXPRESS OR IMPLIED WARRANTIES ARE DISCLAI'
-    "MED; IN NO EVENT SHALL THEY BE LIABLE FOR ANY DAMAGES ARISING IN ANY WAY OUT OF THE "
-    "USE OF THIS SOFTWARE."
-)
-"""What the page's About says of Brython; the package comes without a text of its own."""
 SMALL = {
     "dataclasses": "def replace(of, **named):\n    return of._replace(**named)\n",
     "typing": "class A:\n    def __getitem__(self, what):\n        return self\n"
@@ -69,7 +58,14 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
         needs = [name for name in needs if name not in modules + offered]
         head = [f"import {name}" for name in modules] + [f"from kaju import {', '.join(offered)}"]
         code = "\n".join(head) + f"\n\n\n{source}\n"
-    return {"python": {"code": code, "needs": needs, "ready": ready, "licence": LICENCE}}
+    return {
+        "python": {
+            "code": code,
+            "needs": needs,
+            "ready": ready,
+            "licence": _text("ready/licence.txt").strip(),
+        }
+    }
 
 
 def _unknown(source: str) -> list[str]:

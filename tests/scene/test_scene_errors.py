@@ -68,6 +68,13 @@ PARTS = [
 ]
 
 
+HISTORIES = [
+    ({"hold": 1.0, "duration": 2.0}, "history.steps.0.duration"),
+    ({"ramp": 1.0, "period": 2.0}, "history.steps.0.period"),
+    ({"ramp": 1.0, "hold": 2.0}, "history.steps.0.ramp"),
+]
+
+
 REGIONS = [
     ({"box": [[0, 0], [0.1, 0.1]]}, "body.regions.0.material: is needed"),
     ({"material": "air"}, "body.regions.0.box: a region has exactly one shape .* got none"),
@@ -85,6 +92,7 @@ WRONG = [
     *[({"body": body}, told) for body, told in BODIES],
     *PARTS,
     *[({"body": {"regions": [region]}}, told) for region, told in REGIONS],
+    *[({"history": {"steps": [step]}}, told) for step, told in HISTORIES],
 ]
 
 

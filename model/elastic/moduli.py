@@ -8,24 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.elastic_rule import Moduli, moduli_of
+from kaju.agents.elastic_rule import Moduli as Moduli
+from kaju.agents.elastic_rule import moduli_of as moduli_of
 from kaju.arrays import Floats, Ints
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
-
-__all__ = [
-    "Moduli",
-    "by_law",
-    "equivalent_stress",
-    "is_rubber",
-    "moduli_at",
-    "moduli_of",
-    "normal_stress",
-    "scene_moduli",
-    "strain_of",
-    "von_mises",
-]
 
 STIFF_PRESSURE = 9.0  # λ/μ (0.45 in ν) from which on the mixed form is the quicker one
 

@@ -227,7 +227,8 @@ class PosedBody:
         force[at] = uneven.force
         acts = np.ones(len(leaf), dtype=np.bool_)
         acts[at] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
-        return LeafForces(leaf[acts], direction[acts], force[acts], uneven.some(acts[at]))
+        uneven = Portions._make(column[acts[at]] for column in uneven)
+        return LeafForces(leaf[acts], direction[acts], force[acts], uneven)
 
     def _collect_loads(self, stage: int | None) -> None:
         """Sum the forces on the same face of a cell, in the order of their keys."""

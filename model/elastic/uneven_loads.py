@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.selection import Uneven
 
 LARGEST = {2: 0.5, 3: 0.9}
@@ -64,10 +64,6 @@ class Portions(NamedTuple):
         rest = np.sqrt(np.maximum(square - linear / whole, 0.0))
         rest[rest <= 1e-7 * np.sqrt(square)] = 0.0  # rounding
         return cls(box, side, total, moment, rest)
-
-    def some(self, chosen: Ints | Flags) -> Portions:
-        """Return some of them."""
-        return Portions._make(column[chosen] for column in self)
 
 
 def softest(stretch: Floats, lateral: Floats, shear: Floats, d: int) -> Floats:

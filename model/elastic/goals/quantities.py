@@ -9,7 +9,7 @@ the name of a side, such as ``"top"``: all of the body's surface there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import hypot, isfinite
 from typing import Any
 
@@ -225,8 +225,7 @@ def told(goals: Sequence[Quantity]) -> list[dict[str, Any]] | None:
 
 def described(quantity: Quantity) -> dict[str, Any]:
     """Return a quantity as plain values."""
-    values = {field.name: getattr(quantity, field.name) for field in fields(quantity)}
-    return {"quantity": type(quantity).__name__, **values}
+    return {"quantity": type(quantity).__name__, **vars(quantity)}
 
 
 def named(quantity: Quantity) -> str:

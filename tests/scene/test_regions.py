@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from PIL import Image
 from plates import loaded
 
+from kaju import Scene
 from kaju.errors import SceneError
 
-AIR, RIGID = -1, -2
+AIR, RIGID, MIXED = -1, -2, -99
 
 
 def plate(*regions, cells=(8, 8), **body):
@@ -84,6 +85,29 @@ def test_asking_cell_by_cell_is_rasterising(described):
     lower, upper = scene.bounds()
     outside = np.any((cells < lower) | (cells >= upper), axis=1)
     assert np.all(raster.ravel()[outside] < 0)
+    check_boxes(scene, sure=False)
+
+
+def check_boxes(scene, sure):
+    """A box of 2^k cells is of one kind only if all of its cells are; if `sure`, and just then."""
+    raster = scene.rasterise()
+    for edge in (2, 4, 8):
+        corners = edge * np.argwhere(np.ones([n // edge for n in raster.shape]))
+        for at, kind in zip(
+            corners, scene.purity().kinds(corners, edge.bit_length() - 1), strict=True
+        ):
+            held = raster[tuple(slice(low, low + edge) for low in at)]
+            assert kind == MIXED or (held == kind).all()
+            assert not sure or (kind == MIXED) == (np.ptp(held) > 0)
+
+
+@given(st.lists(st.sampled_from([0, 0, 0, 1]), min_size=24, max_size=24))
+def test_boxes_of_a_drawn_body_are_of_one_kind_just_if_their_cells_are(codes):
+    codes = np.kron(np.reshape(codes, (4, 6)), np.ones((2, 2), int))
+    codes[0, 0] = 0
+    legend = {0: "steel", 1: "air"} if codes.any() else {0: "steel"}
+    free = {"allow_floating": True, "sides": {}}
+    check_boxes(Scene.from_array(codes, legend=legend, cell_size=1.0, **free), sure=True)
 
 
 @given(shapes)

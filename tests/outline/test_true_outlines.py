@@ -422,3 +422,8 @@ def test_slits_far_thinner_than_agents_are_proved(corners, truth) -> None:
     assert answer.tolerance_kept == "proved"
     assert lower * (1 - 1e-5) < truth < upper * (1 + 1e-5)
     assert answer.agents < 2000
+
+
+def test_small_agents_at_a_hole_keep_the_digits_of_their_stress() -> None:
+    path = Path(__file__).parents[1] / "data" / "failed" / "true_outlines_106.toml"
+    assert kaju.solve(path, tolerance=0.04).tolerance_kept == "proved"

@@ -80,7 +80,7 @@ def in_triangles(arcs: Floats) -> Floats:
             raise TouchError
         wide |= (narrow | np.roll(narrow, 1)) & (turn > 0.0)
         if not wide.any():
-            first, second = overlapping(frames.triangles, frames.triangles, 0.0)
+            first, second = overlapping(frames.triangles, frames.triangles, CLOSE)
             apart = (second - first) % len(arcs)
             kept = (first < second) & (apart > 1) & (apart < len(arcs) - 1)
             first, second = first[kept], second[kept]

@@ -313,6 +313,13 @@ def test_outlines_that_leave_nothing_are_refused() -> None:
         kaju.solve(plate(10.0), tolerance=0.2)
 
 
+def test_an_outline_whose_curve_touches_one_of_its_sides_is_refused() -> None:
+    # The wave's lowest point, (0.06, 0.03), lies on the bottom of the hole, but for rounding.
+    wave = "M.03.04Q.04.06.05.04T.07.04V.03H.03Z"
+    with pytest.raises(kaju.errors.SceneError, match=r"regions\.\d: .* touches itself"):
+        kaju.solve(plate().with_region("air", path=wave, outline="true"), tolerance=0.2)
+
+
 def test_a_pressed_outline_stands_alone() -> None:
     scene = plate(loads=[{"outline": "hole", "pressure": 1.0}])
     crossing = scene.with_region(disk={"centre": [0.025, 0.025], "radius": 0.01}, outline="true")

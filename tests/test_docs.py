@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from parsed_sources import parsed
 
 from kaju import Scene
 
@@ -33,12 +34,10 @@ def test_every_link_and_picture_is_there(page):
 
 
 def test_every_message_that_is_explained_is_one_of_the_package():
-    rooms = (ROOT / room for room in ("agents", "cli", "model", "src", "view"))
     said = {
         node.value
-        for room in rooms
-        for path in room.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for tree in parsed().values()
+        for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
     rows = re.findall(r"^\| (`.*?`) \|", (ROOT / "docs" / "when-it-says-no.md").read_text(), re.M)

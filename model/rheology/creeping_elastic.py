@@ -250,12 +250,7 @@ class CreepingBody(Creeping):
         run = conjugate_gradients(apply, self._precondition(modulus), load, start.copy(), done)
         if run.converged:
             return run.solution
-        raise ConvergenceError(
-            f"creep: after {run.iterations} iterations {run.residuals[-1]:.3g} of the load are "
-            "still unbalanced; members may be too thin, or materials too far apart or too nearly "
-            "incompressible for so large a body",
-            tuple(run.residuals),
-        )
+        raise _unsolved(run.residuals)
 
     def _precondition(self, modulus: Floats) -> Callable[[Floats], Floats]:
         """Return a solver for moduli that are alike but for a common factor and one of two."""
@@ -273,7 +268,10 @@ class CreepingBody(Creeping):
         """Return the factors of the matrix if they fit in memory, or else a multigrid cycle."""
         if self.numbering.size <= DIRECT_LIMIT[self.problem.dimension]:
             problem = replace(self.problem, moduli=moduli)
-            factors = factors_of(stiffness_matrix(problem, self.numbering))
+            try:
+                factors = factors_of(stiffness_matrix(problem, self.numbering))
+            except RuntimeError as singular:
+                raise _unsolved([1.0]) from singular
             return lambda load: np.asarray(factors.solve(load))
         from kaju.model.elastic.equal.hierarchy import Hierarchy  # It holds compiled loops.
 
@@ -285,6 +283,16 @@ class CreepingBody(Creeping):
             return cells.precondition(vector)[cells.moving]
 
         return cycle
+
+
+def _unsolved(residuals: list[float]) -> ConvergenceError:
+    """Return the error of a step whose loads do not come to balance."""
+    return ConvergenceError(
+        f"creep: after {len(residuals) - 1} iterations {residuals[-1]:.3g} of the load are still "
+        "unbalanced; supports or hinges may be too soft, members too thin, or materials too far "
+        "apart or too nearly incompressible for so large a body",
+        tuple(residuals),
+    )
 
 
 def _join(*parts: Floats) -> Floats:

@@ -226,6 +226,7 @@ class Integrator:
             f"creep: at {state.time:.6g} s even the shortest step misses the tolerance "
             f"{self.tolerance}: the motion gets faster and faster, as if something folds or "
             "snaps through; end earlier (duration=), or take smaller loads"
+            + (f". Of its last try: {trouble}" if trouble else "")
         ) from trouble
 
 

@@ -97,7 +97,10 @@ def conjugate_gradients(
             p += z
         previous = product
         q = apply(p)
-        length = product / dot(p, q)
+        resisted = dot(p, q)
+        if not resisted > 0.0:  # Rounding has eaten what the body resists with.
+            return run
+        length = product / resisted
         q *= length
         r -= q
         x += np.multiply(p, length, out=q)

@@ -136,7 +136,8 @@ def lift(problem: ElasticProblem, origin: Ints, cells: Ints) -> FaceFields:
 
 def judge_rounding(system: System, solution: Solution, resisted: Floats, lost: float = 0.0) -> None:
     """Say, or refuse, where so many digits are lost that forces do not balance."""
-    if not system.right.any():
+    loads = sqrt(dot(system.right, system.right))
+    if loads == 0.0:
         return
     if system.problem.needs_mixed_form:
         lost = system.unbalanced(solution.displacement)
@@ -144,7 +145,7 @@ def judge_rounding(system: System, solution: Solution, resisted: Floats, lost: f
         # A face's force is the difference of far larger ones where the body hardly resists (a soft
         # bed, a hinge) or hardly shrinks (a pressure λ div u).
         rounding = float(np.finfo(np.float64).eps * np.linalg.norm(resisted))
-        lost = max(lost, rounding / sqrt(dot(system.right, system.right)))
+        lost = max(lost, rounding / loads)
         if solution.method == "direct":
             lost = max(lost, solution.residuals[-1])
     if lost > UNBALANCED:

@@ -25,7 +25,14 @@ from kaju.model.elastic.pair.elements import (
     on_sides,
     without_plane,
 )
-from kaju.model.elastic.pair.leaf_mesh import PlaneMesh, backwards, followed
+from kaju.model.elastic.pair.leaf_mesh import (
+    Entries,
+    PlaneMesh,
+    backwards,
+    coo,
+    followed,
+    on_cubic,
+)
 from kaju.model.elastic.pair.levels import Blocks
 
 LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
@@ -61,29 +68,6 @@ def _closed(given: Flags) -> Flags:
     """Tell which of phi, phi_x and phi_y are given all round a loop by its edges' tractions."""
     along_x, along_y = (bool(given[:, axis].all()) for axis in (0, 1))
     return np.array([along_x and along_y, along_y, along_x])
-
-
-class _Follow:
-    """Rows that say what unknowns are by others."""
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-        self.rows: list[Ints] = []
-        self.columns: list[Ints] = []
-        self.values: list[Floats] = []
-        self.follows = np.zeros(size, dtype=np.bool_)
-
-    def add(self, rows: Ints, columns: Ints, values: Floats | float) -> None:
-        self.rows.append(rows)
-        self.columns.append(np.broadcast_to(columns, rows.shape))
-        self.values.append(np.broadcast_to(values, rows.shape))
-        self.follows[rows] = True
-
-    def way(self) -> sp.csr_array:
-        own = np.flatnonzero(~self.follows)
-        rows, columns = np.concatenate([own, *self.rows]), np.concatenate([own, *self.columns])
-        values = np.concatenate([np.ones(len(own)), *self.values])
-        return followed(rows, columns, values, self.size)
 
 
 class Airy:
@@ -188,12 +172,12 @@ class Airy:
 
     def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array]:
         """Return what all unknowns are by the free ones, which these are, and how they turn."""
-        self._follow = _Follow(self.size)
+        self._follow: Entries = []
         fixed = np.zeros(self.size, dtype=np.bool_)
         self._hang()
         copies = self.mesh.vertices + np.arange(len(self.base))
         for k in range(3):
-            self._follow.add(3 * copies + k, 3 * self.base + k, 1.0)
+            self._follow.append((3 * copies + k, 3 * self.base + k, 1.0))
         self._jump(copies, self.beyond, 1.0)
         self._stretches: list[tuple[int, Ints]] = []
         begun: dict[int, tuple[float, int]] = {}
@@ -204,7 +188,7 @@ class Airy:
                 long = float(np.ptp(self.place[ends], axis=0).sum())
                 begun[part] = max(begun[part], (long, first))
         self._close(fixed)
-        way, follows = self._follow.way(), self._follow.follows
+        way, follows = followed(self._follow, self.size)
         # A linear function has no stress: phi and its slopes vanish in every part, along the
         # longest stretch of free edges, or somewhere.
         for _, first in begun.values():
@@ -239,7 +223,8 @@ class Airy:
         """Add so many times the linear functions of cuts to phi at vertices or copies."""
         for k, by in terms:
             value = times * (self.place[point, by - 1] if by > k else 1.0)
-            self._follow.add(3 * point + k, self.jump + 3 * np.asarray(cut) + by, value)
+            column = np.broadcast_to(self.jump + 3 * np.asarray(cut) + by, point.shape)
+            self._follow.append((3 * point + k, column, value))
 
     def _chain(self, vertex: int) -> list[int]:
         """Return the cuts that a copy lies beyond."""
@@ -269,17 +254,11 @@ class Airy:
         end = np.where(torn, seen(mesh.whole, 1), seen(second, 1))
         view = np.where(torn & (seen(first, 0) != start), seen(second, 0), view)
         length = mesh.length[mesh.whole] / self.cell
-        along, across = 1 + axis, 2 - axis
         bulge = 3 * self.points + mesh.whole
-        for vertex, sign in ((start, 1.0), (end, -1.0)):
-            follow.add(3 * middle, 3 * vertex, 0.5)
-            follow.add(3 * middle, 3 * vertex + along, sign * length / 8.0)
-            follow.add(3 * middle + along, 3 * vertex, -sign * 1.5 / length)
-            follow.add(3 * middle + along, 3 * vertex + along, -0.25)
-            follow.add(3 * middle + across, 3 * vertex + across, 0.5)
-        follow.add(3 * middle + across, bulge, 1.0)
-        for half in mesh.halves:
-            follow.add(3 * self.points + half, bulge, 0.25)
+        follow += on_cubic(middle, start, 1.0, axis, length)
+        follow += on_cubic(middle, end, -1.0, axis, length)
+        follow.append((3 * middle + 2 - axis, bulge, 1.0))
+        follow += [(3 * self.points + half, bulge, 0.25) for half in mesh.halves]
         for own, copy in zip(middle, view.tolist(), strict=True):
             for cut in self._chain(copy):
                 self._jump(own[None], cut, -1.0)
@@ -316,7 +295,7 @@ class Airy:
                 # The walk's first vertex, met again in the end, follows where this closes no ring.
                 own = own[own != last] if closed[k] else own
                 value = (self.place[own] - self.place[first])[:, by - 1] if by > k else 1.0
-                self._follow.add(3 * own + k, np.full(len(own), 3 * first + by), value)
+                self._follow.append((3 * own + k, np.full(len(own), 3 * first + by), value))
             self._over_cuts(terms, rows, seen, end[loop], last, closed)
         return int(last)
 
@@ -357,7 +336,7 @@ class Airy:
                     row = self.jump + 3 * left[-1:] + k
                     fixed[row] = len(left) == 1
                     for other in left[:-1]:
-                        self._follow.add(row, self.jump + 3 * other[None] + k, -1.0)
+                        self._follow.append((row, self.jump + 3 * other[None] + k, -1.0))
 
 
 def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
@@ -367,29 +346,27 @@ def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
     n, edges = len(mesh.leaves), mesh.edges
     number = 3 * np.arange(edges)[:, None] + np.arange(3)
     own = mesh.edge[:, on_sides(2)[:, 2] - 4]  # by side
-    rows, columns, values = [], [], []
+    entries: Entries = []
     for side in range(4):
         axis, sign = side // 2, 2.0 * (side % 2) - 1.0
         turn = 1.0 if axis else -1.0
         for row, column, value in (
             (0, 0, 1.0), (1, 1, 1.0), (2, 1 - axis, -0.5 * sign * turn), (2, 2, turn),
         ):  # fmt: skip
-            rows.append(3 * np.arange(n) + row)
-            columns.append(number[own[:, side], column])
-            values.append(np.full(n, sign * value))
-    at = np.concatenate(rows), np.concatenate(columns)
-    matrix = sp.csr_array((np.concatenate(values), at), shape=(3 * n, 3 * edges))
-    follow = _Follow(3 * edges)
+            entries.append((3 * np.arange(n) + row, number[own[:, side], column], sign * value))
+    matrix = coo(entries, (3 * n, 3 * edges))
+    follow: Entries = []
     whole, across = number[mesh.whole], 1 - mesh.axis[mesh.whole]
     for half, lean in zip(mesh.halves, (-1.5, 1.5), strict=True):
         for k, share in enumerate((0.5, 0.5, 0.25)):
-            follow.add(number[half, k], whole[:, k], share)
-        follow.add(number[half, across], whole[:, 2], lean)
-    free = ~follow.follows
+            follow.append((number[half, k], whole[:, k], share))
+        follow.append((number[half, across], whole[:, 2], lean))
+    every, follows = followed(follow, 3 * edges)
+    free = ~follows
     border, normal = number[mesh.border], mesh.side // 2
     free[border[:, :2]] &= ~sides.given
     free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normal]
-    way = sp.csr_array(follow.way()[:, np.flatnonzero(free)])
+    way = sp.csr_array(every[:, np.flatnonzero(free)])
     # Couples weigh as tractions of the same size.
     weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[free]
     balance = sp.csr_array(matrix @ way)

@@ -46,10 +46,10 @@ class PairAgents(OnCells):
     """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
     notes: list[str]
     # The agents of every generation, and the opinions of the last
-    known: InitVar[tuple[list[LeafCells], Settled] | None] = None
+    known: InitVar[tuple[list[LeafCells], Any] | None] = None
 
-    def __post_init__(self, known: tuple[list[LeafCells], Settled] | None) -> None:
-        self._last = known and known[1]
+    def __post_init__(self, known: tuple[list[LeafCells], Any] | None) -> None:
+        self._last: Settled | None = known and known[1]
         if known is not None:
             self.trees = known[0]
         else:

@@ -18,13 +18,13 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.posed_outlines import SIDES, OutlineProblem, UnlikeError
 
 from .cut_mesh import CutMesh
+from .leaf_mesh import Entries, coo
 
 ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
 REACH = 0.5  # of the way to other parts of the border
 LEVEL = 1e-9  # sine of the angle to a force below which an edge is along it
 BALANCED = 1e-9
 """Of the sum of all forces: by so much the loads of a part that nothing holds may not balance."""
-Entries = list[tuple[Ints, Ints, Floats | float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,10 +328,3 @@ def _beside(ring: Floats, places: Floats) -> Floats:
     on = (y0 > y) != (y1 > y)
     x = np.sort(x0[on] + (y - y0[on]) / (y1[on] - y0[on]) * (x1[on] - x0[on]))
     return np.array([0.5 * (x[-1] + x[-2]), y])
-
-
-def coo(entries: Entries, shape: tuple[int, int]) -> sp.csr_array:
-    """Return a sparse matrix of rows, columns and values."""
-    rows, columns = (np.concatenate([one[k] for one in entries]) for k in (0, 1))
-    values = np.concatenate([np.broadcast_to(one[2], len(one[0])) for one in entries])
-    return sp.csr_array((values, (rows, columns)), shape=shape)

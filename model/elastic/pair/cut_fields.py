@@ -14,11 +14,11 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.outline.true_shapes import Law
 
-from .cut_border import Border, Entries, Known, coo
+from .cut_border import Border, Known
 from .cut_elements import integrated, quadratic_strain, stress_rows
 from .cut_mesh import CutMesh
 from .elements import forms, means, rule, stresses
-from .leaf_mesh import followed
+from .leaf_mesh import Entries, coo, followed, on_cubic, on_parabola
 
 SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
 NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
@@ -193,14 +193,8 @@ class CutFitting:
         fixed[:nodes][loose[mesh.parts]] = True
         fixed[nodes:][loose[mesh.parts[mesh.ends[:, 0]]]] = True
         whole, middle, halves = mesh.hanging
-        a, b = mesh.ends[whole].T
-        slave = np.zeros(total, dtype=np.bool_)
-        slave[middle] = slave[nodes + halves] = True
-        own, bulge = np.flatnonzero(~slave), nodes + whole
-        rows = np.concatenate([own, middle, middle, middle, *(nodes + halves)])
-        columns = np.concatenate([own, a, b, bulge, bulge, bulge])
-        many = [len(own), *[len(middle)] * 5]
-        tie = followed(rows, columns, np.repeat([1.0, 0.5, 0.5, 1.0, 0.25, 0.25], many), total)
+        ends = on_parabola(middle, mesh.ends[whole], nodes + whole, nodes + halves)
+        tie, slave = followed(ends, total)
         both = sp.kron(tie, sp.eye_array(2), format="csr")
         near = Near(mesh, size, ~(slave | fixed.any(axis=1))[:nodes]).of_points()
         every = sp.block_diag([near, sp.eye_array(2 * len(mesh.ends))], format="csc")
@@ -376,21 +370,12 @@ class Balancing:
         a, b = mesh.ends[whole].T
         run, row = mesh.run[whole], np.arange(len(whole))
         axis = (run[:, 0] == 0.0).astype(np.int64)
-        length, along, across = run[row, axis], 1 + axis, 2 - axis
+        length = run[row, axis]
         bulge = 3 * nodes + whole
-        slave = np.zeros(count, dtype=np.bool_)
-        slave[(3 * middle[:, None] + [0, 1, 2]).ravel()] = slave[3 * nodes + halves.ravel()] = True
-        own = np.flatnonzero(~slave)
         ties: Entries = []
         beyond = np.zeros(count)
         for end, sign in ((a, 1.0), (b, -1.0)):
-            of: Entries = [
-                (3 * middle, 3 * end, 0.5),
-                (3 * middle, 3 * end + along, sign * length / 8.0),
-                (3 * middle + along, 3 * end, -sign * 1.5 / length),
-                (3 * middle + along, 3 * end + along, -0.25),
-                (3 * middle + across, 3 * end + across, 0.5),
-            ]
+            of = on_cubic(middle, end, sign, axis, length)
             ties += of
             for ray in known.rays:
                 # an end is seen from the middle
@@ -398,17 +383,13 @@ class Balancing:
                 jump = passed[:, None] * ray.at(mesh.place[end])
                 for rows, columns, values in of:
                     np.add.at(beyond, rows, values * jump[row, columns - 3 * end])
-        ties.append((3 * middle + across, bulge, 1.0))
+        ties.append((3 * middle + 2 - axis, bulge, 1.0))
         ties += [(3 * nodes + half, bulge, 0.25) for half in halves]
         follow = coo(ties, (count, count))
         total, further = beyond, follow @ beyond
         while further.any():
             total, further = total + further, follow @ further
-        rows, columns = (np.concatenate([own, *(one[k] for one in ties)]) for k in (0, 1))
-        values = np.concatenate(
-            [np.ones(len(own)), *(np.broadcast_to(v, len(r)) for r, _, v in ties)]
-        )
-        return followed(rows, columns, values, count), ties, total
+        return followed(ties, count)[0], ties, total
 
     def _slopes(self) -> tuple[Floats, Floats]:
         return (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import inf, radians
 
 import numpy as np
@@ -28,9 +27,9 @@ from kaju.model.scene import Scene
 
 from .cut_agents import CutAgents, generation_of
 from .cut_pair import CutPair
-from .goals import Judged
+from .goals import AIM, Judged
 from .leaves import LeafCells
-from .loop import AIM, PairLoop
+from .loop import PairLoop
 
 MOST_AGENTS = 100_000
 PATIENCE = 6  # times that cut agents are halved, all of them, to find out what hangs together
@@ -78,20 +77,11 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress, ...]:
     return (asked[0],)
 
 
-@dataclass(frozen=True, eq=False)
-class Aimed(Judged):
-    """What a generation says about what the tolerance is about."""
-
-    wanted: float  # share of it that is aimed at
-    first: Ints  # how often agents are to be halved whatever their share
-
-
 class CutLoop(PairLoop):
     """The agents of a body within outlines, generation by generation."""
 
-    body: OutlinedBody  # type: ignore[assignment]
-    last: CutPair | None  # type: ignore[assignment]
-    _judged: Aimed
+    body: OutlinedBody
+    last: CutPair | None
 
     def __init__(
         self,
@@ -100,7 +90,7 @@ class CutLoop(PairLoop):
         most_agents: int | None = None,
         peaks: Sequence[Quantity] = (),
     ) -> None:
-        super().__init__(body, tolerance, most_agents or MOST_AGENTS)  # type: ignore[arg-type]
+        super().__init__(body, tolerance, most_agents or MOST_AGENTS)
         if not peaks:
             body.check_rounding(tolerance)
         self._peak: _Peak | None = None
@@ -109,11 +99,6 @@ class CutLoop(PairLoop):
             self._peak = _Peak(body, str(one.at), tolerance)
         self._best_pair: tuple[int, CutPair] | None = None
         self._least = inf
-
-    @property
-    def reached(self) -> bool:
-        """Whether the tolerance is kept, and outlines are followed where they are stressed."""
-        return super().reached and not self._judged.first.any()
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
@@ -143,19 +128,10 @@ class CutLoop(PairLoop):
         held = np.isin(every.code, self.leaves.code)
         return every.code[leaf_polygons(self.body.problem.body, every, held, False)[2].place]
 
-    def _judge(self, pair: CutPair) -> Aimed:
+    def _judge(self, pair: CutPair) -> Judged:
         error = pair.bounds.error
         wanted = min((AIM * self.tolerance / error) ** 2, 1.0) if np.isfinite(error) else 0.0
-        return Aimed((), error, pair.shares, False, wanted, coarse_along(pair, self.tolerance))
-
-    def _wanted(self) -> float:
-        return self._judged.wanted
-
-    def _halvings(self, leaves: LeafCells) -> Ints:
-        often = self._judged.first
-        if self._judged.error > self.tolerance:
-            often = np.maximum(often, super()._halvings(leaves))
-        return np.minimum(often, np.log2(leaves.size).astype(np.int64))
+        return Judged((), error, pair.shares, False, wanted, coarse_along(pair, self.tolerance))
 
     def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
         """Return the agents of the next generation: all children halve as often as is asked."""
@@ -243,7 +219,7 @@ class _Peak:
                     f"{no_limit} meets the rigid side {side!r}; a roller leaves it one"
                 )
 
-    def judge(self, pair: CutPair) -> Aimed:
+    def judge(self, pair: CutPair) -> Judged:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
         before, along = self._value, HoopStress.along(pair, self._which)
         nothing = np.zeros(len(pair.leaves))
@@ -268,10 +244,10 @@ class _Peak:
         away = np.maximum(away, NEAR * size[along.leaf[at]])
         return self._aimed(np.sqrt(pair.shares) * size**2 / away**3, often)
 
-    def _aimed(self, part: Floats, often: Ints) -> Aimed:
+    def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
         goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, NO_BOUND)
-        return Aimed((goal,), self._error, part, False, AIM**2 * STEP, often)
+        return Judged((goal,), self._error, part, False, AIM**2 * STEP, often)
 
     def _too_thick(self, pair: CutPair, along: HoopStress) -> Ints:
         """Return how often to halve leaves larger than the stressed body there is thick."""

@@ -20,6 +20,8 @@ from kaju.model.elastic.pair.elements import (
 from kaju.model.elastic.pair.leaves import LeafCells, corner_ends
 
 TINY = 1e-12  # Weights by which nodes follow others that are below this are rounding
+Entries = list[tuple[Ints, Ints, Floats | float]]
+"""Rows, columns and values of a sparse matrix, part by part."""
 
 
 @dataclass(eq=False)
@@ -96,16 +98,11 @@ class Mesh:
         bulge = values(0.5 * (start + end)[short], own)
         bulge -= 0.5 * (values(start[short], own) + values(end[short], own))
         slaves = np.concatenate([vertex, self.vertices + short])
-        follows = np.zeros(self.vertices + self.edges, dtype=np.bool_)
-        follows[slaves] = True
-        keep = np.flatnonzero(~follows)
         masters = self.node[np.concatenate([owner, own])]
         weight = np.concatenate([values(self.place[vertex], owner), bulge])
-        row = np.concatenate([keep, np.repeat(slaves, masters.shape[1])])
-        column = np.concatenate([keep, masters.ravel()])
-        entries = np.concatenate([np.ones(len(keep)), weight.ravel()])
-        some = np.abs(entries) > TINY
-        return followed(row[some], column[some], entries[some], len(follows)), follows
+        slave, some = np.broadcast_to(slaves[:, None], weight.shape), np.abs(weight) > TINY
+        entries: Entries = [(slave[some], masters[some], weight[some])]
+        return followed(entries, self.vertices + self.edges)
 
     @cached_property
     def part(self) -> Ints:
@@ -147,19 +144,9 @@ class PlaneMesh(Mesh):
 
     @cached_property
     def _tied(self) -> tuple[sp.csr_array, Flags]:
-        start, end = self.ends[self.whole].T
-        bulge, halves = self.vertices + self.whole, self.vertices + self.halves
-        follows = np.zeros(self.vertices + self.edges, dtype=np.bool_)
-        follows[self.middle] = follows[halves] = True
-        own = np.flatnonzero(~follows)
-        # On a hanging edge the middle is the value of the whole edge's parabola there, and the
-        # bulge of each half is a quarter of its bulge.
-        rows = [own, self.middle, self.middle, self.middle, *halves]
-        columns = [own, start, end, bulge, bulge, bulge]
-        values = np.repeat([1.0, 0.5, 0.5, 1.0, 0.25, 0.25], [len(row) for row in rows])
-        return followed(
-            np.concatenate(rows), np.concatenate(columns), values, len(follows)
-        ), follows
+        n, ends = self.vertices, self.ends[self.whole]
+        entries = on_parabola(self.middle, ends, n + self.whole, n + self.halves)
+        return followed(entries, n + self.edges)
 
     @cached_property
     def part(self) -> Ints:
@@ -241,15 +228,44 @@ def _largest(leaves: LeafCells, points: Ints) -> Ints:
     return np.asarray(found[np.argmax(size, axis=0), np.arange(len(points))])
 
 
-def followed(rows: Ints, columns: Ints, values: Floats, size: int) -> sp.csr_array:
-    """Return what unknowns are by those that follow no other: those they follow may do so, too."""
-    way: sp.csr_array[np.float64] = sp.csr_array((values, (rows, columns)), shape=(size, size))
+def on_parabola(middle: Ints, ends: Ints, whole: Ints, halves: Ints) -> Entries:
+    """Return what the middles of hanging edges and the bulges of both halves are, by quadratics."""
+    # The middle is the value of the whole edge's parabola there, the bulge of each half is a
+    # quarter of its bulge.
+    return [
+        *((middle, end, 0.5) for end in ends.T),
+        (middle, whole, 1.0),
+        *((half, whole, 0.25) for half in halves),
+    ]
+
+
+def on_cubic(middle: Ints, end: Ints, sign: float, axis: Ints, length: Floats) -> Entries:
+    """Return what phi and its slopes in the middles of edges are by one end: first 1, last -1."""
+    # Along the edge phi is Hermite's cubic, its slope across that of the ends, but for the bulge.
+    along, across = 1 + axis, 2 - axis
+    return [
+        (3 * middle, 3 * end, 0.5),
+        (3 * middle, 3 * end + along, sign * length / 8.0),
+        (3 * middle + along, 3 * end, -sign * 1.5 / length),
+        (3 * middle + along, 3 * end + along, -0.25),
+        (3 * middle + across, 3 * end + across, 0.5),
+    ]
+
+
+def coo(entries: Entries, shape: tuple[int, int]) -> sp.csr_array:
+    """Return a sparse matrix of rows, columns and values."""
+    rows, columns = (np.concatenate([one[k] for one in entries]) for k in (0, 1))
+    values = np.concatenate([np.broadcast_to(one[2], len(one[0])) for one in entries])
+    return sp.csr_array((values, (rows, columns)), shape=shape)
+
+
+def followed(entries: Entries, size: int) -> tuple[sp.csr_array, Flags]:
+    """Return what unknowns are by those that follow no other, and which follow, as entries say."""
     follows = np.zeros(size, dtype=np.bool_)
-    follows[rows[rows != columns]] = True
-    if not follows[columns].any():
-        return way
-    while True:
-        next_way: sp.csr_array[np.float64] = sp.csr_array(way @ way)
-        if next_way.nnz == way.nnz and np.abs((next_way - way).data).max(initial=0.0) < TINY:
-            return way
-        way = next_way
+    for rows, *_ in entries:
+        follows[rows] = True
+    own = np.flatnonzero(~follows)
+    way = coo([(own, own, 1.0), *entries], (size, size))
+    while follows[way.indices].any():  # those that are followed may follow others
+        way = sp.csr_array(way @ way)
+    return way, follows

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from math import exp, inf, log
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +17,15 @@ from kaju.model.elastic.pair.elements import DEEPEST_STEP
 from kaju.model.elastic.pair.goals import Goals
 from kaju.model.elastic.pair.history import Generation, generation_of
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.settling import Settled, settled
+from kaju.model.elastic.pair.settling import settled
 from kaju.model.elastic.pair.space import Bricks, refuse_rubber
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.outline.posed_outlines import OutlinedBody
 
 GAIN = {2: 0.92, 3: 0.8}
 """Of its share an agent that halves is expected to lose; measured on smooth stress: 15/16."""
 MOST_HALVED = {2: 0.85, 3: 0.6}
 """Of the whole gap at most is marked at once (Doerfler 1996)."""
-AIM = 0.9
-SPARE = {2: AIM, 3: 0.95}  # Of the tolerance a generation is aimed at
 ALIKE = 0.01
 """Agents with a share less by this part than the last one that halves do so, too: those alike halve
 together, and the symmetry of a body is kept."""
@@ -50,15 +50,16 @@ class PairLoop:
 
     def __init__(
         self,
-        body: PosedBody,
+        body: PosedBody | OutlinedBody,
         tolerance: float,
         most_agents: int | None = None,
         quantities: Sequence[Quantity] = (),
     ) -> None:
-        self.body, self.tolerance = body, tolerance
+        self.body: PosedBody | OutlinedBody = body
+        self.tolerance = tolerance
         self.goals = Goals(quantities, body)
         self.most_agents = most_agents or (MOST_AGENTS if body.dimension == 2 else MOST_BRICKS)
-        self.last: Settled | None = None
+        self.last: Any = None  # What they have found: opinions, or those of cut agents
         self.stopped = ""
         """Why it ended short of the tolerance: "agents", "depth", "stalled", "rounding"."""
         self.leaves = self.goals.start()
@@ -67,32 +68,33 @@ class PairLoop:
         self.notes: list[str] = []
         self._without_gain, self._best = 0, inf
         self._errors: list[tuple[int, float]] = []  # Agents and error of the generations
-        if body.dimension == 3:
+        if isinstance(body, PosedBody) and body.dimension == 3:
             refuse_rubber(body)
 
     @property
     def reached(self) -> bool:
-        """Whether the tolerance is kept."""
-        return self.last is not None and self._judged.error <= self.tolerance
+        """Whether the tolerance is kept, and no agent is to halve whatever its share."""
+        if self.last is None or self._judged.error > self.tolerance:
+            return False
+        return self._judged.first is None or not self._judged.first.any()
 
     @property
     def finished(self) -> bool:
         """Whether there is no further generation."""
         return self.reached or bool(self.stopped)
 
-    def step(self) -> Settled:
+    def step(self) -> None:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
         self._solve()
-        assert self.last is not None
         self.trees.append(self.leaves)
         chosen = np.zeros(len(self.leaves), dtype=np.bool_)
         if not self.reached:
-            chosen = self._spawn(self.last)
+            chosen = self._spawn()
         self._keep(chosen)
-        return self.last
 
     def _solve(self) -> None:
         """Let the agents find their opinions, and judge these."""
+        assert isinstance(self.body, PosedBody)
         last, aims = self.last, self.goals.aims(self.leaves, self.last)
         self.last = found = settled(self.body, self.leaves, last, aims)
         if last is None and torn(found.mesh, found.sides).any():
@@ -106,21 +108,20 @@ class PairLoop:
         if self.finished and isinstance(self.last, Bricks):
             self.last = self.last.finished()
             self._judged = self.goals.read_again(self.last, self._judged)
-        assert self.last is not None
         self.generations.append(generation_of(self.last, chosen))
 
     def outcome(self) -> PairAgents:
         """Return the agents as they are."""
-        assert self.last is not None
+        assert isinstance(self.body, PosedBody)
         found = copy(self.last)
         found.levels = found.duals = ()  # which take most of the memory
         trees, generations = list(self.trees), list(self.generations)
         goals, notes = list(self._judged.found), list(self.notes)
         return PairAgents(self.body, goals, generations, self.stopped, notes, (trees, found))
 
-    def _spawn(self, found: Settled) -> Flags:
+    def _spawn(self) -> Flags:
         """Halve some agents, and return which; or say why there is no further generation."""
-        judged, leaves = self._judged, found.leaves
+        judged, leaves = self._judged, self.leaves
         deep = leaves.size.min() <= self.body.smallest
         gained = judged.error <= (ENOUGH_DEEP if deep else ENOUGH) * self._best
         self._without_gain = 0 if gained else self._without_gain + 1
@@ -140,32 +141,29 @@ class PairLoop:
 
     def _halvings(self, leaves: LeafCells) -> Ints:
         """Return how often each agent halves."""
-        share, error, d = self._judged.shares, self._judged.error, leaves.dimension
+        share, d, first = self._judged.shares, leaves.dimension, self._judged.first
         allowed = np.log2(leaves.size // self.body.smallest).astype(np.int64)
+        often = np.zeros(len(leaves), dtype=np.int64) if first is None else first
+        if self._judged.error <= self.tolerance:
+            return np.minimum(often, allowed)
         # What the smallest agents hold stays: the others share the rest of what is wanted; or, if
         # the smallest alone hold more, as little as is hardly seen beside it.
         free = np.where(allowed > 0, share, 0.0)
-        part = self._wanted() if error < inf else 0.0
-        budget, frozen = part * float(share.sum()), float(share.sum() - free.sum())
+        budget, frozen = self._judged.wanted * share.sum(), float(share.sum() - free.sum())
         left = budget - frozen if frozen < 0.9 * budget else BESIDE * frozen
-        if not free.sum() > left:
-            return np.zeros(len(leaves), dtype=np.int64)
-        often = halvings(free, left, leaves.holding(self.body.sharp), d)
+        if free.sum() > left:
+            at = leaves.holding(self.body.sharp)
+            often = np.maximum(often, halvings(free, left, at, d))
         return np.minimum(often, allowed)
-
-    def _wanted(self) -> float:
-        """Return the share of the whole that a generation is aimed at."""
-        power = 1 if self.goals.goals else 2  # Of the gap: that of one load, or the product of two
-        return (SPARE[self.body.dimension] * self.tolerance / self._judged.error) ** power
 
     def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
         """Return the agents of the next generation."""
-        new = leaves.split(often > 0)
+        new, first = leaves.split(often > 0), self._judged.first
         for step in range(1, int(often.max())):
-            # Of children only those at the point itself halve again.
-            again = np.zeros(len(new), dtype=np.bool_)
-            at = new.holding(self.body.sharp)
-            again[at] = often[new.parents_in(leaves)[at]] > step
+            # Of the children of agents at a point only those at the point itself halve again.
+            parent, at = new.parents_in(leaves), new.holding(self.body.sharp)
+            again = np.zeros(len(new), dtype=np.bool_) if first is None else first[parent] > step
+            again[at] |= often[parent[at]] > step
             new = new.split(again)
         new = new.balanced()
         # The tree's balance may not ask for more than `child_maps` holds.

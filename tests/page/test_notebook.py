@@ -13,7 +13,7 @@ from plates import PLATE
 
 import kaju
 from kaju import LoadModel, Scene
-from kaju.view.page.packing import unpack
+from kaju.view.page.data import unpack
 
 # Beside the packages, wherever those are: an environment may borrow them from another one.
 TEMPLATES = Path(nbconvert.__file__).parents[4] / "share/jupyter"

@@ -14,7 +14,7 @@ from kaju import (
     RollerBoundaryAgent,
 )
 from kaju.view.page.export import packed_page
-from kaju.view.page.packing import unpack
+from kaju.view.page.data import unpack
 
 
 def plate(**given):

@@ -10,7 +10,7 @@ import kaju
 from kaju import ElasticModel, History, SpawningModel, ThreeElement, creep, solve
 from kaju.model.network import jittered, load_in_increments, pulled, triangular
 from kaju.view.fracture_plots import bearing
-from kaju.view.page.motion_data import motion_data
+from kaju.view.page.data import motion_data
 
 FARTHEST = (
     "Math.max(...Array.from({ length: page.moved[page.g].length / page.dimension }, "

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kaju import Coefficients, KajuError, MaterialAgent, PrescribedRule, Scene
-from kaju.view.page.scene_data import scene_data
+from kaju.view.page.data import scene_data
 
 SIDES = {
     2: ["left", "right", "bottom", "top"],

@@ -5,12 +5,11 @@ from __future__ import annotations
 import base64
 import hashlib
 import inspect
-import io
 import json
 import re
 import textwrap
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -33,13 +32,10 @@ from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.stepped_model import SteppedModel
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import stability
-from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
 from . import python as written
-from .motion_data import motion_data
-from .packing import pack
-from .scene_data import FORMAT, Account, history_columns, scene_data
+from .data import FORMAT, Account, history_columns, motion_data, pack, scene_data
 
 _CELLS = {
     "en": "The outlines of this body are true ones. The prescribed rule runs on cells: here they "
@@ -174,7 +170,8 @@ def export_page(
         scene = preset[0] if isinstance(preset, tuple) and len(preset) == 2 else preset
         if not isinstance(scene, Scene):
             raise ParameterError(f"presets: {name!r} must be a Scene, or one with a text, in pairs")
-    packed = packed_page(from_file(of), title, text, presets or {}, language, exact, lesson, python)
+    about = {"title": title, "language": language, "lesson": lesson}
+    packed = packed_page(from_file(of), text, presets, about, exact=exact, python=python)
     html = page_html(packed, _in(language, title) or "kaju", python=python)
     with atomic_file(target, ResultFileError) as scratch:
         scratch.write_text(html, encoding="utf-8")
@@ -183,12 +180,11 @@ def export_page(
 
 def packed_page(
     of: Scene | Result | Runs,
-    title: Text | None = None,
     text: Text = "",
     presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
-    language: str | None = None,
+    about: Mapping[str, Any] | None = None,
+    *,
     exact: bool = False,
-    lesson: Mapping[str, Any] | None = None,
     python: bool = False,
 ) -> bytes:
     """Return a page's data, packed as README.md beside this file describes it."""
@@ -209,9 +205,7 @@ def packed_page(
     else:
         shown = of if isinstance(of, (Scene, Result)) else of.run()
     header: dict[str, Any] = {"format": FORMAT, "text": text, **own}
-    header |= {"title": title} if title else {}
-    header |= {"language": language} if language else {}
-    header |= {"lesson": dict(lesson)} if lesson else {}
+    header |= {name: told for name, told in (about or {}).items() if told}
     scene = shown.scene if isinstance(shown, TransferResult) else shown
     if not isinstance(shown, Scene) and not (
         isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
@@ -237,7 +231,10 @@ def packed_page(
                 [course.name, course.meaning or course.name] for course in shown.last.states
             ],
         }
-        columns |= history_columns(scene, shown.last, exact, account)
+        history = history_columns(scene, shown.last, account)
+        for name, column in history.items():
+            small = column.dtype == np.float64 and not exact
+            columns[name] = column.astype(np.float32) if small else column
     header |= written.header(own) if python else {}
     header["presets"] = [
         _preset(number, name, preset, columns)
@@ -354,22 +351,20 @@ def _by_the_rule(result: TransferResult) -> bool:
     if not stability(scene).stable:
         return False
     again = LoadModel(scene, engine="arrays").run().last
-    return all(map(_alike, _doings(scene, result.last), _doings(scene, again)))
-
-
-def _alike(ours: NDArray[Any], theirs: NDArray[Any]) -> bool:
-    """Tell whether two columns are equal but for rounding; NaN of ours means unknown."""
-    if ours.shape != theirs.shape:
-        return False
-    known, largest = ~np.isnan(ours), float(np.abs(theirs).max(initial=0.0))
-    return np.allclose(ours[known], theirs[known], rtol=1e-9, atol=1e-12 * largest)
-
-
-def _doings(scene: Scene, stage: Stage) -> Iterator[NDArray[Any]]:
-    """Yield what agents and boundaries did in a stage, in an order that does not depend on it."""
     for names in _DONE:
-        order = np.argsort(scene.lattice.key(getattr(stage, names[0])))
-        yield from (getattr(stage, name)[order] for name in names)
+        row, other = (
+            np.argsort(scene.lattice.key(getattr(s, names[0]))) for s in (result.last, again)
+        )
+        for name in names:
+            ours, theirs = getattr(result.last, name)[row], getattr(again, name)[other]
+            if ours.shape != theirs.shape:
+                return False
+            known = ~np.isnan(ours)
+            if not np.allclose(
+                ours[known], theirs[known], 1e-9, 1e-12 * np.abs(theirs).max(initial=0.0)
+            ):
+                return False
+    return True
 
 
 @cache
@@ -408,20 +403,15 @@ def worker() -> str:
     return joined(("lattice.js", "elastic.js")) + ANSWER
 
 
-def page_html(
-    packed: bytes, title: str, code: str | None = None, policy: str = "", python: bool = False
-) -> str:
+def page_html(packed: bytes, title: str, python: bool = False) -> str:
     """Return the file: the page's modules, their data, and a strict content policy.
 
     The modules are deflated, half of the file's bytes otherwise, and put in by a short script.
-    Only these two, whose hashes the policy names, may run; nothing may be fetched but what
-    `policy` adds.
+    Only these two, whose hashes the policy names, may run; nothing may be fetched.
     """
-    if code is None:
-        code = joined((*MODULES, "agent.js") if python else MODULES) + START
+    code = joined((*MODULES, "agent.js") if python else MODULES) + START
     digests = [hashlib.sha256(script.encode()).digest() for script in (UNFOLD, code)]
     fields = {
-        "policy": policy,
         "hashes": " ".join(f"'sha256-{base64.b64encode(d).decode()}'" for d in digests)
         + (" 'unsafe-eval'" if python else ""),  # Brython turns Python into functions
         "python": written.worker(joined(WRITTEN)) if python else "",
@@ -465,10 +455,8 @@ def _picture(of: Any) -> str:
     from kaju.view.plots import plot
 
     try:
-        figure = plot(of)
+        data = plot(of)._repr_png_()  # type: ignore[attr-defined]
     except KajuError:
         return f"<pre>{escape(repr(of))}</pre>"
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=100)
-    picture = base64.b64encode(data.getvalue()).decode()
+    picture = base64.b64encode(data).decode()
     return f'<img alt="{escape(repr(of))}" src="data:image/png;base64,{picture}">'

@@ -1,15 +1,20 @@
-"""A scene and a run as a page reads them, as README.md beside this file describes it."""
+"""What a page reads: scenes, runs and what moves, as README.md beside this file describes it."""
 
 from __future__ import annotations
 
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.rules import Coefficients, PrescribedRule
+from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
-from kaju.errors import SceneError
+from kaju.errors import ParameterError, SceneError
+from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
@@ -17,6 +22,9 @@ from kaju.model.scene.sides import SideCondition
 from kaju.model.transfer.deformation import axial_strain
 from kaju.model.transfer.stage import Stage, Totals
 from kaju.model.transfer.transfer import Transfer
+from kaju.result_kinds import KINDS, fetch
+from kaju.view.body_plots import SUPPORTS
+from kaju.view.motion import Motion, chosen_frames
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
@@ -25,6 +33,38 @@ FORMAT = 1
 """Version of the data in pages."""
 MOST_CELLS = 1_000_000
 """A page holds every cell of the array, so larger ones are refused."""
+SHARES = 21
+"""An answer at rest is told once, and shown at so many shares of its load."""
+
+
+def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: int = 9) -> bytes:
+    """Write a JSON header, and columns of integers or floats, as one block deflated to a level.
+
+    Bytes of one significance stand together, for deflate then finds far more to leave out.
+    """
+    arrays = {name: np.ascontiguousarray(column).ravel() for name, column in columns.items()}
+    listed = [[name, array.dtype.name, array.size] for name, array in arrays.items()]
+    text = json.dumps({**header, "columns": listed}, separators=(",", ":"), allow_nan=False)
+    head = text.encode()
+    body = b"".join(
+        array.view(np.uint8).reshape(-1, array.dtype.itemsize).T.tobytes()
+        for array in arrays.values()
+    )
+    return zlib.compress(len(head).to_bytes(4, "little") + head + body, level)
+
+
+def unpack(packed: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Read what `pack` wrote."""
+    raw = zlib.decompress(packed)
+    start = 4 + int.from_bytes(raw[:4], "little")
+    header: dict[str, Any] = json.loads(raw[4:start])
+    columns: dict[str, NDArray[Any]] = {}
+    for name, kind, count in header.pop("columns"):
+        width = np.dtype(kind).itemsize
+        block = np.frombuffer(raw, np.uint8, count * width, start).reshape(width, count)
+        columns[name] = np.ascontiguousarray(block.T).view(kind).ravel()
+        start += count * width
+    return header, columns
 
 
 def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
@@ -68,18 +108,7 @@ def _rule(scene: Scene) -> dict[str, Any]:
     rule = scene.rule
     if not isinstance(rule, PrescribedRule):
         return {"kind": rule.kind}
-    return {
-        "kind": rule.kind,
-        **_coefficients(rule),
-        "threshold": rule.threshold,
-        "accumulate": rule.accumulate,
-        "sense": rule.sense,
-        "materials": {name: _coefficients(own) for name, own in rule.materials.items()},
-    }
-
-
-def _coefficients(given: Coefficients) -> dict[str, Any]:
-    return {"alpha": list(given.alpha) if given.alpha else None, "beta": given.beta}
+    return {"kind": rule.kind, **asdict(replace(rule, materials=dict(rule.materials)))}
 
 
 def _loads(scene: Scene) -> list[dict[str, Any]]:
@@ -97,7 +126,7 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
     ]
 
 
-def _amounts(rows: tuple[Ints, Ints, Floats], last: int, exact: bool, name: str = "") -> Columns:
+def _amounts(rows: tuple[Ints, Ints, Floats], last: int, name: str = "") -> Columns:
     """Return the history's columns up to the last generation of rows: generation, place, amount.
 
     One row a generation and place: of loads taken the cell's key times the number of channels,
@@ -115,7 +144,7 @@ def _amounts(rows: tuple[Ints, Ints, Floats], last: int, exact: bool, name: str 
     return {
         f"{name}offset": offset.astype(np.uint32),
         f"{name}delta": delta.astype(np.uint32),
-        f"{name}load": amount[order].astype(np.float64 if exact else np.float32),
+        f"{name}load": amount[order],
     }
 
 
@@ -172,7 +201,7 @@ class Account:
             found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
         return found
 
-    def columns(self, last: int, exact: bool) -> Columns:
+    def columns(self, last: int) -> Columns:
         """Return the history's columns up to the last generation."""
         columns: Columns = {}
         names = ["passed", "dropped"]
@@ -181,13 +210,11 @@ class Account:
         for name in names:
             every = zip(none, *self._rows.get(name, []), strict=True)
             when, place, amount = map(np.concatenate, every)
-            columns |= _amounts((when, place, amount), last, exact, f"{name} ")
+            columns |= _amounts((when, place, amount), last, f"{name} ")
         return columns
 
 
-def history_columns(
-    scene: Scene, stage: Stage, exact: bool = False, account: Account | None = None
-) -> Columns:
+def history_columns(scene: Scene, stage: Stage, account: Account | None = None) -> Columns:
     """Return what a recorded page needs of a stage, by generation as far as an account tells."""
     lattice, history = scene.lattice, stage.history
     key = lattice.key(stage.cells)
@@ -199,16 +226,16 @@ def history_columns(
         account = Account(scene, not _by_shares(scene, stage))
         account.note(stage.generations, stage, float(stage.returned.sum()))
     return {
-        **_amounts((history.generation, place, history.load), last, exact),
+        **_amounts((history.generation, place, history.load), last),
         "key": key.astype(np.uint32),
         "spawn": stage.spawn_step.astype(np.uint32),
         "woken": stage.woken_by.astype(np.uint8),
-        **account.columns(last, exact),
-        **_state_columns(stage, key, exact),
+        **account.columns(last),
+        **_state_columns(stage, key),
     }
 
 
-def _state_columns(stage: Stage, key: Ints, exact: bool) -> Columns:
+def _state_columns(stage: Stage, key: Ints) -> Columns:
     """Return what agents of one's own knew: from waking on the default, then what changed it."""
     columns: Columns = {}
     for course in stage.states:
@@ -219,7 +246,7 @@ def _state_columns(stage: Stage, key: Ints, exact: bool) -> Columns:
         agent, when, value = agent[order], when[order], value[order]
         change = np.where(np.diff(agent, prepend=-1) != 0, value, np.diff(value, prepend=0.0))
         name = f"state {course.name} "
-        columns |= _amounts((when, key[agent], change), stage.generations, exact, name)
+        columns |= _amounts((when, key[agent], change), stage.generations, name)
     return columns
 
 
@@ -234,3 +261,93 @@ def _by_shares(scene: Scene, stage: Stage) -> bool:
     shortened = kept / (transfer.cross_section * modulus[stage.material, None])
     pairs = ((stage.kept, kept), (stage.shortened, shortened))
     return all(np.allclose(a, b, 1e-9, 1e-12 * np.abs(b).max(initial=0.0)) for a, b in pairs)
+
+
+def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
+    """Return the header and the columns of a page that replays a result."""
+    page = KINDS[result.kind].page
+    if page is None:
+        raise ParameterError(
+            f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, "
+            "models and their results"
+        )
+    motion = _thinned(fetch(page)(result))
+    columns: Columns = {
+        "points": motion.points.astype(np.float32),
+        "parts": motion.parts.astype(np.uint32),
+        "held": np.asarray(() if motion.held is None else motion.held, dtype=np.uint32),
+    }
+    if motion.moved is not None:
+        columns["moved"] = motion.moved.astype(np.float32)
+    for name, column in (("born", motion.born), ("gone", motion.gone)):
+        if column is not None:
+            columns[name] = column.astype(np.uint32)
+    for name, (_, values) in motion.values.items():
+        columns[f"value {name}"] = values.astype(np.float32)
+    scene = getattr(result, "scene", getattr(result, "subject", None))
+    if isinstance(scene, Scene) and scene.outlined:
+        scene = solved_scene(result)
+    header = {
+        "dimension": motion.points.shape[1],
+        "corners": motion.parts.shape[1],
+        "at": np.asarray(motion.at, dtype=float).tolist(),
+        "along": motion.along,
+        "colours": {name: unit for name, (unit, _) in motion.values.items()},
+        "curves": [_curve_data(curves) for curves in motion.curves],
+        "forces": [{"place": place, "force": force} for place, force in motion.forces],
+        "shares": [] if motion.shares is None else np.round(motion.shares, 9).tolist(),
+        "visits": list(motion.visits),
+        "outcome": motion.outcome,
+        "ground": ground_of(scene) if isinstance(scene, Scene) else [],
+        "outlines": list(motion.outlines),
+    }
+    return header, columns
+
+
+def _thinned(motion: Motion) -> Motion:
+    """Return a motion with as few frames as a page shows."""
+    count, rows = len(motion.at), chosen_frames(len(motion.at))
+    at = np.asarray(motion.at)[rows]
+    if motion.along == "share":
+        at, rows = np.linspace(0.0, 1.0, SHARES), np.array([count - 1])
+    values = {
+        name: (unit, of[rows] if of.ndim == 2 else of) for name, (unit, of) in motion.values.items()
+    }
+    moved = None if motion.moved is None else motion.moved[rows]
+    shares = None if motion.shares is None else motion.shares[rows]
+    return replace(motion, at=at, values=values, moved=moved, shares=shares)
+
+
+def _curve_data(curves: Curves) -> dict[str, Any]:
+    return {
+        "title": curves.title,
+        "unit": curves.unit,
+        "at": curves.at.tolist(),
+        "lines": {name: line.tolist() for name, line in curves.lines.items()},
+        "logarithmic": curves.logarithmic,
+        "axis": curves.along_unit if curves.along in ("displacement", "place") else "",
+        "course": curves.along == "displacement",  # a point a moment, there and back
+        "place": curves.along == "place",  # no moments at all
+    }
+
+
+def ground_of(scene: Scene) -> list[dict[str, Any]]:
+    """Return the lines (m) along which a body of squares is held, with the way out of it."""
+    lattice = scene.lattice
+    if scene.outlined or lattice.kind != "square" or lattice.size > MOST_CELLS:
+        return []
+    cells, lines = np.argwhere(scene.rasterise() >= 0), []
+    for arm, normal in enumerate(lattice.normals):
+        axis = int(np.abs(normal).argmax())
+        kinds, step = scene.kinds(lattice.neighbours(cells, arm)), np.eye(2, dtype=int)[1 - axis]
+        side = 0.5 * (1.0 - step) + 0.5 * normal  # of a cell: where its face lies
+        for kind, (name, _) in SUPPORTS.items():
+            held = cells[kinds == kind]
+            held = held[np.lexsort((held[:, 1 - axis], held[:, axis]))]
+            ends = np.flatnonzero(np.any(np.diff(held, axis=0) != step, axis=1)) + 1
+            for row in np.split(held, ends) if len(held) else ():
+                first, last = (
+                    lattice.cell_size * (row[[0, -1]] + side + [0 * step, step])
+                ).tolist()
+                lines.append({"from": first, "to": last, "out": normal.tolist(), "kind": name})
+    return lines

@@ -20,7 +20,6 @@ from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
@@ -29,7 +28,7 @@ from . import load_plots
 from .body_in_space import DrawnBox, box_around, draw_voxels, space_for
 from .body_plots import BodyPicture
 from .films import Film
-from .section import Cut, How, Section, one_a_place, section_of
+from .section import Cut, How, Section, check_number, one_a_place, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, caption, colour_bar, legend
 from .units import counted, quantity
 
@@ -127,10 +126,7 @@ def _until(stage: Stage, generation: int | None) -> int:
     """Return the last spawn step that is shown; boundary agents of the end spawn after it."""
     if generation is None:
         return stage.generations + 1
-    if not 0 <= generation <= stage.generations:
-        raise ParameterError(
-            f"generation: this run has the generations 0 to {stage.generations}, got {generation}"
-        )
+    check_number("generation", generation, stage.generations)
     return generation
 
 

@@ -25,13 +25,13 @@ from kaju.model.results.result import Result
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
-from .deformed import check_magnification, largest_shift
+from .deformed import check_magnification
 from .films import WRITERS, Film, ffmpeg, frames, write_pictures
 from .motion import Motion
 from .picture_files import new_folder
 from .plots import check_options, pictures_of
 from .style import SIZE, figure_of
-from .units import round_down
+from .units import visible
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -193,7 +193,8 @@ def _write_glb(
     check_magnification(magnification)
     surface, shift = _surface(motion), np.asarray(motion.moved)
     used, corners = np.unique(surface, return_inverse=True)
-    factor = magnification or _visible(motion.points, shift)
+    span, farthest = np.ptp(motion.points, axis=0).max(), np.linalg.norm(shift, axis=2).max()
+    factor = magnification or visible(float(span), float(farthest))
     moved = [_upright(factor * frame[used]) for frame in shift]
     glb = _Buffer()
     primitive = {
@@ -293,14 +294,6 @@ def _upright(points: Floats) -> NDArray[np.float32]:
     else:
         found = np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
     return found.astype(np.float32)
-
-
-def _visible(points: Floats, moved: NDArray[np.floating]) -> float:
-    """Return by how much displacements of points are magnified: not, if they can be seen so."""
-    span = float(np.ptp(points, axis=0).max())
-    farthest = float(np.linalg.norm(moved, axis=2).max(initial=0.0))
-    wanted = largest_shift(span) / farthest if farthest > 0.0 else 1.0
-    return 1.0 if 0.3 < wanted < 1.0 or farthest == 0.0 else round_down(wanted)
 
 
 def _colours(moved: Floats) -> NDArray[np.uint8]:

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
 from kaju.model.results.cuts import Cuts
 from kaju.model.results.result import BodyResult, Curves
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .films import PER_SECOND, Film
 from .load_plots import threshold_of
+from .section import check_number
 from .style import (
     COLOURS,
     FAINT,
@@ -172,11 +172,9 @@ def plot_stages(result: TransferResult, ax: Axes | None = None, *, panel: int = 
     return drawn
 
 
-def checked_record(course: TimeResult, record: int) -> int:
-    """Return the number of one of the times asked for, counted from 0."""
-    count = len(course.times)
-    if not -count <= record < count:
-        raise ParameterError(f"record: this result has the times 0 to {count - 1}, got {record}")
+def from_end(record: int, count: int) -> int:
+    """Return the number of a record counted from 0, of one that may count from the end."""
+    check_number("record", record + count * (record < 0), count - 1)
     return record % count
 
 
@@ -194,7 +192,7 @@ def plot_curves_in_time(
         return drawn
     panels = drawn.axes if isinstance(drawn, Figure) else [drawn]
     for each, curves in zip(panels, course.curves()[0 if ax is None else panel :], strict=False):
-        now = float(curves.at[checked_record(course, record)])
+        now = float(curves.at[from_end(record, len(course.times))])
         reached = [float(values[record]) for values in curves.lines.values()]
         each.axvline(now, color="#9a9a9a", lw=0.8, zorder=1)
         each.plot([now] * len(reached), reached, "o", ms=4, color=INK, zorder=5)

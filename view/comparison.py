@@ -5,8 +5,7 @@ The reference is drawn as a line in ink, whatever is judged by it in colours wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from .deformed import moving_cells
 from .maps import Quantity, draw_map
 from .section import Section, section_of
 from .style import COLOURS, INK
-from .units import quantity, round_down, times
+from .units import quantity, times, visible
 
 if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
@@ -36,8 +35,8 @@ ROOM = 2.0
 """Of the reference's range: what lies further outside of it would make a line of all others."""
 BELIEVED = "elasticity"
 TITLE: Any = {"loc": "left", "fontsize": 10, "fontweight": "bold", "color": INK}
-Asked = Callable[[Callable[[str, str], Pair], str], Floats]
-"""What a panel shows: of pairs by quantity and component, and of "values" or "reference"."""
+Shown = tuple[str, str, str]
+"""What a row of panels shows: a quantity, its component, and how it is called."""
 
 
 class Line(NamedTuple):
@@ -56,36 +55,22 @@ def pair_of(of: Any, quantity: str, component: str = "") -> Pair:
     return pair.component(component) if component else pair
 
 
-def _on(comparison: Comparison, line: Line) -> tuple[Floats, Callable[[str, str], Pair]]:
-    """Return how far along a line a comparison's points lie on it, and its pairs there."""
-    start = np.asarray(line.start, dtype=np.float64)
-    span = np.asarray(line.end, dtype=np.float64) - start
-    length = float(np.linalg.norm(span))
-    points = near_line(comparison.points, start, span / length, length)
-    row = [first_largest(-np.abs(comparison.points - p).sum(axis=1)) for p in points]
-
-    def at(quantity: str, component: str) -> Pair:
-        pair = pair_of(comparison, quantity, component)
-        return Pair(pair.name, pair.unit, pair.values[row], pair.reference[row])
-
-    return (points - start) @ (span / length), at
-
-
-def _draw_along(
-    ax: Axes, found: Mapping[str, Comparison], line: Line, asked: Asked, label: str, unit: str = ""
-) -> None:
-    """Draw something asked along one line: of the reference, and of all that is judged by it."""
+def _draw_along(ax: Axes, found: Mapping[str, Comparison], line: Line, shown: Shown) -> None:
+    """Draw a quantity along one line: of the reference, and of all that is judged by it."""
+    what, component, label = shown
     profile = next(iter(found.values())).along(line.start, line.end, 401)
-    reference = asked(partial(pair_of, profile), "reference")
-    ax.plot(profile.distance, reference, color=INK, linewidth=1.6)
+    pair = pair_of(profile, what, component)
+    ax.plot(profile.distance, pair.reference, color=INK, linewidth=1.6)
+    start, span = np.asarray(line.start, dtype=np.float64), np.subtract(line.end, line.start)
+    length = float(np.linalg.norm(span))
     judged = []
     for number, comparison in enumerate(found.values()):
-        distance, at = _on(comparison, line)
-        judged.append(asked(at, "values"))
-        ax.plot(distance, judged[-1], **_look(number))
-    _keep_to(ax, "y", reference, judged)
-    style.label_axis(ax.yaxis, label, [*ax.get_ylim()], unit)
-    length = float(np.linalg.norm(np.subtract(line.end, line.start)))
+        points = near_line(comparison.points, start, span / length, length)
+        row = [first_largest(-np.abs(comparison.points - p).sum(axis=1)) for p in points]
+        judged.append(pair_of(comparison, what, component).values[row])
+        ax.plot((points - start) @ (span / length), judged[-1], **_look(number))
+    _keep_to(ax, "y", pair.reference, judged)
+    style.label_axis(ax.yaxis, label, [*ax.get_ylim()], pair.unit)
     style.label_axis(ax.xaxis, line.title, [0.0, length], "m")
     ax.grid(True, color="#ececec", linewidth=0.6)
     ax.axhline(0.0, color="#b5b5b5", linewidth=0.6)
@@ -109,50 +94,16 @@ def _keep_to(ax: Axes, axis: str, reference: Floats, judged: Sequence[Floats]) -
     ax.text(0.5, 0.02, told, transform=ax.transAxes, fontsize=7, color=INK, ha="center")
 
 
-def _component(what: str, component: str) -> Asked:
-    return lambda at, which: np.asarray(getattr(at(what, component), which))
-
-
 def _profiles(
-    found: Mapping[str, Comparison], lines: Sequence[Line], rows: Mapping[str, tuple[Asked, str]]
+    found: Mapping[str, Comparison], lines: Sequence[Line], rows: Sequence[Shown]
 ) -> Figure:
-    """Draw what is asked, by label and with its unit, along lines: a row of panels each."""
+    """Draw quantities along lines: a row of panels each."""
     figure = style.new_figure((4.1 * len(lines) + 0.5, 3.3 * len(rows) + 0.6))
     panels = figure.subplots(len(rows), len(lines), squeeze=False)
-    for (label, (asked, unit)), row in zip(rows.items(), panels, strict=True):
+    for shown, row in zip(rows, panels, strict=True):
         for ax, line in zip(row, lines, strict=True):
-            _draw_along(ax, found, line, asked, label, unit)
+            _draw_along(ax, found, line, shown)
     _legend_below(figure, found)
-    return figure
-
-
-def _stress_ratio(study: RuleStudy, line: Line, along: str, across: str) -> Figure:
-    """Draw stress along a line over the pressure, over the reference's, and across over along."""
-    symbol, other = (rf"$\sigma_{{{axis * 2}}}$" for axis in (along, across))
-    figure = style.new_figure((12.6, 3.9))
-
-    def share(at: Any, which: str) -> Floats:
-        return np.asarray(getattr(at("stress", along * 2), which) / -study.pressure)
-
-    def ratio(at: Any, which: str) -> Floats:
-        pair = at("stress", along * 2)
-        return np.asarray(pair.ratio if which == "values" else np.ones(len(pair.values)))
-
-    def beside(at: Any, which: str) -> Floats:
-        above, below = (getattr(at("stress", axis * 2), which) for axis in (across, along))
-        small = np.abs(below) <= 0.01 * np.abs(below).max(initial=0.0)
-        return np.asarray(above / np.where(small, np.nan, below))
-
-    pressure = quantity(study.pressure, "Pa")
-    panels: dict[str, tuple[Asked, str]] = {
-        f"Share of the pressure p = {pressure}": (share, f"−{symbol} / $p$"),
-        f"Over the stress of {BELIEVED}": (ratio, f"{symbol} over that of {BELIEVED}"),
-        "Stress across over stress along": (beside, f"{other} / {symbol}"),
-    }
-    for ax, (title, (asked, label)) in zip(figure.subplots(1, 3), panels.items(), strict=True):
-        _draw_along(ax, study.comparisons, line, asked, label)
-        ax.set_title(title, **TITLE)
-    _legend_below(figure, study.comparisons)
     return figure
 
 
@@ -180,7 +131,7 @@ def plot_shapes(answers: Mapping[str, Any], believed: Any) -> Figure:
     true, pale = moving_cells(believed, section), "#c2c2c2"
     moved = {label: moving_cells(answer, section) for label, answer in answers.items()}
     largest = max(float(np.abs(tiles.moved).max()) for tiles in (true, *moved.values()))
-    factor = round_down(0.1 * section.span / largest)
+    factor = visible(section.span, largest)
     figure = style.new_figure((3.3 * len(answers) + 0.4, 3.9))
     axes = figure.subplots(1, len(answers), sharey=True, squeeze=False)[0]
     handles = [Line2D([], [], color=pale, linewidth=2.4, label=BELIEVED)]
@@ -222,28 +173,23 @@ def _frame(ax: Axes, section: Section, title: str) -> None:
 def pictures_beside(study: RuleStudy) -> dict[str, Figure]:
     """Return the figures, by what they show.
 
-    "stress_ratio": stress down from the load as a share of the pressure, over that of elasticity,
-    and stress across over stress along. "stress_rows": both normal stresses along rows. "deformed"
-    (plane bodies only): the shapes. "displacement": down from the load, and along the rows. "cuts":
-    the force through every cut across the load.
+    "stress" and "displacement": both normal stresses, and the displacement along the load, down
+    from the load and along rows. "deformed" (plane bodies only): the shapes. "cuts": the force
+    through every cut across the load.
     """
     names = "xyz"[: study.scene.lattice.dimension]
     along, across = names[study.axis], names[0 if study.axis else 1]
-    down, rows = _line(study, study.down), [_line(study, way) for way in study.rows()]
-    stresses = {
-        rf"$\sigma_{{{axis * 2}}}$": (_component("stress", axis * 2), "Pa")
-        for axis in (along, across)
-    }
-    moved = {f"$u_{along}$": (_component("displacement", along), "m")}
-    found = study.comparisons
-    figures = {"stress_ratio": _stress_ratio(study, down, along, across)}
-    figures["stress_rows"] = _profiles(found, rows, stresses)
+    lines, found = [_line(study, way) for way in (study.down, *study.rows())], study.comparisons
+    stresses = [("stress", axis * 2, rf"$\sigma_{{{axis * 2}}}$") for axis in (along, across)]
+    figures = {"stress": _profiles(found, lines, stresses)}
     if study.scene.lattice.dimension == 2:
         shapes = {name: comparison.result for name, comparison in found.items()}
         figures["deformed"] = plot_shapes(shapes, study.believed)
-    figures["displacement"] = _profiles(found, [down, *rows], moved)
-    figures["cuts"] = _cuts_beside(study)
-    return figures
+    moved = ("displacement", along, f"$u_{along}$")
+    return figures | {
+        "displacement": _profiles(found, lines, [moved]),
+        "cuts": _cuts_beside(study),
+    }
 
 
 def _line(study: RuleStudy, way: StraightWay) -> Line:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import same_points
@@ -21,12 +20,12 @@ from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
-from .charts import applied_loads, checked_record, moment_text
+from .charts import applied_loads, from_end, moment_text
 from .films import PER_SECOND, Film
 from .layers import OUTLINED, layer_of, squares_of, usual_top
-from .section import Cut, Section, section_of
+from .section import Cut, Section, check_number, check_word, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar
-from .units import quantity, round_down, times
+from .units import quantity, times, visible
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
@@ -40,7 +39,6 @@ _SAME = 180.0
 """Corners nearer to each other than this part of a cell are one; rounding is far less."""
 _WITHIN = 1e-6
 """Corners are asked for this share inside the cell, where they belong to no other."""
-_LARGEST_SHIFT = 0.09  # of the picture's width
 _UNMOVED = 1e-4  # of the largest displacement
 _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
 _FOLDED = 64  # agents smaller than this part of the picture may be drawn so
@@ -129,18 +127,10 @@ def moving_agents(result: ElasticResult, layer: Section, value: Floats) -> Movin
 def magnification_for(section: Section, tiles: Moving) -> float:
     """Return a round factor that makes a deformation visible, and folds no large tile."""
     shift = float(np.abs(tiles.moved).max(initial=0.0))
-    if shift == 0.0:
-        return 1.0
-    wanted = largest_shift(section.span) / shift
     large = tiles.edge >= min(section.span / _FOLDED, tiles.edge.max())
     strain = np.abs(np.diff(tiles.moved, axis=1)).max(axis=(1, 2)) / tiles.edge
     steepest = float(strain[large].max())
-    return round_down(min(wanted, _LARGEST_STRAIN / steepest) if steepest > 0.0 else wanted)
-
-
-def largest_shift(span: float) -> float:
-    """Return how far (m) the point that moves most is drawn from its place."""
-    return _LARGEST_SHIFT * span
+    return visible(section.span, shift, _LARGEST_STRAIN / steepest if steepest > 0.0 else inf)
 
 
 def check_magnification(magnification: float | None) -> None:
@@ -209,13 +199,8 @@ def plot_deformed(
 ) -> Axes:
     """Draw the deformed agents, coloured by their stress, over the outline of the body at rest."""
     check_magnification(magnification)
-    if colour not in COLOURS:
-        raise ParameterError(
-            f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "
-            f"{', '.join(COLOURS)}"
-        )
-    if not 0.0 <= share <= 1.0:
-        raise ParameterError(f"share: of the load, a number from 0 to 1 is needed, got {share}")
+    check_word("colour", colour, COLOURS)
+    check_number("share", share, 1)
     result = settled(result)
     layer = layer_of(result, cut, crop)
     size = np.linalg.norm(result.displacement, axis=1)
@@ -265,15 +250,15 @@ def plot_cells_deformed(
     crop: bool | None = None,
 ) -> Axes:
     """Draw the deformed cells over the outline of the body at rest, at the end of a stage."""
-    section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
-    count = len(result.stages)
-    if stage is not None and not 0 <= stage <= count:
-        raise ParameterError(f"stage: this run has the stages 0 to {count}, got {stage}")
-    state, share = result.at_stage(stage) if stage else result, float(stage != 0)
-    tiles, farthest = moving_cells(state, section), share * state.max_displacement
-    options: dict[str, Any] = {"magnification": magnification, "largest": largest, "share": share}
-    shown = stage or result.stage
-    picture, magnified = draw_deformed(section, tiles.scaled(share), ax, shown, **options)
+    if stage is not None:
+        check_number("stage", stage, len(result.stages))
+    shown = len(result.stages) if stage is None else stage
+    section, tiles = _cells_at(result, shown, {"cut": cut, "crop": crop})
+    of = result.at_stage(shown) if shown else result
+    farthest = of.max_displacement if shown else 0.0
+    options: dict[str, Any] = {"magnification": magnification, "largest": largest}
+    options["share"] = float(shown != 0)
+    picture, magnified = draw_deformed(section, tiles, ax, stage or result.stage, **options)
     moved = f"{magnified}; largest displacement {quantity(farthest, 'm')}"
     notes = [moved if farthest else STILL, *picture.notes]
     if stage is not None:
@@ -293,38 +278,43 @@ def plot_body_in_time(
     crop: bool | None = None,
 ) -> Axes:
     """Draw the deformed body at one of the times asked for, the last unless given."""
-    record, static = checked_record(course, record), course.static
-    section = section_of(course.grid, static.focus, cut, crop)
-    tiles = moving_cells(static, section, partial(course.displacement_at, record=record))
+    record = from_end(record, len(course.times))
+    section, tiles = _cells_at(course, record, {"cut": cut, "crop": crop})
     options: dict[str, Any] = {"magnification": magnification, "largest": largest}
     options["share"] = float(course.factors[record] != 0.0)
-    picture, magnified = draw_deformed(section, tiles, ax, static.stage, **options)
+    picture, magnified = draw_deformed(section, tiles, ax, course.static.stage, **options)
     farthest = f"largest displacement {quantity(course.max_displacement(record), 'm')}"
     notes = [f"{moment_text(course, record)}; {farthest}", magnified]
     return picture.finish("Deformed body", notes)
 
 
-def _over_stages(result: TransferResult, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the magnification and the end of the colours, by all stages."""
-    section = section_of(result.grid, result.focus, options.get("cut"), options.get("crop"))
-    states = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
-    moves = [moving_cells(state, section) for state in states]
-    factors = [magnification_for(section, move) for move in moves if move.largest]
-    largest = max(move.largest for move in moves)
+def _cells_at(result: Any, moment: int, options: Mapping[str, Any]) -> tuple[Section, Moving]:
+    """Return what a picture shows of cells at the end of a stage, or at a time."""
+    static = getattr(result, "static", result)
+    caveats = () if static is not result else static.caveats_in_brief
+    section = section_of(
+        result.grid, static.focus, options.get("cut"), options.get("crop"), caveats=caveats
+    )
+    if static is not result:
+        moved_at = partial(result.displacement_at, record=moment)
+        return section, moving_cells(static, section, moved_at)
+    state = result.at_stage(moment) if moment else result
+    return section, moving_cells(state, section).scaled(float(moment != 0))
+
+
+def _whole_run(result: Any, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the magnification and the end of the colours, by all stages or the largest move."""
+    moments = range(1, len(result.stages) + 1) if hasattr(result, "stages") else ()
+    moments = moments or [int(np.argmax(result.largest_displacement()))]
+    states = [_cells_at(result, moment, options) for moment in moments]
+    factors = [magnification_for(*state) for state in states if state[1].largest]
+    largest = max(tiles.largest for _, tiles in states)
     return {"magnification": min(factors, default=1.0), "largest": largest}
 
 
-def _over_times(course: BodyTimeResult, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the magnification and the end of the colours, by the time of the largest move."""
-    section = section_of(course.grid, course.static.focus, options.get("cut"), options.get("crop"))
-    peak = int(np.argmax(course.largest_displacement()))
-    tiles = moving_cells(course.static, section, partial(course.displacement_at, record=peak))
-    return {"magnification": magnification_for(section, tiles), "largest": tiles.largest}
-
-
-STAGES = Film("deformed", "stage", lambda result: range(len(result.stages) + 1), _over_stages)
+STAGES = Film("deformed", "stage", lambda result: range(len(result.stages) + 1), _whole_run)
 """The stages of loading: the body deforms as the load grows."""
 LOADING = Film("deformed", "share", lambda _: np.linspace(0.0, 1.0, 25).tolist(), fps=PER_SECOND)
 """An elastic body whose load grows evenly."""
-TIMES = Film("deformed", "record", lambda of: range(len(of.times)), _over_times, PER_SECOND)
+TIMES = Film("deformed", "record", lambda of: range(len(of.times)), _whole_run, PER_SECOND)
 """A body that creeps, at all times asked for."""

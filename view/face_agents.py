@@ -16,12 +16,11 @@ from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
 from .body_plots import BodyPicture
 from .films import Film
-from .section import Cut, Section, section_of
+from .section import Cut, Section, check_number, section_of
 from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar
 from .units import counted, quantity
 
@@ -52,9 +51,7 @@ class ShownLevel(NamedTuple):
 def _level_of(run: ElasticRun, level: int, cut: Cut, crop: bool | None) -> ShownLevel:
     agents, grid = run.agents, run.grid
     chosen = np.flatnonzero(agents.level == level)
-    if level < 0 or (level > 0 and not len(chosen)):
-        last = int(agents.level.max(initial=0))
-        raise ParameterError(f"level: this run has agents of the levels 0 to {last}, got {level}")
+    check_number("level", level, int(agents.level.max(initial=0)))
     finest = agents.position[agents.level == 0]
     section = section_of(grid, grid.lattice.locate(finest) if len(finest) else None, cut, crop)
     edge = grid.lattice.cell_size
@@ -102,9 +99,7 @@ def plot_left(
     left, happened = np.abs(run.agents.left), run.outcome
     most = float(left.max(initial=0.0))
     if moment is not None:
-        last = len(moments.step) - 1
-        if not 0 <= moment <= last:
-            raise ParameterError(f"moment: this run has the moments 0 to {last}, got {moment}")
+        check_number("moment", moment, len(moments.step) - 1)
         most = float(np.abs(moments.left[:, agents]).max(initial=0.0))
         left, step = np.abs(moments.left[moment]), moments.step[moment]
         agents = agents[run.agents.spawn_step[agents] <= step]

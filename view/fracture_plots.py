@@ -17,10 +17,10 @@ from kaju.model.scene import Scene
 
 from .body_plots import BodyPicture
 from .films import Film
-from .network_plots import NetworkPicture, visible
-from .section import Cut, section_of
+from .network_plots import NetworkPicture
+from .section import Cut, check_number, section_of
 from .style import DIVERGING, FAINT, INK, LINE, add_polygons, caption, colour_bar, legend, new_axes
-from .units import counted, quantity, times
+from .units import counted, quantity, times, visible
 
 if TYPE_CHECKING:
     from kaju.model.fracture.fracture_result import FractureResult
@@ -44,8 +44,7 @@ def plot_crack(
     What has parted, or bears next to nothing any more, is drawn as it stood when it last did.
     """
     count = result.breaks if breaks is None else breaks
-    if not 0 <= count <= result.breaks:
-        raise ParameterError(f"breaks: 0 to {result.breaks}, got {breaks}")
+    check_number("breaks", count, result.breaks)
     if isinstance(result.subject, Scene):
         if magnification is not None:
             raise ParameterError(
@@ -86,7 +85,8 @@ def _scale(result: FractureResult, options: Mapping[str, Any]) -> dict[str, Any]
         moved = max(moved, float(np.abs(factor * body.displacement()).max(initial=0.0)))
     if isinstance(result.subject, Scene):
         return {"largest": borne}
-    return {"largest": borne, "magnification": visible(result.network.positions, moved)}
+    span = float(np.ptp(result.network.positions, axis=0).max())
+    return {"largest": borne, "magnification": visible(span, moved)}
 
 
 BREAKS = Film("crack", "breaks", lambda result: range(result.breaks + 1), _scale)

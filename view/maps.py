@@ -11,16 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints, first_largest
-from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
 from .deformed import settled
 from .layers import draw_squares, layer_of, squares_of, usual_top
 from .load_plots import load_norm
-from .section import Cut, Section, section_of
+from .section import Cut, Section, check_word, section_of
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar
 from .units import quantity
 
@@ -49,7 +47,8 @@ def quantity_of(
         return Quantity(taken.sum(axis=1), "Loads taken", "N", False, True)
     names = "xyz"[: result.scene.lattice.dimension]
     if what == "displacement":
-        chosen = _checked(component or "magnitude", ("magnitude", *names))
+        chosen = component or "magnitude"
+        check_word("component", chosen, ("magnitude", *names))
         if chosen == "magnitude":
             size = np.linalg.norm(result.displacement, axis=1)
             return Quantity(size, "Displacement", "m", signed=False)
@@ -59,19 +58,11 @@ def quantity_of(
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     sizes = [np.abs(tensor[:, *pair]).max(initial=0.0) for pair in pairs.values()]
     largest = list(pairs)[first_largest(np.array(sizes))]
-    chosen = _checked(component or largest, tuple(pairs))
+    chosen = component or largest
+    check_word("component", chosen, pairs)
     symbol = "σ" if what == "stress" else "ε"
     title = f"{what.capitalize()} {symbol}{chosen}"
     return Quantity(tensor[:, *pairs[chosen]], title, unit, signed=True)
-
-
-def _checked(component: str, known: tuple[str, ...]) -> str:
-    if component not in known:
-        raise ParameterError(
-            f"component: there is no {component!r}{suggestion(str(component), known)}; "
-            f"there is {', '.join(known)}"
-        )
-    return component
 
 
 def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCollection:

@@ -14,28 +14,19 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError
 
 from . import style
-from .charts import checked_record, moment_text
+from .charts import from_end, moment_text
+from .deformed import check_magnification
 from .films import PER_SECOND, Film
 from .style import FORCE, INK, LINE
-from .units import quantity, round_down, times
+from .units import quantity, times, visible
 
 if TYPE_CHECKING:
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.rheology.creeping_network import NetworkCreepResult
 
-_VISIBLE = 0.03  # of the network's size: smaller displacements are magnified up to 0.08
 _MOST_NODES = 2000  # above this, nodes are not drawn one by one
-
-
-def visible(positions: Floats, moved: float) -> float:
-    """Return by how much displacements of a network up to `moved` (m) are magnified."""
-    size = float(np.ptp(positions, axis=0).max())
-    if moved == 0.0 or moved >= _VISIBLE * size:
-        return 1.0
-    return max(1.0, round_down(0.08 * size / moved))
 
 
 class NetworkPicture:
@@ -48,15 +39,15 @@ class NetworkPicture:
         magnification: float | None = None,
         largest: float | None = None,
     ) -> None:
-        if magnification is not None and not 0.0 < magnification < np.inf:
-            raise ParameterError(f"magnification: a number above 0, got {magnification}")
+        check_magnification(magnification)
         self.result, self.network, records = result, result.network, range(len(result.stage))
         self.flat = self.network.dimension == 2
         self.ax = style.new_axes(ax, (6.8, 6.2), None if self.flat else "3d")
         if not self.flat:
             cast(Axes3D, self.ax).computed_zorder = False  # or rims would hide their springs
         moved = float(np.abs(result.displacement).max(initial=0.0))
-        self.factor = magnification or visible(self.network.positions, moved)
+        span = float(np.ptp(self.network.positions, axis=0).max())
+        self.factor = magnification or visible(span, moved)
         self.values = [np.asarray(result.tension[k]) for k in records]
         sizes = [float(np.abs(values).max(initial=0.0)) for values in self.values]
         most = largest or max(sizes, default=0.0) or 1.0
@@ -142,10 +133,7 @@ def plot_network(
     creeps = result.kind == "network in time"
     still = cast("NetworkResult", cast(Any, result).to_network_result() if creeps else result)
     last = len(still.stage) - 1
-    if creeps:
-        record = checked_record(cast(Any, result), record)
-    elif not -last - 1 <= record <= last:
-        raise ParameterError(f"record: this result has the records 0 to {last}, got {record}")
+    record = from_end(record, last + 1)
     picture = NetworkPicture(still, ax, magnification)
     network = still.network
     rest: dict[str, Any] = {"colors": LINE, "linewidths": 0.6, "linestyles": "--", "zorder": 1}
@@ -160,7 +148,7 @@ def plot_network(
     parts = [f"largest force {quantity(float(force), 'N')}"] if network.forces.any() else []
     parts.append(f"largest displacement {quantity(far, 'm')}")
     if last > 1 and not creeps:
-        parts.insert(0, f"increment {record % (last + 1)} of {last}")
+        parts.insert(0, f"increment {record} of {last}")
     notes = [moment_text(cast(Any, result), record)] if creeps else []
     return picture.finish([*notes, "; ".join(parts), f"deformation shown {times(picture.factor)}"])
 

@@ -15,7 +15,6 @@ from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
@@ -25,7 +24,7 @@ from .body_in_space import FACES, DrawnBox, box_around, space_for
 from .body_plots import BodyPicture
 from .films import Film
 from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
-from .section import Cut
+from .section import Cut, check_number, check_word
 from .style import SEQUENTIAL, SIZE, caption, colour_bar
 from .units import grouped, quantity
 
@@ -95,11 +94,7 @@ def errors_of(result: ElasticResult) -> list[float]:
 
 def agents_of(result: ElasticResult, colour: str, generation: int | None = None) -> Tiles:
     """Return the agents of a generation with what their colours show."""
-    if colour not in COLOURS:
-        raise ParameterError(
-            f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "
-            f"{', '.join(COLOURS)}"
-        )
+    check_word("colour", colour, COLOURS)
     last = len(result.generations) - 1
     if colour in OPINIONS and not result.spawned:
         raise ParameterError(
@@ -111,8 +106,7 @@ def agents_of(result: ElasticResult, colour: str, generation: int | None = None)
     if generation is None or generation == last:
         own = result.generations[-1] if colour in OPINIONS else result
         return result.tiles(np.asarray(getattr(own, colour), dtype=np.float64))
-    if not 0 <= generation <= last:
-        raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
+    check_number("generation", generation, last)
     family = result.family
     rows = family.standing(generation)
     known = {"level": family.level[rows], "spawn_step": family.rows["spawn_step"][rows]}

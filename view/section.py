@@ -6,7 +6,7 @@ blocks of cells where there are too many to be seen one by one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
@@ -17,6 +17,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import corner_order
@@ -31,6 +32,21 @@ How: TypeAlias = Literal["min", "max", "sum"]
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
 _SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
+
+
+def check_number(key: str, value: float, last: float) -> None:
+    """Refuse the number of a moment, or of a level, that there is not."""
+    if not 0 <= value <= last:
+        raise ParameterError(f"{key}: must lie between 0 and {last:g} here, got {value}")
+
+
+def check_word(key: str, word: str, known: Collection[str]) -> None:
+    """Refuse what is not among the words of an option."""
+    if word not in known:
+        raise ParameterError(
+            f"{key}: there is no {word!r}{suggestion(str(word), known)}; there is "
+            f"{', '.join(known)}"
+        )
 
 
 def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDArray[Any]]:

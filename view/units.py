@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, isfinite, log10
+from math import floor, inf, isfinite, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -75,3 +75,15 @@ def round_down(value: float) -> float:
     leading = value / power * (1.0 + 1e-12)
     digit = 5.0 if leading >= 5.0 else 2.0 if leading >= 2.0 else 1.0
     return digit * power
+
+
+_LARGEST_SHIFT = 0.09  # of the width of what is shown
+
+
+def visible(span: float, farthest: float, most: float = inf) -> float:
+    """Return a round factor that makes displacements up to `farthest` (m) visible on a span (m).
+
+    It is 1 where they can be seen as they are, and never more than `most`.
+    """
+    wanted = min(_LARGEST_SHIFT * span / farthest, most) if farthest > 0.0 else 1.0
+    return 1.0 if 0.2 < wanted < 1.0 else round_down(wanted)

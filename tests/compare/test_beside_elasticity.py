@@ -63,7 +63,7 @@ def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
     for line in words_beside(study):
         assert line in done.output
     names = {path.name for path in out.iterdir()}
-    pictures = {"stress_ratio", "stress_rows", "deformed", "displacement", "cuts"}
+    pictures = {"stress", "deformed", "displacement", "cuts"}
     assert names == {"comparison.json", *(f"{name}.png" for name in pictures)}
     with pytest.raises(KajuError, match="--force"):
         typed(*words)

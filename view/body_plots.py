@@ -114,15 +114,17 @@ def draw_forces(
     force, place = section.in_plane(arrows.force), section.in_plane(arrows.place)
     size = np.linalg.norm(force, axis=1)
     seen = size > 1e-9 * size.max(initial=0.0)
-    if not (share and seen.any()):
+    if not seen.any():
         return notes
     force, place, size, pulls = force[seen], place[seen], size[seen], arrows.pulls[seen]
     span = section.span
-    along = (share * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
+    along = ((share or 1.0) * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
     head = np.where(pulls[:, None], place + along, place)
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)
     outlines = style.arrow_polygons(head - along, head, width)
-    style.add_polygons(ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=8)
+    # Forces that do not act now have their room all the same: in a film they act at other times.
+    look: dict[str, Any] = {"fc": FORCE, "ec": "white", "visible": bool(share)}
+    style.add_polygons(ax, outlines, "forces", lw=0.4, zorder=8, **look)
     return notes
 
 

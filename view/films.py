@@ -125,50 +125,17 @@ def _durations(count: int, fps: float, hold: float) -> list[int]:
 
 
 def _write_gif(shown: Iterator[Image.Image], path: Path, fps: float, hold: float) -> None:
-    images = list(shown)
-    palette = palette_of(images)
-    first, *rest = (_indexed(image, palette) for image in images)
+    """Write frames in one palette that covers every colour, however few pixels have it."""
+    images = list(shown)  # arrows are small, and would be lost beside a large body
+    width, height = images[0].size
+    sheet = Image.new("RGB", (width, height * len(images)))
+    for number, image in enumerate(images):
+        sheet.paste(image, (0, height * number))
+    sheet = sheet.quantize(256, Image.Quantize.MAXCOVERAGE)
+    tops = range(0, height * len(images), height)
+    first, *rest = (sheet.crop((0, top, width, top + height)) for top in tops)
     durations = _durations(len(images), fps, hold)
     first.save(path, "GIF", save_all=True, append_images=rest, duration=durations, loop=0)
-
-
-_FREQUENT = 48
-"""Colours of a palette that are exactly those of most pixels: grounds and bodies."""
-
-
-def palette_of(images: Sequence[Image.Image]) -> Image.Image:
-    """Return one palette for all frames, whose last colour is white.
-
-    Beside the most frequent ones every colour that occurs counts once, however few pixels have
-    it: arrows are small, and would be lost beside a large body.
-    """
-    pixels = [np.asarray(image).reshape(-1, 3)[::7].astype(np.int64) for image in images]
-    red, green, blue = np.concatenate(pixels).T
-    exact, count = np.unique(red << 16 | green << 8 | blue, return_counts=True)
-    frequent = exact[np.argsort(-count, kind="stable")[:_FREQUENT]]
-    kept = np.stack([frequent >> 16, frequent >> 8 & 255, frequent & 255], axis=1)
-    seen = np.zeros(32**3, dtype=np.bool_)
-    for image in images:
-        red, green, blue = np.asarray(image).reshape(-1, 3).T.astype(np.int64) >> 3
-        seen[red << 10 | green << 5 | blue] = True
-    coarse = np.flatnonzero(seen)
-    colours = 8 * np.stack([coarse >> 10, coarse >> 5 & 31, coarse & 31], axis=1) + 4
-    others = Image.fromarray(colours[None].astype(np.uint8)).quantize(255 - len(kept), kmeans=3)
-    table = (others.getpalette() or [])[: 3 * (255 - len(kept))]
-    table += [0] * (3 * (255 - len(kept)) - len(table))
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([*kept.ravel().tolist(), *table, 255, 255, 255])
-    return palette
-
-
-def _indexed(image: Image.Image, palette: Image.Image) -> Image.Image:
-    """Return an image in the colours of a palette, of which the last is white."""
-    nearest = image.quantize(palette=palette, dither=Image.Dither.NONE)
-    number = np.array(nearest)
-    number[(np.asarray(image) == 255).all(axis=2)] = 255  # Pillow takes any light grey for it
-    indexed = Image.fromarray(number, "P")
-    indexed.putpalette(palette.getpalette() or [])
-    return indexed
 
 
 def _write_webp(shown: Iterator[Image.Image], path: Path, fps: float, hold: float) -> None:

@@ -304,8 +304,10 @@ def _cells_at(result: Any, moment: int, options: Mapping[str, Any]) -> tuple[Sec
 
 def _whole_run(result: Any, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the magnification and the end of the colours, by all stages or the largest move."""
-    moments = range(1, len(result.stages) + 1) if hasattr(result, "stages") else ()
-    moments = moments or [int(np.argmax(result.largest_displacement()))]
+    if hasattr(result, "stages"):
+        moments = list(range(1, len(result.stages) + 1))
+    else:
+        moments = [int(np.argmax(result.largest_displacement()))]
     states = [_cells_at(result, moment, options) for moment in moments]
     factors = [magnification_for(*state) for state in states if state[1].largest]
     largest = max(tiles.largest for _, tiles in states)

@@ -13,8 +13,8 @@ from kaju import (
     RigidBoundaryAgent,
     RollerBoundaryAgent,
 )
-from kaju.view.page.export import packed_page
 from kaju.view.page.data import unpack
+from kaju.view.page.export import packed_page
 
 
 def plate(**given):

@@ -7,17 +7,15 @@ how far it is from the body and the loads that were described.
 from __future__ import annotations
 
 from itertools import product
-from math import isfinite, sqrt
+from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
-from kaju.model.elastic.equal.cell_loads import portions_of_cells
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.elastic.pair.leaves import corner_ends
-from kaju.model.elastic.uneven_loads import Portions, data_error, softest
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells
@@ -37,8 +35,6 @@ STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
 SAMPLES = {2: 4, 3: 2}  # Points along the edge of a cell by which an outline is found in it
-LEFT_OUT = 1e-3
-"""Share of the energy norm from which on a caveat says what agents do not take of loads: chosen."""
 STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on its steps are a caveat: a choice
 
 
@@ -144,13 +140,10 @@ def _loads(result: ElasticResult) -> list[Caveat]:
     for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
         if off := _off_place(load, chosen, grid):
             found.append(Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}"))
-    left = result.load_error_estimate
-    if left > LEFT_OUT:
-        said = (
-            "loads end within faces, which take their force and moments; the rest is at most "
-            f"{left:.1g} of the answer in the energy norm, and `error_bound` contains it; "
-            "smaller cells, or a tolerance, make it smaller"
-        )
+    uneven = None if result.spawned else grid.applied(result.stage).uneven
+    if uneven is not None and np.any(uneven.part % 1.0):
+        said = "loads end within faces, which take their force and moments alone; smaller cells, "
+        said += "or a tolerance, take them as they are"
         found.append(Caveat("loads end within faces", said))
     return found
 
@@ -200,24 +193,6 @@ def _at_corners(corners: Floats) -> list[Caveat]:
     many = f"{len(corners)} corner" + ("s" if len(corners) > 1 else "")
     said = f"with smaller cells the stress grows without limit at the corner {places} m{more}"
     return [Caveat(f"no limit of stress at {many}", said)]
-
-
-def load_error(result: ElasticResult) -> float:
-    """Return what agents do not take of the loads, relative, in the energy norm, at most."""
-    found, applied = result.found, result.grid.applied(result.stage)
-    if applied.uneven is None or not len(applied.uneven.row) or not found.solution.energy > 0.0:
-        return 0.0
-    if found.storage == "tree":
-        ground = found.ground
-        portions = ground.forces(found.leaves).uneven or Portions.none(ground.dimension)
-        size, kind = result.size / result.grid.lattice.cell_size, result.material
-    else:
-        portions = portions_of_cells(applied, found.scales.force)
-        size, kind = np.ones(len(applied.cells)), np.zeros(len(applied.cells), dtype=np.int64)
-        cells = applied.cells[applied.uneven.row]
-        kind[applied.uneven.row] = found.law_at(result.grid.lattice.centres(cells), cells)
-    least = softest(*found.moduli, result.grid.lattice.dimension)[kind]
-    return data_error(portions, size, least) / sqrt(2.0 * found.solution.energy)
 
 
 def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:

@@ -11,16 +11,9 @@ import numpy as np
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
-from kaju.errors import ResultError
+from kaju.errors import KajuError, ResultError
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.bounds_of_cells import bounds_of_cells
-from kaju.model.elastic.caveats import (
-    caveats_of,
-    load_error,
-    no_limit,
-    refuse_singular,
-    steps_near,
-)
+from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular, steps_near
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.elastic_export import columns, dataset, write_mesh
 from kaju.model.elastic.equal.cell_agents import CellAgents
@@ -41,6 +34,8 @@ from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.family import Family
+from kaju.model.elastic.pair.loop import PairLoop
+from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import (
     BALANCE,
@@ -52,6 +47,7 @@ from kaju.model.results.result import (
 )
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
+from kaju.stopping import interrupt_requested
 
 if TYPE_CHECKING:
     import pandas
@@ -61,6 +57,10 @@ if TYPE_CHECKING:
     from kaju.model.outline.hoop_stress import HoopStress
 
     from .intensity import Intensity
+
+
+CLOSEST = 1e-3
+"""Bounds of equal cells are no closer: they take a second or two on a plate with a hole."""
 
 
 class LargestStress(NamedTuple):
@@ -297,13 +297,26 @@ class ElasticResult(BodyResult):
         From a stress that balances and a displacement without gaps (Prager and Synge 1947). For
         equal cells in the plane agents of two minds find them on the same body, as close as
         `error_estimate`, when they are first asked for; the cells' own energy may lie outside.
+        With a field of stiffness there are none.
         """
-        if self.spawned and not self.no_bound:
-            last = self.generations[-1]
-            return None if last.lower is None or last.upper is None else (last.lower, last.upper)
-        if type(self.found) is CellAgents and self.scene.lattice.dimension == 2:
-            return bounds_of_cells(self.found)
-        return None
+        if isinstance(self.found, CellAgents):
+            plane = self.scene.lattice.dimension == 2 and self.stiffness is None
+            return self._bounds_of_cells() if plane else None
+        last = self.generations[-1]
+        return None if last.lower is None or last.upper is None else (last.lower, last.upper)
+
+    def _bounds_of_cells(self) -> tuple[float, float] | None:
+        """Return what agents of two minds prove of the body, None if they cannot stand on it."""
+        try:
+            body = PosedBody(self.grid, self.stage)
+            agents = PairLoop(body, max(self.error_estimate, CLOSEST))
+            while not agents.finished and not (agents.last and interrupt_requested()):
+                agents.step()
+        except KajuError:
+            return None
+        assert agents.last is not None
+        bounds, unit = agents.last.bounds, body.scales.energy
+        return bounds.lower * unit, bounds.upper * unit
 
     @property
     def error_bound(self) -> float | None:
@@ -466,15 +479,6 @@ class ElasticResult(BodyResult):
     def _steps(self) -> tuple[Ints, Flags]:
         """Cells that slanted outlines cross, and which agents lie in or beside them."""
         return steps_near(self.grid, self.middle)
-
-    @cached_property
-    def load_error_estimate(self) -> float:
-        """What agents do not take of loads that end within their sides, at most.
-
-        In the energy norm, relative to the answer; they take the force and the moments of each, and
-        the rest is part of `error_bound`. 0 where loads end at the agents' edges.
-        """
-        return load_error(self)
 
     @cached_property
     def largest_stress(self) -> LargestStress:

@@ -281,7 +281,7 @@ class GrowingBody:
         assert self._moved is not None
         problem = self._whole
         parts = fields.stress_parts(replace(problem, surface_shear={}), self._moved)
-        stress = fields.cell_tensor(problem, parts)[self.body]
+        stress = fields.cell_tensor(problem, parts, self.body)
         own = problem.kinds[problem.inner][self.body].astype(np.int64)
         equivalent = equivalent_stress(stress, problem.moduli, own, problem.plane)
         return self._symmetric(problem.scales.stress * equivalent)

@@ -52,7 +52,7 @@ def test_a_field_is_as_two_materials():
     for name in ("displacement", "stress", "strain", "von_mises", "energy"):
         found, wanted = getattr(one, name), getattr(two, name)
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12 * np.abs(wanted).max())
-    np.testing.assert_allclose(one.energy_bounds, two.energy_bounds, rtol=1e-9)
+    assert one.energy_bounds is None
     points = two.middle[two.material == 1] + 0.002
     np.testing.assert_allclose(one.strain_at(points), two.strain_at(points), atol=1e-12)
     assert set(one.material) == {0}
@@ -97,7 +97,6 @@ def test_it_is_stored(tmp_path):
     again = kaju.load_result(answer.save(tmp_path / "answer"))
     np.testing.assert_array_equal(again.energy, answer.energy)
     np.testing.assert_array_equal(again.stiffness, answer.stiffness)
-    assert again.energy_bounds == answer.energy_bounds
 
 
 @pytest.mark.parametrize("wrong", [np.ones((6, 8)), np.ones(48), -np.ones((8, 6)), "soft", 1.0])

@@ -176,7 +176,7 @@ class CellAgents(OnCells):
     @property
     def stress(self) -> Floats:
         """Stress tensors of the agents."""
-        return fields.cell_tensor(self.problem, self.parts)[self.body]
+        return fields.cell_tensor(self.problem, self.parts, self.body)
 
     @cached_property
     def parts(self) -> Strains:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import reduce
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,16 @@ from kaju.model.scene.cell_types import FOUNDATION, INSIDE, RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
 
 from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, FaceFields
-from .staggered import Strains, axis_pairs, cell_modulus, ends, internal_force, strains, stresses
+from .staggered import (
+    Strains,
+    axis_pairs,
+    cell_modulus,
+    cut,
+    ends,
+    internal_force,
+    strains,
+    stresses,
+)
 
 SURFACE_SHARE = 0.5
 """Weight of the surface's own slope against that of the line through the faces below."""
@@ -52,50 +62,56 @@ def _edge_values(
     walls = ((below == RIGID) | (above == RIGID)) & (below < 0) & (above < 0)
     values, wall = _between(field, across, walls)
     before, after = _sides(np.where(states[across] == ABSENT, np.nan, u[across]), axis)
-    slope = before - after
+    low, high = _sides(field, across)
+    free = _sides(np.where(states[axis] == ACTIVE, 1.0, np.nan), across)
+    one_sided = (np.isnan(low) != np.isnan(high)) & ~(np.isnan(free[0]) & np.isnan(free[1]))
+    at = np.nonzero(one_sided)
+    slope = before[at] - after[at]
     pair = (min(axis, across), max(axis, across))
     if pair in problem.surface_shear:
         shear = cell_modulus(problem, problem.moduli.shear)
         around = np.where(shear > 0, shear, np.nan)
         for a in pair:
             around = np.fmax(*_sides(around, a))
-        given = problem.surface_shear[pair] / around
-        slope = np.where(np.isnan(around), 0.0, given) + slope
-    low, high = _sides(field, across)
-    surface = np.where(np.isnan(high), low + 0.5 * slope, high - 0.5 * slope)
-    free = _sides(np.where(states[axis] == ACTIVE, 1.0, np.nan), across)
-    one_sided = (np.isnan(low) != np.isnan(high)) & ~np.isnan(surface)
-    one_sided &= ~np.isnan(free[0]) | ~np.isnan(free[1])
-    mixed = (1 - SURFACE_SHARE) * values + SURFACE_SHARE * surface
-    return np.where(one_sided, mixed, values), wall
+        given = problem.surface_shear[pair][at] / around[at]
+        slope = np.where(np.isnan(around[at]), 0.0, given) + slope
+    surface = np.where(np.isnan(high[at]), low[at] + 0.5 * slope, high[at] - 0.5 * slope)
+    mixed = (1 - SURFACE_SHARE) * values[at] + SURFACE_SHARE * surface
+    values[at] = np.where(np.isnan(surface), values[at], mixed)
+    return values, wall
 
 
-def _sides(field: Floats, axis: int) -> tuple[Floats, Floats]:
-    """Return the neighbours below and above every place between faces; NaN beyond the ends."""
+def _sides(
+    field: NDArray[Any], axis: int, beyond: float = np.nan
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the neighbours below and above every place between faces, and beyond the ends."""
     width = [(1, 1) if a == axis else (0, 0) for a in range(field.ndim)]
-    return ends(np.pad(field, width, constant_values=np.nan), axis)
+    return ends(np.pad(field, width, constant_values=beyond), axis)
 
 
 def _between(field: Floats, axis: int, wall: Flags) -> tuple[Floats, Flags]:
     """Return values half-way between neighbours along an axis, prolonged at the ends of a body."""
     # Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
-    low, high = _sides(field, axis)
-    padded = np.pad(wall, [(1, 1) if a == axis else (0, 0) for a in range(wall.ndim)])
-    low_wall, high_wall = ends(padded, axis)
-    mean = 0.5 * (low + high)
-    mean = np.where(low_wall & ~high_wall, low, np.where(high_wall & ~low_wall, high, mean))
-    before, after = ends(_sides(low, axis)[0], axis)[0], ends(_sides(high, axis)[1], axis)[1]
+    width = [(2, 2) if a == axis else (0, 0) for a in range(field.ndim)]
+    line, count = np.pad(field, width, constant_values=np.nan), field.shape[axis] + 1
+    parts = [line[cut(field.ndim, axis, slice(k, k + count))] for k in range(4)]
+    low_wall, high_wall = _sides(wall, axis, False)
+    mean = 0.5 * (parts[1] + parts[2])
+    at = np.nonzero(low_wall != high_wall)
+    mean[at] = np.where(low_wall[at], parts[1][at], parts[2][at])
+    at = np.nonzero(np.isnan(mean))
+    before, low, high, after = (part[at] for part in parts)
     from_low = np.where(np.isnan(before), low, 1.5 * low - 0.5 * before)
     from_high = np.where(np.isnan(after), high, 1.5 * high - 0.5 * after)
-    last = np.where(np.isnan(high), from_low, from_high)
-    return np.where(np.isnan(mean), last, mean), low_wall | high_wall
+    mean[at] = np.where(np.isnan(high), from_low, from_high)
+    return mean, low_wall | high_wall
 
 
 def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:
     """Return the displacement of the cells' middles (scaled); NaN outside of the body."""
-    solid = problem.kinds[problem.inner] >= 0
-    values = [_mean_along(v, a)[problem.inner] for a, v in enumerate(u)]
-    return np.where(solid[..., None], np.stack(values, axis=-1), np.nan)
+    means = np.stack([_mean_along(v, a)[problem.inner] for a, v in enumerate(u)], axis=-1)
+    means[problem.kinds[problem.inner] < 0] = np.nan
+    return means
 
 
 def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
@@ -107,17 +123,17 @@ def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
     return Strains(tuple(s[problem.inner] for s in stress.cells), edges)
 
 
-def cell_tensor(problem: ElasticProblem, parts: Strains) -> Floats:
+def cell_tensor(problem: ElasticProblem, parts: Strains, kept: Any = ...) -> Floats:
     """Return stress tensors of the cells: normal stresses, and the mean shear of their edges."""
-    # NaN outside of the body.
-    d = problem.dimension
-    solid = problem.kinds[problem.inner] >= 0
-    tensor = np.full((*problem.shape, d, d), np.nan)
+    # Of all, or of those kept; NaN outside of the body.
+    d, kinds = problem.dimension, problem.kinds[problem.inner][kept]
+    tensor = np.empty((*kinds.shape, d, d))
     for axis in range(d):
-        tensor[..., axis, axis] = np.where(solid, parts.cells[axis], np.nan)
+        tensor[..., axis, axis] = parts.cells[axis][kept]
     for a, b in axis_pairs(d):
-        tau = reduce(_mean_along, (a, b), parts.edges[a, b])
-        tensor[..., a, b] = tensor[..., b, a] = np.where(solid, tau, np.nan)
+        tau = reduce(_mean_along, (a, b), parts.edges[a, b])[kept]
+        tensor[..., a, b] = tensor[..., b, a] = tau
+    tensor[kinds < 0] = np.nan
     return tensor
 
 
@@ -180,7 +196,7 @@ def reactions(
     # if the cells are a part of a body.
     found: dict[str, Floats] = {}
     kinds, nothing = problem.kinds, 2 * problem.dimension
-    side = np.full(kinds.shape, -1, dtype=np.int64)
+    side = np.full(kinds.shape, -1, dtype=np.int8)
     for index in range(nothing):
         axis, upper = divmod(index, 2)
         end = origin[axis] + problem.shape[axis] == lattice.shape[axis]
@@ -190,15 +206,12 @@ def reactions(
     holding = np.where(np.isin(kinds, (RIGID, ROLLER, FOUNDATION)), side, nothing)
     inner = internal_force(problem, u)
     for axis, force in enumerate(inner):
-        held = problem.face_states[axis] == FIXED
+        held, spring = problem.face_states[axis] == FIXED, problem.spring[axis]
+        at = np.nonzero((held | (spring > 0.0)) & (True if counted is None else counted[axis]))
         # The load on a fixed face goes straight into the support.
-        pull = np.where(held, force - problem.force[axis], -problem.spring[axis] * u[axis])
-        if counted is not None:
-            pull = np.where(counted[axis], pull, 0.0)
+        pull = np.where(held[at], force[at] - problem.force[axis][at], -spring[at] * u[axis][at])
         # The side whose cells hold a face; -1 if cells inside the array do.
-        width = [(1, 1) if a == axis else (0, 0) for a in range(kinds.ndim)]
-        lines = np.moveaxis(np.pad(holding, width, constant_values=nothing), axis, 0)
-        owner = np.moveaxis(np.minimum(lines[:-1], lines[1:]), 0, axis)
+        owner = np.minimum(*(side[at] for side in _sides(holding, axis, nothing)))
         for index in np.unique(owner[pull != 0.0]):
             name = INSIDE if index < 0 else lattice.sides[index]
             total = found.setdefault(name, np.zeros(problem.dimension))

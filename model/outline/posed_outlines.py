@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from math import gcd, inf
-from typing import ClassVar, cast
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
-from kaju.model.scene.shapes import OutlinedShape
 
 from .arc_triangles import ArcFrames, TouchError, keep_apart
 from .convex_pieces import ON_LINE
@@ -342,7 +341,7 @@ def _check_body_ends(scene: Scene, which: int, where: str) -> None:
         region.shape_in(scene.lattice, f"body.regions.{number}")
         for number, region in enumerate(body.regions)
     ]
-    at = cast(OutlinedShape, shapes[which]).outline()[0][:1, 0]
+    at = shapes[which].outline()[0][:1, 0]
     place, below, region = at[:, :2] / at[:, 2:], body.material, body.regions[which]
     for number, other in enumerate(body.regions):
         if number == which or not shapes[number].contains(place)[0]:
@@ -376,7 +375,7 @@ def _body(scene: Scene, edge: float, shape: tuple[int, int]) -> TrueBody:
     for number, region in enumerate(scene.body.regions):
         where = f"body.regions.{number}"
         try:
-            lines = cast(OutlinedShape, region.shape_in(scene.lattice, where)).outline()
+            lines = region.shape_in(scene.lattice, where).outline()
             arcs = [np.asarray(arcs / [edge, edge, 1.0]) for arcs in lines]
             regions.append(TrueRegion.within(arcs, shape, laws.get(region.material, AIR)))
         except TouchError:

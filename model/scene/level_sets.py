@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .curves import Point, conic
-from .shapes import Box, Extent, LevelShape, Points, Relation, ShapeOfArrays
+from .shapes import Box, Extent, Points, Relation, Shape
 
 EMBEDDED_ARRAY = "data:application/x-npy;base64,"
 """What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
@@ -122,7 +122,7 @@ def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledShape(ShapeOfArrays, LevelShape):
+class SampledShape(Shape):
     """Where samples, bilinear (in space trilinear) between them, are not below a level."""
 
     box: Box  # beyond which there is nothing of it
@@ -178,12 +178,6 @@ class SampledShape(ShapeOfArrays, LevelShape):
             corner = tuple(f + e for f, e in zip(first, end, strict=True))
             found += reduce(np.multiply, weights) * above[corner]
         return found
-
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        inside = self.box.contains(points)
-        inside[inside] = self._sampled(self._in_steps(points[inside])) >= 0.0
-        return inside
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how much lower than the level the samples are, at least what is beyond the box."""

@@ -7,11 +7,9 @@ read with limits: a bad one is one clear error.
 from __future__ import annotations
 
 import warnings
-from base64 import b64decode, b64encode
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -27,17 +25,6 @@ MOST_PIXELS = 50_000_000
 
 MOST_CELLS = 200_000_000
 """Bodies above this many cells are never held cell by cell."""
-
-
-EMBEDDED = "data:image/png;base64,"
-"""What an image that a scene carries with it starts with, in place of a path (RFC 2397)."""
-
-
-def embedded(pixels: NDArray[np.uint8]) -> str:
-    """Return a text for which `read_pixels` gives these pixels, the top row first."""
-    file = BytesIO()
-    Image.fromarray(pixels).save(file, "PNG")
-    return EMBEDDED + b64encode(file.getvalue()).decode("ascii")
 
 
 def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
@@ -85,15 +72,11 @@ def _grey(values: NDArray[Any], path: str, key: str) -> Floats:
 @contextmanager
 def opened(path: str, key: str) -> Iterator[Image.Image]:
     """Yield an image, turned as its camera says (EXIF); refuse what is no image, or too large."""
-    source: str | BytesIO = path
-    if path.startswith(EMBEDDED):
-        path, source = "the embedded image", BytesIO(b64decode(path.removeprefix(EMBEDDED)))
-    else:
-        file_to_read(path, SceneFileError, key=key)
+    file_to_read(path, SceneFileError, key=key)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(source) as image:
+            with Image.open(path) as image:
                 if image.width * image.height > MOST_PIXELS:
                     raise SceneFileError(
                         f"{key}: {path} has {image.width} x {image.height} pixels, more than "

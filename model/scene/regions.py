@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from kaju.errors import SceneError
@@ -33,7 +34,6 @@ from .shapes import (
     Box,
     Cylinder,
     Ellipse,
-    Mask,
     Point,
     Polygon,
     Ring,
@@ -90,35 +90,29 @@ class RegionImage(Described):
     box: tuple[Point, Point] | None = optional(
         "the lower and the upper corner (m) that the image fills"
     )
-    level: Number | None = optional("how dark a place must be, from 0 to 1, such as 0.5")
+    level: Number = Field(default=0.5, description="how dark a place must be, from 0 to 1")
     # Bilinear between the middles of pixels; or how large a number, between samples of an array, of
-    # which the outer ones lie on the sides of the box. Without one, cells take pixels that are
-    # darker than 0.5; true outlines and arrays take 0.5.
+    # which the outer ones lie on the sides of the box.
 
-    def shape_in(self, lattice: Lattice, where: str, level: float | None) -> Shape:
-        """Return its dark pixels, or where it reaches a level, in their place."""
+    def shape_in(self, lattice: Lattice, where: str) -> Shape:
+        """Return where it reaches its level, in its place."""
         whole = ((0.0,) * lattice.dimension, lattice.extent)
         box = _box(self.box or whole, lattice, f"{where}.box")
         key, file = f"{where}.file", self.file
-        at_least = 0.5 if level is None else level
+        middles = not file.endswith(".npy") and not file.startswith(EMBEDDED_ARRAY)
         if file.endswith(".npy"):
-            return SampledShape(
-                box, checked(read_array(file, key), key, lattice.dimension), at_least
+            values: NDArray[Any] = read_array(file, key)
+        elif file.startswith((EMBEDDED_ARRAY, EMBEDDED_PIXELS)):
+            values = read_embedded(file, key)
+        elif lattice.dimension == 2:
+            values = read_darkness(file, key)[::-1].T
+        elif file.lower().endswith((".tif", ".tiff")):
+            values = read_layers(file, key)
+        else:
+            raise SceneError(
+                f"{key}: pixels belong to two dimensions; give a TIFF of layers, or an .npy array"
             )
-        if file.startswith((EMBEDDED_ARRAY, EMBEDDED_PIXELS)):
-            samples = checked(read_embedded(file, key), key, lattice.dimension)
-            return SampledShape(box, samples, at_least, file.startswith(EMBEDDED_PIXELS))
-        if lattice.dimension == 3:
-            if not file.lower().endswith((".tif", ".tiff")):
-                raise SceneError(
-                    f"{key}: pixels belong to two dimensions; give a TIFF of layers, or an .npy "
-                    "array"
-                )
-            return SampledShape(box, read_layers(file, key), at_least, middles=True)
-        if level is not None:
-            return SampledShape(box, read_darkness(file, key)[::-1].T, level, middles=True)
-        dark = read_darkness(file, key) > 0.5
-        return Mask(box, dark[::-1].T)
+        return SampledShape(box, checked(values, key, lattice.dimension), self.level, middles)
 
 
 class Region(Described):
@@ -165,10 +159,7 @@ class Region(Described):
         name, given, lattice, where = _given_shape(self, _SHAPES, lattice, where)
         shape: Shape
         if self.image is not None:
-            level = self.image.level
-            if level is None and self.outline == "true":
-                level = 0.5
-            shape = self.image.shape_in(lattice, where, level)
+            shape = self.image.shape_in(lattice, where)
         elif self.path is not None:
             if isinstance(self.path, PathFile):
                 shape = drawing_in(self.path.file, f"{where}.file")

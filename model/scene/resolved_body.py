@@ -63,15 +63,6 @@ class ResolvedBody:
         """Whether every cell of the array is the same."""
         return isinstance(self.base, int) and not self.regions
 
-    def same(self, other: ResolvedBody) -> bool:
-        """Tell whether another body has the same cells, shapes and sides."""
-        ours, theirs = (
-            (one.lattice, [(region.shape, region.kind) for region in one.regions])
-            for one in (self, other)
-        )
-        arrays = (self.base, other.base), (self.beyond, other.beyond)
-        return ours == theirs and all(np.array_equal(a, b) for a, b in arrays)
-
     def kinds(self, cells: Cells) -> Ints:
         """Return the kind of each cell, those outside the array included."""
         side = self.lattice.side_beyond(cells)

@@ -30,7 +30,7 @@ from .pictures import Picture, check_size
 from .regions import Region
 from .resolved_body import BoxKinds, CellBox, ResolvedBody, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball, Mask
+from .shapes import Ball
 from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition, unknown_side
 from .surfaces import ClosedSurface
@@ -308,13 +308,6 @@ class Scene(Description):
             self._of_cells, self.loads, self.selections, stage, self.thickness, self.body.gravity
         )
 
-    def same_body(self, other: Scene) -> bool:
-        """Tell whether another scene is of the same body, alike held, whatever loads it."""
-        ours, theirs = (
-            (one.plane, one.thickness, one.cell_materials, one._conditions) for one in (self, other)
-        )
-        return ours == theirs and self._resolved.same(other._resolved)
-
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
         parts = {name: getattr(self, name) for name in type(self).model_fields}
@@ -386,7 +379,7 @@ class Scene(Description):
         table = table_of(self)
         for number, filled in enumerate(self._resolved.regions):
             region = table["body"]["regions"][number]
-            if isinstance(filled.shape, Mask | SampledShape):
+            if isinstance(filled.shape, SampledShape):
                 region["image"]["file"] = filled.shape.embedded()
             elif isinstance(filled.shape, ClosedSurface):
                 region["surface"] = {"file": filled.shape.embedded()}
@@ -407,18 +400,11 @@ class Scene(Description):
         if not isinstance(other, Scene):
             return NotImplemented
         ours, theirs = (
-            (
-                *(
-                    one.loading,
-                    one.lattice,
-                    one.plane,
-                    one.thickness,
-                    one.cell_materials,
-                    one._conditions,
-                ),
-                *(one.body.gravity, one.body.regions, one.body.allow_floating),
+            [
+                *(one.lattice, one.plane, one.thickness, one.cell_materials, one.body.gravity),
+                *(one.body.regions, one.body.allow_floating, one._conditions),
                 *(one.loads, one.loading, one.rule, one.history),
-            )
+            ]
             for one in (self, other)
         )
         return ours == theirs and np.array_equal(self._resolved.base, other._resolved.base)

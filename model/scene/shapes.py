@@ -6,9 +6,8 @@ Those that are `Described` are also how scenes write them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from kaju.errors import ParameterError
 from kaju.model.scene.validation import Coordinate, Described, Length, Number
 
 from .curves import conic, elliptic, line, polygonal
-from .pictures import embedded
 
 Point = tuple[Coordinate, ...]
 Points = NDArray[np.float64]
@@ -35,24 +33,12 @@ _CLOSE = 1e-11  # of a coordinate: a point this near to the edge is on the edge
 
 
 class Shape:
-    """A part of the plane or of space, which points and boxes are held against."""
+    """A part of the plane or of space: it knows how far points lie outside of it."""
 
     @property
     def extent(self) -> Extent:
         """The bounding box."""
         raise NotImplementedError
-
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-        raise NotImplementedError
-
-    def relation(self, low: Points, high: Points) -> Relation:
-        """Tell how boxes lie to the shape; what is not sure is neither inside nor apart."""
-        raise NotImplementedError
-
-
-class LevelShape(Shape):
-    """A shape that knows how far points lie outside of it, from which all else follows."""
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return about how far (m) points lie outside, below 0 within; `reach` is far enough.
@@ -61,12 +47,16 @@ class LevelShape(Shape):
         """
         raise NotImplementedError
 
+    def outline(self) -> list[Floats]:
+        """Return closed lines (m) that do not meet, every second one round a hole; see `curves`."""
+        raise NotImplementedError
+
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
         return np.asarray(self.level(points, np.inf) <= _CLOSE * np.abs(self.extent).max())
 
     def relation(self, low: Points, high: Points) -> Relation:
-        """Tell how boxes lie to the shape, by the level of their middles."""
+        """Tell how boxes lie to the shape; what is not sure is neither inside nor apart."""
         half = 0.5 * np.linalg.norm(high - low, axis=1)
         level = self.level(0.5 * (low + high), np.inf)
         return level <= -half, level >= half
@@ -78,18 +68,8 @@ class LevelShape(Shape):
         return np.asarray(np.max(levels, axis=0) <= TOUCH * (high - low)[:, 0])
 
 
-class OutlinedShape(Protocol):
-    """A part of the plane whose outline is known."""
-
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie inside or on the edge."""
-
-    def outline(self) -> list[Floats]:
-        """Return closed lines (m) that do not meet, every second one round a hole; see `curves`."""
-
-
 @dataclass(frozen=True)
-class Box(LevelShape):
+class Box(Shape):
     """All points between two corners."""
 
     lower: tuple[float, ...]
@@ -118,7 +98,7 @@ class Box(LevelShape):
         return self._holds_corners(low, high), apart
 
 
-class Ball(Described, LevelShape):
+class Ball(Described, Shape):
     """All points up to a distance from a centre: a disk in two dimensions."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
@@ -145,7 +125,7 @@ class Ball(Described, LevelShape):
         return self._holds_corners(low, high), self.level(nearest, np.inf) >= 0.0
 
 
-class Ring(Described, LevelShape):
+class Ring(Described, Shape):
     """All points between two circles round a centre."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
@@ -177,7 +157,7 @@ class Ring(Described, LevelShape):
         return [circle for disk in self._disks for circle in disk.outline()]
 
 
-class Ellipse(Described, LevelShape):
+class Ellipse(Described, Shape):
     """All points within an ellipse, whose first half-axis is turned from the x axis by an angle."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
@@ -207,7 +187,7 @@ class Ellipse(Described, LevelShape):
         return [elliptic((x, y), (a, b), (c, d))]
 
 
-class Widened(Described, LevelShape):
+class Widened(Described, Shape):
     """All points of the plane up to a radius from a polygon, or from a straight line."""
 
     radius: Length
@@ -275,7 +255,7 @@ class RoundedBox(Widened):
         return (x0 + r, y0 + r), (x1 - r, y0 + r), (x1 - r, y1 - r), (x0 + r, y1 - r)
 
 
-class Cylinder(Described, LevelShape):
+class Cylinder(Described, Shape):
     """All points up to a radius from a straight line in space, between flat ends."""
 
     ends: tuple[Point, Point] = Field(description="the middles of both ends (m)")
@@ -325,7 +305,7 @@ class Cylinder(Described, LevelShape):
 
 
 @dataclass(frozen=True)
-class Polygon(LevelShape):
+class Polygon(Shape):
     """The inside of a closed line through corners (even-odd rule)."""
 
     corners: tuple[tuple[float, ...], ...]
@@ -359,56 +339,3 @@ class Polygon(LevelShape):
         for start, end in pairwise([*self.corners, self.corners[0]]):
             if start != end:
                 yield np.asarray(start), np.asarray(end)
-
-
-class ShapeOfArrays:
-    """A dataclass with arrays, equal to another if all of its fields are."""
-
-    def __eq__(self, other: object) -> bool:
-        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
-        return type(other) is type(self) and all(
-            np.array_equal(getattr(self, name), getattr(other, name)) for name in names
-        )
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-@dataclass(frozen=True, eq=False)
-class Mask(ShapeOfArrays, Shape):
-    """The dark pixels of a picture that is stretched over a box."""
-
-    box: Box
-    dark: Flags
-    """First index along x from the left, second along y from the bottom."""
-
-    def embedded(self) -> str:
-        """Return what a scene carries with it in place of a file."""
-        return embedded(np.where(self.dark.T[::-1], 0, 255).astype(np.uint8))
-
-    @property
-    def extent(self) -> Extent:
-        """The picture's box."""
-        return self.box.extent
-
-    def contains(self, points: Points) -> Flags:
-        """Tell which points lie on dark pixels."""
-        lower, upper = self.extent
-        inside = self.box.contains(points)
-        pixels = np.asarray(self.dark.shape)
-        where = np.floor((points[inside] - lower) / (upper - lower) * pixels + _CLOSE)
-        column, row = np.clip(where, 0, pixels - 1).astype(np.int64).T
-        inside[inside] = self.dark[column, row]
-        return inside
-
-    def relation(self, low: Points, high: Points) -> Relation:
-        """Tell which boxes see dark pixels alone, and which none."""
-        lower, upper = self.extent
-        pixels = np.asarray(self.dark.shape)
-        scale = pixels / (upper - lower)
-        first = np.floor((low - lower) * scale - 1e-6).astype(np.int64)
-        last = np.floor((high - lower) * scale + 1e-6).astype(np.int64) + 1
-        within = np.all((first >= 0) & (last <= pixels), axis=1)
-        (a, b), (c, d) = np.clip(first, 0, pixels).T, np.clip(last, 0, pixels).T
-        dark = np.pad(np.cumsum(np.cumsum(self.dark, axis=0), axis=1), ((1, 0), (1, 0)))
-        seen = dark[c, d] - dark[a, d] - dark[c, b] + dark[a, b]
-        return within & (seen == (c - a) * (d - b)), seen == 0

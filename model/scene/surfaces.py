@@ -15,7 +15,7 @@ from kaju.errors import SceneFileError, needing
 from kaju.files import file_to_read
 
 from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
-from .shapes import TOUCH, Extent, LevelShape, Points, Relation, ShapeOfArrays
+from .shapes import TOUCH, Extent, Points, Relation, Shape
 
 _DIGITS = 6
 """Corners that agree in so many digits of the surface's size are one: STL files hold seven."""
@@ -106,7 +106,7 @@ def _one_body(mesh: Any, key: str, scale: float) -> tuple[Floats, bool]:
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedSurface(ShapeOfArrays, LevelShape):
+class ClosedSurface(Shape):
     """Where closed surfaces of triangles wind round: their winding number is above 0."""
 
     corners: Floats

@@ -22,7 +22,7 @@ from kaju.errors import SceneError, SceneFileError, needing
 from kaju.files import text_of_file
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
-from .shapes import Extent, LevelShape, Points, Polygon
+from .shapes import Extent, Points, Polygon, Shape
 
 _PIXEL = 0.0254 / 96.0
 _UNITS = {
@@ -213,7 +213,7 @@ _FINE = 256
 
 
 @dataclass(frozen=True)
-class PathShape(LevelShape):
+class PathShape(Shape):
     """What the closed lines of a path hold (even-odd rule)."""
 
     text: str

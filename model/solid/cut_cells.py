@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.scene.shapes import LevelShape, Points
+from kaju.model.scene.shapes import Points, Shape
 
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear
@@ -31,7 +31,7 @@ class SolidBody(NamedTuple):
     shape: tuple[int, ...]
     edge: float  # Of a cell (m)
     filled: bool  # Whether the array is body where no shape covers it
-    shapes: tuple[tuple[LevelShape, bool], ...]  # Each with whether it is body
+    shapes: tuple[tuple[Shape, bool], ...]  # Each with whether it is body
 
     def sorts(self, low: Points, high: Points) -> NDArray[np.int8]:
         """Return of boxes whether they are surely WHOLE, or EMPTY; all others are CUT."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, cast
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from kaju.model.elastic.equal.supports import check_supports, slender_cell
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.pictures import check_size
-from kaju.model.scene.shapes import LevelShape
 
 from .cut_cells import CUT, WHOLE, SolidBody, edge_shares, thick
 
@@ -113,7 +112,7 @@ def solid_of(scene: Scene, resolution: int) -> SolidBody:
     """Return the body that a scene describes, and cells so many times smaller."""
     shapes = tuple(
         (
-            cast(LevelShape, region.shape_in(scene.lattice, f"body.regions.{k}")),
+            region.shape_in(scene.lattice, f"body.regions.{k}"),
             region.material not in NOT_BODY,
         )
         for k, region in enumerate(scene.body.regions)

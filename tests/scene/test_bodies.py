@@ -114,13 +114,3 @@ def test_all_media_beside_a_body_are_alike(medium):
     scene = loaded("#~\n##", load, legend={"#": "steel", "~": medium})
     assert scene.rasterise().tolist() == [[0, 0], [0, AIR]]
     assert Scene.from_toml(scene.to_toml()) == scene
-
-
-def test_scenes_of_the_same_body_may_be_loaded_otherwise(tmp_path):
-    plate = Scene.from_toml(PLATE)
-    assert plate.same_body(plate.replace(loads=[{"cell": [0, 19], "force": [1.0, 0.0]}]))
-    assert not plate.same_body(plate.replace(sides={"left": "rigid"}))
-    assert not plate.same_body(plate.with_region(box=[[0.0, 0.1], [0.02, 0.12]]))
-    assert not plate.same_body(plate.with_overrides({"body.thickness": 0.1}))
-    softer = {"steel": {"base": "steel", "youngs_modulus": 1e9}}
-    assert not plate.same_body(plate.replace(materials=softer))

@@ -214,63 +214,46 @@ Conditions = Iterator[tuple[object, str, str]]
 def _of_ways(lattice: Lattice) -> Conditions:
     for direction in range(lattice.directions):
         ahead, behind, beside = lattice.way(direction, 0)
-        rows = [*ahead, *behind]
-        rows += [(arm, weight) for arm, *weights in beside for weight in weights]
-        yield (
-            all(arm in lattice.arms[0] and 0.0 <= weight <= 1.0 for arm, weight in rows),
-            "way",
-            f"along direction {direction} must name faces of the cell with weights from 0 to 1",
-        )
+        rows = [*ahead, *behind, *((arm, weight) for arm, *both in beside for weight in both)]
+        sound = all(arm in lattice.arms[0] and 0.0 <= weight <= 1.0 for arm, weight in rows)
+        rule = f"along direction {direction} must name faces of the cell with weights from 0 to 1"
+        yield sound, "way", rule
 
 
 def _of_forms(lattice: Lattice) -> Conditions:
-    few = lattice.few
-    given = np.asarray(lattice.form(few))
+    given, wanted = np.asarray(lattice.form(lattice.few)), list(range(lattice.forms))
     yield given.dtype.kind in "iu" and given.shape == (100,), "form", "must be whole numbers, (n,)"
-    forms, wanted = np.unique(given).tolist(), list(range(lattice.forms))
+    forms = np.unique(given).tolist()
     yield forms == wanted, "form", f"must give all of {wanted}, gives {forms}"
     outlines = [np.asarray(lattice.outline(form)) for form in wanted]
     shapes = sorted({outline.shape for outline in outlines})
-    alike = len(shapes) == 1 and len(shapes[0]) == 2 and shapes[0][1] == 2
+    alike = len(shapes) == 1 and shapes[0][1:] == (2,)
     yield alike, "outline", f"must be of one shape (corners, 2) for each form, is {shapes}"
     areas = [area_of(outline) for outline in outlines]
     edges = [np.linalg.norm(o - np.roll(o, 1, axis=0), axis=1) for o in outlines]
-    yield (
-        min(areas) > 0.0 and np.allclose(areas, areas[0]) and np.allclose(edges, edges[0][0]),
-        "outline",
-        "must run counter-clockwise; all cells have one area, and all edges one length",
-    )
+    equal = min(areas) > 0.0 and np.allclose(areas, areas[0]) and np.allclose(edges, edges[0][0])
+    rule = "must run counter-clockwise; all cells have one area, and all edges one length"
+    yield equal, "outline", rule
     count = len(lattice.normals)
-    yield (
-        count <= MOST_DIRECTIONS,
-        "outline",
-        f"may look along {MOST_DIRECTIONS} directions, looks along {count}",
-    )
-    yield (
-        np.all((lattice.faces >= 0).sum(axis=1) == shapes[0][0]) and np.all(lattice.distances >= 0),
-        "outline",
-        "must be convex about the cell's middle, and no two faces may look the same way",
-    )
+    rule = f"may look along {MOST_DIRECTIONS} directions, looks along {count}"
+    yield count <= MOST_DIRECTIONS, "outline", rule
+    faces = (lattice.faces >= 0).sum(axis=1) == shapes[0][0]
+    rule = "must be convex about the cell's middle, and no two faces may look the same way"
+    yield faces.all() and np.all(lattice.distances >= 0), "outline", rule
     length = [np.ptp(outline @ lattice.normals.T, axis=0) for outline in outlines]
-    yield (
-        np.allclose(length, lattice.cell_size),
-        "outline",
-        f"must be cell_size = {lattice.cell_size:g} m long along every direction, is from "
-        f"{np.min(length):g} to {np.max(length):g} m",
-    )
+    rule = f"must be cell_size = {lattice.cell_size:g} m long along every direction"
+    yield np.allclose(length, lattice.cell_size), "outline", rule
 
 
 def _of_places(lattice: Lattice) -> Conditions:
-    few = lattice.few
-    near = 1e-6 * lattice.cell_size
+    few, near = lattice.few, 1e-6 * lattice.cell_size
     middles, forms = lattice.centres(few), lattice.form(few)
     yield middles.shape == few.shape, "centres", f"must have the shape {few.shape}"
+    repeat = "must repeat after 2 to 10 cells along each coordinate"
     for far in PERIOD * np.eye(2, dtype=np.int64):
         moved = lattice.centres(few + far) - middles
-        repeats = np.ptp(moved, axis=0).max() <= near
-        yield repeats, "centres", "must repeat after 2 to 10 cells along each coordinate"
-        same = np.array_equal(lattice.form(few + far), forms)
-        yield same, "form", "must repeat after 2 to 10 cells along each coordinate"
+        yield np.ptp(moved, axis=0).max() <= near, "centres", repeat
+        yield np.array_equal(lattice.form(few + far), forms), "form", repeat
     onwards = np.diag(lattice.pitch).min() > 0.0
     yield onwards, "centres", "must go right along the first coordinate, up along the second"
     lowest = np.min([middles[n] + lattice.outline(f).min(axis=0) for n, f in enumerate(forms)], 0)
@@ -279,23 +262,18 @@ def _of_places(lattice: Lattice) -> Conditions:
 
 def _of_neighbours(lattice: Lattice) -> Conditions:
     few = lattice.few
-    yield (
-        np.abs(lattice.steps).max() <= 1,
-        "centres",
-        "must give neighbours that differ by at most 1 in each coordinate",
-    )
     forms, names = lattice.form(few), lattice.direction_names
+    near = np.abs(lattice.steps).max() <= 1
+    yield near, "centres", "must give neighbours that differ by at most 1 in each coordinate"
     for arm, back in enumerate(lattice.opposite.tolist()):
         here = few[lattice.faces[forms, arm] >= 0]
         there = lattice.neighbours(here, arm)
         ours = lattice.face_middles(here, np.full(len(here), arm))
         theirs = lattice.face_middles(there, np.full(len(here), back))
         meet = np.allclose(ours, theirs, rtol=0.0, atol=1e-6 * lattice.cell_size)
-        yield (
-            meet and np.all(lattice.faces[lattice.form(there), back] >= 0),
-            "centres",
-            f"must leave no gaps: cells do not meet face to face along {names[arm]}",
-        )
+        meet = meet and bool(np.all(lattice.faces[lattice.form(there), back] >= 0))
+        rule = f"must leave no gaps: cells do not meet face to face along {names[arm]}"
+        yield meet, "centres", rule
     for axis, arm in enumerate(lattice.axes.tolist()):
         line, position = lattice.line(few, axis)
         after = lattice.line(lattice.along(few, axis, np.ones(len(few), dtype=np.int64)), axis)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,6 @@ from .svg_path import PathShape, drawing_in
 _IN_SPACE = ("ball", "cylinder", "surface")
 _IN_PLANE = ("disk", "ring", "ellipse", "slot", "rounded_box", "polygon", "path")
 _SHAPES = ("box", "disk", *_IN_SPACE, *_IN_PLANE[1:], "image")
-_ONE_SHAPE = "box: a region has exactly one shape of"
 
 MOST_PATH = 1_000_000
 MOST_CORNERS = 10_000
@@ -64,6 +63,10 @@ class SurfaceFile(Described):
     @classmethod
     def _from_path(cls, value: Any) -> Any:
         return {"file": value} if isinstance(value, str) else value
+
+    def shape_in(self, lattice: Lattice, where: str) -> Shape:
+        """Return what lies within it."""
+        return surface_from(self.file, f"{where}.file", self.scale)
 
 
 class PathFile(Described):
@@ -115,30 +118,77 @@ class RegionImage(Described):
         return SampledShape(box, checked(values, key, lattice.dimension), self.level, middles)
 
 
-class Region(Described):
-    """A part of the array, filled with something else. Later regions cover earlier ones.
+class _Shaped(Described):
+    """Exactly one shape, of those that loads and regions share."""
 
-    Exactly one shape; a cell belongs to it if its centre lies inside or on the edge.
-    """
-
-    material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
     box: tuple[Point, Point] | None = optional(
         "the lower and the upper corner (m), such as [[0, 0], [0.1, 0.2]]"
     )
     disk: Ball | None = None
     ball: Ball | None = None
-    cylinder: Cylinder | None = None
-    surface: SurfaceFile | None = None  # no arc is guessed behind its triangles
     ring: Ring | None = None
-    ellipse: Ellipse | None = None
-    slot: Slot | None = None
-    rounded_box: RoundedBox | None = None
     polygon: tuple[Point, ...] | None = Field(
         default=None,
         min_length=3,
         max_length=MOST_CORNERS,
         description="the corners (m), three or more; finer shapes are drawn as an image",
     )
+
+    @property
+    def _name(self) -> str:
+        """The only shape that is given."""
+        names = tuple(name for name in _SHAPES if name in type(self).model_fields)
+        return one_given(self, names, "box: a region has exactly one shape of")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        _ = self._name
+        return self
+
+    def shape_in(self, lattice: Lattice, where: str) -> Shape:
+        """Return the shape in the array of `lattice`."""
+        name = self._name
+        given, where = getattr(self, name), f"{where}.{name}"
+        if name in _IN_SPACE and lattice.dimension == 2:
+            raise SceneError(f"{where}: belongs to three dimensions; use disk or box")
+        if name in _IN_PLANE and lattice.dimension == 3:
+            names = [n for n in _SHAPES if n in type(self).model_fields and n not in _IN_PLANE]
+            raise SceneError(
+                f"{where}: belongs to two dimensions; use {', '.join(names[:-1])} or {names[-1]}"
+            )
+        if name == "box":
+            return _box(given, lattice, where)
+        if name == "path":
+            file = given.file if isinstance(given, PathFile) else None
+            return drawing_in(file, f"{where}.file") if file else PathShape(given)
+        if name in ("image", "surface"):
+            shape: Shape = given.shape_in(lattice, where)
+            return shape
+        if name == "rounded_box":
+            box = _box(given.box, lattice, f"{where}.box")
+            if not all(2 * given.radius < b - a for a, b in zip(box.lower, box.upper, strict=True)):
+                raise SceneError(
+                    f"{where}.radius: {given.radius:g} must be below half of each edge; use slot"
+                )
+            return _checked(given, given.box, lattice, where)
+        if name == "polygon":
+            return _checked(Polygon(given), given, lattice, where)
+        ends = given.ends if name in ("slot", "cylinder") else [given.centre]
+        return _checked(given, ends, lattice, where)
+
+
+class Region(_Shaped):
+    """A part of the array, filled with something else. Later regions cover earlier ones.
+
+    Exactly one shape; a cell belongs to it if its centre lies inside or on the edge.
+    """
+
+    material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
+    cylinder: Cylinder | None = None
+    surface: SurfaceFile | None = None  # no arc is guessed behind its triangles
+    ellipse: Ellipse | None = None
+    slot: Slot | None = None
+    rounded_box: RoundedBox | None = None
     path: Annotated[str | PathFile | None, BeforeValidator(_path)] = optional(
         "path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z', or {file = 'a.svg'}"
     )
@@ -149,26 +199,9 @@ class Region(Described):
     )
     name: Text | None = optional("what loads call the region's outline")
 
-    @model_validator(mode="after")
-    def _one_shape(self) -> Region:
-        one_given(self, _SHAPES, _ONE_SHAPE)
-        return self
-
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
         """Return the region's shape in the array of `lattice`."""
-        name, given, lattice, where = _given_shape(self, _SHAPES, lattice, where)
-        shape: Shape
-        if self.image is not None:
-            shape = self.image.shape_in(lattice, where)
-        elif self.path is not None:
-            if isinstance(self.path, PathFile):
-                shape = drawing_in(self.path.file, f"{where}.file")
-            else:
-                shape = PathShape(self.path)
-        elif self.surface is not None:
-            shape = surface_from(self.surface.file, f"{where}.file", self.surface.scale)
-        else:
-            shape = _shape_of(name, given, lattice, where)
+        shape, where = super().shape_in(lattice, where), f"{where}.{self._name}"
         lower, upper = shape.extent
         if np.any(upper <= lower):
             raise SceneError(f"{where}: has no extent; its corners lie on one line")
@@ -180,32 +213,13 @@ class Region(Described):
         return shape
 
 
-class LoadRegion(Described):
+class LoadRegion(_Shaped):
     """A shape that selects what a load acts on; exactly one.
 
     A box without thickness along one axis selects the surface of the body on that plane. Of
     all other shapes a pressure, or a couple, takes the free faces whose middles lie inside, such
     as the edge of a hole; a force takes the cells inside.
     """
-
-    box: tuple[Point, Point] | None = optional(
-        "the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]"
-    )
-    disk: Ball | None = None
-    ball: Ball | None = None
-    ring: Ring | None = None
-    polygon: tuple[Point, ...] | None = Field(
-        default=None, min_length=3, description="the corners (m), three or more, in the plane"
-    )
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> LoadRegion:
-        one_given(self, tuple(LoadRegion.model_fields), _ONE_SHAPE)
-        return self
-
-    def shape_in(self, lattice: Lattice, where: str) -> Shape:
-        """Return a shape other than a box."""
-        return _shape_of(*_given_shape(self, tuple(LoadRegion.model_fields), lattice, where))
 
     def flat_axis(self, cell_size: float, where: str) -> int | None:
         """Return the axis along which the box has no thickness, None if it has volume."""
@@ -222,39 +236,10 @@ class LoadRegion(Described):
         return flat[0] if flat else None
 
 
-def _given_shape(
-    region: Described, names: tuple[str, ...], lattice: Lattice, where: str
-) -> tuple[str, Any, Lattice, str]:
-    """Return the name of a region's shape, how it is described, the array, and the key path."""
-    name = one_given(region, names, _ONE_SHAPE)
-    if name in _IN_SPACE and lattice.dimension == 2:
-        raise SceneError(f"{where}.{name}: belongs to three dimensions; use disk or box")
-    if name in _IN_PLANE and lattice.dimension == 3:
-        *some, last = (each for each in names if each not in _IN_PLANE)
-        raise SceneError(
-            f"{where}.{name}: belongs to two dimensions; use {', '.join(some)} or {last}"
-        )
-    return name, getattr(region, name), lattice, f"{where}.{name}"
-
-
-def _shape_of(name: str, given: Any, lattice: Lattice, where: str) -> Shape:
-    """Return the shape that stands in the description itself."""
-    if name == "box":
-        return _box(given, lattice, where)
-    if name == "polygon":
-        points: Sequence[Point] = given
-    elif name == "rounded_box":
-        points = given.box
-        box = _box(given.box, lattice, f"{where}.box")
-        if not all(2 * given.radius < b - a for a, b in zip(box.lower, box.upper, strict=True)):
-            raise SceneError(
-                f"{where}.radius: {given.radius:g} must be below half of each edge; use slot"
-            )
-    else:
-        points = given.ends if name in ("slot", "cylinder") else [given.centre]
+def _checked(shape: Shape, points: Iterable[Point], lattice: Lattice, where: str) -> Shape:
+    """Return a shape whose points have a coordinate for every axis."""
     for point in points:
         check_axes(point, lattice.dimension, where, "coordinates")
-    shape: Shape = Polygon(given) if name == "polygon" else given
     return shape
 
 

@@ -84,11 +84,15 @@ class ResolvedBody:
 
     def bounds(self) -> CellBox:
         """Return a box outside of which there is no body."""
+        from scipy.ndimage import find_objects
+
         boxes = [self.cells_of(region.shape) for region in self.regions if region.kind >= 0]
         if not isinstance(self.base, int):
             body = self.base >= 0
             if body.any():
-                boxes.append(_tight(body))
+                (found,) = find_objects(body.astype(np.int8))
+                ends = np.array([(part.start, part.stop) for part in found], dtype=np.int64)
+                boxes.append((ends[:, 0], ends[:, 1]))
         elif self.base >= 0:
             return self.box
         if not boxes:
@@ -127,16 +131,6 @@ class ResolvedBody:
                 inside = region.shape.contains(self.lattice.centres(cells))
                 kinds[tuple(cells[inside].T)] = region.kind
         return kinds
-
-
-def _tight(body: Flags) -> CellBox:
-    lower, upper = [], []
-    for axis in range(body.ndim):
-        others = tuple(other for other in range(body.ndim) if other != axis)
-        filled = np.flatnonzero(body.any(axis=others))
-        lower.append(filled[0])
-        upper.append(filled[-1] + 1)
-    return np.array(lower, dtype=np.int64), np.array(upper, dtype=np.int64)
 
 
 def count(box: CellBox) -> int:

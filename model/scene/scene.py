@@ -35,15 +35,7 @@ from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition, unknown_side
 from .surfaces import ClosedSurface
 from .svg_path import PathShape
-from .text import (
-    archive_of,
-    located,
-    overridden,
-    save,
-    table_from,
-    table_of,
-    text_of,
-)
+from .text import located, overridden, save, table_from, table_of, written
 from .validation import with_lines
 
 SOFTEST = 1e3
@@ -365,7 +357,7 @@ class Scene(Description):
 
     def to_toml(self) -> str:
         """Return the scene as TOML, from which `from_toml` makes an equal scene."""
-        return text_of(table_of(self), self._resolved.picture)
+        return written(table_of(self), self._resolved.picture)[0]
 
     def save(self, path: str | Path) -> None:
         """Write the scene to a file; a large array goes into an ``.npy`` file beside it."""
@@ -385,7 +377,8 @@ class Scene(Description):
                 region["surface"] = {"file": filled.shape.embedded()}
             elif isinstance(filled.shape, PathShape) and filled.shape.drawing:
                 region["path"] = {"file": filled.shape.embedded()}
-        return archive_of(table, self._resolved.picture)
+        text, codes = written(table, self._resolved.picture, "cells")
+        return text, {} if codes is None else {"cells": codes}
 
     @classmethod
     def from_archive(cls, text: str, arrays: Mapping[str, NDArray[Any]]) -> Scene:

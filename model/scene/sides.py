@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from kaju.agents.materials import suggestion
 from kaju.errors import SceneError
@@ -27,17 +27,6 @@ _FREELY = "free"
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
 
 
-def _sliding(displacement: Any) -> dict[str, Any]:
-    """Return a displacement in numbers, and the axes whose number is the word "free"."""
-    if not isinstance(displacement, (list, tuple)):
-        return {}
-    free = [axis for axis, value in enumerate(displacement) if value == _FREELY]
-    return {
-        "displacement": [0.0 if value == _FREELY else value for value in displacement],
-        **({"free_axes": free} if free else {}),
-    }
-
-
 class SideCondition(Described):
     """How one side of the array is held.
 
@@ -45,18 +34,14 @@ class SideCondition(Described):
     ``{stiffness = 1e9}`` or ``{displacement = [0.0, -1e-4]}``.
     """
 
-    kind: Literal["free", "rigid", "roller", "foundation", "displaced"] = Field(
-        default="free", description="a word for what lies beyond the side"
-    )
+    word: Literal["free", "rigid", "roller"] = "free"
     stiffness: Positive | None = optional("the pressure per displacement of an elastic bed (N/m³)")
     displacement: tuple[Number, ...] | None = optional(
         "what the side is moved by (m), one number per axis"
     )
-    free_axes: tuple[Index, ...] = Field(
-        default=(), description="the axes along which a moved side lets the body slide"
-    )
-    """As a roller does: all of the side's own. A scene writes "free" in place of their numbers,
-    ``{displacement = ["free", -1e-4]}``."""
+    free_axes: tuple[Index, ...] = ()
+    """Axes along which a moved side lets the body slide, as a roller does: all of the side's own. A
+    scene writes "free" in place of their numbers, ``{displacement = ["free", -1e-4]}``."""
 
     @model_validator(mode="before")
     @classmethod
@@ -66,27 +51,30 @@ class SideCondition(Described):
                 meant = f" (did you mean {_SAME[value]!r}?)" if value in _SAME else ""
                 meant = meant or suggestion(value, _WORDS)
                 raise ValueError(f"there is no {value!r}{meant}; {_FORMS}")
-            return {"kind": value}
-        if isinstance(value, Mapping) and "kind" not in value:
-            if "stiffness" in value:
-                return {"kind": "foundation", **value}
-            if "displacement" in value:
-                return {"kind": "displaced", **value, **_sliding(value["displacement"])}
-        if not isinstance(value, (Mapping, SideCondition)):
+            return {"word": value}
+        if isinstance(value, SideCondition):
+            return value
+        if not isinstance(value, Mapping):
             raise ValueError(f"must be a word or a table, got {value!r}; {_FORMS}")
+        moved = value.get("displacement")
+        if isinstance(moved, (list, tuple)) and _FREELY in moved:
+            free = [axis for axis, number in enumerate(moved) if number == _FREELY]
+            numbers = [0.0 if number == _FREELY else number for number in moved]
+            return {**value, "displacement": numbers, "free_axes": free}
         return value
 
     @model_validator(mode="after")
-    def _complete(self) -> SideCondition:
-        if (self.kind == "foundation") != (self.stiffness is not None):
-            raise ValueError(
-                "a stiffness (N/m³) belongs to a foundation, and a foundation needs it"
-            )
-        if (self.kind == "displaced") != (self.displacement is not None):
-            raise ValueError(
-                "a displacement (m) belongs to a displaced side, and a displaced side needs it"
-            )
+    def _one_form(self) -> SideCondition:
+        if len({"word", "stiffness", "displacement"} & self.model_fields_set) > 1:
+            raise ValueError(f"takes one form; {_FORMS}")
         return self
+
+    @property
+    def kind(self) -> str:
+        """What lies beyond: "free", "rigid", "roller", "foundation" or "displaced"."""
+        if self.stiffness is not None:
+            return "foundation"
+        return self.word if self.displacement is None else "displaced"
 
     @property
     def code(self) -> int:

@@ -147,6 +147,8 @@ def table_of(scene: Description) -> dict[str, Any]:
     body = scene.body.model_dump(mode="json", exclude_defaults=True, exclude={"array"})
     if scene.body.array is not None:
         body["array"] = scene.body.array
+    if scene.body.regions:
+        body["regions"] = [{"material": one["material"], **one} for one in body["regions"]]
     rule = {"kind": scene.rule.kind, **_entries(scene.rule)}
     if rule.get("sense") is False:
         del rule["sense"]  # the literal reading goes without saying
@@ -177,61 +179,47 @@ def _entries(described: Any) -> dict[str, Any]:
     return entries
 
 
-def text_of(table: Mapping[str, Any], picture: Picture | None) -> str:
-    """Return a scene's table as TOML."""
-    table = _with_picture(table, picture)
-    if isinstance(table["body"].get("array"), np.ndarray):
+def written(
+    table: Mapping[str, Any], picture: Picture | None, array: str | None = None
+) -> tuple[str, NDArray[np.int16] | None]:
+    """Return a scene's table as TOML, and the cells that it names `array`: too many for a drawing.
+
+    Without such a name an image stays the path that it is.
+    """
+    body, codes = table["body"], None
+    if picture is not None and "drawing" not in body and (picture.drawable or array):
+        if picture.drawable:
+            drawing, legend = picture.drawing()
+            made: dict[str, str | None] = {"drawing": drawing}
+        else:
+            made, codes = {"array": array}, picture.codes
+            legend = {str(code): name for code, name in enumerate(picture.names)}
+        given = {k: v for k, v in body.items() if k not in ("image", "array", "nearest_colour")}
+        given |= made
+        body = {name: given[name] for name in Body.model_fields if name in given}
+        table = {**table, "body": body, "legend": legend}
+    if isinstance(body.get("array"), np.ndarray):
         raise SceneError(
             "body.array: is too large, or has too many axes, to be written as a drawing; "
             "scene.save writes it beside the scene's file"
         )
-    return dumps(table)
-
-
-def archive_of(
-    table: Mapping[str, Any], picture: Picture | None
-) -> tuple[str, dict[str, NDArray[np.int16]]]:
-    """Return a scene's table as TOML and, by name, the arrays that do not fit in it."""
-    table = _with_picture(table, picture, "cells")
-    if picture is None or "drawing" in table["body"]:
-        return dumps(table), {}
-    return dumps(table), {"cells": picture.codes}
+    return dumps(table), codes
 
 
 def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) -> None:
     """Write a scene to a file at once or not at all; large arrays go into a file beside it."""
     path = Path(path)
     beside = path.with_name(f"{path.stem}.cells.npy")
-    table = _with_picture(table, picture, beside.name)
-    if picture is not None and "drawing" not in table["body"]:
-        with atomic_file(beside, SceneFileError) as scratch:
-            np.save(scratch, picture.codes, allow_pickle=False)
     for region in table["body"].get("regions", []):
         for key in {"image", "surface", "path"} & set(region):
             if isinstance(region[key], dict) and not region[key]["file"].startswith(EMBEDDED):
                 region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
+    text, codes = written(table, picture, beside.name)
+    if codes is not None:
+        with atomic_file(beside, SceneFileError) as scratch:
+            np.save(scratch, codes, allow_pickle=False)
     with atomic_file(path, SceneFileError) as scratch:
-        scratch.write_text(dumps(table), encoding="utf-8")
-
-
-def _with_picture(
-    table: Mapping[str, Any], picture: Picture | None, array: str | None = None
-) -> dict[str, Any]:
-    """Return the table with an image or array as a drawing if that is short, else as `array`."""
-    if picture is None or "drawing" in table["body"] or not (picture.drawable or array):
-        return dict(table)
-    key: str
-    value: str | None
-    if picture.drawable:
-        key, (value, legend) = "drawing", picture.drawing()
-    else:
-        key, value = "array", array
-        legend = {str(code): name for code, name in enumerate(picture.names)}
-    given = {**table["body"], key: value}
-    others = {"drawing", "image", "array", "nearest_colour"} - {key}
-    body = {name: given[name] for name in Body.model_fields if name in given.keys() - others}
-    rest = {name: part for name, part in table.items() if name not in ("body", "legend")}
-    return {"body": body, "legend": legend, **rest}
+        scratch.write_text(text, encoding="utf-8")
 
 
 _OWN_SECTIONS = ("materials", "rule")  # tables in these get a section, in others a line

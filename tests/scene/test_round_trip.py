@@ -129,7 +129,7 @@ def painted(folder):
 
 
 def test_a_small_image_is_saved_as_a_drawing(tmp_path):
-    scene = painted(tmp_path)
+    scene = painted(tmp_path).replace(loading="continue")
     scene.save(tmp_path / "scene.toml")
     (tmp_path / "body.png").unlink()
     assert 'drawing = """\n####\n####\n====\n"""' in (tmp_path / "scene.toml").read_text()

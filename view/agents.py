@@ -16,7 +16,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
@@ -25,7 +24,7 @@ from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
 from . import load_plots
-from .body_in_space import DrawnBox, box_around, draw_voxels, space_for
+from .body_in_space import box_around, draw_voxels, space_for
 from .body_plots import BodyPicture
 from .films import Film
 from .section import Cut, How, Section, check_number, one_a_place, section_of
@@ -212,36 +211,29 @@ def _finish_states(
 def _plot_in_space(
     result: TransferResult, ax: Axes | None, generation: int | None, crop: bool | None
 ) -> Axes:
+    """Draw material agents as cubes, and boundary agents as marks."""
     scene, stage, cells = result.scene, result.last, result.focus
     assert cells is not None
     box = box_around(scene, cells, crop)
     space, notes = space_for(ax, scene, box, result.stage)
-    happened = stage.outcome
-    if len(stage.cells):
-        norm, until = spawn_norm(stage.generations), _until(stage, generation)
-        _draw_in_space(space, scene.lattice.cell_size, stage, box, norm, until)
-        spawn_bar(space, norm, stage.generations)
-        legend(space, _entries(stage.boundary_kind))
-        happened = _happened(stage, generation)
-    caption(space, "Agents", [happened, *notes, *box.notes])
-    return cast("Axes", space)
-
-
-def _draw_in_space(
-    ax: Axes3D, cell_size: float, stage: Stage, box: DrawnBox, norm: Normalize, until: int
-) -> None:
-    """Draw the agents that have spawned until a step."""
-    colour, edge = colormaps[SEQUENTIAL], cell_size * box.block
+    if not len(stage.cells):
+        caption(space, "Agents", [stage.outcome, *notes, *box.notes])
+        return cast("Axes", space)
+    norm, until = spawn_norm(stage.generations), _until(stage, generation)
+    colour, edge = colormaps[SEQUENTIAL], scene.lattice.cell_size * box.block
     born = stage.spawn_step <= until
     voxels, step = one_a_place(stage.cells[born] // box.block, stage.spawn_step[born], "min")
     if len(voxels):
-        drawn = draw_voxels(ax, voxels, edge, np.atleast_2d(colour(norm(step))))
-        drawn.set_gid("material agents")
-    for symbol, cells, steps in _boundaries(stage, until):
-        places, step = one_a_place(cells // box.block, steps, "min")
+        draw_voxels(space, voxels, edge, colour(norm(step))).set_gid("material agents")
+    for symbol, walls, steps in _boundaries(stage, until):
+        places, step = one_a_place(walls // box.block, steps, "min")
         look: dict[str, Any] = {"marker": symbol.marker, "edgecolors": INK, "linewidths": 0.6}
         look |= {"s": 26, "depthshade": False, "zorder": 4, "gid": f"{symbol.name}s"}
-        ax.scatter(*((places + 0.5) * edge).T, c=colour(norm(step)), **look)
+        space.scatter(*((places + 0.5) * edge).T, c=colour(norm(step)), **look)
+    spawn_bar(space, norm, stage.generations)
+    legend(space, _entries(stage.boundary_kind))
+    caption(space, "Agents", [_happened(stage, generation), *notes, *box.notes])
+    return cast("Axes", space)
 
 
 GENERATIONS = Film("agents", "generation", lambda result: range(result.last.generations + 1))

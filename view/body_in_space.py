@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.results.mesh import CUBE_FACES, corner_order
 from kaju.model.scene import Scene
 
@@ -23,9 +24,8 @@ MOST_ACROSS = 40
 """Where more cells than this lie side by side, a voxel is a block of cells."""
 
 # Corners of a unit cube's faces, outwards, in the order -x, +x, -y, +y, -z, +z.
-FACES = corner_order(3)[CUBE_FACES]
-_STEPS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
-_LIGHT = np.array([0.72, 0.86, 0.8, 0.7, 0.6, 1.0])  # of each face, so that form can be read
+_FACES = corner_order(3)[CUBE_FACES]
+_LIGHT = (0.72, 0.86, 0.8, 0.7, 0.6, 1.0)  # of each face, so that form can be read
 _EDGES = np.array(
     [pair for k in range(4) for pair in ((k, (k + 1) % 4), (k + 4, (k + 1) % 4 + 4), (k, k + 4))]
 )  # round the bottom, round the top, and upwards
@@ -60,30 +60,41 @@ def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> DrawnBox:
     return DrawnBox(lower, upper, block, notes)
 
 
-def seen_faces(voxels: Ints) -> tuple[Ints, Ints]:
-    """Return voxel and direction of every face that no other voxel hides."""
-    low = voxels.min(axis=0, initial=0) - 1
-    span = voxels.max(axis=0, initial=0) - low + 2
+def draw_boxes(
+    ax: Axes3D, lower: Floats, upper: Floats, colours: Floats, hides: Callable[[Floats], Flags]
+) -> Poly3DCollection:
+    """Draw boxes from corner to corner (m) by the faces that can be seen, shaded by direction.
 
-    def key(places: Ints) -> Ints:
-        shifted = places - low
-        return np.asarray((shifted[:, 0] * span[1] + shifted[:, 1]) * span[2] + shifted[:, 2])
-
-    own = key(voxels)
-    hidden = np.stack([np.isin(key(voxels + step), own) for step in _STEPS], axis=1)
-    voxel, direction = np.nonzero(~hidden)
-    return voxel, direction
+    `colours` have shape (n, 4); `hides` tells of points just beyond faces whether these are hidden.
+    """
+    faces, shaded, rims = [], [], []
+    size = upper - lower
+    large = size.max(axis=1) > 0.01 * np.ptp(upper, axis=0).max(initial=0.0)
+    for number, (corners, light) in enumerate(zip(_FACES, _LIGHT, strict=True)):
+        axis, end = divmod(number, 2)
+        beyond = 0.5 * (lower + upper)
+        beyond[:, axis] += (0.5 + 1e-6) * (2 * end - 1) * size[:, axis]
+        bare = ~hides(beyond)
+        faces.append(lower[bare, None] + corners * size[bare, None])
+        shaded.append(colours[bare] * [light, light, light, 1.0])
+        rims.append(np.where(large[bare, None], to_rgba(INK), shaded[-1]))
+    look = {"facecolors": np.concatenate(shaded), "edgecolors": np.concatenate(rims)}
+    drawn = Poly3DCollection(np.concatenate(faces), linewidths=0.25, zorder=3, **look)
+    ax.add_collection3d(drawn)
+    return drawn
 
 
 def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3DCollection:
-    """Draw cubes of an edge (m) by their visible faces; colours have shape (n, 3 or 4)."""
-    voxel, direction = seen_faces(voxels)
-    faces = (voxels[voxel, None] + FACES[direction]) * edge
-    shaded = colours[voxel].copy()
-    shaded[:, :3] *= _LIGHT[direction, None]
-    drawn = Poly3DCollection(faces, facecolors=shaded, edgecolors=INK, linewidths=0.25, zorder=3)
-    ax.add_collection3d(drawn)
-    return drawn
+    """Draw cubes of an edge (m), coloured by the rows of `colours`."""
+    first = voxels.min(axis=0) - 1
+    there = np.zeros(voxels.max(axis=0) - first + 2, dtype=np.bool_)
+    there[tuple((voxels - first).T)] = True
+
+    def hides(points: Floats) -> Flags:
+        found: Flags = there[tuple((np.floor(points / edge).astype(np.int64) - first).T)]
+        return found
+
+    return draw_boxes(ax, voxels * edge, (voxels + 1) * edge, colours, hides)
 
 
 def space_for(
@@ -93,7 +104,7 @@ def space_for(
     space = cast(Axes3D, new_axes(ax, (6.8, 6.2), "3d"))
     edge = scene.lattice.cell_size
     low, high = box.lower * edge, box.upper * edge
-    faces = low + FACES * (high - low)
+    faces = low + _FACES * (high - low)
     corners = low + corner_order(3) * (high - low)
     frame = Line3DCollection(corners[_EDGES], colors=FAINT, linewidths=0.7, zorder=2)
     frame.set_gid("outline")

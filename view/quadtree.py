@@ -5,22 +5,19 @@ In space cubes are drawn where they can be seen, one quarter of the body cut awa
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
-from kaju.model.scene import Scene
 
-from .body_in_space import FACES, DrawnBox, box_around, space_for
+from .body_in_space import box_around, draw_boxes, space_for
 from .body_plots import BodyPicture
 from .films import Film
 from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
@@ -61,13 +58,10 @@ def plot_agents_of_many_sizes(
     norm, title = _norm(colour, scale), [_title(result, generation)]
     look: dict[str, Any] = {"cmap": SIZE if colour == "level" else SEQUENTIAL, "norm": norm}
     if result.scene.lattice.dimension == 3 and cut is None:
-        view = view_of(result, crop)
-        space, notes = space_for(ax, result.grid, view.box, result.stage, MOST_ARROWS)
-        _draw_cubes(space, result.grid, view, tiles, look)
-        _bar(cast(Axes, space), ScalarMappable(**look), colour, scale)
-        title += [*notes, *view.notes, "; ".join(result.caveats_in_brief)]
-        caption(space, "Agents", title)
-        return cast("Axes", space)
+        space, notes = _plot_in_space(result, ax, tiles, look, crop)
+        _bar(space, ScalarMappable(**look), colour, scale)
+        caption(space, "Agents", [*title, *notes, "; ".join(result.caveats_in_brief)])
+        return space
     layer = layer_of(result, cut, crop)
     picture = BodyPicture(layer, ax, result.stage, filled=False)
     drawn = draw_squares(picture.ax, layer, squares_of(layer, tiles), "agents", **look)
@@ -147,32 +141,14 @@ def _bar(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
         bar.ax.minorticks_off()
 
 
-MOST_ARROWS = 5
-"""Few, for they hide what lies below."""
-_SEEN = ((0, 1), (1, 0), (2, 1))
-"""Axis and end of the faces that look towards the reader."""
-_LIGHT = {0: 0.88, 1: 0.8, 2: 0.95}
-"""Of the body's surface by axis; cuts have full light."""
+MOST_ARROWS = 2
+"""Of arrows along each axis; few, for they hide what lies below."""
 
 
-class View(NamedTuple):
-    """What is shown of a body: a box (m), less the quarter in front of two upright planes."""
-
-    box: DrawnBox
-    lower: Floats
-    upper: Floats
-    planes: tuple[float, float]
-
-    @property
-    def notes(self) -> list[str]:
-        """Where the body is cut, and the crop."""
-        x, y = (quantity(place, "m") for place in self.planes)
-        crops = [note for note in self.box.notes if note.startswith("cropped")]
-        return [f"cut away: x above {x}, y below {y}", *crops]
-
-
-def view_of(result: ElasticResult, crop: bool | None = None) -> View:
-    """Choose the box and the planes by the smallest agents."""
+def _plot_in_space(
+    result: ElasticResult, ax: Axes | None, tiles: Tiles, look: dict[str, Any], crop: bool | None
+) -> tuple[Axes, list[str]]:
+    """Draw agents around the smallest ones, less the quarter in front of two upright planes."""
     scene, small = result.grid, small_agents(result)
     edge = scene.lattice.cell_size
     cells = scene.lattice.locate(small.middle)
@@ -181,10 +157,25 @@ def view_of(result: ElasticResult, crop: bool | None = None) -> View:
     lower, upper = scene.bounds()
     cells = np.clip([first - around, last + around], lower, upper - 1)
     box = box_around(scene, cells, small.hidden if crop is None else crop)
-    unit = float(result.size.min())
-    x, y = (_plane(small.lower[:, axis], unit) for axis in (0, 1))
-    low, high = (np.asarray(end * edge, dtype=np.float64) for end in (box.lower, box.upper))
-    return View(box, low, high, (x, y))
+    space, notes = space_for(ax, scene, box, result.stage, MOST_ARROWS)
+    low, high = box.lower * edge, box.upper * edge
+    x, y = (_plane(small.lower[:, axis], float(result.size.min())) for axis in (0, 1))
+
+    def hides(at: Floats) -> Flags:
+        shown = np.all((at > low) & (at < high), axis=1) & ~((at[:, 0] > x) & (at[:, 1] < y))
+        return shown & (scene.kinds(scene.lattice.locate(at)) >= 0)
+
+    (corner, size, value), _ = merge_small(tiles, 2.0 * float((high - low).max()) / FINEST)
+    colours = colormaps[look["cmap"]](look["norm"](value))
+    # Three boxes are what is left: before both planes to the left, behind it, and to its right.
+    parts = (low, [x, y, high[2]]), ([low[0], y, low[2]], [x, *high[1:]]), ([x, y, low[2]], high)
+    found = [(np.maximum(corner, a), np.minimum(corner + size[:, None], b)) for a, b in parts]
+    first, last = (np.concatenate(ends) for ends in zip(*found, strict=True))
+    there = np.all(last - first > 1e-9 * np.tile(size, 3)[:, None], axis=1)
+    drawn = draw_boxes(space, first[there], last[there], np.tile(colours, (3, 1))[there], hides)
+    drawn.set_gid("agents")
+    notes.append(f"cut away: x above {quantity(x, 'm')}, y below {quantity(y, 'm')}")
+    return cast(Axes, space), notes + [note for note in box.notes if note.startswith("cropped")]
 
 
 def _plane(place: Floats, unit: float) -> float:
@@ -195,57 +186,6 @@ def _plane(place: Floats, unit: float) -> float:
     largest = steps & -steps  # a side of agents of up to this size, in the smallest ones
     roundest = near[largest == largest.max()]
     return float(roundest[np.abs(roundest - middle).argmin()])
-
-
-def _draw_cubes(ax: Axes3D, scene: Scene, view: View, tiles: Tiles, look: dict[str, Any]) -> None:
-    """Draw the faces of agents that can be seen, coloured by their values."""
-    finest = 2.0 * float((view.upper - view.lower).max()) / FINEST
-    (lower, size, value), _ = merge_small(tiles, finest)
-    faces, owner, light = seen_faces(scene, view, lower, lower + size[:, None])
-    colours = colormaps[look["cmap"]](look["norm"](value[owner]))
-    colours[:, :3] *= light[:, None]
-    small = size[owner] < 4.0 * finest
-    rims = np.where(small[:, None], colours, (0.2, 0.2, 0.2, 1.0))
-    drawn = Poly3DCollection(
-        list(faces), facecolors=colours, edgecolors=rims, linewidths=0.25, zorder=3, gid="agents"
-    )
-    ax.add_collection3d(drawn)
-
-
-def seen_faces(
-    scene: Scene, view: View, lower: Floats, upper: Floats
-) -> tuple[Floats, Ints, Floats]:
-    """Return corners, owner and light of the agents' faces on the body's surface and at a cut.
-
-    `lower`, `upper`, shape (agents, 3): corners of the agents (m). The corners of the faces have
-    shape (faces, 4, 3).
-    """
-    corners, owner, light = [], [], []
-    x, y = view.planes
-    left = view.lower, np.array([x, *view.upper[1:]])
-    behind = np.array([x, y, view.lower[2]]), view.upper
-    rounding = 1e-9 * np.abs(view.upper).max()
-    for first, last in (left, behind):  # the box without its quarter
-        low, high = np.maximum(lower, first), np.minimum(upper, last)
-        there = np.flatnonzero(np.all(high - low > 1e-9 * (upper - lower), axis=1))
-        low, high = low[there], high[there]
-        for axis, end in _SEEN:
-            place = (high if end else low)[:, axis]
-            beyond = 0.5 * (low + high)
-            beyond[:, axis] = place + (1e-6 if end else -1e-6) * scene.lattice.cell_size
-            bare = scene.kinds(scene.lattice.locate(beyond)) < 0
-            cut = ~bare & (np.abs(place - (last if end else first)[axis]) < rounding)
-            top = high.copy()
-            if axis == 0 and last[0] < view.upper[0]:
-                # This plane is bare in front of the other one only: behind it the two parts meet.
-                cut &= low[:, 1] < y
-                top[cut, 1] = np.minimum(top[cut, 1], y)
-            for chosen, bright in ((cut, 1.0), (bare, _LIGHT[axis])):
-                span = (top - low)[chosen, None]
-                corners.append(low[chosen, None] + FACES[2 * axis + end] * span)
-                owner.append(there[chosen])
-                light.append(np.full(np.count_nonzero(chosen), bright))
-    return np.concatenate(corners), np.concatenate(owner), np.concatenate(light)
 
 
 GENERATIONS = Film("agents", "generation", lambda result: range(len(result.generations)))

@@ -16,7 +16,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
@@ -25,9 +24,9 @@ from kaju.model.transfer.transfer_result import TransferResult
 
 from . import load_plots
 from .body_in_space import box_around, draw_voxels, space_for
-from .body_plots import BodyPicture
+from .body_plots import BodyPicture, draw_cells
 from .films import Film
-from .section import Cut, How, Section, check_number, one_a_place, section_of
+from .section import Cut, Section, check_number, one_a_place, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, caption, colour_bar, legend
 from .units import counted, quantity
 
@@ -79,16 +78,6 @@ def _boundaries(stage: Stage, until: int) -> Iterator[tuple[Symbol, Ints, Ints]]
         chosen = (stage.boundary_kind == kind) & (stage.boundary_spawn_step <= until)
         if chosen.any():
             yield symbol, stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
-
-
-def _draw_tiles(
-    ax: Axes, section: Section, name: str, cells: Ints, values: NDArray[Any], how: How, **look: Any
-) -> None:
-    """Draw the agents that stand in some cells, coloured by values."""
-    tiles, shown = section.gather(cells, values.astype(np.float64), how)
-    small = len(section.ground[0]) > 10_000
-    look |= {"edgecolors": "none" if small else "white", "linewidths": 0.0 if small else 0.4}
-    add_polygons(ax, section.polygons(tiles), name, array=shown, cmap=SEQUENTIAL, zorder=2, **look)
 
 
 def _draw_boundaries(ax: Axes, section: Section, stage: Stage, norm: Normalize, until: int) -> None:
@@ -170,7 +159,8 @@ def plot_agents(
         return picture.finish("Agents", [stage.outcome, *picture.notes])
     norm, born = spawn_norm(stage.generations), stage.spawn_step <= until
     agents = stage.cells[born], stage.spawn_step[born]
-    _draw_tiles(picture.ax, section, "material agents", *agents, "min", norm=norm)
+    look: dict[str, Any] = {"cmap": SEQUENTIAL, "norm": norm}
+    draw_cells(picture.ax, section, *agents, "min", "material agents", **look)
     _draw_boundaries(picture.ax, section, stage, norm, until)
     if generation is None:
         picture.entries += _mark_pulled(picture.ax, section, stage)
@@ -200,7 +190,8 @@ def _finish_states(
         norm = BoundaryNorm([-0.5, 0.5, 1.5], colormaps[SEQUENTIAL].N)
     born = stage.spawn_step <= last + 1
     agents = stage.cells[born], known.values(last)[born]
-    _draw_tiles(picture.ax, picture.section, "states", *agents, "max", norm=norm)
+    look: dict[str, Any] = {"cmap": SEQUENTIAL, "norm": norm}
+    draw_cells(picture.ax, picture.section, *agents, "max", "states", **look)
     bar = colour_bar(picture.ax, ScalarMappable(norm, SEQUENTIAL), known.meaning)
     if yes_or_no:
         bar.set_ticks([0.0, 1.0], labels=["no", "yes"])

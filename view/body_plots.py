@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import AppliedLoads, Scene, cell_types
 
 from . import style
-from .section import Arrows, Section
+from .section import Arrows, How, Section
 from .style import BODY, BODY_HATCHES, FORCE, INK, LINE
 from .units import counted, quantity
 
@@ -186,12 +188,28 @@ def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
     first = tiles.min(axis=0) - 1
     body = np.zeros(tiles.max(axis=0) - first + 2, dtype=np.bool_)
     body[tuple((tiles - first)[kind >= 0].T)] = True
-    near = body.copy()
-    for axis in (0, 1):  # a tile and its eight neighbours
-        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
+    near = binary_dilation(body, np.ones((3, 3)))
     shape = np.array(section.scene.lattice.shape)[[*section.axes]]
     inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
     return np.asarray(~inside & ~near[tuple((tiles - first).T)])
+
+
+def draw_cells(
+    ax: Axes,
+    section: Section,
+    cells: Ints,
+    values: NDArray[Any],
+    how: How,
+    name: str,
+    rims: bool = True,
+    **look: Any,
+) -> PolyCollection:
+    """Draw the tiles of some cells in the colours of their values, with rims unless many."""
+    tiles, shown = section.gather(cells, np.asarray(values, dtype=np.float64), how)
+    rims &= len(section.ground[0]) <= 10_000
+    look |= {"edgecolors": "white" if rims else "none", "linewidths": 0.4 if rims else 0.0}
+    corners = section.polygons(tiles)
+    return style.add_polygons(ax, corners, name, array=shown, antialiased=rims, zorder=2, **look)
 
 
 def reach_of(ax: Axes, section: Section, names: Sequence[str] = ("forces", "moved")) -> Floats:

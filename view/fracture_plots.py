@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -15,7 +14,7 @@ from matplotlib.patches import Patch
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 
-from .body_plots import BodyPicture
+from .body_plots import BodyPicture, draw_cells
 from .films import Film
 from .network_plots import NetworkPicture
 from .section import Cut, check_number, section_of
@@ -112,12 +111,9 @@ def _plot_broken_cells(
     most = largest or float(np.abs(borne).max(initial=0.0)) or 1.0
     picture = BodyPicture(section_of(cast(Scene, result.subject), None, cut), ax)
     section, cells = picture.section, np.argwhere(picture.section.scene.rasterise() >= 0)
-    tiles, values = section.gather(cells, borne, "max")
-    look: dict[str, Any] = {"array": values, "cmap": DIVERGING, "norm": Normalize(-most, most)}
-    look |= {"edgecolors": "none", "linewidths": 0.0, "antialiased": False, "zorder": 2}
-    add_polygons(picture.ax, section.polygons(tiles), "cells", **look)
-    mappable = ScalarMappable(look["norm"], DIVERGING)
-    colour_bar(picture.ax, mappable, "largest principal stress", "Pa")
+    look: dict[str, Any] = {"cmap": DIVERGING, "norm": Normalize(-most, most)}
+    drawn = draw_cells(picture.ax, section, cells, borne, "max", "cells", rims=False, **look)
+    colour_bar(picture.ax, drawn, "largest principal stress", "Pa")
     if count:
         tiles, _ = section.gather(cells[result.broken[:count]], np.ones(count), "max")
         broken: dict[str, Any] = {"facecolors": _BROKEN, "zorder": 3}
@@ -151,13 +147,11 @@ def plot_design(
     result: GrowthResult, ax: Axes | None = None, *, step: int | None = None, cut: Cut = None
 ) -> Axes:
     """Draw the densities of the cells, of a body of cubes those in a plane."""
-    section, norm = section_of(result.scene, None, cut), Normalize(0.0, 1.0)
-    picture = BodyPicture(section, ax, result.stage)
-    colour_bar(picture.ax, ScalarMappable(norm, "Greys"), "density", "")
-    tiles, shown = section.gather(np.argwhere(result.body), result.density_at(step), "max")
-    look: dict[str, Any] = {"array": shown, "cmap": "Greys", "norm": norm, "zorder": 2}
-    look |= {"edgecolors": "none", "linewidths": 0.0, "antialiased": False}
-    add_polygons(picture.ax, section.polygons(tiles), "densities", **look)
+    section, values = section_of(result.scene, None, cut), result.density_at(step)
+    picture, cells = BodyPicture(section, ax, result.stage), np.argwhere(result.body)
+    look: dict[str, Any] = {"cmap": "Greys", "norm": Normalize(0.0, 1.0)}
+    drawn = draw_cells(picture.ax, section, cells, values, "max", "densities", False, **look)
+    colour_bar(picture.ax, drawn, "density", "")
     at = result.steps if step is None else step
     compliance, volume = quantity(float(result.compliances[at]), "J"), result.volumes[at]
     notes = [f"after {counted(at, 'step')}: F·u = {compliance}, volume {volume:.1%}"]

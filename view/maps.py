@@ -14,12 +14,12 @@ from matplotlib.colors import Normalize
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body_plots import BodyPicture
+from .body_plots import BodyPicture, draw_cells
 from .deformed import settled
 from .layers import draw_squares, layer_of, squares_of, usual_top
 from .load_plots import load_norm
 from .section import Cut, Section, check_word, section_of
-from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar
+from .style import DIVERGING, LOADS, SIZE, colour_bar
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -67,21 +67,9 @@ def quantity_of(
 
 def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCollection:
     """Colour cells by a value; of the cells of one tile the value farthest from 0 counts."""
-    tiles, high = section.gather(cells, shown.values, "max")
-    _, low = section.gather(cells, shown.values, "min")
-    values = np.where(-low > high, low, high)
-    small = len(section.ground[0]) > 10_000
-    return add_polygons(
-        ax,
-        section.polygons(tiles),
-        "map",
-        array=values,
-        **colours_of(shown, values),
-        edgecolors="none" if small else "#b5b5b5",
-        linewidths=0.0 if small else 0.3,
-        antialiased=not small,
-        zorder=2,
-    )
+    drawn = draw_cells(ax, section, cells, shown.values, "farthest", "map")
+    drawn.set(**colours_of(shown, np.asarray(drawn.get_array())))
+    return drawn
 
 
 def colours_of(shown: Quantity, values: Floats, largest: float | None = None) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -473,24 +474,12 @@ def _faces_moved(run: ElasticRun, along: Floats) -> Floats:
     own = run.agents.level == 0
     axis, places = run.agents.axis[own], run.agents.position[own] / run.grid.lattice.cell_size
     d = places.shape[1]
-    across = axis[:, None] != np.arange(d)
-    # Places in arrays of faces, one array for each axis, with a rim; NaN where there is no face.
-    index = np.rint(places - 0.5 * across).astype(np.int64) + 1
-    known = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
-    moved, fields = np.zeros((*along.shape, d)), []
-    for a, field in enumerate(known):
-        now = np.repeat(np.nan_to_num(field).reshape(1, -1), len(along), axis=0)
-        flat = np.ravel_multi_index(tuple(index[axis == a].T), field.shape)
-        now[:, flat] = moved[:, axis == a, a] = along[:, axis == a]
-        fields.append(now)
-    unit = np.eye(d, dtype=np.int64)
+    moved = np.where(axis[:, None] == np.arange(d), along[..., None], 0.0)
     for a, b in permutations(range(d), 2):
-        steps = np.array([0 * unit[a], unit[b], -unit[a], unit[b] - unit[a]])
-        around = index[axis == a] + steps[:, None]  # shape (4, faces, dimension)
-        flat = np.ravel_multi_index(tuple(np.moveaxis(around, 2, 0)), known[b].shape)
-        there = ~np.isnan(known[b].ravel()[flat])
-        weight = there / np.maximum(there.sum(axis=0), 1)
-        moved[:, axis == a, b] = (weight * fields[b][:, flat]).sum(axis=1)
+        one, other = axis == a, axis == b
+        far, near = cKDTree(places[other]).query(places[one], 4, distance_upper_bound=0.8)
+        known = np.pad(along[:, other], [(0, 0), (0, 1)])  # the last for faces that are not there
+        moved[:, one, b] = known[:, near].sum(axis=2) / np.isfinite(far).sum(axis=1).clip(1)
     return moved
 
 

@@ -27,7 +27,7 @@ from .units import grouped, quantity
 
 Cut: TypeAlias = Mapping[str, float] | None
 """Axis and place (m) of a plane; an empty one is a plane through the agents."""
-How: TypeAlias = Literal["min", "max", "sum"]
+How: TypeAlias = Literal["min", "max", "sum", "farthest"]
 """How the values of the cells of one tile become one."""
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
 _SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
@@ -56,7 +56,10 @@ def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDA
     first = np.ones(len(places), dtype=np.bool_)
     first[1:] = np.any(places[1:] != places[:-1], axis=1)
     starts = np.flatnonzero(first)
-    if len(starts):
+    if len(starts) and how == "farthest":  # from 0
+        low, high = (pairing.reduceat(values, starts) for pairing in (np.minimum, np.maximum))
+        values = np.where(-low > high, low, high)
+    elif len(starts):
         values = _PAIRING[how].reduceat(values, starts, axis=0)
     return places[starts], values
 

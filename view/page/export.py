@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import KajuError, ParameterError, ResultFileError, SceneError, check_type
+from kaju.errors import KajuError, ParameterError, ResultFileError, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.loading import from_file
@@ -30,6 +30,7 @@ from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.stepped_model import SteppedModel
+from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import stability
 from kaju.model.transfer.transfer_result import TransferResult
@@ -37,15 +38,6 @@ from kaju.model.transfer.transfer_result import TransferResult
 from . import python as written
 from .data import FORMAT, Account, history_columns, motion_data, pack, scene_data
 
-_CELLS = {
-    "en": "The outlines of this body are true ones. The prescribed rule runs on cells: here they "
-    "are steps of these.",
-    "de": "Die Umrisse dieses Körpers sind echte Kurven. Die vorgeschriebene Regel läuft auf "
-    "Zellen: Hier sind sie Treppen aus diesen.",
-    "ja": "この物体の輪郭は本来なめらかな曲線です。決められた規則はセルの上で動くので、"
-    "ここではセルの階段になります。",
-}
-"""What a page says that runs the prescribed rule on a body with true outlines."""
 Text = str | Mapping[str, str]
 """What a reader reads: one text, or one for each language ("en", "de", "ja")."""
 
@@ -189,8 +181,8 @@ def packed_page(
 ) -> bytes:
     """Return a page's data, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and of.outlined:
-        of, text = _outlined(of, text)
-    if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
+        of = solve(of)  # no rule runs within true outlines
+    elif isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
         creeps = of.history and any(material.rheology for material in of.cell_materials)
         of = creep(of) if creeps else ElasticModel(of)
     elif isinstance(of, Scene) and of.lattice.kind not in BUILT_IN:
@@ -279,29 +271,6 @@ def _source(part: type | Callable[..., Any]) -> str:
         return textwrap.dedent(inspect.getsource(part)).rstrip()
     except (OSError, TypeError):
         return f"# the source of {part.__name__} is not at hand"
-
-
-def _on_cells(scene: Scene) -> Scene:
-    """Return a scene whose true outlines are steps of its cells; a loaded outline is refused."""
-    for number, load in enumerate(scene.loads):
-        if load.outline is not None:
-            raise SceneError(
-                f"loads.{number}.outline: the prescribed rule runs on cells, which have no outline "
-                f"{load.outline!r} to load; show the answer, export_page(solve(scene), ...), or "
-                "load a side or a region"
-            )
-    count = len(scene.body.regions)
-    return scene.with_overrides({f"body.regions.{n}.outline": "cells" for n in range(count)})
-
-
-def _outlined(scene: Scene, text: Text) -> tuple[Scene | Result, Text]:
-    """Return what is shown of a scene with true outlines, and a text that says so."""
-    from kaju.model.study.solving import solve
-
-    if not isinstance(scene.rule, PrescribedRule):
-        return solve(scene), text
-    texts = {key: [_in(key, text), _CELLS[key]] for key in LANGUAGES}
-    return _on_cells(scene), {key: "\n\n".join(filter(None, of)) for key, of in texts.items()}
 
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:

@@ -94,7 +94,8 @@ def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3
         found: Flags = there[tuple((np.floor(points / edge).astype(np.int64) - first).T)]
         return found
 
-    return draw_boxes(ax, voxels * edge, (voxels + 1) * edge, colours, hides)
+    corner = (voxels * edge).astype(np.float64)
+    return draw_boxes(ax, corner, corner + edge, colours, hides)
 
 
 def space_for(

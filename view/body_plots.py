@@ -188,7 +188,7 @@ def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
     first = tiles.min(axis=0) - 1
     body = np.zeros(tiles.max(axis=0) - first + 2, dtype=np.bool_)
     body[tuple((tiles - first)[kind >= 0].T)] = True
-    near = binary_dilation(body, np.ones((3, 3)))
+    near = binary_dilation(body, np.ones((3, 3), dtype=np.bool_))
     shape = np.array(section.scene.lattice.shape)[[*section.axes]]
     inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
     return np.asarray(~inside & ~near[tuple((tiles - first).T)])

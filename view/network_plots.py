@@ -40,17 +40,15 @@ class NetworkPicture:
         largest: float | None = None,
     ) -> None:
         check_magnification(magnification)
-        self.result, self.network, records = result, result.network, range(len(result.stage))
+        self.result, self.network = result, result.network
         self.flat = self.network.dimension == 2
         self.ax = style.new_axes(ax, (6.8, 6.2), None if self.flat else "3d")
         if not self.flat:
             cast(Axes3D, self.ax).computed_zorder = False  # or rims would hide their springs
         moved = float(np.abs(result.displacement).max(initial=0.0))
-        span = float(np.ptp(self.network.positions, axis=0).max())
-        self.factor = magnification or visible(span, moved)
-        self.values = [np.asarray(result.tension[k]) for k in records]
-        sizes = [float(np.abs(values).max(initial=0.0)) for values in self.values]
-        most = largest or max(sizes, default=0.0) or 1.0
+        self.span = float(np.ptp(self.network.positions, axis=0).max())
+        self.factor = magnification or visible(self.span, moved)
+        most = largest or float(np.abs(result.tension).max(initial=0.0)) or 1.0
         self.norm = Normalize(-most, most)
         mappable = ScalarMappable(self.norm, style.DIVERGING)
         style.colour_bar(self.ax, mappable, "tension: pulled above 0, pressed below", "N")
@@ -67,22 +65,19 @@ class NetworkPicture:
 
     def draw(self, record: int) -> None:
         """Draw springs, nodes and forces of one state."""
-        where, values = (self.places(record), self.network.springs), self.values[record]
+        where, values = (self.places(record), self.network.springs), self.result.tension[record]
         width = max(0.5, min(2.2, 60.0 / np.sqrt(len(values))))
         look: dict[str, Any] = {"array": values, "cmap": style.DIVERGING, "norm": self.norm}
         self.draw_lines(*where, "springs", **look, linewidths=width, zorder=3)
         # What carries little is nearly white, so every spring has a darker rim.
         self.draw_lines(*where, "rims", colors="#b0b0b0", linewidths=width + 0.8, zorder=2)
         places, held = where[0], self.network.held.any(axis=1)
-        groups = [(held, "^", INK, "held nodes")]
-        if len(places) <= _MOST_NODES:
-            groups = [(~held, "o", INK, "nodes"), (held, "^", "white", "held nodes")]
-        size = max(1.5, min(4.0, 60.0 / np.sqrt(len(places))))
-        for chosen, marker, face, name in groups:
-            if chosen.any():
-                mark = 1.6 * size if marker == "^" else size
-                look = {"marker": marker, "ms": mark, "mfc": face, "mec": INK, "mew": 0.7}
-                cast(Any, self.ax).plot(*places[chosen].T, **look, ls="", zorder=4, gid=name)
+        size, few = max(1.5, min(4.0, 60.0 / np.sqrt(len(places)))), len(places) <= _MOST_NODES
+        look = {"ls": "", "mec": INK, "mew": 0.7, "zorder": 4}
+        nodes, triangles = places[~held & few].T, places[held].T
+        cast(Any, self.ax).plot(*nodes, "o", ms=size, mfc=INK, gid="nodes", **look)
+        white = "white" if few else INK
+        cast(Any, self.ax).plot(*triangles, "^", ms=1.6 * size, mfc=white, gid="held nodes", **look)
         self._draw_forces(record)
 
     def _draw_forces(self, record: int) -> None:
@@ -90,20 +85,19 @@ class NetworkPicture:
         loaded = np.flatnonzero(every.any(axis=1))
         if not len(loaded):
             return
-        span = float(np.ptp(self.network.positions, axis=0).max())
-        along = 0.16 * span / np.linalg.norm(self.network.forces, axis=2).max() * every[loaded]
+        along = 0.16 * self.span / np.linalg.norm(self.network.forces, axis=2).max() * every[loaded]
         head = self.places(record)[loaded]
         if not self.flat:
             self.ax.quiver(*(head - along).T, *along.T, color=FORCE, lw=1.8, gid="forces")
             return
-        width = np.full(len(head), 0.012 * span / max(1.0, len(head) / 12.0))
+        width = np.full(len(head), 0.012 * self.span / max(1.0, len(head) / 12.0))
         outlines = style.arrow_polygons(head - along, head, width)
         style.add_polygons(self.ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=6)
 
     def finish(self, notes: list[str]) -> Axes:
         """Set frame, labels, legend and title."""
-        places = np.concatenate([self.places(record) for record in range(len(self.values))])
-        lower, upper = places.min(axis=0), places.max(axis=0)
+        places = self.network.positions + self.factor * self.result.displacement
+        lower, upper = places.min(axis=(0, 1)), places.max(axis=(0, 1))
         room = 0.2 * float((upper - lower).max() or 1.0)
         if not self.network.forces.any():
             room *= 0.25

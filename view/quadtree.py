@@ -163,7 +163,8 @@ def _plot_in_space(
 
     def hides(at: Floats) -> Flags:
         shown = np.all((at > low) & (at < high), axis=1) & ~((at[:, 0] > x) & (at[:, 1] < y))
-        return shown & (scene.kinds(scene.lattice.locate(at)) >= 0)
+        body: Flags = shown & (scene.kinds(scene.lattice.locate(at)) >= 0)
+        return body
 
     (corner, size, value), _ = merge_small(tiles, 2.0 * float((high - low).max()) / FINEST)
     colours = colormaps[look["cmap"]](look["norm"](value))

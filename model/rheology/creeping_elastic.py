@@ -167,7 +167,7 @@ class CreepingBody(Creeping):
         problem, materials = cells_of(static).problem, static.grid.cell_materials
         self.problem, self.unit = problem, problem.scales.energy
         self.parts: dict[str, Any] = {"static": static}
-        kind = problem.kinds[problem.kinds >= 0]
+        kind = self.kind = problem.kinds[problem.kinds >= 0]
         ratios = np.array([material.poissons_ratio for material in materials])
         self.unit_moduli = moduli_of(np.ones(len(materials)), ratios, problem.plane)
         self.moduli_of_cells = moduli_at(self.unit_moduli, kind)
@@ -210,7 +210,10 @@ class CreepingBody(Creeping):
             return _join(normal, edge_modulus * edges, bed * faces)
 
         load = factor * self.load - self.columns @ stress(free)
-        after = self._solve(stress, at_edges[:, 0], load, before[0])
+        # A body without stiff edges has cells of every material that counts.
+        modulus = np.full(len(self.share), cell_modulus[0, 0])
+        modulus[self.kind] = cell_modulus[0]
+        after = self._solve(stress, modulus, load, before[0])
         cells, edges, faces = self._rows(self.rows @ after + free)
         borne, shear = cell_modulus * cells, edge_modulus * edges
         force = _join(borne, shear / self.shear, bed * faces)

@@ -17,7 +17,6 @@ from playwright.sync_api import sync_playwright
 
 from kaju import (
     ElasticModel,
-    ElasticResult,
     ElasticRule,
     LoadModel,
     Scene,
@@ -50,8 +49,8 @@ def main() -> None:
     plot(run, "left", moment=8).savefig(folder / "elastic_agents.png", dpi=80)
     jelly = creep(load_scene(EXAMPLES / "jelly.toml"))
     plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
-    animate(_spawned(_square(), 0.005), folder / "agents_spawn.gif", "generations", fps=1.5)
-    plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
+    animate(solve(_square(), tolerance=0.005), folder / "agents_spawn.gif", "generations", fps=1.5)
+    plot(solve(_block(), tolerance=0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
     lug = solve(load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
     plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
     _bracket().savefig(folder / "bracket.png", dpi=110)
@@ -104,7 +103,7 @@ def _bracket() -> Figure:
     figure = new_figure((5.4, 3.6))
     ax = figure.subplots()
     equal = [solve(_square(), resolution=k) for k in (1, 2, 4, 8)]
-    spawning = [_spawned(_square(), tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)]
+    spawning = [solve(_square(), tolerance=tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)]
     for answers, colour, name in ((equal, COLOURS[0], "equal cells"), (spawning, COLOURS[1], "")):
         agents = [answer.agents for answer in answers]
         lower, upper = 1e9 * np.array([answer.energy_bounds for answer in answers]).T
@@ -119,10 +118,6 @@ def _bracket() -> Figure:
     ax.grid(color=LINE, lw=0.4)
     ax.legend(fontsize=8, frameon=False)
     return figure
-
-
-def _spawned(scene: Scene, tolerance: float) -> ElasticResult:
-    return solve(scene, tolerance=tolerance)
 
 
 def _square() -> Scene:

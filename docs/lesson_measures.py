@@ -1,4 +1,9 @@
-"""The words in which the claims and answers of lessons are written.
+"""What holds the sentences of lessons: expressions beside them, worked out by the tests.
+
+Behind a sentence stands ``<!-- ... -->``: expressions, set apart by semicolons. What is true or
+false must be true; of all else the values must hold the numbers of the sentence, to the digits that
+it gives. A number that stands in an expression is a setting. A field to fill in is held by the
+answer in ``toml questions``.
 
 Where the rule runs, `PLANE` has them: ``cut(3)`` is the force through the third row,
 ``p[1].cut(3)`` that of the second preset. Rows count from the top, from 1; cells are
@@ -8,13 +13,16 @@ nanometres. Of lessons that show recorded runs, `RECORDED` has the words.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property, partial
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property, partial
 from math import ceil, log, sqrt
 from typing import Any
 
 import lesson_runs
 import numpy as np
+from lesson_texts import FENCE, MARK, Lesson, lesson
 from numpy.typing import NDArray
 
 import kaju
@@ -24,6 +32,8 @@ from kaju.view.page.python import header
 
 Words = dict[str, Callable[..., Any]]
 DOWN = 2  # place of the downward direction among the four of a square cell
+NUMBER = re.compile(r"(?<![\w.])\d+(?:,\d{3})*(?:\.\d+)?(?!\w)")
+_SENTENCE = re.compile(r".+?(?:[.?!](?=\s|<!--|$)|$)(?:\s*<!--.*?-->)?", re.S)
 ARITHMETIC = {"log": log, "sqrt": sqrt, "ceil": ceil}
 
 
@@ -238,7 +248,11 @@ def words_of(seen: list[Seen], preset: int = 0) -> dict[str, Any]:
 def recorded(name: str) -> dict[str, Any]:
     """Return the words for a lesson whose pages show recorded runs."""
     run = partial(lesson_runs.run, name)
-    return {"run": run} | RECORDED[name](run) | ARITHMETIC
+    generations: Words = {
+        "counts": lambda: [step.agents for step in run().generations],
+        "errors": lambda: [step.error for step in run().generations],
+    }
+    return {"run": run} | generations | RECORDED[name](run) | ARITHMETIC
 
 
 def _largest_steps(result: Any) -> NDArray[Any]:
@@ -259,8 +273,6 @@ def _many_sizes(run: Callable[..., Any]) -> Words:
         "near_share": lambda distance: float(near(distance).mean()),
         "near_area": lambda distance: float((run().size[near(distance)] ** 2).sum() / 0.2**2),
         "halved": lambda x, y: log(0.02 / size_near(x, y, "hole")) / log(2.0),  # from 20 mm
-        "counts": lambda: [step.agents for step in run().generations],
-        "errors": lambda: [step.error for step in run().generations],
     }
 
 
@@ -287,9 +299,6 @@ def _lattice(run: Callable[..., Any]) -> Words:
 
     return {
         "course": lambda page="": _largest_steps(run(page)).tolist(),
-        "gives": lambda page="": float(run(page).largest_displacement()[1]),
-        "pressed": lambda: int((run().tension[-1] < 0.0).sum()),
-        "pulled": lambda: int((run().tension[-1] > 0.0).sum()),
         "buckles_at": buckles_at,
         "pulled_across": pulled_across,
         "forces": lambda: len(pressed_nodes()),
@@ -310,9 +319,6 @@ def _bridges(run: Callable[..., Any]) -> Words:
         "compliance": lambda page="", step=-1: float(1e3 * run(page).compliances[step]),  # mJ
         # the mean density between the feet, in the middle third of the lowest row
         "tie": lambda page="": float(run(page).density[16:31, 1].mean()),
-        "top": lambda x, page="": float(run(page).density[x, -1]),
-        "filled": lambda page="": 100.0 * float(run(page).volumes[-1]),
-        "steps": lambda page="": run(page).steps,
     }
 
 
@@ -326,13 +332,6 @@ def _cracks(run: Callable[..., Any]) -> Words:
 
     return {
         "at_the_tip": at_the_tip,
-        "nodes": lambda: len(run().network.positions),
-        "bears": lambda page="": float(run(page).force.max()),
-        "strong": lambda: float(run().strengths.mean()),
-        "breaks": lambda page="": run(page).breaks,
-        "before": lambda page="": int(np.argmax(run(page).force)),
-        "first": lambda page="": float(run(page).force[0]),
-        "largest": lambda page="": int(run(page).avalanche_sizes.max()),
         "books": lambda: bool(np.allclose(run().work, run().stored + run().released, rtol=1e-6)),
     }
 
@@ -364,17 +363,13 @@ def _round_hole(run: Callable[..., Any]) -> Words:
         "about": lambda value, wanted: abs(value / wanted - 1.0) < 0.05,
         "far": far,
         "peak": peak,
+        "hoop": hoop,
         "factor": lambda page="": float(hoop(page).max() / pull),
-        "formula": lambda across=1.0: 1.0 + 2.0 * across,
-        "share": lambda: radius / width,
         "gap": lambda page="": (
             100.0 * float(np.diff(run(page).energy_bounds)[0]) / run(page).strain_energy
         ),
-        "agents": lambda page="": run(page).agents,
-        "pressed": lambda: float(hoop().min()),
         "near": lambda: 100.0 * float((np.linalg.norm(middle(), axis=1) < 3.0 * radius).mean()),
         "ground": lambda: 0.25 * np.pi * (9 - 1) * radius**2 / width**2,
-        "cells": lambda: run("steps").scene.lattice.shape[0],
         "rising": lambda: bool(
             (np.diff([peak(f"steps{n}") for n in ("-20", "", "-80", "-160")]) > 2.0).all()
         ),
@@ -408,17 +403,12 @@ def _two_answers(run: Callable[..., Any]) -> Words:
     return {
         "low": lambda step: float(1e9 * bounds()[0, step]),
         "high": lambda step: float(1e9 * bounds()[1, step]),
-        "error": lambda step: run().generations[step].error,
-        "counts": lambda: [step.agents for step in run().generations],
         "nested": nested,
         "gaps_add_up": lambda: bool(
             abs(run().gap.sum() / np.diff(run().energy_bounds)[0] - 2.0) < 1e-6
         ),
         "disagrees_below_the_load": disagrees_below_the_load,
         "smallest_at_the_ground": smallest_at_the_ground,
-        "bar_is_exact": lambda: bool(
-            np.diff(run("bar").energy_bounds)[0] < 1e-6 * run("bar").energy_bounds[0]
-        ),
     }
 
 
@@ -431,3 +421,96 @@ RECORDED: dict[str, Callable[[Callable[..., Any]], Words]] = {
     "how-things-break": _cracks,
     "a-round-hole": _round_hole,
 }
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of a lesson, the preset that it is said of, and the expressions that hold it."""
+
+    lesson: str
+    preset: int
+    text: str
+    held_by: tuple[str, ...]
+
+
+def claims(of: Lesson) -> Iterator[Claim]:
+    """Return the sentences of a lesson's English text that something holds."""
+    for section, text in of.texts["en"].sections.items():
+        preset = -1 if section == "Things to try" and of.scenes else 0
+        for line in _blocks(section, text):
+            preset += line.startswith("### ")
+            if line.startswith("### "):
+                continue
+            for sentence in _SENTENCE.findall(line):
+                if marks := MARK.findall(sentence):
+                    bare = MARK.sub("", sentence).replace("(1 − β)", "").strip()
+                    parts = (part.strip() for mark in marks for part in mark[4:-3].split(";"))
+                    yield Claim(of.name, max(preset, 0), bare, tuple(filter(None, parts)))
+
+
+def _blocks(section: str, text: str) -> Iterator[str]:
+    """Return headings, paragraphs, list items and rows of tables; the worksheet has its fields."""
+    if section.startswith("Worksheet"):
+        return
+    text = re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", FENCE.sub("\n", text))
+    text = re.sub(r"^(?:\d+\.|-) ", "\n", text, flags=re.M)
+    text = re.sub(r"^\|[ \w%,]*\|.*\n\|---.*$", "", text, flags=re.M)
+    text = re.sub(r"^(\||### .*$)", r"\n\1", text, flags=re.M)
+    text = re.sub(r"^(### .*)$", r"\1\n", text, flags=re.M)
+    for block in re.split(r"\n\s*\n", text):
+        if block.strip():
+            yield " ".join(block.split())
+
+
+def words(of: Lesson, preset: int = 0) -> dict[str, Any]:
+    """Return the words in which claims and answers of a lesson are written."""
+    if of.scenes:
+        return words_of(_seen(of.name), preset)
+    return recorded(of.name)
+
+
+@cache
+def _seen(name: str) -> list[Seen]:
+    return [Seen(scene) for scene in lesson(name).scenes]
+
+
+def value(of: Lesson, expression: str, preset: int = 0) -> Any:
+    """Return what an expression says: it is the repository's own text."""
+    return eval(expression, words(of, preset))  # noqa: S307
+
+
+def fault(of: Lesson, claim: Claim) -> str | None:
+    """Return why a claim is not held, None if it is."""
+    settings, found = list(NUMBER.findall(" ".join(claim.held_by))), []
+    for expression in claim.held_by:
+        try:
+            got = value(of, expression, claim.preset)
+        except Exception as error:  # whatever is wrong with it, the sentence is not held
+            return f"{expression}: {error!r}"
+        if isinstance(got, (bool, np.bool_)):
+            if not got:
+                return f"not true: {expression}"
+        elif not isinstance(got, str):
+            found += _flat(got)
+    for number in NUMBER.findall(claim.text):
+        if number not in settings and not any(fits(number, got) for got in found):
+            return f"{number} is none of {found}"
+    return None
+
+
+def _flat(value: Any) -> list[float]:
+    return np.ravel(value).astype(float).tolist()
+
+
+def fits(number: str, value: float) -> bool:
+    """Tell whether a written number is a value, rounded to the digits that are given."""
+    whole, _, part = number.replace(",", "").partition(".")
+    rounded = len(whole) - len(whole.rstrip("0")) if not part and len(whole) > 2 else 0
+    step = 10.0 ** (rounded - len(part))
+    return abs(float(number.replace(",", "")) - abs(value)) <= 0.5000001 * step
+
+
+def answers(of: Lesson, question: int) -> list[float]:
+    """Return the answers to the fields of a question, worked out."""
+    expressions = of.kinds[question].get("answers", [])
+    return _flat([value(of, expression) for expression in expressions])

@@ -7,7 +7,7 @@ answers there are expressions of `lesson_measures`, worked out when they are ask
 language tells a number that another does not.
 
 In a worksheet a question begins in bold, ``- label: ___ unit`` is a field to fill in, and
-``*Hint:*`` a hint. What stands in ``<!-- -->`` behind a sentence holds it: `lesson_claims.py`.
+``*Hint:*`` a hint. What stands in ``<!-- -->`` behind a sentence holds it: `lesson_measures.py`.
 """
 
 from __future__ import annotations
@@ -21,50 +21,17 @@ from typing import Any
 import kaju
 
 LESSONS = Path(__file__).parent / "lessons"
-ORDER = (
-    "find-its-way",
-    "write-the-rule",
-    "walls-and-air",
-    "blow-up",
-    "arching",
-    "who-holds-the-load",
-    "root-depth",
-    "the-right-numbers",
-    "agents-of-many-sizes",
-    "two-wrong-answers",
-    "a-lattice-bends",
-    "a-noodle-remembers",
-    "bones-and-bridges",
-    "how-things-break",
-    "a-round-hole",
-)
-"""In which order they are offered."""
+ORDER = tuple(re.findall(r"^lessons/(.+)$", (LESSONS / "../teach.md").read_text("utf-8"), re.M))
+"""In which order they are offered: that of the site's menu."""
 HEADINGS = {
     "en": [
-        "What is it?",
-        "How it works",
-        "Things to notice",
-        "Things to try",
-        "Worksheet (45 minutes)",
-        "For the teacher",
-    ],
-    "de": [
-        "Worum geht es?",
-        "Wie geht das?",
-        "Darauf achten",
-        "Zum Ausprobieren",
-        "Arbeitsblatt (45 Minuten)",
-        "Für die Lehrkraft",
-    ],
-    "ja": [
-        "どんな話？",
-        "しくみ",
-        "注目するところ",
-        "試してみよう",
-        "ワークシート（45 分）",
-        "先生へ",
-    ],
+        *("What is it?", "How it works", "Things to notice", "Things to try"),
+        *("Worksheet (45 minutes)", "For the teacher"),
+    ]
 }
+for _own in ("de", "ja"):
+    _first = (LESSONS / _own / f"{ORDER[0]}.md").read_text("utf-8")
+    HEADINGS[_own] = re.findall(r"^## (.*)$", _first, re.M)
 """What every lesson has, in this order; the English ones also say more for those who program."""
 FENCE = re.compile(r"^```(.*?)\n(.*?)^```\n?", re.M | re.S)
 MARK = re.compile(r"<!--.*?-->", re.S)
@@ -109,14 +76,16 @@ class Text:
 class Lesson:
     """A lesson in all its languages, with what they share.
 
-    `scenes` belong to the presets, the start first; there are none where the page
-    shows a recorded run. With `python` agents are written in the page. `kinds` says of each
-    question what the page has to know.
+    `scenes` belong to the presets, the start first; there are none where the page shows a
+    recorded run. With `python` agents are written in the page. `shown` is the picture in the
+    index: of which preset or page, and which of `kaju.plot`. `kinds` says of each question what
+    the page has to know.
     """
 
     name: str
     age: int
     python: bool
+    shown: tuple[str, str]
     texts: dict[str, Text]
     scenes: tuple[kaju.Scene, ...]
     kinds: tuple[dict[str, Any], ...]
@@ -146,8 +115,8 @@ def lesson(name: str) -> Lesson:
             scenes.append(scene.with_overrides(changes) if changes else scene)
     kinds = tomllib.loads(blocks["toml questions"])["question"]
     told = tomllib.loads(blocks["toml lesson"])
-    age, python = told["age"], told.get("python", False)
-    return Lesson(name, age, python, texts, tuple(scenes), tuple(kinds))
+    python, shown = told.get("python", False), (told["shown"][0], told["shown"][1])
+    return Lesson(name, told["age"], python, shown, texts, tuple(scenes), tuple(kinds))
 
 
 def _text(source: str, language: str) -> Text:

@@ -15,8 +15,7 @@ if not DOCS.exists():
     pytest.skip("the lessons are in docs/, which is not here", allow_module_level=True)
 sys.path.insert(0, str(DOCS))
 
-import lesson_claims  # noqa: E402
-import lesson_index  # noqa: E402
+import lesson_measures  # noqa: E402
 import lesson_runs  # noqa: E402
 import make_pages  # noqa: E402
 from lesson_texts import HEADINGS, LESSONS, ORDER, lesson  # noqa: E402
@@ -28,7 +27,6 @@ STEPS = ["predict", "step", "explain", "try"]
 
 def test_all_lessons_are_in_the_order():
     assert sorted(ORDER) == sorted(path.stem for path in LESSONS.glob("*.md"))
-    assert set(lesson_index.SHOWN) == set(ORDER)
 
 
 LONG = {"a-noodle-remembers": pytest.mark.slow, "bones-and-bridges": pytest.mark.slow}
@@ -37,21 +35,21 @@ LONG = {"a-noodle-remembers": pytest.mark.slow, "bones-and-bridges": pytest.mark
 @pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, ())) for name in ORDER])
 def test_what_a_lesson_claims_is_seen(name):
     of = lesson(name)
-    claims = list(lesson_claims.claims(of))
+    claims = list(lesson_measures.claims(of))
     assert len(claims) > 10
-    faults = {claim.text: why for claim in claims if (why := lesson_claims.fault(of, claim))}
+    faults = {claim.text: why for claim in claims if (why := lesson_measures.fault(of, claim))}
     assert faults == {}
 
 
 def test_a_sentence_that_is_untrue_is_found():
     of = lesson("find-its-way")
-    claims = list(lesson_claims.claims(of))
+    claims = list(lesson_measures.claims(of))
     rows = next(claim for claim in claims if "9, 7, 5, 5" in claim.text)
-    assert lesson_claims.fault(of, rows) is None
+    assert lesson_measures.fault(of, rows) is None
     wrong = replace(rows, text=rows.text.replace("9, 7", "9, 8"))
-    assert "8 is none of" in lesson_claims.fault(of, wrong)
+    assert "8 is none of" in lesson_measures.fault(of, wrong)
     shape = next(claim for claim in claims if "closes downwards" in claim.text)
-    assert "not true" in lesson_claims.fault(of, replace(shape, held_by=("not narrows()",)))
+    assert "not true" in lesson_measures.fault(of, replace(shape, held_by=("not narrows()",)))
 
 
 @pytest.mark.parametrize("name", ORDER)
@@ -62,7 +60,7 @@ def test_a_worksheet_is_whole(name):
         assert len(text.questions) == len(text.answers) == len(of.kinds)
         assert len(text.presets) == len(of.scenes)
         for number, question in enumerate(text.questions):
-            assert len(lesson_claims.answers(of, number)) == len(question.fields)
+            assert len(lesson_measures.answers(of, number)) == len(question.fields)
             assert question.hint
     steps = [kind["step"] for kind in of.kinds]
     assert sorted(steps, key=STEPS.index) == steps
@@ -133,7 +131,7 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
     tab = chromium.new_page(offline=True, locale="en-GB")
     tab.set_default_timeout(120_000)
     request.addfinalizer(tab.close)
-    tab.goto(lesson_index.write_index(tmp_path).as_uri())
+    tab.goto(make_pages.write_index(tmp_path).as_uri())
     cards = tab.locator(".card")
     assert cards.count() == len(ORDER)
     for name, card in zip(ORDER, cards.all(), strict=True):

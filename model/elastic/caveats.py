@@ -18,9 +18,9 @@ from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
-from kaju.model.scene.lattice import Cells
+from kaju.model.scene.lattice import Cells, Lattice
 from kaju.model.scene.resolved_body import relation
-from kaju.model.scene.shapes import Box, Shape
+from kaju.model.scene.shapes import Box
 
 from .corners import sharp_corners, singular_at
 
@@ -34,7 +34,7 @@ ROUGH = 0.1  # From this estimated error on an answer says what to do about it: 
 STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
-SAMPLES = {2: 4, 3: 2}  # Points along the edge of a cell by which an outline is found in it
+SAMPLES = 3  # Points along the edge of a cell by which an outline is found in it
 STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on its steps are a caveat: a choice
 
 
@@ -62,33 +62,38 @@ def refuse_singular(scene: Scene, goal: AskedFor, stage: int | None, name: str =
             )
 
 
-def stepped_cells(scene: Scene) -> Cells:
-    """Return the cells that slanted and round outlines of regions cross, shape (n, dimension)."""
-    lattice = scene.lattice
-    found = [np.empty((0, lattice.dimension), dtype=np.int64)]
-    for number, region in enumerate(scene.body.regions):
+def near_steps(grid: Scene, points: Floats) -> Flags:
+    """Tell which points (m) lie in or beside cells that slanted or round outlines cross."""
+    lattice, near = grid.lattice, np.zeros(len(points), dtype=np.bool_)
+    h, within = lattice.cell_size, (np.arange(SAMPLES) + 0.5) / SAMPLES
+    own = np.floor(points / h).astype(np.int64)
+    for number, region in enumerate(grid.body.regions):
         if region.image is not None:  # pixels lie along the axes, and a stored scene has none
             continue
         shape = region.shape_in(lattice, f"body.regions.{number}")
         if not isinstance(shape, Box):
-            found.append(_crossed(shape, scene))
-    return np.unique(np.concatenate(found), axis=0)
+            low, high = (np.asarray((own + step) * h) for step in (-1, 2))
+            whole, apart = relation(shape, low, high)
+            at = np.flatnonzero(~(whole | apart))
+            cells = _with_neighbours(own[at], lattice)
+            inside = [
+                shape.contains((cells + np.array(offset)) * h)
+                for offset in product(within, repeat=lattice.dimension)
+            ]
+            crossed = cells[np.any(inside, axis=0) & ~np.all(inside, axis=0)]
+            beside = lattice.key(_with_neighbours(crossed, lattice))
+            near[at] |= np.isin(lattice.key(own[at]), beside)
+    return near
 
 
-def steps_near(grid: Scene, middle: Floats) -> tuple[Cells, Flags]:
-    """Return the cells that outlines cross, and which agents lie in them or beside them."""
-    lattice, stepped = grid.lattice, stepped_cells(grid)
-    if not len(stepped):
-        return stepped, np.zeros(len(middle), dtype=np.bool_)
-    near = stepped
+def _with_neighbours(cells: Cells, lattice: Lattice) -> Cells:
+    """Return cells of an array and all that touch them, each once."""
     for step in np.eye(lattice.dimension, dtype=np.int64):
-        near = np.unique(np.concatenate([near - step, near, near + step]), axis=0)
-    near = near[lattice.contains(near)]
-    own = np.floor(middle / lattice.cell_size).astype(np.int64)
-    return stepped, np.isin(lattice.key(own), lattice.key(near))
+        cells = np.unique(np.concatenate([cells - step, cells, cells + step]), axis=0)
+    return cells[lattice.contains(cells)]
 
 
-def no_limit(result: ElasticResult, agent: int, *, near_step: bool) -> str:
+def no_limit(result: ElasticResult, agent: int) -> str:
     """Return why the stress of an agent has no limit under refinement; empty if it has."""
     if result.scene.outlined and result.scene.lattice.dimension == 3:
         return "perhaps; corners are not looked at within true outlines"
@@ -96,7 +101,7 @@ def no_limit(result: ElasticResult, agent: int, *, near_step: bool) -> str:
         away = result.sharp_corners - result.lower[agent]
         near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
         return "a sharp corner of an outline" if near.any() else ""
-    if near_step:
+    if result.near_steps[agent]:
         return "a step of an outline that is not along the axes"
     for corner in corner_ends(result.scene.lattice.dimension):
         at = result.lower[agent] + result.size[agent] * corner
@@ -105,14 +110,16 @@ def no_limit(result: ElasticResult, agent: int, *, near_step: bool) -> str:
     return ""
 
 
-def caveats_of(result: ElasticResult, stepped: Cells, near: Flags) -> tuple[Caveat, ...]:
+def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
     """Return what is approximate beside the error that an answer estimates."""
     found = [*_rough(result), *_loads(result)]
     if result.scene.outlined and result.scene.lattice.dimension == 2:
         return (*found, *_at_corners(result.sharp_corners))
-    if len(stepped):
-        found.append(_steps(result, near))
-    return (*found, *_no_limit(result.grid, stepped))
+    corners = sharp_corners(result.grid)
+    if result.near_steps.any():  # corners of steps have a note of their own
+        found.append(_steps(result, result.near_steps))
+        corners = corners[~near_steps(result.grid, corners)] if len(corners) else corners
+    return (*found, *_at_corners(corners))
 
 
 def _rough(result: ElasticResult) -> list[Caveat]:
@@ -173,18 +180,6 @@ def _steps(result: ElasticResult, near: Flags) -> Caveat:
     return Caveat(f"outlines are steps of {h:.3g} m", said)
 
 
-def _no_limit(grid: Scene, stepped: Cells) -> list[Caveat]:
-    corners = sharp_corners(grid)
-    if len(corners) and len(stepped):  # those of steps have a note of their own
-        lattice = grid.lattice
-        corner = np.rint(corners / lattice.cell_size).astype(np.int64)
-        around = (corner[:, None] - corner_ends(lattice.dimension)).reshape(-1, lattice.dimension)
-        inside = lattice.contains(around)
-        inside[inside] = np.isin(lattice.key(around[inside]), lattice.key(stepped))
-        corners = corners[~inside.reshape(len(corners), -1).any(axis=1)]
-    return _at_corners(corners)
-
-
 def _at_corners(corners: Floats) -> list[Caveat]:
     if not len(corners):
         return []
@@ -240,28 +235,6 @@ def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:
         ):
             return True
     return False
-
-
-def _crossed(shape: Shape, scene: Scene) -> Cells:
-    """Return the cells of the array that have points inside and outside of a shape."""
-    # Boxes of cells that lie inside of it, or apart, are not looked into.
-    lattice = scene.lattice
-    h, d, extent = lattice.cell_size, lattice.dimension, np.asarray(lattice.shape)
-    exponent = int(extent.max()).bit_length()
-    cells, ends = np.zeros((1, d), dtype=np.int64), corner_ends(d)
-    while exponent:
-        exponent -= 1
-        cells = (cells[:, None] + (ends << exponent)).reshape(-1, d)
-        cells = cells[np.all(cells < extent, axis=1)]
-        lower, upper = (np.asarray(corner * h) for corner in (cells, cells + (1 << exponent)))
-        whole, apart = relation(shape, lower, upper)
-        cells = cells[~(whole | apart)]
-    within = (np.arange(SAMPLES[d]) + 0.5) / SAMPLES[d]
-    inside = np.zeros(len(cells), dtype=np.int64)
-    for offset in product(within, repeat=d):
-        inside += shape.contains((cells + np.array(offset)) * h)
-    crossed: Cells = cells[(inside > 0) & (inside < SAMPLES[d] ** d)]
-    return crossed
 
 
 def _point(point: Floats | tuple[float, ...]) -> str:

@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import KajuError, ResultError
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular, steps_near
+from kaju.model.elastic.caveats import caveats_of, near_steps, no_limit, refuse_singular
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.elastic_export import columns, dataset, write_mesh
 from kaju.model.elastic.equal.cell_agents import CellAgents
@@ -473,20 +473,19 @@ class ElasticResult(BodyResult):
     @cached_property
     def _caveats(self) -> tuple[tuple[str, str], ...]:
         """What is approximate, in a few words and in full."""
-        return caveats_of(self, *self._steps)
+        return caveats_of(self)
 
     @cached_property
-    def _steps(self) -> tuple[Ints, Flags]:
-        """Cells that slanted outlines cross, and which agents lie in or beside them."""
-        return steps_near(self.grid, self.middle)
+    def near_steps(self) -> Flags:
+        """Which agents lie in or beside cells that slanted or round outlines cross."""
+        return near_steps(self.grid, self.middle)
 
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
         agent = first_largest(self.von_mises)
         place = tuple(self.middle[agent].tolist())
-        reason = no_limit(self, agent, near_step=bool(self._steps[1][agent]))
-        return LargestStress(float(self.von_mises[agent]), place, reason)
+        return LargestStress(float(self.von_mises[agent]), place, no_limit(self, agent))
 
     @property
     def _unproved(self) -> list[str]:

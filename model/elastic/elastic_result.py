@@ -25,9 +25,9 @@ from kaju.model.elastic.goals.quantities import (
     Place,
     Quantity,
     Stress,
+    described,
     plain,
     quantities_of,
-    told,
     unit_of,
 )
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
@@ -735,7 +735,10 @@ class ElasticResult(BodyResult):
             "subdivision": self.subdivision,
         }
         if self.tolerance is not None:
-            figures |= {"tolerance": self.tolerance, "goal": told(self.goal)}
+            figures |= {
+                "tolerance": self.tolerance,
+                "goal": list(map(described, self.goal)) or None,
+            }
             figures["tolerance_kept"] = self.tolerance_kept
             if not self.goal and self.spawned:
                 bound = finite(self.error_bound)

@@ -2,5 +2,5 @@
 
 In comes what a tolerance is about; out go the places it is taken at, and the second load (the dual)
 whose answer tells its error.
-Read `quantities` (what can be asked), `goal_places` (where), then `duals` (the second loads).
+Read `quantities` (what can be asked), then `duals` (where, the second loads, and how it is read).
 """

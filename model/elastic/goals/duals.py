@@ -1,24 +1,29 @@
-"""What a goal asks of a body: a load whose work on the displacement it is, and how it is read.
+"""What a goal asks of a body: where it is taken, a load whose work it is, and how it is read.
 
-The dual load of a displacement is a force at its place, that of a stress an even stress in the
-agents there, that of a reaction the movement of its support (Maxwell's influence functions).
+A place gives the points over which a quantity counts, whatever the sizes of the agents; and the
+box whose ends agents can have, over which a load can be laid. The dual load of a displacement is a
+force at its place, that of a stress an even stress in the agents there, that of a reaction the
+movement of its support (Maxwell's influence functions).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError
+from kaju.agents.materials import suggestion
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import KajuError, ParameterError
+from kaju.model.elastic.corners import ON_EDGE
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.goals.goal_places import Cover, GoalBox, Where, where_of
 from kaju.model.elastic.goals.quantities import (
     Deflection,
     Goal,
+    Place,
     Quantity,
     Reaction,
     Stress,
@@ -29,16 +34,218 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.scene import Scene
+from kaju.model.scene import Region, Scene, body_cells
+from kaju.model.scene.shapes import Box, Shape
+
+if TYPE_CHECKING:
+    from kaju.model.elastic.pair.answer import PairAgents
 
 SMALL = 0.01  # Of the largest: errors of smaller values are relative to this share
 NEAREST = (
     "agents cannot end where the place ends; the error is that of the nearest box where they "
     "can end"
 )
+PARTED = {2: 16, 3: 2}
+"""Agents can end at multiples of this part of a cell, should a goal ask for it."""
+RULE = 3  # Points along an axis of an agent: exact for quadratics
+SAMPLES = {2: 8, 3: 4}
+"""Points along an axis by which round shapes are measured in an agent: a disk of the radius of an
+agent's edge is 3 % off at most, a ball 4 % (of 40 places)."""
 
-if TYPE_CHECKING:
-    from kaju.model.elastic.pair.answer import PairAgents
+
+@dataclass(frozen=True, eq=False)
+class Where:
+    """A place in a body; lengths in the cells of the scene that says where the body is."""
+
+    scene: Scene
+    name: str
+    lower: Floats
+    upper: Floats
+    flat: int | None = None  # The axis along which a box has no thickness
+    shape: Shape | None = None  # Of what is no box
+    cell: Ints | None = None  # That a point lies in
+
+    def points(self, lower: Floats, size: Floats) -> tuple[Floats, Ints, Floats]:
+        """Return points (m) of agents (corners and edges in cells), their cells and weights."""
+        h = self.scene.lattice.cell_size
+        if self.cell is not None:
+            return h * self.lower[None], self.cell[None], np.ones(1)
+        agent = np.flatnonzero(self._met(lower, size))
+        first = np.maximum(lower[agent], self.lower)
+        span = np.minimum(lower[agent] + size[agent, None], self.upper) - first
+        d = len(self.lower)
+        line, share = np.polynomial.legendre.leggauss(RULE)
+        line, share = 0.5 + 0.5 * line, 0.5 * share
+        if self.shape is not None:
+            line = (np.arange(SAMPLES[d]) + 0.5) / SAMPLES[d]
+            share = np.full(len(line), 1.0 / len(line))
+        across = [axis for axis in range(d) if axis != self.flat]
+        inside = np.full((len(line) ** len(across), d), 0.5)
+        inside[:, across] = list(product(line, repeat=len(across)))
+        weight = span[:, across].prod(axis=1)[:, None] * np.prod(
+            list(product(share, repeat=len(across))), axis=1
+        )
+        place = (first[:, None] + inside * span[:, None]).reshape(-1, d)
+        agent, weight = np.repeat(agent, len(inside)), weight.ravel()
+        if self.shape is not None:
+            within = self.shape.contains(place * h)
+            place, agent, weight = place[within], agent[within], weight[within]
+        if not len(agent):
+            raise ParameterError(f"goal: there is no body at {self.name}")
+        low, high = np.floor(lower[agent]), np.ceil(lower[agent] + size[agent, None]) - 1
+        cell = np.clip(np.floor(place), low, np.maximum(high, low)).astype(np.int64)
+        return h * place, cell, weight / weight.sum()
+
+    def _met(self, lower: Floats, size: Floats) -> Flags:
+        """Tell which agents lie in reach; on top of a section only those with nothing below."""
+        upper = lower + size[:, None]
+        met = (lower < self.upper) & (upper > self.lower)
+        if self.flat is not None:
+            axis, plane = self.flat, self.lower[self.flat]
+            met[:, axis] = (lower[:, axis] < plane) & (plane <= upper[:, axis])
+            top = lower[:, axis] == plane
+            below = np.floor(np.maximum(lower, self.lower)).astype(np.int64)
+            below[:, axis] = np.ceil(plane) - 1
+            met[:, axis] |= top & (self.scene.kinds(below) < 0)
+        return np.asarray(met.all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class GoalBox:
+    """A box with ends that agents can have; in units."""
+
+    body: PosedBody
+    lower: Ints
+    upper: Ints
+    flat: int | None
+    exact: bool  # Whether it is the place itself
+
+    @classmethod
+    def of(cls, where: Where, body: PosedBody, flat: bool) -> GoalBox:
+        """Return the smallest box round a place; `flat` says whether it may be a section."""
+        step = max(body.cell // PARTED[body.dimension], body.smallest)
+        low, high = where.lower * (body.cell / step), where.upper * (body.cell / step)
+        near = ON_EDGE * body.cell / step
+        first, last = np.floor(low + near), np.ceil(high - near)
+        axis = where.flat if flat else None
+        if axis is not None:
+            first[axis] = last[axis] = np.rint(low[axis])
+        exact = bool(np.all(np.abs(first - low) <= near) and np.all(np.abs(last - high) <= near))
+        exact = exact and where.cell is None and where.shape is None and where.flat == axis
+        for along in range(len(first)):
+            if along == axis or last[along] > first[along]:
+                continue
+            # A point, or the plane of a section, is widened to either side that it has.
+            first[along] -= 1 if where.cell is None else 0
+            last[along] += 1
+        if where.cell is not None:
+            ticks = body.cell // step
+            first = np.clip(first, where.cell * ticks, (where.cell + 1) * ticks - 1)
+            last = first + 1
+        lower, upper = (np.asarray(end * step, dtype=np.int64) for end in (first, last))
+        return cls(body, lower, upper, axis, exact)
+
+    def aligned(self, leaves: LeafCells) -> LeafCells:
+        """Return agents of which none lies across an end of the box."""
+        while True:
+            met, within = self._within(leaves)
+            if not (met & ~within).any():
+                return leaves
+            leaves = leaves.split(met & ~within)
+
+    def _within(self, leaves: LeafCells) -> tuple[Flags, Flags]:
+        """Tell which agents the box meets, and which lie within it, or at a section."""
+        low, high, axis = leaves.lower, leaves.upper, self.flat
+        met = (low < self.upper) & (high > self.lower)
+        within = (low >= self.lower) & (high <= self.upper)
+        if axis is not None:
+            plane = self.lower[axis]
+            met[:, axis] = (low[:, axis] <= plane) & (plane <= high[:, axis])
+            within[:, axis] = (low[:, axis] == plane) | (high[:, axis] == plane)
+        return np.all(met, axis=1), np.all(within, axis=1)
+
+    def cover(self, leaves: LeafCells) -> tuple[Ints, Ints, Floats]:
+        """Return the agents in the box, their sides (-1: all of each), and shares of the box."""
+        agent, axis = np.flatnonzero(self._within(leaves)[1]), self.flat
+        side = np.full(len(agent), -1)
+        if axis is not None:  # the sides below a section, or bare ones above
+            below, beyond = leaves.upper[agent, axis] == self.lower[axis], leaves.lower[agent]
+            beyond[:, axis] = self.lower[axis] - 1
+            kept = below | (self.body.kinds_at(beyond) < 0)
+            agent, side = agent[kept], (2 * axis + below)[kept]
+        share = (leaves.size[agent] / self.body.cell) ** (leaves.dimension - (axis is not None))
+        return agent, side, share / share.sum()
+
+
+def where_of(at: Place, scene: Scene) -> Where:
+    """Return the place of a body that is meant."""
+    if isinstance(at, str):
+        return _side(at, scene)
+    if isinstance(at, dict):
+        return _region(at, scene)
+    d = scene.lattice.dimension
+    if len(at) != d:
+        raise ParameterError(
+            f"goal: {list(at)} must have {d} coordinates (m), one for each axis of the cells"
+        )
+    point = np.array([at])
+    if np.isfinite(point).all():
+        cells, found = body_cells(scene, point)
+        if found.all():
+            place = np.clip(point[0] / scene.lattice.cell_size, cells[0], cells[0] + 1)
+            return Where(scene, f"{at}", place, place, cell=cells[0])
+    raise ParameterError(
+        f"goal: ({', '.join(f'{x:g}' for x in at)}) m lies outside the body; choose a place in or "
+        "on it"
+    )
+
+
+def _side(name: str, scene: Scene) -> Where:
+    lattice = scene.lattice
+    if name not in lattice.sides:
+        raise ParameterError(
+            f"goal: there is no side {name!r}{suggestion(name, lattice.sides)}; there is "
+            f"{', '.join(lattice.sides)}"
+        )
+    axis, upper = divmod(lattice.sides.index(name), 2)
+    low, high = np.zeros(lattice.dimension), np.asarray(lattice.shape, dtype=np.float64)
+    low[axis] = high[axis] = high[axis] if upper else 0.0
+    return Where(scene, f"{name!r}", low, high, axis)
+
+
+def _region(region: dict[str, Any], scene: Scene) -> Where:
+    lattice = scene.lattice
+    flat = _flat_axis(region.get("box"), lattice.cell_size) if len(region) == 1 else None
+    if flat is not None:
+        low, high = (np.asarray(c, dtype=np.float64) / lattice.cell_size for c in region["box"])
+        face = np.rint(low[flat])
+        if abs(low[flat] - face) < ON_EDGE:
+            low[flat] = high[flat] = face
+        return Where(scene, f"{region}", low, high, flat)
+    try:
+        shape = Region(material="air", **region).shape_in(lattice, "goal")
+    except KajuError as error:
+        message = str(error)
+        raise ParameterError(
+            message if message.startswith("goal") else f"goal: {message}"
+        ) from None
+    lower, upper = (
+        np.clip(np.asarray(corner) / lattice.cell_size, 0.0, lattice.shape)
+        for corner in shape.extent
+    )
+    return Where(scene, f"{region}", lower, upper, shape=None if isinstance(shape, Box) else shape)
+
+
+def _flat_axis(box: Any, cell_size: float) -> int | None:
+    """Return the one axis along which a box has no thickness."""
+    try:
+        lower, upper = np.asarray(box, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    spans = np.atleast_1d(upper - lower)
+    flat = np.flatnonzero(np.abs(spans) <= ON_EDGE * cell_size)
+    return int(flat[0]) if len(flat) == 1 and np.all(np.delete(spans, flat) > 0.0) else None
+
 
 Found: TypeAlias = "CellAgents | PairAgents"
 """Agents whose fields are read."""
@@ -71,13 +278,23 @@ DualLoad = Forces | Strained | Moved
 
 
 class DualGoal(ABC):
-    """A quantity of a body."""
+    """A quantity of a body; of a scene it can only be read."""
 
     box: GoalBox | None = None  # Where its dual loads act
+    where: Where
     no_bound = ""  # Why nothing is proved of it
 
-    def __init__(self, quantity: Quantity, directions: Floats) -> None:
-        self.quantity, self.directions = quantity, directions
+    def __init__(self, quantity: Quantity, body: PosedBody | Scene) -> None:
+        self.quantity = quantity
+        self.scene = body if isinstance(body, Scene) else body.scene
+        self.directions = np.ones((1, 1))
+        if not isinstance(quantity, Stress):
+            self.directions = directions_of(quantity.along, self.scene.lattice.dimension)
+        if not isinstance(quantity, Reaction):
+            self.where = where_of(quantity.at, self.scene)
+            if isinstance(body, PosedBody):
+                self.box = GoalBox.of(self.where, body, isinstance(quantity, Deflection))
+                self.no_bound = "" if self.box.exact else NEAREST
 
     @abstractmethod
     def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
@@ -93,34 +310,16 @@ class DualGoal(ABC):
         scale = max(float(np.linalg.norm(value)), least)
         return Goal(self.quantity, tuple(value.tolist()), error, scale, self.no_bound)
 
-
-class _At(DualGoal):
-    """A quantity of a place."""
-
-    where: Where
-
-    def _place(self, body: PosedBody | Scene, flat: bool) -> None:
-        assert isinstance(self.quantity, (Deflection, Stress))
-        scene = body if isinstance(body, Scene) else body.scene
-        self.where = where_of(self.quantity.at, scene)
-        if isinstance(body, PosedBody):
-            self.box = GoalBox.of(self.where, body, flat)
-            self.no_bound = "" if self.box.exact else NEAREST
-
-    def _cover(self, leaves: LeafCells) -> Cover:
+    def _cover(self, leaves: LeafCells) -> tuple[Ints, Ints, Floats]:
         assert self.box is not None
         cover = self.box.cover(leaves)
-        if not len(cover.agent):
+        if not len(cover[0]):
             raise ParameterError(f"goal: there is no body at {self.where.name}")
         return cover
 
 
-class Displaced(_At):
+class Displaced(DualGoal):
     """The mean displacement of a place."""
-
-    def __init__(self, quantity: Deflection, body: PosedBody | Scene, d: int) -> None:
-        super().__init__(quantity, directions_of(quantity.along, d))
-        self._place(body, flat=True)
 
     def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return a force along each direction."""
@@ -133,13 +332,12 @@ class Displaced(_At):
         return np.asarray(self.directions @ (weight @ found.displacement_at(place, cell)))
 
 
-class Stressed(_At):
+class Stressed(DualGoal):
     """The mean stress of a place."""
 
-    def __init__(self, quantity: Stress, body: PosedBody | Scene, d: int) -> None:
-        super().__init__(quantity, np.ones((1, 1)))
-        self._place(body, flat=False)
-        self._plane = self.where.scene.plane
+    def __init__(self, quantity: Stress, body: PosedBody | Scene) -> None:
+        super().__init__(quantity, body)
+        d = self.scene.lattice.dimension
         self._pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
         self._component = component_of(quantity.component, d)
         if self._component is None:
@@ -161,7 +359,7 @@ class Stressed(_At):
 
     def _measured(self, stress: Floats, law: Ints, moduli: Moduli) -> Floats:
         if self._component is None:
-            return equivalent_stress(stress, moduli, law, self._plane)
+            return equivalent_stress(stress, moduli, law, self.scene.plane)
         return np.asarray(stress[:, self._component[0], self._component[1]])
 
     def _slope(self, found: Found) -> Floats:
@@ -181,10 +379,10 @@ class Stressed(_At):
 class Supported(DualGoal):
     """The force of a support."""
 
-    def __init__(self, quantity: Reaction, body: PosedBody | Scene, d: int) -> None:
-        super().__init__(quantity, directions_of(quantity.along, d))
-        scene = body if isinstance(body, Scene) else body.scene
-        self.support, self._name = support_of(quantity.side, scene.lattice.sides), quantity.side
+    def __init__(self, quantity: Reaction, body: PosedBody | Scene) -> None:
+        super().__init__(quantity, body)
+        self._name = quantity.side
+        self.support = support_of(quantity.side, self.scene.lattice.sides)
 
     def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
         """Return the movement of the support along each direction."""
@@ -203,12 +401,11 @@ class Supported(DualGoal):
 
 def goal_of(quantity: Quantity, body: PosedBody | Scene) -> DualGoal:
     """Return a quantity as a goal of a body; of a scene it can only be read."""
-    d = (body if isinstance(body, Scene) else body.scene).lattice.dimension
     if isinstance(quantity, Deflection):
-        return Displaced(quantity, body, d)
+        return Displaced(quantity, body)
     if isinstance(quantity, Stress):
-        return Stressed(quantity, body, d)
-    return Supported(quantity, body, d)
+        return Stressed(quantity, body)
+    return Supported(quantity, body)
 
 
 def aligned(goals: list[DualGoal], leaves: LeafCells) -> LeafCells:

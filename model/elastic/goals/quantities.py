@@ -218,11 +218,6 @@ def asked(goal: AskedFor | None) -> tuple[Quantity, ...]:
     return quantities
 
 
-def told(goals: Sequence[Quantity]) -> list[dict[str, Any]] | None:
-    """Return quantities as plain values, None for none."""
-    return [described(quantity) for quantity in goals] or None
-
-
 def described(quantity: Quantity) -> dict[str, Any]:
     """Return a quantity as plain values."""
     return {"quantity": type(quantity).__name__, **vars(quantity)}

@@ -10,8 +10,6 @@ to the right, vertices have copies, which differ by a linear function with three
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -46,10 +44,9 @@ def compliance(law: Floats) -> Floats:
     return np.stack([stretch / area, -lateral / area, 1.0 / shear])
 
 
-def loops_of(mesh: PlaneMesh) -> list[Ints]:
+def loops_of(start: Ints, end: Ints) -> list[Ints]:
     """Return the rows of the border's edges in the order of a walk, loop by loop."""
-    start, end = mesh.along()
-    following = np.full(mesh.vertices, -1)
+    following = np.full(max(start.max(), end.max()) + 1, -1)
     following[start] = np.arange(len(start))
     step, left = following[end].tolist(), [True] * len(start)
     loops = []
@@ -64,70 +61,62 @@ def loops_of(mesh: PlaneMesh) -> list[Ints]:
     return loops
 
 
-def _closed(given: Flags) -> Flags:
-    """Tell which of phi, phi_x and phi_y are given all round a loop by its edges' tractions."""
-    along_x, along_y = (bool(given[:, axis].all()) for axis in (0, 1))
-    return np.array([along_x and along_y, along_y, along_x])
-
-
 class Airy:
     """Unknowns of phi: of vertices, copies and edges, then three for each cut."""
 
     def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
-        self.loops = loops_of(mesh)
-        self._cut()
-        self.points = mesh.vertices + len(self.base)
+        start, end = mesh.along()
+        # 3 where tractions are none, 1 (along x) or 2 along rollers and beds, 0 where all is held.
+        given, axis = sides.given, mesh.axis[mesh.border]
+        self.kind = np.where(given.all(axis=1), 3, np.where(given.any(axis=1), 1 + axis, 0))
+        self.loops = []
+        for loop in loops_of(start, end):
+            change = np.flatnonzero(self.kind[loop] != self.kind[np.roll(loop, 1)])
+            self.loops.append(np.roll(loop, -change[0]) if len(change) else loop)
+        # Which of phi, phi_x and phi_y the tractions give all round each loop.
+        by_x, by_y = np.array([given[loop].all(axis=0) for loop in self.loops]).T
+        self.closed = np.stack([by_x & by_y, by_y, by_x], axis=1)
+        a, b = mesh.place[start], mesh.place[end]
+        turn = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+        self.hole = np.array([turn[loop].sum() < 0 for loop in self.loops])  # clockwise
+        self.loop_part = mesh.part[mesh.owner[[loop[0] for loop in self.loops]]]
+        self._cut(a, b)
+        self.points = len(self.base)
         self.jump = 3 * self.points + mesh.edges
-        self.size = self.jump + 3 * len(self.closed)
-        self.place = np.concatenate([mesh.place, np.zeros((len(self.base), 2))]) / cell
-        for copy, base in enumerate(self.base.tolist(), mesh.vertices):
-            self.place[copy] = self.place[base]
+        self.size = self.jump + 3 * len(self.cuts)
+        self.place = mesh.place[self.base] / cell
 
-    def _cut(self) -> None:
-        """Cut the body to the right of every hole that something holds.
+    def _cut(self, a: Ints, b: Ints) -> None:
+        """Cut the body to the right of every hole that something holds: `cuts` are their loops.
 
         Beyond a cut agents see copies of the vertices, where phi has jumped: `corner` are the
-        vertices or copies at their corners, `base` and `beyond` say what vertex, or earlier copy,
-        each copy is of, and beyond which cut it lies; `closed` which of a cut's forces along x and
-        y, and couple, are none, and `cut_part` in what part of the body it is.
+        vertices or copies at their corners; `base` is the vertex that each is a copy of, and
+        `beyond` tells which cuts each lies beyond.
         """
-        mesh, given = self.mesh, self.sides.given
-        start, end = mesh.along()
+        mesh = self.mesh
         place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
-        base, beyond = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-        closed: list[Flags] = []
-        parts, count = [], mesh.vertices
-        for loop in self.loops:
-            if not self._is_hole(loop) or given[loop].all():
-                continue
-            a, b = place[start[loop]], place[end[loop]]
-            right = a[:, 0] == max(a[:, 0].max(), b[:, 0].max())
-            right &= a[:, 0] == b[:, 0]
-            height = min(a[right, 1].min(), b[right, 1].min()) + 0.5
+        self.cuts = np.flatnonzero(self.hole & ~self.closed.all(axis=1))
+        base = np.arange(mesh.vertices)
+        beyond = np.zeros((len(base), len(self.cuts)), dtype=np.int64)
+        for cut, number in enumerate(self.cuts.tolist()):
+            low, high = a[self.loops[number]], b[self.loops[number]]
+            right = low[:, 0] == max(low[:, 0].max(), high[:, 0].max())
+            right &= low[:, 0] == high[:, 0]
+            height = min(low[right, 1].min(), high[right, 1].min()) + 0.5
             # An agent on the cut sees what lies below it with the jump.
-            on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= a[right][0, 0])
+            on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= low[right][0, 0])
             below = on[:, None] & (place[mesh.corner][..., 1] < height)
             own = np.unique(corner[below])
             # A vertex that no other agent sees would stand alone; copies follow their vertices.
             own = own[np.isin(own, corner[~below]) | (own >= mesh.vertices)]
-            table = np.arange(count)
-            table[own] = count + np.arange(len(own))
+            table = np.arange(len(base))
+            table[own] = len(base) + np.arange(len(own))
             corner = np.where(below, table[corner], corner)
-            base.append(own)
-            beyond.append(np.full(len(own), len(closed)))
-            closed.append(_closed(given[loop]))
-            parts.append(mesh.part[mesh.owner[loop[0]]])
-            count += len(own)
-        self.corner, self.closed = corner, np.array(closed, dtype=np.bool_).reshape(-1, 3)
-        self.base, self.beyond = np.concatenate(base), np.concatenate(beyond)
-        self.cut_part = np.array(parts, dtype=np.int64)
-
-    def _is_hole(self, loop: Ints) -> bool:
-        """Tell whether a loop of the border goes round a hole: clockwise."""
-        start, end = self.mesh.along()
-        a, b = self.mesh.place[start[loop]], self.mesh.place[end[loop]]
-        return bool(np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) < 0)
+            base = np.append(base, base[own])
+            beyond = np.concatenate([beyond, beyond[own]])
+            beyond[len(table) :, cut] += 1
+        self.corner, self.base, self.beyond = corner, base, beyond
 
     def blocks(self, laws: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
         """Return the compliance of the agents and of the beds."""
@@ -154,89 +143,64 @@ class Airy:
 
     def bed_rows(self, beds: Ints) -> sp.csr_array:
         """Return the tractions across beds at both ends of edges by phi: its second derivative."""
-        mesh = self.mesh
-        start, end = (self.seen(beds, at) for at in (0, 1))
+        mesh, row = self.mesh, 2 * np.arange(len(beds))
         length = mesh.length[mesh.border[beds]] / self.cell
-        slope = 2 - mesh.side[beds] // 2
-        columns = np.stack([3 * start, 3 * start + slope, 3 * end, 3 * end + slope], axis=1)
-        low = np.stack([-6 / length**2, -4 / length, 6 / length**2, -2 / length], axis=1)
-        high = np.stack([6 / length**2, 2 / length, -6 / length**2, 4 / length], axis=1)
-        values = np.stack([low, high], axis=1).ravel()
-        at = np.repeat(np.arange(2 * len(beds)), 4), np.repeat(columns, 2, axis=0).ravel()
-        return sp.csr_array((values, at), shape=(2 * len(beds), self.size))
+        slope, entries = 2 - mesh.side[beds] // 2, Entries()
+        # Of Hermite's cubic, by its values at both ends and by its slopes there.
+        for at, sign in ((0, -1.0), (1, 1.0)):
+            for end, other in ((0, 1.0), (1, -1.0)):
+                own = 3 * self.seen(beds, end)
+                entries.append((row + at, own, sign * other * 6.0 / length**2))
+                entries.append((row + at, own + slope, sign * (4.0 if at == end else 2.0) / length))
+        return coo(entries, (2 * len(beds), self.size))
 
-    def seen(self, rows: Ints, end: int) -> Ints:
+    def seen(self, rows: Ints, end: int | Ints) -> Ints:
         """Return the vertices or copies at the ends of border edges, as their agents see them."""
         corner = on_sides(2)[self.mesh.side[rows], end]
         return np.asarray(self.corner[self.mesh.owner[rows], corner])
 
     def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array]:
         """Return what all unknowns are by the free ones, which these are, and how they turn."""
-        self._follow: Entries = []
         fixed = np.zeros(self.size, dtype=np.bool_)
-        self._hang()
-        copies = self.mesh.vertices + np.arange(len(self.base))
-        for k in range(3):
-            self._follow.append((3 * copies + k, 3 * self.base + k, 1.0))
-        self._jump(copies, self.beyond, 1.0)
-        self._stretches: list[tuple[int, Ints]] = []
-        begun: dict[int, tuple[float, int]] = {}
-        for loop in self.loops:
-            count, part = len(self._stretches), int(self.mesh.part[self.mesh.owner[loop[0]]])
-            begun[part] = max(begun.get(part, (-1.0, 0)), (-0.5, self._walk(loop, fixed)))
-            for first, ends in self._stretches[count:]:
-                long = float(np.ptp(self.place[ends], axis=0).sum())
-                begun[part] = max(begun[part], (long, first))
-        self._close(fixed)
-        way, follows = followed(self._follow, self.size)
+        copies = np.arange(self.mesh.vertices, self.points)
+        follow: Entries = [(3 * copies + k, 3 * self.base[copies] + k, 1.0) for k in range(3)]
+        follow += self._jumps(copies, self.beyond[copies])
+        follow += self._hanging() + self._border(fixed) + self._shut(fixed)
+        way, follows = followed(follow, self.size)
         # A linear function has no stress: phi and its slopes vanish in every part, along the
         # longest stretch of free edges, or somewhere.
-        for _, first in begun.values():
+        first, middle, long, part = self._stretches
+        order = np.lexsort((long, part))
+        for one in first[order[np.append(np.diff(part[order]) > 0, True)]].tolist():
             for k in range(3):
-                terms = way[[3 * first + k]].indices
+                terms = way[[3 * one + k]].indices
                 fixed[terms[(terms < 3 * self.points) & (terms % 3 == k)]] = True
         free = np.flatnonzero(~(follows | fixed))
-        return self._centred(sp.csr_array(way[:, free]), free)
-
-    def _centred(self, way: sp.csr_array, free: Ints) -> tuple[sp.csr_array, Ints, sp.csr_array]:
-        """Let linear functions along free stretches turn about their middles, not their ends."""
-        # Of the columns where phi begins so much is added to those of its slopes.
         number = np.full(self.size, -1)
         number[free] = np.arange(len(free))
-        rows, columns, values = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], []
-        values.append(np.zeros(0))
-        for first, ends in self._stretches:
-            if number[3 * first] >= 0:
-                arm = self.place[first] - self.place[ends].mean(axis=0)
-                for k in (1, 2):
-                    slope = way[[3 * first + k]]
-                    columns.append(slope.indices.astype(np.int64))
-                    rows.append(np.full(slope.nnz, number[3 * first]))
-                    values.append(arm[k - 1] * slope.data)
-        at = np.concatenate(rows), np.concatenate(columns)
-        turn = sp.csr_array((np.concatenate(values), at), shape=(len(free),) * 2)
+        way = sp.csr_array(way[:, free])
+        # Let linear functions along free stretches turn about their middles, not their ends: of
+        # the columns where phi begins so much is added to those of its slopes.
+        some = np.flatnonzero((long > 0.0) & (number[3 * first] >= 0))
+        first, arm = first[some], self.place[first[some]] - middle[some]
+        turn = sp.csr_array((len(free), len(free)))
+        for k in (1, 2):
+            at = number[3 * first], np.arange(len(some)), arm[:, k - 1]
+            turn = turn + coo([at], (len(free), len(some))) @ way[3 * first + k]
         return sp.csr_array(way + way @ turn), free, turn
 
-    def _jump(
-        self, point: Ints, cut: Ints | int, times: float, terms: list[tuple[int, int]] = LINEAR
-    ) -> None:
-        """Add so many times the linear functions of cuts to phi at vertices or copies."""
+    def _jumps(self, point: Ints, times: Ints, terms: list[tuple[int, int]] = LINEAR) -> Entries:
+        """Add the linear functions of cuts, each so many times, to phi at vertices or copies."""
+        row, cut = np.nonzero(times)
+        own, entries = point[row], Entries()
         for k, by in terms:
-            value = times * (self.place[point, by - 1] if by > k else 1.0)
-            column = np.broadcast_to(self.jump + 3 * np.asarray(cut) + by, point.shape)
-            self._follow.append((3 * point + k, column, value))
+            value = times[row, cut] * (self.place[own, by - 1] if by > k else 1.0)
+            entries.append((3 * own + k, self.jump + 3 * cut + by, value))
+        return entries
 
-    def _chain(self, vertex: int) -> list[int]:
-        """Return the cuts that a copy lies beyond."""
-        found = []
-        while vertex >= self.mesh.vertices:
-            found.append(int(self.beyond[vertex - self.mesh.vertices]))
-            vertex = int(self.base[vertex - self.mesh.vertices])
-        return found
-
-    def _hang(self) -> None:
+    def _hanging(self) -> Entries:
         """Let the middles of whole edges, and the bulges of their halves, follow these."""
-        mesh, follow, corner = self.mesh, self._follow, self.corner
+        mesh, corner = self.mesh, self.corner
         owner, number = np.zeros(mesh.edges, dtype=np.int64), np.zeros(mesh.edges, dtype=np.int64)
         owner[mesh.edge.ravel()] = np.repeat(np.arange(len(mesh.edge)), 4)
         number[mesh.edge.ravel()] = np.tile(np.arange(4), len(mesh.edge))
@@ -253,96 +217,94 @@ class Airy:
         start = np.where(torn, seen(mesh.whole, 0), seen(first, 0))
         end = np.where(torn, seen(mesh.whole, 1), seen(second, 1))
         view = np.where(torn & (seen(first, 0) != start), seen(second, 0), view)
-        length = mesh.length[mesh.whole] / self.cell
-        bulge = 3 * self.points + mesh.whole
-        follow += on_cubic(middle, start, 1.0, axis, length)
-        follow += on_cubic(middle, end, -1.0, axis, length)
-        follow.append((3 * middle + 2 - axis, bulge, 1.0))
-        follow += [(3 * self.points + half, bulge, 0.25) for half in mesh.halves]
-        for own, copy in zip(middle, view.tolist(), strict=True):
-            for cut in self._chain(copy):
-                self._jump(own[None], cut, -1.0)
+        length, bulge = mesh.length[mesh.whole] / self.cell, 3 * self.points + mesh.whole
+        return [
+            *on_cubic(middle, start, 1.0, axis, length),
+            *on_cubic(middle, end, -1.0, axis, length),
+            (3 * middle + 2 - axis, bulge, 1.0),
+            *((3 * self.points + half, bulge, 0.25) for half in mesh.halves),
+            *self._jumps(middle, -self.beyond[view]),
+        ]
 
-    def _walk(self, loop: Ints, fixed: Flags) -> int:
-        """Say what tractions along a loop of the border are none; return where it began."""
-        mesh, given = self.mesh, self.sides.given[loop]
-        axis = mesh.axis[mesh.border[loop]]
-        kind = np.where(given.all(axis=1), 3, np.where(given.any(axis=1), 1 + axis, 0))
-        # The walk begins behind a held stretch, or a roller: at its end phi itself is free again.
-        change = np.flatnonzero(kind != np.roll(kind, 1))
-        turn = int(change[np.argmin(np.roll(kind, 1)[change])]) if len(change) else 0
-        # What is given all along the loop closes by itself, since the loads balance.
-        closed = _closed(given).tolist()
-        loop, kind = np.roll(loop, -turn), np.roll(kind, -turn)
-        start, end = mesh.along()
-        back = backwards(mesh.side[loop])
-        seen = [np.where(back, self.seen(loop, 1 - e), self.seen(loop, e)) for e in (0, 1)]
-        vertex = start[loop]
-        breaks = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(loop)]
-        last = vertex[0]
-        for low, high in pairwise(breaks):
-            if kind[low] == 0:
-                continue
-            rows = np.arange(low, high)
-            fixed[3 * self.points + mesh.border[loop[rows]]] = True
-            # Vertices of the stretch but the first follow it; those beyond cuts less the jumps.
-            first = vertex[low]
-            if kind[low] == 3:
-                self._stretches.append((int(first), end[loop[rows]]))
-            terms = {3: LINEAR, 1: [(2, 2)], 2: [(1, 1)]}[int(kind[low])]
-            for k, by in terms:
-                own = end[loop[rows]]
-                # The walk's first vertex, met again in the end, follows where this closes no ring.
-                own = own[own != last] if closed[k] else own
-                value = (self.place[own] - self.place[first])[:, by - 1] if by > k else 1.0
-                self._follow.append((3 * own + k, np.full(len(own), 3 * first + by), value))
-            self._over_cuts(terms, rows, seen, end[loop], last, closed)
-        return int(last)
+    def _border(self, fixed: Flags) -> Entries:
+        """Say what tractions along the border are none, walking along its loops."""
+        mesh, row = self.mesh, np.concatenate(self.loops)
+        loop = np.repeat(np.arange(len(self.loops)), [len(one) for one in self.loops])
+        kind, (start, end) = self.kind[row], mesh.along()
+        opens = (np.diff(loop, prepend=-1) > 0) | (np.diff(kind, prepend=-1) != 0)
+        stretch, begins = np.cumsum(opens) - 1, start[row[opens]]
+        fixed[3 * self.points + mesh.border[row[kind > 0]]] = True
+        # Vertices of a stretch but the first follow it; those beyond cuts less the jumps. Within an
+        # edge both ends are seen on one sheet; between edges the sheet may change.
+        own, first = end[row], begins[stretch]
+        back = backwards(mesh.side[row]).astype(np.int64)
+        passed = self.beyond[self.seen(row, back)] - self.beyond[self.seen(row, 1 - back)]
+        total = np.cumsum(passed, axis=0)
+        total -= (total - passed)[opens][stretch]
+        # What is given all along a loop closes by itself, since the loads balance: its first vertex
+        # does not follow itself.
+        last = start[[one[0] for one in self.loops]][loop] == own
+        entries: Entries = []
+        for k, by in LINEAR:
+            on = (kind == 3) | ((kind == 3 - k) & (k == by) & (k > 0))
+            on &= ~(last & self.closed[loop, k])
+            arm = (self.place[own] - self.place[first])[on, by - 1] if by > k else 1.0
+            entries.append((3 * own[on] + k, 3 * first[on] + by, arm))
+            entries += self._jumps(own[on], total[on], [(k, by)])
+        # Of each stretch its first vertex, its middle, its length if it is free, and its part.
+        count = np.bincount(stretch)
+        middle = np.stack([np.bincount(stretch, x) / count for x in self.place[own].T], axis=1)
+        long = np.bincount(stretch, np.where(kind == 3, mesh.length[mesh.border[row]], 0.0))
+        self._stretches = begins, middle, long, self.loop_part[loop[opens]]
+        return entries
 
-    def _over_cuts(
-        self,
-        terms: list[tuple[int, int]],
-        rows: Ints,
-        seen: list[Ints],
-        end: Ints,
-        last: int,
-        closed: list[bool],
-    ) -> None:
-        """Take the jumps off where a stretch of the border crosses cuts."""
-        passed: dict[int, int] = {}
-        for row in rows.tolist() if len(self.base) else ():
-            # Within an edge both ends are seen on one sheet; between edges the sheet may change.
-            for cut in self._chain(int(seen[0][row])):
-                passed[cut] = passed.get(cut, 0) + 1
-            for cut in self._chain(int(seen[1][row])):
-                passed[cut] = passed.get(cut, 0) - 1
-            own = end[[row]]
-            open_ = [one for one in terms if not (own[0] == last and closed[one[0]])]
-            for cut, times in passed.items():
-                if times:
-                    self._jump(own, cut, times, open_)
-
-    def _close(self, fixed: Flags) -> None:
+    def _shut(self, fixed: Flags) -> Entries:
         """Say that forces and couples of cuts that the border leaves no room for are none."""
-        for cut, closed in enumerate(self.closed):
-            fixed[self.jump + 3 * cut + np.flatnonzero(closed)] = True
-        for loop in self.loops if len(self.closed) else ():
-            if self._is_hole(loop):
-                continue
-            own = np.flatnonzero(self.cut_part == self.mesh.part[self.mesh.owner[loop[0]]])
-            for k, none in enumerate(_closed(self.sides.given[loop]).tolist()):
-                left = own[~self.closed[own, k]]
-                if none and len(left):
-                    row = self.jump + 3 * left[-1:] + k
-                    fixed[row] = len(left) == 1
-                    for other in left[:-1]:
-                        self._follow.append((row, self.jump + 3 * other[None] + k, -1.0))
+        shut, entries = self.closed[self.cuts], Entries()
+        fixed[self.jump :] = shut.ravel()
+        for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
+            left = np.flatnonzero(
+                (self.loop_part[self.cuts] == self.loop_part[outer]) & ~shut[:, k]
+            )
+            # All together they are none: the last is less than none by the others.
+            row = self.jump + 3 * left + k
+            fixed[row[-1:]] = len(left) == 1
+            entries.append((np.repeat(row[-1:], max(len(row) - 1, 0)), row[:-1], -1.0))
+        return entries
 
 
 def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
     """Return phi of each agent, shape (n, 16), of a stress that balances the loads."""
-    # Unknown are force and couple of each edge, but of halves, which follow the whole edge, and
-    # where the traction is given. A row of `matrix` is a force on an agent, or its couple over h.
+    # Unknown are force and couple of each edge, but where the traction is given.
+    free = np.ones((mesh.edges, 3), dtype=np.bool_)
+    free[mesh.border, :2] = ~sides.given
+    free[mesh.border, 2] = ~sides.given[np.arange(len(mesh.border)), mesh.side // 2]
+    alone = np.zeros(len(size), dtype=np.bool_)
+    return _handed_on(mesh, sides.load, sides.body, size, free, alone)
+
+
+def stress_within(mesh: PlaneMesh, load: Floats, size: Floats, parent: Ints) -> Floats:
+    """Return phi of a stress that balances loads on children, which each parent's have in sum."""
+    low, high = np.full(mesh.edges, len(mesh.leaves)), np.full(mesh.edges, -1)
+    for edge in mesh.edge.T:
+        np.minimum.at(low, edge, parent)
+        np.maximum.at(high, edge, parent)
+    low[mesh.whole] = np.minimum(low[mesh.whole], low[mesh.halves].min(axis=0))
+    high[mesh.whole] = np.maximum(high[mesh.whole], high[mesh.halves].max(axis=0))
+    within = low == high
+    within[mesh.border] = False
+    # Of every family the first agent stands still, for which no force is needed.
+    stands = np.diff(parent, prepend=-1) > 0
+    body = np.zeros((len(size), 2))
+    return _handed_on(mesh, load, body, size, np.repeat(within[:, None], 3, axis=1), stands)
+
+
+def _handed_on(
+    mesh: PlaneMesh, load: Floats, body: Floats, size: Floats, free: Flags, stands: Flags
+) -> Floats:
+    """Return phi of agents that as rigid blocks hand on loads by the free forces of edges."""
+    # The least squares of the tractions: a row of `matrix` is a force on an agent, or its couple
+    # over h. Halves follow the whole edge.
     n, edges = len(mesh.leaves), mesh.edges
     number = 3 * np.arange(edges)[:, None] + np.arange(3)
     own = mesh.edge[:, on_sides(2)[:, 2] - 4]  # by side
@@ -362,34 +324,32 @@ def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
             follow.append((number[half, k], whole[:, k], share))
         follow.append((number[half, across], whole[:, 2], lean))
     every, follows = followed(follow, 3 * edges)
-    free = ~follows
-    border, normal = number[mesh.border], mesh.side // 2
-    free[border[:, :2]] &= ~sides.given
-    free[border[:, 2]] &= ~sides.given[np.arange(len(border)), normal]
-    way = sp.csr_array(every[:, np.flatnonzero(free)])
+    chosen = np.flatnonzero(free.ravel() & ~follows)
+    way = sp.csr_array(every[:, chosen])
     # Couples weigh as tractions of the same size.
-    weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[free]
+    weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[chosen]
     balance = sp.csr_array(matrix @ way)
-    wanted = -_resultants(sides)
-    normal_matrix = sp.csc_array(balance @ sp.diags_array(weight) @ balance.T)
-    factors = factors_of(normal_matrix)
+    wanted = -_resultants(load, body)
+    normal = balance @ sp.diags_array(weight) @ balance.T
+    normal = sp.csc_array(normal + sp.diags_array(np.repeat(stands.astype(np.float64), 3)))
+    factors = factors_of(normal)
     found = factors.solve(wanted)
-    found = found + factors.solve(wanted - normal_matrix @ found)
+    found = found + factors.solve(wanted - normal @ found)
     flow = (way @ (weight * (balance.T @ found))).reshape(-1, 3)
-    traction = sides.load.copy()
+    traction = load.copy()
     for side in range(4):
         axis, sign = side // 2, 2.0 * (side % 2) - 1.0
         traction[:, side, 0] += sign * flow[own[:, side], :2]
         traction[:, side, 1, axis] += sign * flow[own[:, side], 2]
         # A body force is met by a stress that grows along each axis: half of it at either end.
-        traction[:, side, 0, axis] += 0.5 * sides.body[:, axis]
+        traction[:, side, 0, axis] += 0.5 * body[:, axis]
     return np.asarray(size[:, None] * np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction))
 
 
-def _resultants(sides: Sides) -> Floats:
+def _resultants(load: Floats, body: Floats) -> Floats:
     """Return the loads' forces on each agent, and their couples about its middle over its edge."""
-    force, moment = sides.load[:, :, 0], sides.load[:, :, 1]
-    total = force.sum(axis=1) + sides.body
+    force, moment = load[:, :, 0], load[:, :, 1]
+    total = force.sum(axis=1) + body
     couple = 0.5 * (force[:, 1, 1] - force[:, 0, 1]) - 0.5 * (force[:, 3, 0] - force[:, 2, 0])
     couple = couple + moment[:, 2, 1] + moment[:, 3, 1] - moment[:, 0, 0] - moment[:, 1, 0]
     return np.concatenate([total, couple[:, None]], axis=1).ravel()

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import is_rubber
-from kaju.model.elastic.pair.airy import Airy, compliance, first_stress
+from kaju.model.elastic.pair.airy import Airy, compliance, first_stress, stress_within
 from kaju.model.elastic.pair.border import Sides, support_names
 from kaju.model.elastic.pair.displacement import Fitting, forces_of
 from kaju.model.elastic.pair.elements import (
@@ -209,7 +209,7 @@ def _begun(new: Opinions, before: Opinions | None, family: tuple[Ints, Ints] | N
     phi = without_plane(phi)
     if new.body.ends_within:
         new.phi = phi
-        phi[0] += _of_finer_loads(before, new, family[0])
+        phi[0] += without_plane(_of_finer_loads(new, family[0]))
     return phi
 
 
@@ -225,51 +225,13 @@ def _of_body_forces(before: Opinions, parent: Ints, new: Opinions) -> Floats:
     return np.asarray((even * new.size[:, None] ** 2) @ phi)
 
 
-def _of_finer_loads(before: Opinions, new: Opinions, parent: Ints) -> Floats:
+def _of_finer_loads(new: Opinions, parent: Ints) -> Floats:
     """Return phi of what children take of loads that end within sides, not their parents."""
-    # On a parent's side force and couples of the rest are none: only vertices within it move.
-    mesh, sides, size = new.mesh, new.sides, new.size
-    out: Floats = np.zeros_like(new.phi[0])
-    load, above = sides.load[mesh.owner, mesh.side], parent[mesh.owner]
-    rest = np.where(sides.given[:, None], load - new.on_border(0), 0.0)
-    uneven = before.sides.load[above, mesh.side, 1].any(axis=1)
-    uneven |= np.abs(rest).max(axis=(1, 2)) > 1e-9 * np.abs(sides.load).max(initial=1e-300)
-    halved = before.size[above] > size[mesh.owner]
-    rows = np.flatnonzero(uneven & halved & sides.given.all(axis=1))
-    if not len(rows):
-        return out
-    # Side by side of parents, in the order along them.
-    along = 1 - mesh.side[rows] // 2
-    place = mesh.place[mesh.ends[mesh.border[rows], 0], along]
-    order = np.lexsort((place, 4 * above[rows] + mesh.side[rows]))
-    rows, along = rows[order], along[order]
-    side, owner = mesh.side[rows], mesh.owner[rows]
-    opening = np.flatnonzero(np.diff(4 * above[rows] + side, prepend=-1))
-    # Walking with rising coordinates tractions change sign where the body is on the right.
-    sign = np.where(backwards(side), -1.0, 1.0)[:, None, None]
-    force, moment = np.moveaxis(sign * rest[rows], 1, 0)
-    length, each = size[owner], np.arange(len(rows))
-    # Growth of phi_x and phi_y along the side, and what couples take off it in the middle.
-    flow, twist = (np.column_stack([-one[:, 1], one[:, 0]]) for one in (force, moment))
-
-    def before_each(growth: Floats) -> Floats:
-        total = np.cumsum(growth, axis=0) - growth
-        return total - np.repeat(total[opening], np.diff([*opening, len(growth)]), axis=0)
-
-    slope = before_each(flow)
-    # phi grows by the mean slope: that at the start, half the flow, less the couple.
-    rise = length * (slope + 0.5 * flow - twist)[each, along]
-    value = before_each(rise[:, None])[:, 0]
-    for end, outer in ((0, opening), (1, np.append(opening[1:], len(rows)) - 1)):
-        at, height = slope + end * flow, value + end * rise
-        at[outer], height[outer] = 0.0, 0.0
-        unknown = 3 * on_sides(2)[side, end][:, None] + np.arange(3)
-        np.add.at(out, (owner[:, None], unknown), np.column_stack([height, length[:, None] * at]))
-    # A parabola of the slope across: its middle is off the mean of its ends by 3/2 of the couple.
-    bulge = -1.5 * twist[each, 1 - along] * length
-    np.add.at(out, (owner, 8 + on_sides(2)[side, 2]), bulge)
-    # The neighbours at the vertices between are agents of the same side, and have them as well.
-    return out
+    # On a parent's side force and couples of the rest are none.
+    mesh, sides, rest = new.mesh, new.sides, np.zeros_like(new.sides.load)
+    load = sides.load[mesh.owner, mesh.side] - new.on_border(0)
+    rest[mesh.owner, mesh.side] = np.where(sides.given[:, None], load, 0.0)
+    return stress_within(mesh, rest, new.size, parent)
 
 
 def _of_stress_beside(generation: Opinions, acts: Sides) -> Floats:

@@ -21,11 +21,15 @@ from kaju.model.elastic.goals.quantities import Goal
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair.elements import quadratic_values
 from kaju.model.elastic.pair.family import Family
-from kaju.model.elastic.pair.gap import energies
-from kaju.model.elastic.pair.history import Generation, halvings, trees_of
+from kaju.model.elastic.pair.history import (
+    Generation,
+    Settled,
+    halvings,
+    settled,
+    trees_of,
+)
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
-from kaju.model.elastic.pair.settling import Settled, settled
 from kaju.model.elastic.pair.space import NO_BOUND, Bricks
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import Scales
@@ -63,9 +67,14 @@ class PairAgents(OnCells):
         found = self._last
         for leaves in self.trees if found is None else ():
             found = settled(self.ground, leaves, found)
+        if (
+            self._last is None
+            and isinstance(found, Bricks)
+            and not self.generations[-1].chosen.any()
+        ):
+            found.finish()
         assert found is not None
-        ended = self._last is None and not self.generations[-1].chosen.any()
-        return found.finished() if ended and isinstance(found, Bricks) else found
+        return found
 
     @property
     def two_minds(self) -> bool:
@@ -178,12 +187,7 @@ class PairAgents(OnCells):
     def energies(self) -> Floats | None:
         """Energy stored in each agent: half-way between those of both opinions."""
         found = self.opinions
-        if not isinstance(found, Opinions):
-            return None
-        both = [found.fields(case) for case in range(len(found.cases))]
-        balanced, fitted = (np.sum([one[k] for one in both], axis=0) for k in range(2))
-        each = (energies(stress, found.law, found.size) for stress in (balanced, fitted))
-        return np.asarray(0.25 * sum(each))
+        return found.energies if isinstance(found, Opinions) else None
 
     @cached_property
     def moved(self) -> Floats:
@@ -195,7 +199,7 @@ class PairAgents(OnCells):
     def farthest(self) -> float:
         """Largest displacement at corners, on sides and in the middles of agents."""
         found, d = self.opinions, self.ground.dimension
-        own = found.fit.sum(axis=0).reshape(self.count, -1, d)
+        own = found.fit.reshape(self.count, -1, d)
         values = quadratic_values(0.5 * np.array(list(product(range(3), repeat=d))))
         moved = (np.tensordot(own, row, (1, 0)) + found.sides.shift for row in values)
         return max(float(np.linalg.norm(u, axis=1).max()) for u in moved)

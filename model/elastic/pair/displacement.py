@@ -30,13 +30,16 @@ from kaju.model.elastic.posed_body import PosedBody
 
 @dataclass(eq=False)
 class Fitting:
-    """Agents with a displacement that fits; scaled, arrays over cases: loads, moved supports."""
+    """Agents with a displacement that fits; scaled."""
 
     body: PosedBody
     mesh: Mesh
     sides: Sides
     law: Floats  # C11, C12 and mu of the agents; shape (3, n)
-    fit: Floats  # Unknowns of the displacement of each agent; shape (cases, n, unknowns)
+    fit: Floats = field(init=False)
+    """Unknowns of the displacement of each agent; shape (n, unknowns)."""
+    parts: tuple[Any, ...] = field(default=(), init=False)
+    """The same under loads, and under supports that move, if both act: what is solved for."""
     levels: tuple[FieldLevel, ...] = field(default=(), init=False)
     """Equations of the displacement, in the plane also those of phi."""
     duals: tuple[Any, ...] = field(default=(), init=False)
@@ -57,10 +60,10 @@ class Fitting:
         """The agents of each law, and that law."""
         return by_law(self.law)
 
-    @cached_property
-    def cases(self) -> tuple[Sides, ...]:
-        """What acts in each case."""
-        return self.sides.cases
+    @property
+    def cases(self) -> tuple[Any, ...]:
+        """The parts, or itself if it has none."""
+        return self.parts or (self,)
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -81,28 +84,30 @@ class Fitting:
             extra = sp.csr_array((value.ravel(), at), shape=(size, size))
         return Blocks(dof, matrices, self.size ** (d - 2), None, size, extra)
 
+    def add_up(self) -> None:
+        """Become the sum of the parts."""
+        if self.parts:
+            self.fit = np.sum([part.fit for part in self.parts], axis=0)
+
     def settle(self, level: FieldLevel, gap: float) -> None:
         """Take off what is left of the forces, until steps gain little of a gap."""
-        for case, acts in enumerate(self.cases):
-            own = self.fit[case]
-            own += self.blocks.own(level.solve(-self._left(own, acts), gap))
+        self.fit += self.blocks.own(level.solve(-self._left(), gap))
 
-    def _left(self, own: Floats, acts: Sides) -> Floats:
+    def _left(self) -> Floats:
         """Return the forces that nodes take of agents and beds, less the loads."""
         blocks = self.blocks
-        left = blocks.gather(blocks.times(own) - forces_of(acts))
-        return left if blocks.extra is None else left + blocks.extra @ blocks.shared(own)
+        left = blocks.gather(blocks.times(self.fit) - forces_of(self.sides))
+        return left if blocks.extra is None else left + blocks.extra @ blocks.shared(self.fit)
 
     def pulls(self) -> Floats:
         """Return the forces of supports on what follows no other node, shape (nodes, d)."""
         d = self.body.dimension
-        left = sum(self._left(*one) for one in zip(self.fit, self.cases, strict=True))
-        return np.asarray(self.mesh.ties.T @ np.reshape(left, (-1, d)))
+        return np.asarray(self.mesh.ties.T @ self._left().reshape(-1, d))
 
     def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
         """Return the displacement at places from 0 to 1 in agents, shape (n, d); scaled."""
         values = quadratic_values(inside)
-        own = self.fit.sum(axis=0)[agent].reshape(*values.shape, inside.shape[1])
+        own = self.fit[agent].reshape(*values.shape, inside.shape[1])
         return np.asarray(np.einsum("nk,nkd->nd", values, own)) + self.sides.shift
 
     def work_on(self, fit: Floats) -> float:

@@ -53,17 +53,15 @@ def stress_of(strain: Floats, law: Floats) -> Floats:
     return np.stack([stretch * xx + lateral * yy, lateral * xx + stretch * yy, shear * xy], axis=-1)
 
 
-def energies(stress: Floats, law: Floats, size: Floats, other: Floats | None = None) -> Floats:
-    """Return the integral of s : C^-1 : s over each agent, or of s : C^-1 : t."""
+def scaled(stress: Floats, law: Floats, size: Floats) -> Floats:
+    """Return stresses at the points of the rule so that products of two add up to s : C^-1 : t."""
     stretch, lateral, shear = (modulus[:, None] for modulus in law)
     xx, yy, xy = np.moveaxis(stress, -1, 0)
-    own = (xx, yy, xy) if other is None else np.moveaxis(other, -1, 0)
+    root = size[:, None] * np.sqrt(rule()[1])
     # By sum and difference of the normal stresses, which rubber keeps apart.
-    total, apart = (xx + yy) * (own[0] + own[1]), (xx - yy) * (own[0] - own[1])
-    square = (
-        0.5 * total / (stretch + lateral) + 0.5 * apart / (stretch - lateral) + xy * own[2] / shear
-    )
-    return np.asarray(size**2 * (square @ rule()[1]))
+    total, apart = np.sqrt(2.0 * (stretch + lateral)), np.sqrt(2.0 * (stretch - lateral))
+    parts = (xx + yy) / total, (xx - yy) / apart, xy / np.sqrt(shear)
+    return np.concatenate([root * part for part in parts], axis=1)
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,11 @@ from kaju.model.elastic.goals.duals import (
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.border import Sides, torn
-from kaju.model.elastic.pair.gap import ROUNDING, energies
+from kaju.model.elastic.pair.gap import ROUNDING
+from kaju.model.elastic.pair.history import Aim, Settled
 from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
-from kaju.model.elastic.pair.settling import Aim, Settled
 from kaju.model.elastic.pair.space import NO_BOUND, Bricks
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -94,7 +94,7 @@ class Goals:
         tell: Any = (
             partial(_estimated, found)
             if isinstance(found, Bricks)
-            else partial(_told, _Primal(found))
+            else partial(_told, found, found.fields())
         )
         for goal in self.goals:
             told.append(tell(goal, [duals.pop(0) for _ in goal.directions]))
@@ -131,26 +131,34 @@ def _estimated(found: Bricks, goal: DualGoal, duals: list[Bricks]) -> tuple[Goal
     return replace(told, no_bound=NO_BOUND), part / (told.scale or 1.0), 0.0
 
 
-def _told(primal: _Primal, goal: DualGoal, duals: list[Opinions]) -> tuple[Goal, Floats, float]:
+def _told(
+    found: Opinions, own: tuple[Floats, Floats], goal: DualGoal, duals: list[Opinions]
+) -> tuple[Goal, Floats, float]:
     """Return the answer, what agents add to its relative error, and what rounding does."""
-    found, gap = primal.found, float(primal.apart.sum())
-    value, largest = goal.read(agents_of(found)), _largest(found)
+    apart = found.by_agent((own[0] - own[1]) ** 2)
+    gap, value, largest = float(apart.sum()), goal.read(agents_of(found)), _largest(found)
     if isinstance(goal, Supported) and _tears(goal, found):
         goal.no_bound = "its support meets another: moved alone it would tear the body"
         told = goal.goal(value, 0.0, largest)
         error = found.bounds.error * told.scale if found.bounds.error else 0.0
-        return replace(told, error_estimate=error), primal.apart / (gap or 1.0), 0.0
+        return replace(told, error_estimate=error), apart / (gap or 1.0), 0.0
     works, off, rounded = (np.zeros(len(duals)) for _ in range(3))
     part, ragged = np.zeros(len(found.size)), found.sides.ragged
     for k, dual in enumerate(duals):
-        works[k], rounded[k] = _products(primal, dual)
-        own = float(dual.shares.sum())
+        (s, e), (t, z), moved = own, dual.fields(), dual.borne(found.sides.moved)
+        ts, te, zs, ze = t @ s, t @ e, z @ s, z @ e
+        works[k] = 0.5 * (ts + te + zs - ze) - moved
+        # Two of the products are works of loads and supports, but for rounding.
+        rounded[k] = abs(te - dual.work_on(found.fit) - moved)
+        rounded[k] += abs(zs - found.work_on(dual.fit) - found.borne(dual.sides.moved))
+        rounded[k] += PRODUCTS * (abs(ts) + abs(te) + abs(zs))
+        dual_gap = float(dual.shares.sum())
         # What agents do not take of loads works on the dual displacement of theirs alone.
-        mean = energies(0.5 * np.add(*_fields(dual)), found.law, found.size)
-        lost = found.sides.rest * (sqrt(float(mean[ragged].sum())) + 0.5 * sqrt(own))
-        off[k] = 0.5 * sqrt(gap * own) + rounded[k] + lost
-        if gap > 0.0 and own > 0.0:
-            part += off[k] * (primal.apart / gap + dual.shares / own)
+        mean = float(found.by_agent(0.25 * (t + z) ** 2)[ragged].sum())
+        lost = found.sides.rest * (sqrt(mean) + 0.5 * sqrt(dual_gap))
+        off[k] = 0.5 * sqrt(gap * dual_gap) + rounded[k] + lost
+        if gap > 0.0 and dual_gap > 0.0:
+            part += off[k] * (apart / gap + dual.shares / dual_gap)
             part[ragged] += lost / max(len(ragged), 1)
     if not goal.no_bound:
         value = _by_works(goal, found, value, works)
@@ -185,23 +193,10 @@ def agents_of(found: Settled) -> PairAgents:
     return PairAgents(found.body, [], [], "", [], ([found.leaves], found))
 
 
-class _Primal:
-    """The opinions of a generation on the body's loads, as products with duals need them."""
-
-    def __init__(self, found: Opinions) -> None:
-        self.found = found
-        self.balanced, self.fitted = _fields(found)
-        self.beds = _on_beds(found)
-        apart = energies(self.balanced - self.fitted, found.law, found.size)
-        beds = self.beds[0] - self.beds[1]
-        np.add.at(apart, found.mesh.owner, found.on_beds(beds, beds))
-        self.apart: Floats = apart
-
-
 def _largest(found: Settled) -> dict[type[Quantity], float]:
     """Return the largest displacement, stress and reaction."""
     d = found.body.dimension
-    moved = found.fit.sum(axis=0)[:, : d << d].reshape(-1, 1 << d, d) + found.sides.shift
+    moved = found.fit[:, : d << d].reshape(-1, 1 << d, d) + found.sides.shift
     stress = found.means[0] if d == 2 else found.means[1]
     forces = [float(np.linalg.norm(force)) for force in found.reactions().values()]
     return {
@@ -209,43 +204,6 @@ def _largest(found: Settled) -> dict[type[Quantity], float]:
         Stress: float(np.linalg.norm(stress, axis=(1, 2)).max()),
         Reaction: max(forces, default=0.0),
     }
-
-
-def _fields(found: Opinions) -> tuple[Floats, Floats]:
-    """Return both stresses of all cases together at the points of the rule."""
-    both = [found.fields(case) for case in range(len(found.cases))]
-    balanced, fitted = (np.asarray(sum(one[k] for one in both)) for k in range(2))
-    return balanced, fitted
-
-
-def _on_beds(found: Opinions) -> Floats:
-    """Return the tractions of beds in all cases together, of both opinions."""
-    return np.asarray(sum(found.tractions_of_beds(case) for case in range(len(found.cases))))
-
-
-def _products(primal: _Primal, dual: Opinions) -> tuple[float, float]:
-    """Return the work of a dual load on the displacement, and what rounding may make of it."""
-    found = primal.found
-    (s, e), (t, z) = (primal.balanced, primal.fitted), _fields(dual)
-    beds, own = primal.beds, _on_beds(dual)
-
-    def product(k: int, stress: Floats, at: int, other: Floats) -> float:
-        inside = energies(stress, found.law, found.size, other).sum()
-        return float(inside + found.on_beds(own[k], beds[at]).sum())
-
-    ts, te = product(0, t, 0, s), product(0, t, 1, e)
-    zs, ze = product(1, z, 0, s), product(1, z, 1, e)
-    borne = _borne(dual, found.sides.moved)
-    # Two of the products are works of loads and supports, but for rounding.
-    missed = abs(te - dual.work_on(found.fit.sum(axis=0)) - borne)
-    handed = found.work_on(dual.fit.sum(axis=0)) + _borne(found, dual.sides.moved)
-    missed += abs(zs - handed)
-    return 0.5 * (ts + te + zs - ze) - borne, missed + PRODUCTS * (abs(ts) + abs(te) + abs(zs))
-
-
-def _borne(found: Opinions, moved: Floats) -> float:
-    """Return the work of what supports bear in all cases on how they move."""
-    return sum(found.work_of_supports(moved, case) for case in range(len(found.cases)))
 
 
 def sides_under(load: DualLoad, mesh: Mesh, sides: Sides, size: Floats, law: Floats) -> Sides:

@@ -1,19 +1,95 @@
-"""The generations of agents: what is kept of each, and how the tree grows from one to the next."""
+"""The generations of agents: how each settles, what is kept of it, and how the tree grows."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress
-from kaju.model.elastic.pair.elements import DEEPEST_STEP
+from kaju.model.elastic.pair.border import Sides, check_held, sides_of
+from kaju.model.elastic.pair.displacement import moved_by, way_of
+from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
+from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.leaves import LeafCells, corners
-from kaju.model.elastic.pair.settling import Settled
+from kaju.model.elastic.pair.levels import FieldLevel, descent, handed_down, level_of
+from kaju.model.elastic.pair.opinions import Opinions, balance
+from kaju.model.elastic.pair.space import MOST_FACTORED, Bricks, Hats
+from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
+
+DIRECT = {2: 4_000, 3: 1_500}
+"""Up to so many unknowns factors are as quick as levels: measured on the plate, L and hole."""
+DIRECT_RUBBER = 60_000
+"""So many in the plane where a material is nearly incompressible, which levels do not smooth."""
+INCOMPRESSIBLE = 20.0
+"""C12 / mu from which on they do not: nu = 0.4875; measured on the rubber of the tests."""
+
+Settled = Opinions | Bricks
+Aim = Callable[[Mesh, Sides, Floats, Floats], Sides]
+"""Gives, by the mesh, sides, sizes and law of a generation, the load whose work a goal is."""
+
+
+def settled(
+    body: PosedBody, leaves: LeafCells, before: Settled | None = None, aims: Sequence[Aim] = ()
+) -> Settled:
+    """Return agents whose opinions are of least energy, but for what the gap allows."""
+    # They are parts of those of the generation before, which this one corrects.
+    d, mesh = body.dimension, mesh_of(leaves)
+    sides, maps = sides_of(body, mesh), child_maps(False, d)
+    law = np.stack([modulus[leaves.kind] for modulus in body.moduli])
+    family = None
+    if before is None:
+        check_held(body, mesh, sides)
+    else:
+        family = descent(before.leaves, leaves)
+        mesh.part = before.mesh.part[family[0]]
+    # The body's own loads, then those of the goals: all have the same equations.
+    kind: Any = Opinions if d == 2 else Bricks
+    size = leaves.size / body.cell
+    loads = [sides, *(aim(mesh, sides, size, law) for aim in aims)]
+    olds: list[Any] = [before, *before.duals] if before else [None] * len(loads)
+    found: list[Any] = [kind(body, mesh, own, law) for own in loads]
+    blocks = found[0].blocks
+    fields, earlier = [], []
+    for own, old in zip(found, olds, strict=True):
+        acts = own.sides.cases
+        own.parts = tuple(kind(body, mesh, one, law) for one in acts) if len(acts) > 1 else ()
+        own.blocks = blocks
+        for case, one in zip(own.cases, old.cases if old else [None] * len(acts), strict=True):
+            case.blocks = blocks
+            case.fit = np.zeros((len(leaves), d * maps.shape[1]))
+            if one is not None and family is not None:
+                case.fit = handed_down(one.fit, family, maps)
+            if case.sides.moved.any():
+                case.fit = moved_by(mesh, case.sides, blocks.shared(case.fit))
+            fields.append(case)
+            earlier.append((one, 0.5 * float(old.shares.sum()) if old else 0.0))
+    direct, free = DIRECT[d], way_of(mesh, sides)
+    if d == 2 and np.any(law[1] > INCOMPRESSIBLE * law[2]):
+        direct = DIRECT_RUBBER
+    if d == 3 and before is None and len(free[1]) > MOST_FACTORED:
+        hats: Any = Hats(found[0], free[1])
+        level = FieldLevel(blocks, free[0], hats, hats.rise)
+    else:
+        level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)
+    for case, (_, gap) in zip(fields, earlier, strict=True):
+        case.settle(level, gap)
+    levels = [level]
+    if d == 2:
+        above = before.levels[1] if before else None
+        levels.append(balance(fields, earlier, family, above, direct))
+    for own, old in zip(found, olds, strict=True):
+        own.add_up()
+        if d == 3:
+            own.earlier = (float(old.shares.sum()), old.energy) if old else None
+    answer: Settled = found[0]
+    answer.levels, answer.duals = tuple(levels), tuple(found[1:])
+    return answer
 
 
 @dataclass(frozen=True, eq=False, repr=False)

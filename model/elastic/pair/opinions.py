@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import is_rubber
 from kaju.model.elastic.pair.airy import Airy, compliance, first_stress, stress_within
 from kaju.model.elastic.pair.border import Sides, support_names
-from kaju.model.elastic.pair.displacement import Fitting, forces_of
+from kaju.model.elastic.pair.displacement import Fitting
 from kaju.model.elastic.pair.elements import (
     CORNERS,
     airy_stress,
@@ -21,6 +20,7 @@ from kaju.model.elastic.pair.elements import (
     on_sides,
     rule,
     strain_rows,
+    strains,
     stresses,
     without_plane,
 )
@@ -28,8 +28,8 @@ from kaju.model.elastic.pair.gap import (
     Bounds,
     beside_phi,
     bounds_of,
-    energies,
     fields_at_rule,
+    scaled,
     stress_of,
 )
 from kaju.model.elastic.pair.leaf_mesh import PlaneMesh, backwards
@@ -42,53 +42,67 @@ class Opinions(Fitting):
 
     mesh: PlaneMesh
     phi: Floats = field(init=False)
-    """Unknowns of Airy's function, without its linear part; shape (cases, n, 16)."""
+    """Unknowns of Airy's function, without its linear part; shape (n, 16)."""
 
-    def tractions(self, case: int) -> Floats:
-        """Return forces that sides hand on to agents, and first moments; shape (n, 4, 2, 2)."""
-        out = np.einsum("ijkl,nl->nijk", edge_tractions(), self.phi[case])
-        out /= self.size[:, None, None, None]
-        for side in range(4):
-            out[:, side, 0, side // 2] -= 0.5 * self.cases[case].body[:, side // 2]
+    def add_up(self) -> None:
+        """Become the sum of the parts."""
+        super().add_up()
+        if self.parts:
+            self.phi = np.sum([part.phi for part in self.parts], axis=0)
+
+    def on_border(self) -> Floats:
+        """Return forces and first moments on the body at the sides of its border, (m, 2, 2)."""
+        owner, side = self.mesh.owner, self.mesh.side
+        out = np.einsum("nijl,nl->nij", edge_tractions()[side], self.phi[owner])
+        out /= self.size[owner, None, None]
+        row = np.arange(len(side))
+        out[row, 0, side // 2] -= 0.5 * self.sides.body[owner, side // 2]
         return np.asarray(out)
 
-    def on_border(self, case: int) -> Floats:
-        """Return forces and first moments on the body at the sides of its border, (m, 2, 2)."""
-        return self.tractions(case)[self.mesh.owner, self.mesh.side]
+    def fields(self) -> tuple[Floats, Floats]:
+        """Return both opinions as vectors whose products are energies: of agents, then of beds."""
+        both = fields_at_rule(self.fit, self.phi, self.sides, self.size, self.law)
+        one, other = (
+            np.append(scaled(stress, self.law, self.size), beds)
+            for stress, beds in zip(both, self._on_beds(), strict=True)
+        )
+        return one, other
+
+    def by_agent(self, products: Floats, with_beds: bool = True) -> Floats:
+        """Return sums over each agent, and the beds it lies on, of products of fields."""
+        own, beds = np.split(products, [len(products) - 4 * len(self.sides.beds)])
+        out: Floats = own.reshape(len(self.size), -1).sum(axis=1)
+        if with_beds:
+            np.add.at(out, self.mesh.owner[self.sides.beds], beds.reshape(-1, 4).sum(axis=1))
+        return out
+
+    @cached_property
+    def energies(self) -> Floats:
+        """Energy stored in each agent: half-way between those of both opinions."""
+        balanced, fitted = self.fields()
+        return self.by_agent(0.25 * (balanced**2 + fitted**2), with_beds=False)
 
     @cached_property
     def _judged(self) -> tuple[Bounds, Floats]:
         """The bounds, and the gap of each agent."""
-        cases: list[tuple[float, float, bool, float]] = []
-        shares: Floats = np.zeros(len(self.size))
-        sums: list[Floats] = []
-        for case, acts in enumerate(self.cases):
-            loaded = not acts.moved.any()
-            stress, fitting = self.fields(case)
-            potential = 0.5 * float(energies(fitting, self.law, self.size).sum())
-            complementary = 0.5 * float(energies(stress, self.law, self.size).sum())
-            borne, given = self.tractions_of_beds(case)
-            potential += 0.5 * float(self.on_beds(given, given).sum())
-            complementary += 0.5 * float(self.on_beds(borne, borne).sum())
+        told, apart = [], []
+        for case in self.cases:
+            balanced, fitted = case.fields()
+            apart.append(balanced - fitted)
+            complementary, potential, gap = (
+                float(self.by_agent(one**2).sum()) for one in (balanced, fitted, apart[-1])
+            )
+            loaded = not case.sides.moved.any()
             if loaded:
-                potential -= float(np.vdot(forces_of(acts), self.fit[case]))
+                potential -= 2.0 * case.work_on(case.fit)
             else:
-                complementary -= self.work_of_supports(acts.moved, case)
-            own = energies(stress - fitting, self.law, self.size)
-            np.add.at(own, self.mesh.owner, self.on_beds(borne - given, borne - given))
-            cases.append((potential, complementary, loaded, float(own.sum())))
-            shares += own
-            sums.append(stress - fitting)
-        if len(sums) > 1:
-            # The error of both together, should it be larger than that of each.
-            shares = np.maximum(shares, energies(sums[0] + sums[1], self.law, self.size))
+                complementary -= 2.0 * case.borne(case.sides.moved)
+            told.append((0.5 * potential, 0.5 * complementary, loaded, gap))
+        shares = np.sum([self.by_agent(one**2) for one in apart], axis=0)
+        # The error of both together, should it be larger than that of each.
+        shares = np.maximum(shares, self.by_agent(np.sum(apart, axis=0) ** 2))
         locks = is_rubber(self.body.moduli, self.body.scene.plane)
-        return bounds_of(cases, float(shares.sum()), self.sides.rest, locks), shares
-
-    def fields(self, case: int) -> tuple[Floats, Floats]:
-        """Return both stresses of a case at the points of the rule."""
-        own = self.fit[case], self.phi[case], self.cases[case]
-        return fields_at_rule(*own, self.size, self.law)
+        return bounds_of(told, float(shares.sum()), self.sides.rest, locks), shares
 
     @property
     def bounds(self) -> Bounds:
@@ -103,10 +117,9 @@ class Opinions(Fitting):
     def stresses_at(self, agent: Ints, inside: Floats) -> tuple[Floats, Floats]:
         """Return tensors of the stress that balances and of the strain that fits; scaled."""
         size = self.size[agent, None]
-        phi, fit = self.phi.sum(axis=0)[agent], self.fit.sum(axis=0)[agent]
-        stress = np.einsum("nki,ni->nk", airy_stress(inside), phi) / size**2
+        stress = np.einsum("nki,ni->nk", airy_stress(inside), self.phi[agent]) / size**2
         stress[:, :2] -= self.sides.body[agent] / size * (inside - 0.5)
-        strain = np.einsum("nki,ni->nk", strain_rows(inside), fit) / size
+        strain = np.einsum("nki,ni->nk", strain_rows(inside), self.fit[agent]) / size
         return tensors(stress), tensors(stress_of(strain, self.law[:, agent]))
 
     def stress_at(self, agent: Ints, inside: Floats) -> Floats:
@@ -118,55 +131,42 @@ class Opinions(Fitting):
     def means(self) -> tuple[Floats, Floats]:
         """Mean tensors over agents: of the stress that balances, of the strain that fits."""
         weights, size = rule()[1], self.size[:, None]
-        rows = np.einsum("p,pki->ik", weights, stresses())
-        balanced = self.phi.sum(axis=0) @ rows / size**2
-        strain = self.fit.sum(axis=0) @ np.einsum("p,pki->ik", weights, strain_rows(rule()[0]))
-        return tensors(balanced), tensors(stress_of(strain / size, self.law))
+        balanced = self.phi @ np.einsum("p,pki->ik", weights, stresses()) / size**2
+        strain = self.fit @ np.einsum("p,pki->ik", weights, strains()) / size
+        return tensors(balanced), tensors(stress_of(strain, self.law))
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body, of the stress that balances; scaled."""
         sides, borne = self.sides, ~self.sides.given
-        own = np.sum([self.on_border(case) for case in range(len(self.cases))], axis=0)[:, 0]
-        own = own - sides.load[self.mesh.owner, self.mesh.side, 0] - sides.straight
+        own = self.on_border()[:, 0] - sides.straight
+        own -= sides.load[self.mesh.owner, self.mesh.side, 0]
         names = support_names(self.body)
         return {
             names[k]: np.where(borne & (sides.support == k)[:, None], own, 0.0).sum(axis=0)
             for k in np.unique(sides.support[borne.any(axis=1)])
         }
 
-    def work_of_supports(self, moved: Floats, case: int) -> float:
+    def borne(self, moved: Floats) -> float:
         """Return the work of what supports bear on how they move, shape (m, 2)."""
-        return float(np.vdot(self.on_border(case)[:, 0], moved))
+        return float(np.vdot(self.on_border()[:, 0], moved))
 
-    def bed_tractions(self, case: int) -> Floats:
+    def bed_tractions(self) -> Floats:
         """Return force and moment (over the side) that beds put on the body, shape (beds, 2)."""
         mesh, beds = self.mesh, self.sides.beds
-        own = self.on_border(case) - self.cases[case].load[mesh.owner, mesh.side]
+        own = self.on_border() - self.sides.load[mesh.owner, mesh.side]
         return np.asarray(own[beds, :, mesh.side[beds] // 2])
 
-    def tractions_of_beds(self, case: int) -> Floats:
-        """Return what beds put on the body by both opinions, at four points; (2, beds, 4)."""
-        mesh, beds = self.mesh, self.sides.beds
-        if not len(beds):
-            return np.zeros((2, 0, 4))
+    def _on_beds(self) -> Floats:
+        """Return what beds bear by both opinions at four points, scaled; shape (2, beds, 4)."""
+        mesh, beds, stiffness = self.mesh, self.sides.beds, self.sides.bed[self.sides.beds, None]
         owner, side = mesh.owner[beds], mesh.side[beds]
-        own = self.fit[case].reshape(-1, 8, 2)
-        u = own[owner[:, None], on_sides(2)[side], side[:, None] // 2]
-        at = 0.5 * np.polynomial.legendre.leggauss(4)[0]
-        moved = u[:, [0]] * (0.5 - at) + u[:, [1]] * (0.5 + at) + u[:, [2]] * (1.0 - 4.0 * at**2)
-        force = self.bed_tractions(case)
-        traction = (force[:, [0]] + 12.0 * force[:, [1]] * at) / self.size[owner, None]
-        return np.stack([traction, -self.sides.bed[beds, None] * moved])
-
-    def on_beds(self, one: Floats, other: Floats) -> Floats:
-        """Return the products of two tractions of beds (their energy), by side of the border."""
-        beds, out = self.sides.beds, np.zeros(len(self.mesh.border))
-        if not len(beds):
-            return out
-        weight = 0.5 * np.polynomial.legendre.leggauss(4)[1]
-        length = self.size[self.mesh.owner[beds]]
-        out[beds] = length / self.sides.bed[beds] * ((one * other) @ weight)
-        return out
+        u = self.fit.reshape(-1, 8, 2)[owner[:, None], on_sides(2)[side], side[:, None] // 2]
+        line, weight = (0.5 * np.asarray(x) for x in np.polynomial.legendre.leggauss(4))
+        moved = u[:, [0]] * (0.5 - line) + u[:, [1]] * (0.5 + line)
+        moved += u[:, [2]] * (1.0 - 4.0 * line**2)
+        force, length = self.bed_tractions(), self.size[owner, None]
+        traction = (force[:, [0]] + 12.0 * force[:, [1]] * line) / length
+        return np.sqrt(length * weight / stiffness) * np.stack([traction, -stiffness * moved])
 
 
 def tensors(three: Floats) -> Floats:
@@ -176,9 +176,8 @@ def tensors(three: Floats) -> Floats:
 
 def balance(
     fields: list[Opinions],
-    olds: list[Any],
+    earlier: list[tuple[Opinions | None, float]],
     family: tuple[Ints, Ints] | None,
-    gaps: list[float],
     before: FieldLevel | None,
     direct: int,
 ) -> FieldLevel:
@@ -187,12 +186,11 @@ def balance(
     airy = Airy(found.mesh, found.sides, found.body.cell)
     blocks = airy.blocks(found.laws, found.size)
     level = level_of(blocks, airy.way(), before, family, child_maps(True), direct)
-    for own, old, gap in zip(fields, olds, gaps, strict=True):
+    for own, (old, gap) in zip(fields, earlier, strict=True):
         own.phi = _begun(own, old, family)
-        for case, acts in enumerate(own.cases):
-            rest = -blocks.gather(blocks.times(own.phi[case]) + _of_stress_beside(own, acts))
-            rest += _of_beds(airy, own, case) + _of_moved(airy, acts)
-            own.phi[case] += without_plane(blocks.own(level.solve(rest, gap)))
+        rest = -blocks.gather(blocks.times(own.phi) + _of_stress_beside(own))
+        rest += _of_beds(airy, own) + _of_moved(airy, own.sides)
+        own.phi += without_plane(blocks.own(level.solve(rest, gap)))
     return level
 
 
@@ -200,17 +198,19 @@ def _begun(new: Opinions, before: Opinions | None, family: tuple[Ints, Ints] | N
     """Return a stress that balances, any."""
     sides, size = new.sides, new.size
     if before is None or family is None:
-        phi: Floats = np.zeros((len(new.cases), len(size), 16))
         if sides.load.any() or sides.body.any():
-            phi[0] = without_plane(first_stress(new.mesh, sides, size))
-        return phi
-    phi = np.stack([handed_down(one, family, child_maps(True)) for one in before.phi])
-    phi[0] += _of_body_forces(before, family[0], new)
-    phi = without_plane(phi)
+            return without_plane(first_stress(new.mesh, sides, size))
+        return np.zeros((len(size), 16))
+    phi = handed_down(before.phi, family, child_maps(True))
+    new.phi = without_plane(phi + _of_body_forces(before, family[0], new))
     if new.body.ends_within:
-        new.phi = phi
-        phi[0] += without_plane(_of_finer_loads(new, family[0]))
-    return phi
+        # What children take of loads that end within sides, not their parents: on a parent's side
+        # force and couple of the rest are none.
+        mesh, rest = new.mesh, np.zeros_like(sides.load)
+        load = sides.load[mesh.owner, mesh.side] - new.on_border()
+        rest[mesh.owner, mesh.side] = np.where(sides.given[:, None], load, 0.0)
+        new.phi += without_plane(stress_within(mesh, rest, size, family[0]))
+    return new.phi
 
 
 def _of_body_forces(before: Opinions, parent: Ints, new: Opinions) -> Floats:
@@ -225,18 +225,9 @@ def _of_body_forces(before: Opinions, parent: Ints, new: Opinions) -> Floats:
     return np.asarray((even * new.size[:, None] ** 2) @ phi)
 
 
-def _of_finer_loads(new: Opinions, parent: Ints) -> Floats:
-    """Return phi of what children take of loads that end within sides, not their parents."""
-    # On a parent's side force and couples of the rest are none.
-    mesh, sides, rest = new.mesh, new.sides, np.zeros_like(new.sides.load)
-    load = sides.load[mesh.owner, mesh.side] - new.on_border(0)
-    rest[mesh.owner, mesh.side] = np.where(sides.given[:, None], load, 0.0)
-    return stress_within(mesh, rest, new.size, parent)
-
-
-def _of_stress_beside(generation: Opinions, acts: Sides) -> Floats:
+def _of_stress_beside(generation: Opinions) -> Floats:
     """Return what stress besides that of phi puts on phi, shape (n, 16)."""
-    own = beside_phi(acts, generation.size)
+    own = beside_phi(generation.sides, generation.size)
     if own is None:
         return np.zeros((len(generation.size), 16))
     like, unlike, shear = (one[:, None] for one in compliance(generation.law))
@@ -245,11 +236,11 @@ def _of_stress_beside(generation: Opinions, acts: Sides) -> Floats:
     return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses(), rule()[1]))
 
 
-def _of_beds(airy: Airy, generation: Opinions, case: int) -> Floats:
+def _of_beds(airy: Airy, generation: Opinions) -> Floats:
     """Return what beds put on phi by the tractions that they bear already."""
     mesh, beds, out = generation.mesh, generation.sides.beds, np.zeros(airy.size)
     if len(beds):
-        force = generation.bed_tractions(case)
+        force = generation.bed_tractions()
         length = generation.size[mesh.owner[beds]]
         ends = (force[:, [0]] + force[:, [1]] * np.array([-6.0, 6.0])) / length[:, None]
         mass = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])

@@ -8,7 +8,6 @@ bound. Nothing is proved beyond that.
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import nan, sqrt
@@ -20,7 +19,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.factors import factors_of
 from kaju.model.elastic.pair.border import support_names
-from kaju.model.elastic.pair.displacement import Fitting, forces_of, held_by
+from kaju.model.elastic.pair.displacement import Fitting, held_by
 from kaju.model.elastic.pair.elements import (
     gauss,
     on_sides,
@@ -52,19 +51,18 @@ class Bricks(Fitting):
         """The strain energy, by the loads' work where that is the more accurate."""
         # Where no side is moved, work less energy is off by the square of what is left to iterate.
         total, blocks = 0.0, self.blocks
-        for own, acts in zip(self.fit, self.cases, strict=True):
-            energy = 0.5 * float(np.vdot(own, blocks.times(own)))
+        for case in self.cases:
+            energy = 0.5 * float(np.vdot(case.fit, blocks.times(case.fit)))
             if blocks.extra is not None:
-                shared = blocks.shared(own)
+                shared = blocks.shared(case.fit)
                 energy += 0.5 * float(shared @ (blocks.extra @ shared))
-            work = float(np.vdot(forces_of(acts), own))
-            total += energy if acts.moved.any() else work - energy
+            total += energy if case.sides.moved.any() else case.work_on(case.fit) - energy
         return total
 
     def _stresses(self, places: Floats) -> Floats:
         """Return the stresses at places from 0 to 1 in all agents, shape (n, places, 6)."""
         lateral, shear = self.law[1:, :, None]
-        strain = np.tensordot(self.fit.sum(axis=0), strain_rows(places), (1, 2))
+        strain = np.tensordot(self.fit, strain_rows(places), (1, 2))
         strain /= self.size[:, None, None]
         volume = lateral * strain[..., :3].sum(axis=2)
         strain *= shear[..., None]
@@ -159,23 +157,23 @@ class Bricks(Fitting):
         total: Floats = np.asarray(pull[: mesh.vertices].sum(axis=0))
         np.subtract.at(total, sides.support, sides.straight)
         owner, side = mesh.owner[sides.beds], mesh.side[sides.beds]
-        own = self.fit.sum(axis=0).reshape(-1, 20, 3)
+        own = self.fit.reshape(-1, 20, 3)
         moved = own[owner[:, None], on_sides(3)[side], side[:, None] // 2] @ side_loads(3)[0]
         borne = sides.bed[sides.beds] * self.size[owner] ** 2 * moved
         np.subtract.at(total, (sides.support[sides.beds], side // 2), borne)
         return {names[k]: total[k] for k in np.unique(sides.support[(~sides.given).any(axis=1)])}
 
-    def finished(self) -> Bricks:
-        """Return agents whose forces are in balance, as is read; their mesh would not need it."""
+    def finish(self) -> None:
+        """Bring forces into balance, as is read; the next generation would not need it."""
         (level,) = self.levels
         if level.before is None:
-            return self
-        found = copy(self)
+            return
+        gap = LAST * abs(self.energy) / ENOUGH
         for name in ("energy", "shares", "corner_stress", "_read_stress", "means", "wanting"):
-            found.__dict__.pop(name, None)
-        found.fit = self.fit.copy()
-        found.settle(level, LAST * abs(self.energy) / ENOUGH)
-        return found
+            self.__dict__.pop(name, None)
+        for case in self.cases:
+            case.settle(level, gap)
+        self.add_up()
 
 
 class Hats:

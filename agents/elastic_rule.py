@@ -15,14 +15,14 @@ Harlow & Welch (1965) and Virieux (1986).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import inf
 from typing import ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import require
 
 from .materials import Material
 from .rules import PrescribedRule, check_threshold
@@ -49,14 +49,8 @@ def moduli_of(youngs_modulus: ArrayLike, poissons_ratio: ArrayLike, plane: Plane
     """Return the moduli for plane stress, plane strain or (None) three dimensions."""
     youngs = np.asarray(youngs_modulus, dtype=np.float64)
     ratio = np.asarray(poissons_ratio, dtype=np.float64)
-    limit = ratio <= 0.5 if plane == "stress" else ratio < 0.5
-    if not np.all(np.isfinite(youngs) & (youngs > 0)):
-        raise ParameterError(f"youngs_modulus: must be a number above 0, got {youngs.tolist()}")
-    if not np.all((ratio > -1) & limit):
-        raise ParameterError(
-            f"poissons_ratio: must lie between -1 and 0.5, got {ratio.tolist()}; "
-            "for rubber take 0.4999"
-        )
+    held = plane == "stress" or bool(np.all(ratio < 0.5))
+    require(held, "poissons_ratio: must be below 0.5 but in plane stress; for rubber take 0.4999")
     shear = youngs / (2 * (1 + ratio))
     if plane == "stress":
         stretch = youngs / (1 - ratio**2)
@@ -82,16 +76,10 @@ class DerivedShares(Shares):
     """λmax(D⁻¹K) of an endless body: if all agents yield by ω P/k at once, the sharpest pattern of
     loads is multiplied by 1 − ω·growth in a wave."""
 
-    @property
-    def stable_share(self) -> float:
-        """Waves by a share ω below this calm down: 2/λmax."""
-        return 2.0 / self.growth
-
-    def beside(self, rule: PrescribedRule | None = None) -> str:
-        """Return a table of these shares beside those of a prescribed rule."""
+    def __str__(self) -> str:
         dimension = 2 if self.plane else 3
-        if rule is None:  # the prescribed rule has no load that pulls neighbours beside
-            rule = PrescribedRule(beta=0.5 if self.material.poissons_ratio >= 0.0 else 1.0)
+        # The prescribed rule has no load that pulls neighbours beside.
+        rule = PrescribedRule(beta=0.5 if self.material.poissons_ratio >= 0.0 else 1.0)
         chosen = rule.shares(self.material, dimension)
         rows = [
             ("own", "α₁", chosen.own, "E/k", self.own),
@@ -101,6 +89,7 @@ class DerivedShares(Shares):
             ("Poisson, each", "(1−β)να₁", chosen.poisson, "±(C₁₂+μ)/k", self.poisson),
         ]
         state = f"plane {self.plane}" if self.plane else "three dimensions"
+        sides = 2 * (dimension - 1)
         table = [
             f"{self.material.name}, ν = {self.material.poissons_ratio:g}, {state}",
             f"{'share of each newton':22}{'prescribed':25}elastic",
@@ -108,16 +97,10 @@ class DerivedShares(Shares):
                 f"{name:22}{symbol:12}{a:10.4f}   {formula:14}{b:10.4f}"
                 for name, symbol, a, formula, b in rows
             ),
+            f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.",
+            f"In an endless body all may yield at once by less than {2.0 / self.growth:.4f} of P/k",
         ]
-        sides = 2 * (dimension - 1)
-        table.append(
-            f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.\n"
-            f"In an endless body all may yield at once by less than {self.stable_share:.4f} of P/k"
-        )
         return "\n".join(table)
-
-    def __str__(self) -> str:
-        return self.beside()
 
 
 @dataclass(frozen=True)
@@ -126,21 +109,6 @@ class ElasticRule:
 
     Loads that meet on a face are added up, with their sign. A load up to the threshold stays where
     it is, and more may be added to it.
-
-    Parameters
-    ----------
-    threshold : float, optional
-        γ (N): an agent spawns, and acts, only if the load left on it exceeds γ. A load P on a face
-        of stiffness k counts as |P|·√(k₀/k), where k₀ is the stiffness inside the stiffest material
-        of the body: on softer faces, which yield further, a load counts more. None chooses γ from
-        `tolerance`.
-    order : {"wave", "largest first", "multilevel"}
-        Who acts: all agents at once; the one with the largest load; or one level after another,
-        with parent agents that stand for blocks of cells.
-    share : float, optional
-        ω: by which share of P/k agents yield in a wave; None chooses a stable one.
-    tolerance : float
-        Relative error in energy to reach: √(Σ P²/k) over √(load · displacement).
 
     Raises
     ------
@@ -156,58 +124,55 @@ class ElasticRule:
     """
 
     threshold: float | None = None
+    """γ (N): an agent spawns, and acts, only if the load left on it exceeds γ. A load P on a face
+    of stiffness k counts as |P|·√(k₀/k), where k₀ is the stiffness inside the stiffest material of
+    the body: on softer faces, which yield further, a load counts more. None chooses γ from
+    `tolerance`."""
     order: Order = "multilevel"
+    """Who acts: all agents at once; the one with the largest load; or one level after another, with
+    parent agents that stand for blocks of cells."""
     share: float | None = None
+    """ω: by which share of P/k agents yield in a wave; None chooses a stable one."""
     tolerance: float = 1e-4
+    """Relative error in energy to reach: √(Σ P²/k) over √(load · displacement)."""
     kind: ClassVar[Literal["elastic"]] = "elastic"
 
     def __post_init__(self) -> None:
         if self.threshold is not None:
             check_threshold(self.threshold, "leave it out to have it chosen from the tolerance")
-        if self.order not in get_args(Order):
-            raise ParameterError(
-                f"order: must be one of {', '.join(map(repr, get_args(Order)))}, got {self.order!r}"
-            )
+        known = ", ".join(map(repr, get_args(Order)))
+        right = self.order in get_args(Order)
+        require(right, f"order: must be one of {known}, got {self.order!r}")
         if self.share is not None:
-            if self.order != "wave":
-                raise ParameterError(
-                    f"share: belongs to the order 'wave'; in the order {self.order!r} an agent "
-                    "takes all of its load, so leave share out"
-                )
-            if not (isfinite(self.share) and self.share > 0.0):
-                raise ParameterError(f"share: must be a number above 0, got {self.share}")
-        if not (isfinite(self.tolerance) and 0.0 < self.tolerance < 1.0):
-            raise ParameterError(
-                f"tolerance: must lie between 0 and 1, got {self.tolerance}; 1e-4 is one part "
-                "in ten thousand"
+            require(
+                self.order == "wave",
+                f"share: belongs to the order 'wave'; in the order {self.order!r} an agent takes "
+                "all of its load, so leave share out",
             )
+            some = 0.0 < self.share < inf
+            require(some, f"share: must be a number above 0, got {self.share}")
+        rule = f"tolerance: must lie between 0 and 1, got {self.tolerance}"
+        require(0.0 < self.tolerance < 1.0, f"{rule}; 1e-4 is one part in ten thousand")
 
     @staticmethod
     def shares(material: Material, dimension: int = 2, plane: Plane | None = None) -> DerivedShares:
-        """Return what an agent inside a body of `material` passes on.
+        """Return what an agent inside a body of a material passes on.
 
-        Parameters
-        ----------
-        material : Material
-            Only its Poisson's ratio counts.
-        dimension : {2, 3}
-            Squares or cubes.
-        plane : {"stress", "strain"}, optional
-            State of a two-dimensional body; "stress" unless given.
+        Only Poisson's ratio counts. `plane`: "stress" (unless given) or "strain" in two
+        dimensions, none in three.
         """
-        if dimension not in (2, 3) or (dimension == 3 and plane is not None):
-            raise ParameterError(
-                f"dimension: must be 2 (with a plane) or 3 (without one), got {dimension} and "
-                f"plane {plane!r}"
-            )
+        require(
+            dimension == 2 or (dimension == 3 and plane is None),
+            f"dimension: must be 2 (with a plane) or 3 (without one), got {dimension} and plane "
+            f"{plane!r}",
+        )
         if dimension == 2 and plane is None:
             plane = "stress"
-        if plane != "stress" and material.poissons_ratio >= 0.5:
-            raise ParameterError(
-                f"poissons_ratio of {material.name!r}: {material.poissons_ratio} is "
-                "incompressible, so the stiffness would be infinite in plane strain and in "
-                "space; take 0.4999"
-            )
+        require(
+            plane == "stress" or material.poissons_ratio < 0.5,
+            f"poissons_ratio of {material.name!r}: {material.poissons_ratio} is incompressible, so "
+            "the stiffness would be infinite in plane strain and in space; take 0.4999",
+        )
         moduli = moduli_of(material.youngs_modulus, material.poissons_ratio, plane)
         stretch, lateral, shear = (float(modulus) for modulus in moduli)
         stiffness = 2.0 * stretch + 2.0 * (dimension - 1) * shear

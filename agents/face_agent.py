@@ -44,40 +44,28 @@ class FaceAgent(FixedAgent):
     Subclass it to try a rule of your own: `due` says how much of its load the agent takes
     when its turn comes, `take` what it does with it, `pass_on` whom it hands how much.
 
-    Attributes
-    ----------
-    place : Place
-        Where the agent stands, and to whom it passes what.
-    spawn_step : int
-        Step in which the agent spawned, counted from 1.
-    faces : object
-        The state of all faces of its level as arrays by number: `left`, `displacement`, `taken`.
-
     Examples
     --------
-    >>> from kaju import ElasticModel, FaceAgent, Scene
-    >>> class Lazy(FaceAgent):
+    >>> import kaju
+    >>> class Lazy(kaju.FaceAgent):
     ...     def due(self, asked):
     ...         return 0.5 * super().due(asked)
-    ...
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
     >>> rule = {"kind": "elastic", "order": "wave", "threshold": 0.1}
-    >>> model = ElasticModel(scene.replace(rule=rule), face_agent=Lazy)
-    >>> result = model.run().result
+    >>> scene = kaju.load_scene("plate.toml").replace(rule=rule)
+    >>> result = kaju.ElasticModel(scene, face_agent=Lazy).run().result
     >>> round(1e12 * result.max_displacement)  # pm
-    13
+    6240
     """
 
     def __init__(self, model: Any, cell: Cell, place: Place, faces: Any) -> None:
         super().__init__(model)
         self.cell = cell
         self.place = place
+        """Where the agent stands, and to whom it passes what."""
         self.faces = faces
+        """The state of all faces of its level as arrays by number: left, displacement, taken."""
         self.spawn_step = model.generation + 1
+        """Step in which the agent spawned, counted from 1."""
 
     @property
     def level(self) -> int:
@@ -91,10 +79,7 @@ class FaceAgent(FixedAgent):
 
     @property
     def displacement(self) -> float:
-        """How far the face has moved (m); positive along the axis.
-
-        Of a parent: in its current visit. When that ends, the children have moved along.
-        """
+        """How far the face has moved (m), of a parent in its current visit; along the axis."""
         return float(self.faces.displacement[self.place.number])
 
     @property
@@ -109,10 +94,7 @@ class FaceAgent(FixedAgent):
         self.pass_on(load)
 
     def due(self, asked: float) -> float:
-        """Return the load to take (N) when the order asks for `asked`.
-
-        In a wave that is the share ω of what is left, when agents act in turn all of it.
-        """
+        """Return the load to take (N) when the order asks for `asked`: ωP in a wave, or all."""
         return asked
 
     def take(self, load: float) -> None:
@@ -133,18 +115,8 @@ class FaceAgent(FixedAgent):
 class SupportAgent(BoundaryAgent):
     """Ground, a wall or an elastic bed: it keeps what it is handed, and pushes back as much."""
 
-    def __init__(
-        self,
-        model: Any,
-        cell: Cell,
-        kind: int,
-        faces: Any,
-        held: tuple[tuple[int, int, float], ...],
-    ) -> None:
-        super().__init__(model, cell)
-        self.kind = kind
-        self.faces = faces
-        self.held = held
+    faces: Any  # the state of all faces
+    held: tuple[tuple[int, int, float], ...]  # axis and number of a face, and its part of the load
 
     @property
     def carried(self) -> dict[int, float]:

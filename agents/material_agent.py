@@ -85,68 +85,43 @@ class MaterialAgent(PlacedAgent):
     Agents of a subclass are always objects. Everything that a subclass hands over is checked: an
     impossible load, or one without a neighbour to take it, raises an `AgentError`.
 
-    Attributes
-    ----------
-    material : Material
-        What the cell is made of.
-    shares : Shares
-        What the agent keeps and passes on of each newton.
-    spawn_step : int
-        Generation in which the first load was taken, counted from 1.
-    woken_by : list
-        The agents whose loads arrived in that generation; empty for an applied load.
-    taken : dict of int to float
-        Loads taken (N), by the direction their force points along, pushes and pulls.
-    pulled : dict of int to float
-        The pulls among them (N); empty unless the rule has a sense.
-    kept : float
-        Sum of the own shares (N): what deforms the cell. What `take` adds to it acts along
-        the axis of the load that it takes.
-    squeezed : dict of int to float
-        What is kept along each axis (N), pushes less pulls.
-    passed : dict of int to float
-        Loads handed over (N), by arm.
-    dropped : float
-        Emissions that end here, up to γ each (N).
-    inbox : dict
-        Loads to take in the next step: (direction, magnitude, sense) → copies.
-    form : int
-        Which of the lattice's forms the cell has; see `kaju.Lattice`.
-
     Examples
     --------
-    >>> from kaju import LoadModel, MaterialAgent, Scene
-    >>> class Counting(MaterialAgent):
+    >>> import kaju
+    >>> class Counting(kaju.MaterialAgent):
     ...     loads = 0
     ...     def take(self, load):
     ...         super().take(load)
     ...         self.loads += 1
-    ...
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> model = LoadModel(scene, material_agent=Counting)
+    >>> model = kaju.LoadModel(kaju.load_scene("plate.toml"), material_agent=Counting)
     >>> result = model.run()
     >>> max(agent.loads for agent in model.agents_by_type[Counting])
-    7
+    6
     """
 
     def __init__(self, model: Any, cell: Cell, material: Material, shares: Shares) -> None:
         super().__init__(model, cell)
-        self.material = material
-        self.shares = shares
+        self.material, self.shares = material, shares
+        """What the cell is made of; what the agent keeps and passes on of each newton."""
         self.engine: Any = model.engine
         self.spawn_step = self.engine.generation + 1
+        """Generation in which the first load was taken, counted from 1."""
         self.woken_by: list[MaterialAgent] = []
+        """The agents whose loads arrived in that generation; empty for an applied load."""
         self.taken: dict[int, float] = Amounts()
+        """Loads taken (N), by the direction their force points along, pushes and pulls."""
         self.pulled: dict[int, float] = Amounts()
+        """The pulls among them (N); empty unless the rule has a sense."""
         self.kept = 0.0
+        """Sum of the own shares (N), which deform the cell along the axis of each load."""
         self.squeezed: dict[int, float] = Amounts()
+        """What is kept along each axis (N), pushes less pulls."""
         self.passed: dict[int, float] = Amounts()
+        """Loads handed over (N), by arm."""
         self.dropped = 0.0
+        """Emissions that end here, up to γ each (N)."""
         self.inbox: dict[tuple[int, float, Sense], float] = {}
+        """Loads to take in the next step: (direction, magnitude, sense) → copies."""
         # What the cell is, its number, and its form, as the scene and the lattice count.
         self.kind, self.key, self.form = self.engine.seen[cell.coordinate]
         # Over each arm the box there; the engine finds it when something is handed over.
@@ -165,13 +140,7 @@ class MaterialAgent(PlacedAgent):
         )
 
     def remove(self) -> None:
-        """Raise an error: a load may be on its way here.
-
-        Raises
-        ------
-        AgentError
-            Always.
-        """
+        """Raise an error: a load may be on its way here."""
         raise AgentError(
             f"remove: {type(self).__name__} at {self.index} cannot be removed, because loads may "
             "be on their way to it; let its emissions return nothing instead"

@@ -11,32 +11,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.resources import files
-from math import isfinite
+from math import inf
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 from kaju.model.rheology.element import ThreeElement
 
 
 @dataclass(frozen=True)
 class Material:
     """An isotropic, linear elastic material.
-
-    Parameters
-    ----------
-    name : str
-        What scenes call it.
-    youngs_modulus : float
-        E (Pa), above 0.
-    poissons_ratio : float
-        ν, above -1 (below that a body would gain volume under pressure) and at most 0.5
-        (incompressible).
-    density : float, optional
-        Mass per volume (kg/m³), above 0; only gravity asks for it.
-    source : str
-        Where the numbers come from.
-    rheology : ThreeElement, optional
-        How it gives in time: K_f (Pa), D_f and D_d (Pa s). Only creep asks for it, and then
-        instead of E; without one the material is elastic.
 
     Raises
     ------
@@ -52,27 +35,28 @@ class Material:
     """
 
     name: str
+    """What scenes call it."""
     youngs_modulus: float
+    """E (Pa), above 0."""
     poissons_ratio: float
+    """ν, above -1 (a body would gain volume under pressure) and at most 0.5 (incompressible)."""
     density: float | None = None
+    """Mass per volume (kg/m³), above 0; only gravity asks for it."""
     source: str = ""
+    """Where the numbers come from."""
     rheology: ThreeElement | None = None
+    """How it gives in time: K_f (Pa), D_f and D_d (Pa s). Only creep asks for it, and then instead
+    of E; without one the material is elastic."""
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.youngs_modulus) and self.youngs_modulus > 0.0):
-            raise ParameterError(
-                f"youngs_modulus: must be above 0 Pa, got {self.youngs_modulus}; steel has 206e9"
-            )
-        if not -1.0 < self.poissons_ratio <= 0.5:
-            raise ParameterError(
-                f"poissons_ratio: must lie above -1 and up to 0.5, got {self.poissons_ratio}; "
-                "most solids have 0.2 to 0.4"
-            )
-        if self.density is not None and not (isfinite(self.density) and self.density > 0.0):
-            raise ParameterError(
-                f"density: must be above 0 kg/m³, got {self.density}; leave it out where no "
-                "gravity acts"
-            )
+        modulus, ratio, density = self.youngs_modulus, self.poissons_ratio, self.density
+        stiff = 0.0 < modulus < inf
+        require(stiff, f"youngs_modulus: must be above 0 Pa, got {modulus}; steel has 206e9")
+        rule = "poissons_ratio: must lie above -1 and up to 0.5"
+        require(-1.0 < ratio <= 0.5, f"{rule}, got {ratio}; most solids have 0.2 to 0.4")
+        heavy = density is None or 0.0 < density < inf
+        rule = f"density: must be above 0 kg/m³, got {density}"
+        require(heavy, f"{rule}; leave it out where no gravity acts")
 
 
 _TEXT = files("kaju.agents").joinpath("materials.toml").read_text(encoding="utf-8")
@@ -88,11 +72,6 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 def material(name: str) -> Material:
     """Return the library's material of that name.
-
-    Parameters
-    ----------
-    name : str
-        A key of `LIBRARY`, such as "steel".
 
     Raises
     ------

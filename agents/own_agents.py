@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from inspect import Parameter as Argument
 from inspect import signature
 from itertools import islice
 from math import isfinite
@@ -14,7 +13,7 @@ from sys import float_info
 from types import FunctionType
 from typing import Any
 
-from kaju.errors import AgentError, ParameterError
+from kaju.errors import AgentError, ParameterError, require
 
 from .boundary_agent import (
     BoundaryAgent,
@@ -26,8 +25,6 @@ from .material_agent import MaterialAgent, PlacedAgent
 from .materials import Material, suggestion
 from .shares import Load, Sense, Shares
 
-AGENTS_START, BOUNDARIES_START = ("model", "cell", "material", "shares"), ("model", "cell")
-"""What the constructors of agents are given."""
 BOUNDARIES: dict[str, type[BoundaryAgent]] = {
     each.name: each for each in (FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent)
 }
@@ -54,23 +51,20 @@ def own_classes(
     material_agent: object, boundary_agents: Mapping[str, object] | None
 ) -> tuple[type, ...]:
     """Return the classes of agents that a model is given; refuse what it cannot use."""
-    _check_class("material_agent", material_agent, MaterialAgent, AGENTS_START)
-    if not isinstance(boundary_agents, Mapping | None):
-        raise ParameterError(
-            'boundary_agents: must be a mapping such as {"rigid": MyWall}, got '
-            f"{boundary_agents!r:.80}"
-        )
+    _check_class("material_agent", material_agent, MaterialAgent)
+    rule = 'boundary_agents: must be a mapping such as {"rigid": MyWall}'
+    require(isinstance(boundary_agents, Mapping | None), f"{rule}, got {boundary_agents!r:.80}")
     for name, agent in (boundary_agents or {}).items():
-        if name not in BOUNDARIES:
-            raise ParameterError(
-                f"boundary_agents: there is no boundary {name!r}"
-                f"{suggestion(str(name), BOUNDARIES)}; there is {', '.join(BOUNDARIES)}"
-            )
-        _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent, BOUNDARIES_START)
+        require(
+            name in BOUNDARIES,
+            f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), BOUNDARIES)}; "
+            f"there is {', '.join(BOUNDARIES)}",
+        )
+        _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
     return tuple(dict.fromkeys([material_agent, *(boundary_agents or {}).values()]))  # type: ignore[list-item]
 
 
-def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
+def _check_class(name: str, agent: object, base: type) -> None:
     """Refuse what is no class of agents, or one whose constructor takes other arguments."""
     if agent is base:
         return
@@ -80,19 +74,14 @@ def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -
             f"`class Mine({base.__name__})` and give the class itself"
         )
     _check_hooks(name, agent, base)
-    every = list(signature(agent).parameters.values())
-    rest = any(argument.kind is Argument.VAR_POSITIONAL for argument in every)
-    places = [a for a in every if a.kind in (a.POSITIONAL_ONLY, a.POSITIONAL_OR_KEYWORD)]
-    needed = sum(a.default is Argument.empty for a in places)
-    alone = [
-        a.name for a in every if a.kind is Argument.KEYWORD_ONLY and a.default is Argument.empty
-    ]
-    if alone or needed > len(start) or not (rest or len(places) >= len(start)):
+    start, own = tuple(signature(base).parameters), signature(agent)
+    try:
+        own.bind(*start)
+    except TypeError:
         raise ParameterError(
-            f"{name}: {agent.__name__}.__init__ takes ({', '.join(map(str, every))}), but a "
-            f"model calls it with ({', '.join(start)}); take *start and call "
-            "super().__init__(*start) first"
-        )
+            f"{name}: {agent.__name__}.__init__ takes {own}, but a model calls it with "
+            f"({', '.join(start)}); take *start and call super().__init__(*start) first"
+        ) from None
 
 
 def _check_hooks(name: str, agent: type, base: type) -> None:
@@ -105,34 +94,31 @@ def _check_hooks(name: str, agent: type, base: type) -> None:
     }
     for key in own.keys() - set(dir(base)):
         near = get_close_matches(key, HOOKS[base], n=1, cutoff=0.8)
-        if near:
-            raise ParameterError(
-                f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; did you "
-                f"mean {near[0]!r}? If the name is intended, begin it with _"
-            )
-    step = own.get("step")
-    if step is not None and not {"step", "take", "pass_on"} & set(step.__code__.co_names):
-        raise ParameterError(
-            f"{name}: {agent.__name__}.step never calls super().step(), so its agents would take "
-            "no load; call it, or override take, emissions or pass_on instead"
+        require(
+            not near,
+            f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; did you mean "
+            f"{', '.join(map(repr, near))}? If the name is intended, begin it with _",
         )
+    called = own["step"].__code__.co_names if "step" in own else ("step",)
+    require(
+        not {"step", "take", "pass_on"}.isdisjoint(called),
+        f"{name}: {agent.__name__}.step never calls super().step(), so its agents would take no "
+        "load; call it, or override take, emissions or pass_on instead",
+    )
 
 
 # Answers, in a run.
 
 
 class OwnAgents:
-    """Checks what agents of your own answer, on a body with these arms and senses.
-
-    `arms` are those of each form of cell; a boundary may give back over any of `directions`.
-    """
+    """Checks what agents of your own answer, on a body with these arms (by form) and senses."""
 
     def __init__(
         self, model: Any, arms: Sequence[Sequence[int]], directions: int, senses: tuple[Sense, ...]
     ) -> None:
         self.model, self.arms = model, arms
         self.directions, self.senses = directions, senses
-        every = range(directions)
+        every = range(directions)  # a boundary, which has no form, may give back over any
         arms_of: dict[int | None, Sequence[int]] = {None: every, **dict(enumerate(arms))}
         self.possible = {
             form: {(arm, d, sense) for arm in own for d in every for sense in senses}
@@ -148,8 +134,7 @@ class OwnAgents:
 
     def check_begun(self, agent: PlacedAgent, place: tuple[int, ...]) -> None:
         """Refuse an agent whose `__init__` has not called that of its base."""
-        last = "around" if isinstance(agent, MaterialAgent) else "returned"
-        if not hasattr(agent, last):
+        if not hasattr(agent, "around" if isinstance(agent, MaterialAgent) else "passed"):
             raise AgentError(
                 f"__init__: {type(agent).__name__} at cell {place} in generation "
                 f"{self.model.generation} must call super().__init__ with all of its arguments"
@@ -163,22 +148,18 @@ class OwnAgents:
 
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
-        checked = []
+        checked, row = [], sent
         try:
-            rows = iter(sent)
-        except TypeError:
-            raise self.wrong(agent, "emissions", f"returned {sent!r:.60}{NO_EMISSION}") from None
-        for row in islice(rows, MOST_EMISSIONS + 1):
-            try:
+            for row in islice(iter(sent), MOST_EMISSIONS + 1):
                 arm, direction, share, sense = row
-                fits = self._fits(agent, arm, direction, sense, share)
-            except (TypeError, ValueError):
-                raise self.wrong(agent, "emissions", f"returned {row!r:.60}{NO_EMISSION}") from None
-            if not fits:
-                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{self._limits(agent)}")
-            if type(arm) is not int or type(direction) is not int:  # True would mask an array
-                row = int(arm), int(direction), share, sense
-            checked.append(row)
+                if not self._fits(agent, arm, direction, sense, share):
+                    what = f"returned {row!r:.120}{self._limits(agent)}"
+                    raise self.wrong(agent, "emissions", what)
+                checked.append((int(arm), int(direction), share, sense))  # True would mask an array
+        except AgentError:
+            raise
+        except (TypeError, ValueError):
+            raise self.wrong(agent, "emissions", f"returned {row!r:.60}{NO_EMISSION}") from None
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
         return checked
@@ -199,12 +180,8 @@ class OwnAgents:
         """Return what a boundary gives back; refuse what is no load, or larger than the load."""
         checked = self.load(boundary, "give_back", back, 0)
         if checked.total > load.total * (1.0 + 1e-12):
-            raise self.wrong(
-                boundary,
-                "give_back",
-                f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add "
-                "load: describe that as a load of the scene",
-            )
+            what = f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add load"
+            raise self.wrong(boundary, "give_back", f"{what}: describe that as a load of the scene")
         return checked
 
     def shortening(self, agent: MaterialAgent, axis: int) -> float:

@@ -14,7 +14,26 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-class Parameter:
+class Declaration:
+    """What stands on a class of agents, under a name of its own."""
+
+    name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, agent: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, agent: object, owner: type) -> Any: ...
+    def __get__(self, agent: Any, owner: type) -> Any:
+        return self if agent is None else self.of(agent)
+
+    def of(self, agent: Any) -> Any:
+        """Return its value for an agent."""
+
+
+class Parameter(Declaration):
     """A number that all agents of a class share, and that is given to the model.
 
     Declared on the class, it is a keyword of `LoadModel`, a column of its data, a line in the
@@ -23,7 +42,7 @@ class Parameter:
     Parameters
     ----------
     default : int, float or bool
-        Its value, unless the model gets another. If it is a whole number, all values must be.
+        Its value, unless the model gets another; if it and the bounds are whole, all values are.
     low, high : int or float, optional
         The smallest and the largest value; not needed for a bool.
     text : str
@@ -45,15 +64,13 @@ class Parameter:
     1.0
     """
 
+    name = "parameter"
+
     def __init__(
-        self,
-        default: float,
-        low: float | None = None,
-        high: float | None = None,
-        text: str = "",
+        self, default: float, low: float | None = None, high: float | None = None, text: str = ""
     ) -> None:
-        self.name = "parameter"
-        self.default, self.low, self.high, self.text = default, low, high, text
+        self.default, self.text = default, text
+        self.low, self.high = (None, None) if isinstance(default, bool) else (low, high)
         if isinstance(default, bool):
             return
         if low is None or high is None:
@@ -63,15 +80,9 @@ class Parameter:
             )
         self.checked(default)
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    @overload
-    def __get__(self, agent: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, agent: object, owner: type) -> Any: ...
-    def __get__(self, agent: Any, owner: type) -> Any:
-        return self if agent is None else agent.model.parameters[self.name]
+    def of(self, agent: Any) -> Any:
+        """Return the model's number."""
+        return agent.model.parameters[self.name]
 
     def __set__(self, agent: object, value: object) -> None:
         raise ParameterError(
@@ -86,19 +97,11 @@ class Parameter:
         return all(isinstance(value, Integral) for value in (self.default, self.low, self.high))
 
     def checked(self, value: Any) -> Any:
-        """Return a value that the rule allows.
-
-        Raises
-        ------
-        ParameterError
-            If it is no number, not whole, or outside the bounds.
-        """
-        if isinstance(self.default, bool):
+        """Return a value that the rule allows; refuse any other."""
+        if self.low is None or self.high is None:
             if not isinstance(value, bool):
                 raise ParameterError(f"{self.name}: must be True or False, got {value!r}")
             return value
-        assert self.low is not None
-        assert self.high is not None
         kind = "whole number" if self.whole else "number"
         number = isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
         fits = number and (not self.whole or value == int(value)) and self.low <= value <= self.high
@@ -112,17 +115,15 @@ class Parameter:
     def slider(self) -> dict[str, Any]:
         """Return what Mesa's SolaraViz takes for it among its `model_params`."""
         label = self.text or self.name
-        if isinstance(self.default, bool):
+        if self.low is None or self.high is None:
             return {"type": "Checkbox", "value": self.default, "label": label}
-        assert self.low is not None
-        assert self.high is not None
         step = 1 if self.whole else (self.high - self.low) / 100.0 or 1.0
         ends = {"min": self.low, "max": self.high, "step": step}
         kind = "SliderInt" if self.whole else "SliderFloat"
         return {"type": kind, "value": self.default, "label": label, **ends}
 
 
-class State:
+class State(Declaration):
     """What each agent of a class remembers; pictures, films, tables and stored results show it.
 
     Declared on the class, it is an attribute of every agent, each with its own value. The result
@@ -149,17 +150,11 @@ class State:
     ...         self.broken = self.broken or load.total > 1.5
     ...         if not self.broken:
     ...             super().pass_on(load)
-    >>> plate = kaju.Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> result = kaju.LoadModel(plate, material_agent=Breaking).run()
+    >>> scene = kaju.load_scene("plate.toml")
+    >>> result = kaju.LoadModel(scene, material_agent=Breaking).run()
     >>> result.states["broken"].values().tolist()
     [True]
     """
-
-    name = ""
 
     def __init__(self, default: Any, meaning: str = "") -> None:
         self.default, self.meaning = default, meaning
@@ -168,15 +163,9 @@ class State:
                 f"State: its default must be a number, True or False, got {default!r:.60}"
             )
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    @overload
-    def __get__(self, agent: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, agent: object, owner: type) -> Any: ...
-    def __get__(self, agent: Any, owner: type) -> Any:
-        return self if agent is None else self.default  # an agent's own value stands before it
+    def of(self, agent: Any) -> Any:
+        """Return the default; an agent's own value stands before it."""
+        return self.default
 
     def allows(self, value: Any) -> bool:
         """Tell whether a value is of the kind of the default."""

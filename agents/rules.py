@@ -1,28 +1,26 @@
-"""By which rule an agent passes load on.
+"""By which rule an agent passes load on: which shares of a load it keeps and hands over.
 
-A rule answers one question: of a load that an agent takes, *what shares does it keep and
-pass on?* `PrescribedRule` takes the numbers from the user, `ElasticRule` (`elastic_rule.py`)
-derives them from the material. A `MaterialAgent` works by the former, or by any other
-`ShareRule`; a `FaceAgent` by the latter, face by face where materials meet and at surfaces.
+`PrescribedRule` takes the shares from the user, `ElasticRule` (`elastic_rule.py`) derives them from
+the material. A `MaterialAgent` works by the former, or by any other `ShareRule`; a `FaceAgent` by
+the latter, face by face where materials meet and at surfaces.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf
 from typing import ClassVar, Literal, Protocol
 
-from kaju.agents.materials import Material
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 
+from .materials import Material
 from .shares import Shares
 
 
 def check_threshold(value: float, remedy: str) -> None:
     """Refuse a threshold that is no load above 0."""
-    if not (isfinite(value) and value > 0.0):
-        raise ParameterError(f"threshold: must be a load above 0 N, got {value}; {remedy}")
+    require(0.0 < value < inf, f"threshold: must be a load above 0 N, got {value}; {remedy}")
 
 
 class ShareRule(Protocol):
@@ -48,16 +46,6 @@ class ShareRule(Protocol):
 class Coefficients:
     """The four numbers of the prescribed rule for one material.
 
-    Parameters
-    ----------
-    alpha : tuple of three floats, optional
-        Shares kept, passed ahead and passed beside by friction: α₁, α₂, α₃. None takes
-        (0.5, 0.5, 0.25) in two dimensions and (0.5, 0.5, 0.125) in three, for which
-        α₂ + 2 (dimension - 1) α₃ = 1.
-    beta : float
-        Part of the lateral (Poisson) expansion that is free, in [0, 1]; the rest pushes the
-        neighbours beside.
-
     Raises
     ------
     ParameterError
@@ -72,34 +60,30 @@ class Coefficients:
     """
 
     alpha: tuple[float, float, float] | None = None
+    """Shares kept, passed ahead and passed beside by friction: α₁, α₂, α₃. None takes (0.5, 0.5,
+    0.25) in two dimensions and (0.5, 0.5, 0.125) in three: α₂ + 2 (dimension - 1) α₃ = 1."""
     beta: float = 0.5
+    """Part of the lateral (Poisson) expansion that is free, in [0, 1]; the rest pushes the
+    neighbours beside."""
 
     def __post_init__(self) -> None:
         if self.alpha is not None:
-            if len(self.alpha) != 3:
-                needed = "three shares (kept, ahead, beside) are needed"
-                raise ParameterError(f"alpha: {needed}, got {self.alpha}")
+            needed = "three shares (kept, ahead, beside) are needed"
+            require(len(self.alpha) == 3, f"alpha: {needed}, got {self.alpha}")
             for name, share in zip(("α₁", "α₂", "α₃"), self.alpha, strict=True):
-                if not (isfinite(share) and share >= 0.0):
-                    raise ParameterError(f"alpha: {name} must be a number, 0 or more, got {share}")
-        if not 0.0 <= self.beta <= 1.0:
-            raise ParameterError(f"beta: must lie between 0 and 1, got {self.beta}")
+                right = 0.0 <= share < inf
+                require(right, f"alpha: {name} must be a number, 0 or more, got {share}")
+        require(0.0 <= self.beta <= 1.0, f"beta: must lie between 0 and 1, got {self.beta}")
 
     def alpha_in(self, dimension: int) -> tuple[float, float, float]:
         """Return α₁, α₂ and α₃; where none are given, those of the dimension."""
         return self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
 
     def shares(self, material: Material, dimension: int, sense: bool = False) -> Shares:
-        """Return what an agent of `material` keeps and passes on.
+        """Return what an agent keeps and passes on.
 
-        Parameters
-        ----------
-        material : Material
-            Only its Poisson's ratio counts.
-        dimension : {2, 3}
-            For the default α.
-        sense : bool
-            Whether loads can pull, as a blocked expansion does where ν < 0.
+        Only the material's Poisson's ratio counts; `sense`: whether loads can pull, as a blocked
+        expansion does where ν < 0.
         """
         own, forward, friction = self.alpha_in(dimension)
         poisson = (1.0 - self.beta) * material.poissons_ratio * own
@@ -116,21 +100,7 @@ class Coefficients:
 class PrescribedRule(Coefficients):
     """Load transfer by coefficients that the user chooses.
 
-    Parameters
-    ----------
-    alpha, beta
-        As in `Coefficients`; they hold for every material not named in `materials`.
-    threshold : float
-        γ (N): an agent spawns only for a load above it, an emission up to it is dropped.
-    accumulate : bool
-        False: each load is compared with γ by itself. True: loads that meet in one agent in one
-        generation and along one direction are added up first.
-    materials : mapping of str to Coefficients
-        Coefficients of single materials, by name.
-    sense : bool
-        False: every load squeezes, in whichever direction it points. True: loads push or pull. A
-        push travels along its force, a pull against it; pushes shorten a cell, pulls lengthen it,
-        and at a free surface one comes back as the other.
+    `alpha` and `beta`, as in `Coefficients`, hold for every material not named in `materials`.
 
     Raises
     ------
@@ -146,9 +116,16 @@ class PrescribedRule(Coefficients):
     """
 
     threshold: float = 0.01
+    """γ (N): an agent spawns only for a load above it, an emission up to it is dropped."""
     accumulate: bool = False
+    """False: each load is compared with γ by itself. True: loads that meet in one agent in one
+    generation and along one direction are added up first."""
     materials: Mapping[str, Coefficients] = field(default_factory=dict)
+    """Coefficients of single materials, by name."""
     sense: bool = False
+    """False: every load squeezes, in whichever direction it points. True: loads push or pull. A
+    push travels along its force, a pull against it; pushes shorten a cell, pulls lengthen it, and
+    at a free surface one comes back as the other."""
     kind: ClassVar[Literal["prescribed"]] = "prescribed"
 
     def __post_init__(self) -> None:

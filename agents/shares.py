@@ -55,12 +55,9 @@ class Emission(NamedTuple):
     sense: Sense = "push"
 
 
-class Split(NamedTuple):
-    """What becomes of the emissions of a load."""
-
-    # Those that go on: arm, (direction, magnitude, sense) as boxes have it, size (N), and copies.
-    sent: list[tuple[int, tuple[int, float, Sense], float, float]]
-    ended: list[float]  # those that end here (N)
+Split = tuple[list[tuple[int, tuple[int, float, Sense], float, float]], list[float]]
+"""Emissions of a load that go on: arm, (direction, magnitude, sense) as boxes have it, size (N) and
+copies; and those that end here (N)."""
 
 
 class Emissions(tuple[Emission, ...]):
@@ -117,17 +114,9 @@ class Shares:
     ) -> tuple[Emission, ...]:
         """Return what leaves the agent for each newton that it takes.
 
-        Parameters
-        ----------
-        direction : int
-            Where the load's force points.
-        sense : {"push", "pull"}
-            Ahead and beside it is kept. What a load leaves behind, it takes along: under a
-            push the neighbour behind is pulled.
-        way : Neighbourhood
-            The neighbours, sorted by where the load travels.
-        opposite : sequence of int
-            For every direction the one that points the other way.
+        `direction`: where the load's force points; `way`: the neighbours, sorted by where it
+        travels; `opposite`: for every direction the one that points the other way. Ahead and beside
+        the sense is kept; under a push the neighbour behind is pulled.
         """
         other: Sense = "pull" if sense == "push" else "push"
         passed = [((arm, direction, sense), self.forward * w) for arm, w in way.ahead]

@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from kaju._mesa import Agent
 
 from .materials import Material
 
 
-class Birth(NamedTuple):
-    """What an agent has from the start; see `SpawningAgent`."""
-
-    row: int
-    parent: SpawningAgent | None
-    level: int
-    lower: tuple[float, ...]
-    size: float
-    material: Material
-    spawn_step: int
-    cause: float
-
-
 class SpawningAgent(Agent):
     """One of the agents of a `SpawningModel`.
 
-    It retires when it spawns children, which then do its work, but it stays their parent. `row`:
-    its number in the order of spawning, from 0, which is its row of the model's `family`; `parent`:
-    who spawned it, None for the first ones; `level`: how often the largest of the first agents
-    would be halved to give it; `lower`, `size`: lower corner and edge (m); `spawn_step`: 0 for the
-    first agents; `cause`: the gap (J) of its parent, for which it spawned: 0 for the first agents,
-    NaN for those that keep neighbours alike in size.
+    It retires when it spawns children, which then do its work, but it stays their parent.
     """
 
-    def __init__(self, model: Any, birth: Birth) -> None:
+    row: int  # its number in the order of spawning, from 0, as in the model's `family`
+    parent: SpawningAgent | None  # who spawned it, None for the first ones
+    level: int  # how often the largest of the first agents would be halved to give it
+    lower: tuple[float, ...]  # corner (m)
+    size: float  # edge (m)
+    material: Material
+    spawn_step: int  # 0 for the first agents
+    # The gap (J) of its parent, for which it spawned: 0 for the first agents, NaN for those that
+    # keep neighbours alike in size.
+    cause: float
+
+    def __init__(self, model: Any, **birth: Any) -> None:
         super().__init__(model)
-        self.row, self.parent, self.level = birth.row, birth.parent, birth.level
-        self.lower, self.size, self.material = birth.lower, birth.size, birth.material
-        self.spawn_step, self.cause = birth.spawn_step, birth.cause
+        self.__dict__.update(birth)
 
     @property
     def children(self) -> list[SpawningAgent]:

@@ -4,6 +4,7 @@ import ast
 import doctest
 import inspect
 from collections import Counter
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,9 @@ def test_a_name_that_is_none_is_told():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_example_of_a_public_name_runs(name):
+def test_the_example_of_a_public_name_runs(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("plate.toml").write_text(files("kaju").joinpath("plate.toml").read_text())
     found = doctest.DocTestFinder(recurse=False).find(getattr(kaju, name), name, globs={})
     assert any(test.examples for test in found), f"{name} has no example"
     told: list[str] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from kaju.agents.spawning_agent import Birth, SpawningAgent
+from kaju.agents.spawning_agent import SpawningAgent
 from kaju.errors import ResultError
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -191,9 +191,18 @@ class SpawningModel(SteppedModel):
             rows["cause"].tolist(),
             strict=True,
         ):
-            spawned_by = self._objects[parent] if parent >= 0 else None
-            birth = Birth(row, spawned_by, level, tuple(lower), size, materials[kind], step, cause)
-            self._objects.append(SpawningAgent(self, birth))
+            agent = SpawningAgent(
+                self,
+                row=row,
+                parent=self._objects[parent] if parent >= 0 else None,
+                level=level,
+                lower=tuple(lower),
+                size=size,
+                material=materials[kind],
+                spawn_step=step,
+                cause=cause,
+            )
+            self._objects.append(agent)
 
     @property
     def outcome(self) -> str:

@@ -40,7 +40,7 @@ from kaju.model.scene.lattice import Lattice
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.stepping import Order, chosen
 
-from .stage import Ledger, Stage, StateCourse, TakenRows, Totals, history_of
+from .stage import Ledger, Stage, StateCourse, TakenHistory, Totals, totals_of
 from .transfer import BOUNDARY_NAMES, Transfer, check_shares
 
 A = TypeVar("A", MaterialAgent, BoundaryAgent)
@@ -127,7 +127,7 @@ class AgentEngine:
         self.generation = 0
         self.waiting: list[MaterialAgent] = []
         self.acts: list[tuple[int, MaterialAgent, dict[tuple[int, float, Sense], float]]] = []
-        self.record: list[TakenRows] = []
+        self.record: list[tuple[Ints, Ints, Ints, Floats]] = []  # generation, place, state, load
         self.known: dict[str, dict[MaterialAgent, float]] = {name: {} for name in self.states}
         self.changes: dict[str, list[tuple[int, int, float]]] = {name: [] for name in self.states}
         self.applied = 0.0
@@ -286,7 +286,8 @@ class AgentEngine:
     def split(self, agent: MaterialAgent, emissions: Iterable[Emission], magnitude: float) -> Split:
         """Part the emissions of a load of a magnitude (N): those that go on, those that end."""
         least = 0.0 if self.accumulate else self.threshold
-        split = Split([], [])
+        sent: list[tuple[int, tuple[int, float, Sense], float, float]] = []
+        ended: list[float] = []
         checked = isinstance(emissions, Emissions)
         for arm, direction, share, sense in (
             emissions if checked else self.guard.emissions(agent, emissions)
@@ -295,19 +296,19 @@ class AgentEngine:
             if not 0.0 <= size < inf:
                 raise self.guard.wrong(agent, "pass_on", f"would hand over {size} N")
             if not size > least:
-                split.ended.append(size)
+                ended.append(size)
             elif self.accumulate:
-                split.sent.append((arm, (direction, 1.0, sense), size, size))
+                sent.append((arm, (direction, 1.0, sense), size, size))
             else:
-                split.sent.append((arm, (direction, size, sense), size, 1.0))
+                sent.append((arm, (direction, size, sense), size, 1.0))
         # Sums of loads that have met are hardly ever alike: nothing to remember.
         if (
             isinstance(emissions, Emissions)
             and not self.accumulate
             and len(emissions.split) < MOST_REMEMBERED
         ):
-            emissions.split[magnitude] = split
-        return split
+            emissions.split[magnitude] = sent, ended
+        return sent, ended
 
     # Where agents live, and what is there.
 
@@ -386,7 +387,7 @@ class AgentEngine:
         load = np.asarray(np.bincount(np.cumsum(new) - 1, (magnitude * copies)[by_size]), float)
         acted, state = np.divmod(code[new], states)
         acted = order[acted]
-        self.record.append(TakenRows(generation[acted], place[acted], state, load))
+        self.record.append((generation[acted], place[acted], state, load))
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
@@ -394,25 +395,18 @@ class AgentEngine:
         for agent in agents:
             self.guard.check_books(agent)
         cells, axes = self._places(agents), len(self.lattice.axes)
+        material = np.array([agent.kind for agent in agents], dtype=np.int64)
         kept = _table([agent.squeezed for agent in agents], axes)
-        if self.material_agent.shortening is MaterialAgent.shortening:  # asked of all at once
-            modulus = np.array([agent.material.youngs_modulus for agent in agents])
-            shortened = kept / (self.transfer.cross_section * modulus[:, None])
-        else:
-            laws = [
-                [self.guard.shortening(agent, axis) for axis in range(axes)] for agent in agents
-            ]
+        passed = _table([agent.passed for agent in agents], self.lattice.directions)
+        dropped = np.array([agent.dropped for agent in agents])
+        totals = totals_of(self.transfer, cells, material, kept, passed, dropped)
+        shortened = totals.shortened
+        if self.own_classes:
+            every = range(axes)
+            laws = [[self.guard.shortening(agent, axis) for axis in every] for agent in agents]
             shortened = np.array(laws).reshape(-1, axes)
         widening = np.array([agent.shares.widening for agent in agents])
-        return Totals(
-            cells=cells,
-            material=np.array([agent.kind for agent in agents], dtype=np.int64),
-            kept=kept,
-            shortened=shortened,
-            widened=shortened * widening[:, None],
-            passed=_table([agent.passed for agent in agents], self.lattice.directions),
-            dropped=np.array([agent.dropped for agent in agents]),
-        )
+        return totals._replace(shortened=shortened, widened=shortened * widening[:, None])
 
     def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far; its ledger tells how it ended."""
@@ -447,10 +441,21 @@ class AgentEngine:
             boundary_spawn_step=np.array([b.spawn_step for b in boundaries], dtype=np.int64),
             returned=np.array([boundary.returned for boundary in boundaries]),
             arrived=_table([boundary.taken for boundary in boundaries], directions),
-            history=history_of(self.record, self.lattice.key(totals.cells), directions),
+            history=self._history(totals.cells),
             ledger=ledger,
             states=tuple(self._course(state, agents) for state in self.states.values()),
         )
+
+    def _history(self, cells: Ints) -> TakenHistory:
+        """Return the loads taken as a history of agents in cells."""
+        none = np.empty(0, dtype=np.int64)
+        columns = zip((none, none, none, np.empty(0)), *self.record, strict=True)
+        generation, place, state, load = map(np.concatenate, columns)
+        key = self.lattice.key(cells)
+        order = np.argsort(key)
+        pull, direction = np.divmod(state, self.lattice.directions)
+        agent = order[np.searchsorted(key, place, sorter=order)]
+        return TakenHistory(generation, agent, direction, load, pull > 0)
 
     def _course(self, state: State, ordered: list[MaterialAgent]) -> StateCourse:
         """Return what became of a state, agents as the stage counts them."""
@@ -458,8 +463,8 @@ class AgentEngine:
         row = np.array([place[id(agent)] for agent in self.agents.values()], dtype=np.int64)
         changes = np.array(self.changes[state.name], dtype=np.float64).reshape(-1, 3)
         generation, number = changes[:, :2].T.astype(np.int64)
-        agent, value = row[number], changes[:, 2]
-        return StateCourse(state.name, state.meaning, state.default, generation, agent, value)
+        about = state.name, state.meaning or state.name, state.default, len(ordered)
+        return StateCourse(*about, generation, row[number], changes[:, 2])
 
     def _ordered(self, agents: Iterable[A]) -> list[A]:
         """Sort agents by spawn step and place."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError
 
-from .stage import Ledger, Stage, TakenHistory, TakenRows, Totals
+from .stage import Ledger, Stage, TakenHistory, Totals, totals_of
 from .transfer import Transfer
 
 LOOKED_AT_ONCE = 144
@@ -364,21 +364,11 @@ class ArrayEngine:
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
-        transfer, cell = self.transfer, self._agents()
+        cell = self._agents()
         material, books = self.material[cell], self.books[cell]
-        kept = transfer.kept(material, books[:, : self.states])
-        modulus = np.array([each.youngs_modulus for each in transfer.materials])[material]
-        widening = np.array([shares.widening for shares in transfer.shares])[material]
-        shortened = kept / (transfer.cross_section * modulus[:, None])
-        return Totals(
-            cells=self.lattice.cells(self.key[cell]),
-            material=material,
-            kept=kept,
-            shortened=shortened,
-            widened=shortened * widening[:, None],
-            passed=books[:, self.states : -1],
-            dropped=books[:, -1],
-        )
+        kept = self.transfer.kept(material, books[:, : self.states])
+        done = kept, books[:, self.states : -1], books[:, -1]
+        return totals_of(self.transfer, self.lattice.cells(self.key[cell]), material, *done)
 
     def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far; its ledger tells how it ended."""
@@ -386,11 +376,16 @@ class ArrayEngine:
         by_state = self.books[agent, : self.states]
         taken = by_state.sum(axis=1)
         pulled = by_state[:, d:] if self.states > d else np.zeros_like(by_state)
-        back = self._returned()
-        key, first, number = np.unique(back.key, return_index=True, return_inverse=True)
+        # What boundaries gave back, by generation, cell and state.
+        none = np.empty(0, dtype=np.int64)
+        when, places, loads = zip((0, none, np.empty(0)), *self.given_back, strict=True)
+        wall, state = np.divmod(np.concatenate(places), self.states)
+        back = self._beside(*self.wall[:, wall])
+        key, first, number = np.unique(back, return_index=True, return_inverse=True)
         arrived = np.zeros((len(key), d))
-        np.add.at(arrived, (number, back.state % d), back.load)
-        step = back.generation[first] + 1  # a load handed over in g is taken again in g + 1
+        np.add.at(arrived, (number, state % d), np.concatenate(loads))
+        # A load handed over in g is taken again in g + 1.
+        step = np.repeat(when, list(map(len, places)))[first] + 1
         by_step = np.lexsort((key, step))
         cells = self.lattice.cells(key[by_step])
         form = self.material[agent] * self.lattice.forms + self.form[agent]
@@ -421,15 +416,6 @@ class ArrayEngine:
             history=self._history(agent),
             ledger=ledger,
         )
-
-    def _returned(self) -> TakenRows:
-        """Return what boundaries gave back, by their cells and the states in which it came."""
-        none = np.empty(0, dtype=np.int64)
-        given = [(0, none, np.empty(0)), *self.given_back]
-        generation = np.repeat([row[0] for row in given], [len(row[1]) for row in given])
-        wall, state = np.divmod(np.concatenate([row[1] for row in given]), self.states)
-        load = np.concatenate([row[2] for row in given])
-        return TakenRows(generation, self._beside(*self.wall[:, wall]), state, load)
 
     def _history(self, agents: Ints) -> TakenHistory:
         """Return what was taken, by generation, then by place in the body and state."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -13,6 +12,8 @@ from pydantic import Field
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.results.stored import Column
 from kaju.model.scene.cell_types import AIR, DISPLACED
+
+from .transfer import Transfer
 
 
 @dataclass(frozen=True)
@@ -59,14 +60,16 @@ class StateCourse:
 
     name: str
     meaning: str
+    """What it means, in words."""
     default: bool | int | float  # the value of who has no row yet
+    agents: Annotated[int, Field(ge=0)]  # how many there are
     generation: Annotated[Ints, Column("changes", 0)]  # after which the value holds
     agent: Annotated[Ints, Column("changes", 0, "agents")]  # row of `Stage.cells`
     value: Annotated[Floats, Column("changes")]
 
-    def values(self, spawn_step: Ints, generation: int | None = None) -> NDArray[Any]:
-        """Return the value of every agent after a generation; None: after the last."""
-        found = np.full(len(spawn_step), self.default, dtype=np.float64)
+    def values(self, generation: int | None = None) -> NDArray[Any]:
+        """Return the value of every agent after a generation, shape (agents,); None: the last."""
+        found = np.full(self.agents, self.default, dtype=np.float64)
         rows = slice(None) if generation is None else self.generation <= generation
         found[self.agent[rows]] = self.value[rows]  # rows are in order: the last one stands
         return found.astype(type(self.default))
@@ -128,26 +131,12 @@ class Stage:
     states: tuple[StateCourse, ...] = ()  # what agents of your own declare
 
 
-class TakenRows(NamedTuple):
-    """Loads taken, by generation, cell and state, and their sums (N)."""
-
-    generation: Ints
-    key: Ints  # cell, as `Lattice.key` counts
-    state: Ints
-    load: Floats
-
-    @classmethod
-    def joined(cls, parts: Iterable[TakenRows]) -> TakenRows:
-        """Put parts one after another."""
-        none = np.empty(0, dtype=np.int64)
-        columns = zip(cls(none, none, none, np.empty(0)), *parts, strict=True)
-        return cls(*(np.concatenate(column) for column in columns))
-
-
-def history_of(record: Iterable[TakenRows], key: Ints, directions: int) -> TakenHistory:
-    """Return the loads taken as a history of agents, whose cells are `key`."""
-    taken = TakenRows.joined(record)
-    order = np.argsort(key)
-    agent = order[np.searchsorted(key, taken.key, sorter=order)]
-    pull, direction = np.divmod(taken.state, directions)
-    return TakenHistory(taken.generation, agent, direction, taken.load, pull > 0)
+def totals_of(
+    transfer: Transfer, cells: Ints, material: Ints, kept: Floats, passed: Floats, dropped: Floats
+) -> Totals:
+    """Return what agents have done that yield as their material does."""
+    modulus = np.array([each.youngs_modulus for each in transfer.materials])[material]
+    widening = np.array([shares.widening for shares in transfer.shares])[material]
+    shortened = kept / (transfer.cross_section * modulus[:, None])
+    widened = shortened * widening[:, None]
+    return Totals(cells, material, kept, shortened, widened, passed, dropped)

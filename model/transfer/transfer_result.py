@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
@@ -49,23 +48,6 @@ NO_EQUILIBRIUM = (
     "the prescribed rule keeps no equilibrium: forces do not balance, and its displacements may be "
     'hardly better than no answer at all; rule = { kind = "elastic" } gives those of the body'
 )
-
-
-@dataclass(frozen=True)
-class AgentState:
-    """What the agents of a stage know, after any generation."""
-
-    course: StateCourse
-    stage: Stage
-
-    @property
-    def meaning(self) -> str:
-        """What it means, in words."""
-        return self.course.meaning or self.course.name
-
-    def values(self, generation: int | None = None) -> NDArray[Any]:
-        """Return the value of every agent after a generation, shape (agents,); None: the last."""
-        return self.course.values(self.stage.spawn_step, generation)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,6 +97,8 @@ class TransferResult(BodyResult):
                 )
             if len(np.unique(self.scene.lattice.key(stage.cells))) < len(stage.cells):
                 raise ResultError("two agents are in one cell")
+            if any(course.agents != len(stage.cells) for course in stage.states):
+                raise ResultError("its states are of more or fewer agents")
             if not np.array_equal(self.scene.kinds(stage.cells), stage.material):
                 raise ResultError("its agents are of other materials than the scene's cells")
 
@@ -134,10 +118,9 @@ class TransferResult(BodyResult):
         return (*super().films, *self.states)
 
     @cached_property
-    def states(self) -> dict[str, AgentState]:
+    def states(self) -> dict[str, StateCourse]:
         """The states (`kaju.State`) of the agents of the last stage, by name."""
-        stage = self.last
-        return {course.name: AgentState(course, stage) for course in stage.states}
+        return {course.name: course for course in self.last.states}
 
     @property
     def focus(self) -> Ints:

@@ -304,7 +304,7 @@ def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     most = "page.look.colour = 'state loads', Math.max(...page.values().filter((v) => v >= 0))"
     for generation in (stage.generations, 3, 1):
         page.js(f"page.seek({generation})")
-        assert page.js(most) == max(course.values(stage.spawn_step, generation))
+        assert page.js(most) == max(course.values(generation))
     page.js("page.seek(Infinity)")
     page.js(f"page.pick(page.run.lattice.key({[int(i) for i in stage.cells[0]]}))")
     page.js("page.draw()")

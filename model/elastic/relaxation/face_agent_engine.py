@@ -131,7 +131,6 @@ class AgentPushEngine(PushEngine):
         table, state, holding = self.table, self.state, self.table.holding
         faces = table.levels[0].size
         cells = holding.cells + table.origin
-        kinds = table.grid.kinds(cells)
         for number in np.flatnonzero(holding.first(state.place_step)).tolist():
             if number in self.supports:
                 continue
@@ -140,7 +139,8 @@ class AgentPushEngine(PushEngine):
                 for place, part in _row(holding.links, number)
             )
             cell = self._cell("support", *cells[number].tolist())
-            agent = SupportAgent(self.model, cell, int(kinds[number]), state.levels[0], held)
+            agent = SupportAgent(self.model, cell)
+            agent.faces, agent.held = state.levels[0], held
             agent.spawn_step = max(state.generation, 1)
             self.supports[number] = agent
 

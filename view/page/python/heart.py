@@ -17,9 +17,9 @@ from kaju.model.transfer import agent_engine, load_model, transfer
 
 WHOLE: tuple[Any, ...] = (
     errors.KajuError, errors.ParameterError, errors.AgentError, stepping.chosen,
-    shares.Load, shares.Emission, shares.Split, shares.Emissions, shares.Lateral,
+    shares.Load, shares.Emission, shares.Emissions, shares.Lateral,
     shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
-    parameter.Parameter, parameter.State, material_agent.Amounts, material_agent.LoadBox,
+    parameter.Declaration, parameter.Parameter, parameter.State, material_agent.Amounts, material_agent.LoadBox,
     material_agent.PlacedAgent, material_agent.MaterialAgent, material_agent._is_pull,
     boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
     boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -38,59 +37,56 @@ if TYPE_CHECKING:
     from kaju.model.results.result import Result
     from kaju.model.scene import Scene
 
+    from .output import Folder
+
 # What options can be, for the shell to complete.
 Measure = StrEnum("Measure", "force stress strain energy")
 GrowthRule = StrEnum("GrowthRule", "compliance remodelling stress")
 
 
-@dataclass(frozen=True)
-class Task:
-    """What a verb is to do: with which scene, where its results go, and what it prints."""
+class Task(NamedTuple):
+    """What a verb computes: a scene of a file, and where it says what it does."""
 
     file: Path
     scene: Scene
-    folder: Path
     console: Console
-    pictures: Drawn
-    force: bool
-
-    def write(self, compute: Callable[[], Result]) -> Result:
-        """Compute a result, print its key figures and write its folder.
-
-        After Ctrl-C (exit code 130), or a missed tolerance, what there is is written without
-        pictures.
-        """
-        from kaju.model.results.result import Result
-
-        from .output import Folder
-
-        console, target = self.console, Folder(self.folder, self.force)
-        try:
-            result = compute()
-        except KeyboardInterrupt as stop:
-            best = best_of(stop, Result)
-            console.figures(best.summary())
-            console.files(target.write(best, "none"))
-            typer.echo(f"{NOTE}; it is in {target.path}", err=True)
-            raise typer.Exit(130) from None
-        except ConvergenceError as error:
-            if isinstance(error.best, Result):
-                console.files(target.write(error.best, "none"))
-            raise
-        console.figures(result.summary())
-        console.files(target.write(result, self.pictures))
-        if self.pictures is not Drawn.none:
-            console.say(f"look first at {target.path / result.pictures[0]}.png")
-        return result
 
 
-def of_a_scene(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def written(
+    console: Console, target: Folder, pictures: Drawn, compute: Callable[[], Result]
+) -> Result:
+    """Compute a result, print its key figures and write its folder.
+
+    After Ctrl-C (exit code 130), or a missed tolerance, what there is goes without pictures.
+    """
+    from kaju.model.results.result import Result
+
+    try:
+        result = compute()
+    except KeyboardInterrupt as stop:
+        best = best_of(stop, Result)
+        console.figures(best.summary())
+        console.files(target.write(best, "none"))
+        typer.echo(f"{NOTE}; it is in {target.path}", err=True)
+        raise typer.Exit(130) from None
+    except ConvergenceError as error:
+        if isinstance(error.best, Result):
+            console.files(target.write(error.best, "none"))
+        raise
+    console.figures(result.summary())
+    console.files(target.write(result, pictures))
+    if pictures is not Drawn.none:
+        console.say(f"look first at {target.path / result.pictures[0]}.png")
+    return result
+
+
+def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., None]]:
     """Let a function of a `Task` and of options of its own be a verb, with the options of all.
 
     `ending`: what the folder of its results is called behind the scene's name.
     """
 
-    def verb(do: Callable[..., None]) -> Callable[..., None]:
+    def verb(do: Callable[..., Result]) -> Callable[..., None]:
         def command(
             scene: SceneFile,
             out: Out = None,
@@ -102,10 +98,12 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., None]], Callable[..., Non
             quiet: Quiet = False,
             **own: Any,
         ) -> None:
-            console, described = Console(as_json, quiet), scene_of(scene, settings)
+            from .output import Folder
+
+            task = Task(scene, scene_of(scene, settings), Console(as_json, quiet))
             folder = out or Path(f"{'scene' if scene.stem == '-' else scene.stem}-{ending}")
             drawn = Drawn.none if no_pictures else pictures
-            do(Task(scene, described, folder, console, drawn, force), **own)
+            written(task.console, Folder(folder, force), drawn, lambda: do(task, **own))
 
         # Typer reads the options of all and the verb's own from one signature.
         shared = list(signature(command, eval_str=True).parameters.values())[:-1]
@@ -138,11 +136,13 @@ def demo(
     from kaju.model.scene import Scene
     from kaju.model.transfer.load_transfer import LoadTransfer
 
+    from .output import Folder
+
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
     drawn = Drawn.none if no_pictures else pictures
     scene = Scene.from_toml(worked_plate())
-    task = Task(Path("plate.toml"), scene, folder, console, drawn, force)
-    result = task.write(lambda: _run_agents(scene, console))
+    place = Folder(folder, force)
+    result = written(console, place, drawn, lambda: _run_agents(scene, console))
     if drawn is not Drawn.none:
         from kaju.view import animate
         from kaju.view.page import export_page
@@ -161,14 +161,14 @@ def run(
         bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
     ] = False,
     resolution: Resolution = None,
-) -> None:
+) -> Any:
     """Let the agents of a scene act, by its rule, until no load moves any more.
 
     Writes summary.json, result.npz and pictures. An elastic rule's order, share, threshold
     and tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
     """
     scene = task.scene if resolution is None else task.scene.refine(resolution)
-    task.write(lambda: _run_agents(scene, task.console, allow_unstable))
+    return _run_agents(scene, task.console, allow_unstable)
 
 
 THE_RULE = """\
@@ -207,23 +207,17 @@ def solve(
         float | None, share("Relative error in the energy norm to keep; 0.01 or 1%.")
     ] = None,
     at: Places = None,
-) -> None:
+) -> Any:
     """Solve a scene as linear elasticity, whatever its rule.
 
     Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
     without one the scene's own cells are solved.
     """
+    from kaju.model.study.solving import solve as solve_scene
 
-    def answer() -> Result:
-        from kaju.model.study.solving import solve as solve_scene
-
-        found: Result = solve_scene(
-            task.scene, tolerance, resolution=resolution, goal=places_of(at)
-        )
-        task.console.say("solved as linear elasticity")
-        return found
-
-    task.write(answer)
+    found: Result = solve_scene(task.scene, tolerance, resolution=resolution, goal=places_of(at))
+    task.console.say("solved as linear elasticity")
+    return found
 
 
 def seconds(help: str) -> Any:
@@ -240,7 +234,7 @@ def creep(
     duration: Annotated[
         float | None, seconds("How long; as long as the history unless given.")
     ] = None,
-) -> None:
+) -> Any:
     """Let a scene creep under its history: its materials give, flow, and recover.
 
     Writes summary.json, result.npz and pictures: displacement, stress and energies over time,
@@ -253,29 +247,25 @@ def creep(
             if hold is None
             else "--hold: the scene has a [history] of its own, so leave this out"
         )
+    import tomllib
 
-    def answer() -> Result:
-        import tomllib
+    from kaju.agents.elastic_rule import ElasticRule
+    from kaju.agents.rules import PrescribedRule
+    from kaju.model.rheology.creeping import creep as let_creep
+    from kaju.model.rheology.load_history import History
 
-        from kaju.agents.elastic_rule import ElasticRule
-        from kaju.agents.rules import PrescribedRule
-        from kaju.model.rheology.creeping import creep as let_creep
-        from kaju.model.rheology.load_history import History
-
-        history = History.step().hold(hold) if hold is not None else scene.history
-        # A rule that nobody wrote is none: the body creeps as an elastic one.
-        unsaid = scene.rule == PrescribedRule() and scene.lattice.boxes
-        if unsaid and not (task.file.is_file() and "rule" in tomllib.loads(task.file.read_text())):
-            body = scene.replace(rule=ElasticRule())
-        else:
-            body = scene
-        found = let_creep(body, history, duration)
-        task.console.say(f"the body of the {body.rule.kind} rule in time")
-        if not any(material.rheology for material in scene.cell_materials):
-            task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
-        return found
-
-    task.write(answer)
+    history = History.step().hold(hold) if hold is not None else scene.history
+    # A rule that nobody wrote is none: the body creeps as an elastic one.
+    unsaid = scene.rule == PrescribedRule() and scene.lattice.boxes
+    if unsaid and not (task.file.is_file() and "rule" in tomllib.loads(task.file.read_text())):
+        body = scene.replace(rule=ElasticRule())
+    else:
+        body = scene
+    found = let_creep(body, history, duration)
+    task.console.say(f"the body of the {body.rule.kind} rule in time")
+    if not any(material.rheology for material in scene.cell_materials):
+        task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
+    return found
 
 
 @of_a_scene("broken")
@@ -294,25 +284,21 @@ def break_(
     scatter: Annotated[float | None, share("How far strengths scatter; 0.1 unless given.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the strengths.")] = 0,
     most: Annotated[int | None, typer.Option(min=1, help="End after so many breaks.")] = None,
-) -> None:
+) -> Any:
     """Load a body until it parts: its cells break, one at a time; of hexagons the springs.
 
     The scene's loads are scaled to each next break. Writes summary.json, result.npz and
     pictures: the crack, load and displacement, avalanches. `kaju animate` makes a film of the
     folder.
     """
+    from kaju.model.fracture.fracture_model import FractureModel
 
-    def answer() -> Result:
-        from kaju.model.fracture.fracture_model import FractureModel
-
-        how: dict[str, Any] = {"measure": measure and measure.value}
-        how["scatter"] = 0.1 if scatter is None else scatter
-        broken = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how)
-        result = broken.run()
-        task.console.say(f"{result.parts}s of the body break: {result.outcome}")
-        return result
-
-    task.write(answer)
+    how: dict[str, Any] = {"measure": measure and measure.value}
+    how["scatter"] = 0.1 if scatter is None else scatter
+    broken = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how)
+    result = broken.run()
+    task.console.say(f"{result.parts}s of the body break: {result.outcome}")
+    return result
 
 
 @of_a_scene("grown")
@@ -332,19 +318,15 @@ def grow(
         float, typer.Option(help="Cells over which compliance averages.", min=0.0)
     ] = 2.4,
     steps: Annotated[int, typer.Option(min=1, help="End after so many steps.")] = 100,
-) -> None:
+) -> Any:
     """Let a body grow where it carries and fade where it does not.
 
     Every cell of material has a density, which changes step by step. Writes summary.json,
     result.npz and pictures: the design and its history. `kaju animate` makes a film of the folder.
     """
+    from kaju.model.growth.growth_model import GrowthModel
 
-    def answer() -> Result:
-        from kaju.model.growth.growth_model import GrowthModel
-
-        how: dict[str, Any] = {"rule": rule.value, "volume": 0.5 if volume is None else volume}
-        grown = GrowthModel(task.scene, filter_radius=radius, most_steps=steps, **how).run()
-        task.console.say(f"cells grow by the rule of {rule}: {grown.outcome}")
-        return grown
-
-    task.write(answer)
+    how: dict[str, Any] = {"rule": rule.value, "volume": 0.5 if volume is None else volume}
+    grown = GrowthModel(task.scene, filter_radius=radius, most_steps=steps, **how).run()
+    task.console.say(f"cells grow by the rule of {rule}: {grown.outcome}")
+    return grown

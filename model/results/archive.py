@@ -13,51 +13,83 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.errors import KajuError, ResultFileError
+from kaju.errors import KajuError, ResultError, ResultFileError
 from kaju.files import atomic_file, file_to_read
+
+from .stored import put_together, taken_apart
 
 FORMAT = 4  # version of the files; others are refused
 PACKED_AT_MOST, SMALL = 200, 1 << 24  # limit of unpacked over packed size, past so many bytes
 QUICK = 1  # level of compression: the usual 6 takes three times as long for 2 % less
 
 
-class Archive(NamedTuple):
-    """The contents of a file."""
+class Stored:
+    """What is kept in one file: a dataclass of which every field says how."""
 
-    arrays: dict[str, NDArray[Any]]
-    about: dict[str, Any]
+    kind: ClassVar[str]
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads results.
+
+        Raises
+        ------
+        ResultError
+            If agents of your own have left something that no result can hold, such as NaN.
+        ResultFileError
+            If the file cannot be written.
+        """
+        target = Path(path)
+        if target.suffix != ".npz":
+            target = target.with_name(target.name + ".npz")
+        try:
+            arrays, text = taken_apart(self)
+        except ResultFileError:
+            raise
+        except ResultError as error:
+            raise ResultError(
+                f"save: this result could not be read again, so it is not written: {error}"
+            ) from error
+        label = {"kind": self.kind, "format": FORMAT, "kaju_version": __version__}
+        described = np.frombuffer(json.dumps(label | text).encode(), dtype=np.uint8)
+        with (
+            atomic_file(target, ResultFileError) as scratch,
+            zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED, compresslevel=QUICK) as archive,
+        ):
+            for name, array in {"json": described, **arrays}.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                    np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
+        return target
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, is damaged, or holds something else.
+        """
+        arrays, about = open_archive(path)
+        if about["kind"] != cls.kind:
+            raise ResultFileError(
+                f"{path}: holds a result of kind {about['kind']!r}, not of {cls.kind!r}"
+            )
+        with reading(path):
+            found: Self = put_together(cls, arrays, about)
+        return found
 
 
-def write_archive(
-    path: str | Path, kind: str, arrays: dict[str, NDArray[Any]], text: dict[str, Any]
-) -> Path:
-    """Write arrays, and what JSON can hold, to an ``.npz`` file of a kind, whole or not at all."""
-    target = Path(path)
-    if target.suffix != ".npz":
-        target = target.with_name(target.name + ".npz")
-    labelled = {"kind": kind, "format": FORMAT, "kaju_version": __version__, **text}
-    described = np.frombuffer(json.dumps(labelled).encode(), dtype=np.uint8)
-    with (
-        atomic_file(target, ResultFileError) as scratch,
-        zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED, compresslevel=QUICK) as archive,
-    ):
-        for name, array in {"json": described, **arrays}.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
-                np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
-    return target
-
-
-def open_archive(path: str | Path, kind: str | None = None) -> Archive:
-    """Read a file that `write_archive` wrote, of a kind or of any."""
+def open_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return the arrays of a file that `save` wrote, every one read to its end, and the rest."""
     file = Path(path)
     try:
-        arrays = unpacked(file)
+        arrays = _unpacked(file)
         about = json.loads(arrays.pop("json").tobytes().decode())
     except ResultFileError:
         raise
@@ -71,13 +103,11 @@ def open_archive(path: str | Path, kind: str | None = None) -> Archive:
             f"{about.get('format')!r} of the format, and kaju {__version__} reads {FORMAT}: read "
             "it with that kaju, or compute it again"
         )
-    if kind not in (None, about["kind"]):
-        raise ResultFileError(f"{file}: holds a result of kind {about['kind']!r}, not of {kind!r}")
-    return Archive(arrays, about)
+    return arrays, about
 
 
-def unpacked(file: Path) -> dict[str, NDArray[Any]]:
-    """Return all arrays, every one read to its end, where the checksum is."""
+def _unpacked(file: Path) -> dict[str, NDArray[Any]]:
+    """Return all arrays, read to where the checksum is."""
     with zipfile.ZipFile(file_to_read(file, ResultFileError)) as archive:
         entries = archive.infolist()
         whole, packed = sum(entry.file_size for entry in entries), file.stat().st_size

@@ -17,11 +17,8 @@ from .result import Result
 def load_result(path: str | Path) -> Result:
     """Read a result that some result's `save` wrote.
 
-    Parameters
-    ----------
-    path : path
-        An ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces with
-        ``result.xdmf``.
+    `path`: an ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces
+    with ``result.xdmf``.
 
     Raises
     ------
@@ -30,18 +27,9 @@ def load_result(path: str | Path) -> Result:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from kaju import LoadModel, Scene, load_result
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = LoadModel(scene).run().save(Path(folder) / "plate.kaju")
-    ...     load_result(path).last.generations
-    ...
+    >>> import kaju
+    >>> result = kaju.LoadModel(kaju.load_scene("plate.toml")).run()
+    >>> kaju.load_result(result.save("plate.kaju")).last.generations
     8
     """
     file = Path(path)
@@ -49,7 +37,7 @@ def load_result(path: str | Path) -> Result:
         return cast(Result, fetch(KINDS["elasticity in pieces"].result).load(file))
     if is_there(file) and file.is_dir():
         file = file / "result.npz"
-    kind = open_archive(file).about["kind"]
+    kind = open_archive(file)[1]["kind"]
     if kind in KINDS:
         return cast(Result, fetch(KINDS[kind].result).load(file))
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")

@@ -7,19 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import isfinite
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError, ResultFileError
+from kaju.errors import ResultError
 from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
-from .archive import open_archive, reading, write_archive
+from .archive import Stored
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
-from .stored import put_together, taken_apart
 
 if TYPE_CHECKING:
     import pandas
@@ -57,46 +55,30 @@ class Check(NamedTuple):
         return self.off <= self.allowed
 
 
-class Result:
-    """The base class of all answers of kaju.
-
-    Printed, a result shows its key figures.
-
-    Attributes
-    ----------
-    kind : str
-        Which kind of answer it is; stored results have it as a label.
-    seconds : float
-        Time that the computation took (s).
-    pictures, films : tuple of str
-        What `kaju.plot` and `kaju.animate` can draw of it, the usual one first.
+class Result(Stored):
+    """The base class of all answers of kaju; printed, it shows its key figures.
 
     Examples
     --------
-    >>> from kaju import LoadModel, Result, Scene
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> result = LoadModel(scene).run()
-    >>> isinstance(result, Result), result.kind
+    >>> import kaju
+    >>> result = kaju.LoadModel(kaju.load_scene("plate.toml")).run()
+    >>> isinstance(result, kaju.Result), result.kind
     (True, 'load transfer')
     >>> result.pictures[:3]
     ('agents', 'loads', 'deformed')
     """
 
-    kind: ClassVar[str]
     seconds: float
+    """Time that the computation took (s)."""
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Names of its pictures, the default first."""
+        """Names of what `kaju.plot` draws of it, the usual one first."""
         return tuple(KINDS[self.kind].pictures)
 
     @property
     def films(self) -> tuple[str, ...]:
-        """Names of its animations, the default first."""
+        """Names of what `kaju.animate` makes of it, the usual one first."""
         return tuple(KINDS[self.kind].films)
 
     @property
@@ -118,50 +100,12 @@ class Result:
         Examples
         --------
         >>> import kaju
-        >>> plate = kaju.Scene(
-        ...     body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
-        ...     sides={"bottom": "rigid"},
-        ...     loads=[{"side": "top", "force": [0.0, -1.0]}],
-        ... )
-        >>> [(check.what, check.holds) for check in kaju.solve(plate).checks()]
+        >>> answer = kaju.solve(kaju.load_scene("plate.toml"))
+        >>> [(check.what, check.holds) for check in answer.checks()]
         [('supports bear the loads', True)]
 
         """
         return []
-
-    def save(self, path: str | Path) -> Path:
-        """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads it again.
-
-        Raises
-        ------
-        ResultError
-            If agents of your own have left something that no result can hold, such as NaN.
-        ResultFileError
-            If the file cannot be written.
-        """
-        try:
-            parts = taken_apart(self)
-        except ResultFileError:
-            raise
-        except ResultError as error:
-            raise ResultError(
-                f"save: this result could not be read again, so it is not written: {error}"
-            ) from error
-        return write_archive(path, self.kind, *parts)
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a result that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, is damaged, or holds something else.
-        """
-        archive = open_archive(path, cls.kind)
-        with reading(path):
-            found: Self = put_together(cls, *archive)
-        return found
 
     def __repr__(self) -> str:
         figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
@@ -239,19 +183,10 @@ class BodyResult(Result):
     def profile(
         self, start: Sequence[float], end: Sequence[float], count: int = 101
     ) -> pandas.DataFrame:
-        """Return displacement and stress along a line.
+        """Return displacement and stress along a line between two points (m).
 
-        Parameters
-        ----------
-        start, end : sequence of float
-            Points (m) at its ends.
-        count : int
-            Number of points, evenly spaced; those outside of the body are left out.
-
-        Returns
-        -------
-        DataFrame
-            One row per point, with its distance from `start` (m).
+        Of `count` points, evenly spaced, each in the body has a row, with its distance from `start`
+        (m).
 
         Raises
         ------
@@ -278,41 +213,28 @@ class BodyResult(Result):
     def cuts(self, axis: str | None = None) -> Cuts:
         """Return the force through every cut across an axis, and what it would have to be.
 
-        The prescribed rule shows how a pattern emerges, it does not keep equilibrium: what its
-        agents keep does not hold up what lies on them. Elasticity does, at every cut, as far as
-        its equations are solved.
+        There is one a layer of cells, or of agents where these are larger. What agents of the
+        prescribed rule keep does not hold up what lies on them; elasticity is in equilibrium at
+        every cut, as far as its equations are solved.
 
         Parameters
         ----------
         axis : {"x", "y", "z"}, optional
             Across which the body is cut; the one along which the loads press most unless given.
 
-        Returns
-        -------
-        Cuts
-            One cut a layer of cells, or of agents where these are larger.
-
         Raises
         ------
         ParameterError
-            If there is no such axis, or cells do not lie in layers across it (hexagons do
-            across y).
+            If there is no such axis, or cells do not lie in layers across it (hexagons: only y).
         ResultError
             If the body has more than five million cells.
 
         Examples
         --------
-        >>> from kaju import LoadModel, Scene, solve
-        >>> column = Scene(
-        ...     body={"cell_size": 0.01, "cells": [1, 3], "material": "steel"},
-        ...     sides={"bottom": "rigid"},
-        ...     loads=[{"side": "top", "force": [0.0, -1.0]}],
-        ...     rule={"kind": "prescribed", "alpha": [0.5, 0.5, 0.0], "beta": 1.0},
-        ... )
-        >>> LoadModel(column).run().cuts().carried.round(4)
-        array([0.1875, 0.2812, 0.5234])
-        >>> solve(column).cuts().carried.round(9)
-        array([1., 1., 1.])
+        >>> import kaju
+        >>> cuts = kaju.solve(kaju.load_scene("plate.toml")).cuts()
+        >>> cuts.carried[[0, -1]].round(9)  # N: what lies on them is held up
+        array([2., 2.])
 
         """
         scene = solved_scene(self)

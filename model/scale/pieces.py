@@ -30,9 +30,8 @@ from kaju.errors import (
 )
 from kaju.files import hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
-from kaju.model.results.archive import open_archive, reading, write_archive
+from kaju.model.results.archive import Stored, reading
 from kaju.model.results.result import BodyResult, cells_of_points
-from kaju.model.results.stored import put_together, taken_apart
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -64,8 +63,10 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class _Whole:
+class Whole(Stored):
     """What is stored of all pieces together."""
+
+    kind: ClassVar[str] = "pieces"
 
     scene: Scene
     stage: int | None
@@ -193,8 +194,7 @@ class PiecedResult(BodyResult):
         """Write what all pieces have in common, and give the folder its name."""
         try:
             (place / INDEX).write_text(_index(place, boxes, self.grid), encoding="utf-8")
-            whole = _Whole(self.scene, self.stage, self.figures, boxes)
-            write_archive(place / SCENE, "pieces", *taken_apart(whole))
+            Whole(self.scene, self.stage, self.figures, boxes).save(place / SCENE)
             move_into_place(place, target)
         except OSError as error:
             raise ResultFileError(f"{target}: cannot be written: {error}") from error
@@ -204,9 +204,8 @@ class PiecedResult(BodyResult):
         """Open a folder that `save` wrote; pieces are read when they are asked for."""
         folder = Path(path)
         folder = folder.parent if folder.is_file() else folder
-        archive = open_archive(folder / SCENE, "pieces")
+        whole = Whole.load(folder / SCENE)
         with reading(folder):
-            whole: _Whole = put_together(_Whole, *archive)
             scene = whole.scene
             pieces = [_stored(folder, rank, *box) for rank, box in enumerate(whole.boxes)]
             known = len(scene.cell_materials)

@@ -245,7 +245,7 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
 def load_answer(path: str | Path) -> Any:
     """Read a saved result or reference, whichever a file or a result's folder holds."""
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
-    if open_archive(source).about["kind"] == "reference":
+    if open_archive(source)[1]["kind"] == "reference":
         return Reference.load(source)
     return _comparable(load_result(source))
 

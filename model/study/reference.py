@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, ResultError
-from kaju.model.results.archive import open_archive, reading, write_archive
-from kaju.model.results.stored import Column, put_together, taken_apart
+from kaju.model.results.archive import Stored
+from kaju.model.results.stored import Column
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -27,7 +26,7 @@ _SAME_PLACE = 1e-7  # distance within which points are the same, as a share of t
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class Reference(Stored):
     """Displacement and stress at points.
 
     Parameters
@@ -64,6 +63,7 @@ class Reference:
     0.091
     """
 
+    kind: ClassVar[str] = "reference"
     points: Annotated[Floats, Column("points dimension")]
     displacement: Annotated[Floats, Column("points dimension")]
     stress: Annotated[Floats, Column("points dimension dimension")] | None = None
@@ -147,21 +147,3 @@ class Reference:
                 f"own {len(self.points)}"
             )
         return rows
-
-    def save(self, path: str | Path) -> Path:
-        """Write the reference to one ``.npz`` file, from which `load` reads it again."""
-        return write_archive(path, "reference", *taken_apart(self))
-
-    @staticmethod
-    def load(path: str | Path) -> Reference:
-        """Read a reference that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, or holds something else.
-        """
-        archive = open_archive(path, "reference")
-        with reading(path):
-            found: Reference = put_together(Reference, archive.arrays, archive.about)
-            return found

@@ -114,7 +114,7 @@ class ElementReference(Reference):
     """
 
     field: ElementField | None = None  # the elements' own unknowns
-    load = Reference.load
+    load = Reference.load  # type: ignore[assignment]
 
     def displacement_at(self, points: ArrayLike) -> Floats:
         """Return the displacement (m) at points (m) of the body, both (n, dimension)."""

@@ -211,8 +211,7 @@ def _last_of(first: Ints, count: int) -> Ints:
 def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints, Flags]:
     """Return the distance along an axis to the first cell beyond the body, and if that holds.
 
-    The stride of the walk doubles, so long lines cost few calls; a full box of squares or cubes
-    is crossed in one.
+    The stride of the walk doubles: long lines cost few calls, a full box of squares or cubes one.
     """
     lattice = scene.lattice
     if scene.uniform and lattice.boxes:
@@ -220,26 +219,16 @@ def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints
         steps = lattice.shape[axis] - place if sense > 0 else place + 1
         beyond = scene.kinds(lattice.along(cells, axis, sense * steps))
         return steps, (beyond == RIGID) | (beyond == ROLLER)
-    steps = np.zeros(len(cells), dtype=np.int64)
-    kind = np.zeros(len(cells), dtype=np.int64)
-    walking = np.arange(len(cells))
-    reach = 1
+    steps, kind = np.zeros((2, len(cells)), dtype=np.int64)
+    walking, reach = np.arange(len(cells)), 1
     while len(walking):
-        batch = max(1, _MOST_AT_ONCE // reach)
-        still = []
-        for part in np.split(walking, range(batch, len(walking), batch)):
-            count = steps[part, None] + np.arange(1, reach + 1)
-            reached = lattice.along(
-                np.repeat(cells[part], reach, axis=0), axis, sense * count.ravel()
-            )
-            kinds = scene.kinds(reached).reshape(count.shape)
-            outside = kinds < 0
-            found = outside.any(axis=1)
-            nearest = np.argmax(outside, axis=1)
-            rows = np.arange(len(part))
-            steps[part] = np.where(found, count[rows, nearest], count[:, -1])
-            kind[part[found]] = kinds[rows, nearest][found]
-            still.append(part[~found])
-        walking = np.concatenate(still)
-        reach = min(2 * reach, 4096)
+        count = steps[walking, None] + np.arange(1, reach + 1)
+        reached = np.repeat(cells[walking], reach, axis=0)
+        kinds = scene.kinds(lattice.along(reached, axis, sense * count.ravel()))
+        kinds = kinds.reshape(count.shape)
+        found = (kinds < 0).any(axis=1)
+        first = np.arange(len(walking)), np.where(found, np.argmax(kinds < 0, axis=1), reach - 1)
+        steps[walking], kind[walking] = count[first], kinds[first]
+        walking = walking[~found]
+        reach = min(2 * reach, max(1, _MOST_AT_ONCE // max(len(walking), 1)))
     return steps, (kind == RIGID) | (kind == ROLLER)

@@ -18,7 +18,7 @@ from kaju.agents.own_agents import own_classes
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.description import TABLES
 from kaju.model.stepped_model import SteppedModel
@@ -76,24 +76,6 @@ class LoadModel(SteppedModel):
         Numbers of the scene's rule to replace, such as ``threshold=0.001``, and values of the
         parameters that your agents declare; see `kaju.Parameter`.
 
-    Attributes
-    ----------
-    generation : int
-        Steps taken in the current stage.
-    certificate : Certificate
-        Whether loads will end, as far as it is known before the run; it is not known for agents of
-        your own.
-    parameters : dict
-        Values of the parameters that your agents declare, by name.
-    agents : mesa AgentSet
-        The agents that are awake; an error where they are rows of arrays.
-    space : mesa.discrete_space grid or None
-        Where the agents are, with the coordinates of the scene; cells are made when they are asked
-        for. None where agents are rows of arrays.
-    datacollector : mesa.DataCollector
-        After every step: stage, generation, number of material agents, loads taken so far
-        in the stage, given back by boundaries, and waiting (N).
-
     Raises
     ------
     StabilityError
@@ -105,13 +87,8 @@ class LoadModel(SteppedModel):
 
     Examples
     --------
-    >>> from kaju import LoadModel, Scene
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> model = LoadModel(scene)
+    >>> import kaju
+    >>> model = kaju.LoadModel(kaju.load_scene("plate.toml"))
     >>> model.step()
     >>> result = model.run()
     >>> result.last.generations, round(result.last.ledger.taken, 3)
@@ -138,12 +115,11 @@ class LoadModel(SteppedModel):
         SteppedModel.__init__(self, rng, seed, **kept)
         kwargs = numbers_of(scenario) | kwargs
         scene_needed(scene)
-        if not (order is None or callable(order)):
-            raise ParameterError(
-                f"order: a function of the agents for which loads wait is needed, got {order!r:.60}"
-            )
+        rule_of_order = "order: a function of the agents for which loads wait is needed"
+        require(order is None or callable(order), f"{rule_of_order}, got {order!r:.60}")
         classes = own_classes(material_agent, boundary_agents)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
+        """Values of the parameters that your agents declare, by name."""
         usual = material_agent is MaterialAgent
         self._own: dict[str, Any] = {
             "material_agent": None if usual else material_agent,
@@ -170,6 +146,7 @@ class LoadModel(SteppedModel):
         self.scene, self.lattice, self.order = scene, scene.lattice, order
         self.allow_unstable, self.max_generations = allow_unstable, max_generations
         self.course.parameters, self.certificate = self.parameters, self.course.certificate
+        """Whether loads will end, as far as is known before the run (not of agents of your own)."""
         self.engine: AgentEngine | ArrayEngine = self.course.engine
         self.transfer = transfer = self.course.transfer
         self.threshold, self.accumulate = transfer.rule.threshold, transfer.rule.accumulate
@@ -191,11 +168,7 @@ class LoadModel(SteppedModel):
         course.seconds += perf_counter() - began
 
     def step(self) -> None:
-        """Let all agents act that have loads to take, or those that the order chooses.
-
-        Each takes its loads, keeps a share and passes the others on. Boundaries give back, and
-        loads arrive, when this has ended.
-        """
+        """Let agents take their loads; then boundaries give back, and loads arrive."""
         self.engine.act(self.order)
 
     def run(self, until: Until | None = None, progress: bool | None = None) -> TransferResult:
@@ -282,7 +255,7 @@ class LoadModel(SteppedModel):
 
     @property
     def space(self) -> Any:
-        """Mesa's space of the scene's cells; None with arrays."""
+        """Mesa's space of the scene's cells, made when they are asked for; None with arrays."""
         return self.engine.space if isinstance(self.engine, AgentEngine) else None
 
     @property
@@ -317,11 +290,7 @@ class LoadModel(SteppedModel):
     def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
         """Hand a load to the neighbour over an arm, which takes it in the next step.
 
-        Raises
-        ------
-        AgentError
-            If there is no such arm, or it is no load: finite and not negative, of a known
-            direction and sense.
+        What is no load, or has no such arm, is an `AgentError`.
         """
         self._objects().hand_over(sender, arm, load)
 
@@ -341,11 +310,7 @@ def numbers_of(scenario: Any) -> dict[str, Any]:
 def keywords_into(
     scene: Scene, classes: Iterable[type], given: Mapping[str, Any], model: type, own_rule: bool
 ) -> tuple[Scene, dict[str, Any]]:
-    """Return the scene with numbers of its rule replaced, and the agents' parameters.
-
-    Parameters belong to own `classes` of agents, and none may be called as an argument of `model`
-    is; with `own_rule` another rule stands in for the scene's.
-    """
+    """Return the scene with numbers of its rule replaced, and the parameters of `classes`."""
     parameters = declared(classes, Parameter)
     if not (parameters or given):
         return scene, {}
@@ -353,9 +318,8 @@ def keywords_into(
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
     for name in parameters.keys() & (rule | own):
         whose = "the rule" if name in rule else model.__name__
-        raise ParameterError(
-            f"{name}: {whose} has a number of this name already; give the parameter another name"
-        )
+        told = "has a number of this name already; give the parameter another name"
+        raise ParameterError(f"{name}: {whose} {told}")
     for name in given.keys() - parameters.keys() - rule:
         known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
         meant = "threshold" if name in ("gamma", "γ") else name
@@ -367,11 +331,8 @@ def keywords_into(
         name: each.checked(given.get(name, each.default)) for name, each in parameters.items()
     }
     changed = {name: value for name, value in given.items() if name in rule}
-    if changed and own_rule:
-        raise ParameterError(
-            f"{next(iter(changed))}: is a number of the scene's rule, but rule= gives another "
-            "rule; give one of them"
-        )
+    told = "is a number of the scene's rule, but rule= gives another rule; give one of them"
+    require(not (changed and own_rule), f"{next(iter(changed), '')}: {told}")
     if changed:
         # Checked as the numbers of a scene's file are; materials have no place there.
         numbers = {name: value for name, value in changed.items() if name != "materials"}

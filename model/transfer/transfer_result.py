@@ -59,15 +59,10 @@ class TransferResult(BodyResult):
 
     Examples
     --------
-    >>> from kaju import LoadModel, Scene
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> result = LoadModel(scene).run()
+    >>> import kaju
+    >>> result = kaju.LoadModel(kaju.load_scene("plate.toml")).run()
     >>> len(result.to_dataframe()), round(result.last.ledger.taken, 3)
-    (23, 12.879)
+    (34, 12.879)
     """
 
     kind: ClassVar[str] = "load transfer"
@@ -149,9 +144,8 @@ class TransferResult(BodyResult):
     def reactions(self) -> dict[str, Floats]:
         """Forces (N) by which supports answered the loads that reached them, each (dimension,).
 
-        By the name of the side, or "rigid" for rigid cells inside. A rigid agent answers a load
-        by the opposite of its force, a roller only by the part across it. Loads that end on
-        their way, or come more than once, keep the sum from being the applied one.
+        By the name of the side, or "rigid" for rigid cells inside. Loads that end on their way, or
+        come more than once, keep the sum from being the applied one.
         """
         stage, lattice = self.last, self.scene.lattice
         beyond = lattice.side_beyond(stage.boundary_cells)
@@ -170,13 +164,7 @@ class TransferResult(BodyResult):
         return self.last.outcome
 
     def at_stage(self, stage: int) -> TransferResult:
-        """Return the result as it was after a stage, counted from 1.
-
-        Raises
-        ------
-        ResultError
-            If there is no such stage.
-        """
+        """Return the result as it was after a stage, counted from 1."""
         if not 1 <= stage <= len(self.stages):
             raise ResultError(
                 f"stage: this result has the stages 1 to {len(self.stages)}, got {stage}"
@@ -228,9 +216,8 @@ class TransferResult(BodyResult):
     @cached_property
     def von_mises(self) -> Floats:
         """Von Mises stress of every agent (Pa); in the plane, of plane stress."""
-        stress = np.zeros((len(self.stress), 3, 3))
-        dimension = self.scene.lattice.dimension
-        stress[:, :dimension, :dimension] = self.stress
+        missing = 3 - self.scene.lattice.dimension
+        stress = np.pad(self.stress, ((0, 0), (0, missing), (0, missing)))
         mean = np.trace(stress, axis1=1, axis2=2) / 3.0
         deviator = stress - mean[:, None, None] * np.eye(3)
         return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
@@ -252,33 +239,21 @@ class TransferResult(BodyResult):
         return self.displacement_field.largest()
 
     def displacement_at(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), both of shape (n, dimension).
-
-        Raises
-        ------
-        ResultError
-            If the points have another dimension or lie outside the body.
-        """
+        """Return the displacement (m) at points (m) of the body, both of shape (n, dimension)."""
         points, cells = cells_of_points(self.scene, points)
         return self.displacement_field.at(points, cells)
 
     def stress_at(self, points: Floats) -> Floats:
-        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
+        """Return stress tensors (Pa) at points (m) of the body, shape (n, dimension, dimension).
 
         Stress is the same all over a cell, and 0 in cells that no load reached.
-
-        Raises
-        ------
-        ResultError
-            If the points have another dimension or lie outside the body.
         """
         _, cells = cells_of_points(self.scene, points)
         key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
         tensors = np.zeros((len(key), *self.stress.shape[1:]))
-        awake = np.flatnonzero(np.isin(key, agents))
+        awake = np.isin(key, agents)
         order = np.argsort(agents)
-        row = order[np.searchsorted(agents, key[awake], sorter=order)]
-        tensors[awake] = self.stress[row]
+        tensors[awake] = self.stress[order[np.searchsorted(agents, key[awake], sorter=order)]]
         return tensors
 
     def _carrying(self, axis: int) -> Carrying:
@@ -291,14 +266,8 @@ class TransferResult(BodyResult):
     def to_vtk(self, path: str | Path) -> Path:
         """Write all cells of the body as an unstructured grid that ParaView reads (.vtu or .vtk).
 
-        Cells that no load reached have taken nothing.
-
-        Raises
-        ------
-        MissingExtraError
-            If meshlane is not installed.
-        ResultError
-            If the cells are neither squares nor cubes, or more than five million.
+        Needs meshlane, and up to five million squares or cubes; those that no load reached have
+        taken nothing.
         """
         stage, lattice = self.last, self.scene.lattice
         if not lattice.boxes or lattice.size > MOST_CELLS:
@@ -392,8 +361,7 @@ class TransferResult(BodyResult):
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per material agent of the last stage.
 
-        Columns: the cell's coordinates, its material, the spawn step, the loads taken by
-        direction (N), kept and dropped loads (N), displacement (m), strain and stress (Pa).
+        Lengths are in m, loads in N, stresses in Pa.
         """
         import pandas
 

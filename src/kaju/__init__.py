@@ -2,17 +2,21 @@
 
 Describe a body and press on it (`Scene`, `load_scene`), let agents pass the load on
 (`LoadModel`), and look at what they did (`plot`, `animate`). Public names are listed below, each
-with the module that has it. The ground of all rooms is here: read `errors`, `arrays`, `files`,
-then `result_kinds` (the one list of kinds of results) and `stepping` (what steps).
+with the module that has it. The ground of all rooms is here: read `errors`, `arrays`, `files`, then
+`result_kinds` (the one list of kinds of results) and `stepping` (what steps).
 """
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0"
 
+# Editors and type checkers read this list as it stands. Names are fetched when first asked for, so
+# that `import kaju` is quick: Mesa brings pandas with it, the views bring matplotlib.
 if TYPE_CHECKING:
     from kaju.agents.boundary_agent import FreeBoundaryAgent as FreeBoundaryAgent
     from kaju.agents.boundary_agent import RigidBoundaryAgent as RigidBoundaryAgent
@@ -69,49 +73,8 @@ if TYPE_CHECKING:
     from kaju.view import plot as plot
     from kaju.view.page import export_page as export_page
 
-# Names are fetched when first asked for, so that `import kaju` stays quick: Mesa brings
-# pandas with it, the views bring matplotlib.
-_NAMES = {
-    "agents.boundary_agent": "FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent",
-    "agents.elastic_rule": "ElasticRule",
-    "agents.face_agent": "FaceAgent",
-    "agents.material_agent": "MaterialAgent",
-    "agents.materials": "Material material",
-    "agents.parameter": "Parameter State",
-    "agents.rules": "Coefficients PrescribedRule",
-    "agents.shares": "Emission Load Shares",
-    "errors": "KajuError",
-    "model.elastic.elastic_result": "ElasticResult",
-    "model.elastic.relaxation.elastic_model": "ElasticModel",
-    "model.elastic.goals.quantities": "Deflection Reaction Stress",
-    "model.elastic.spawning_model": "SpawningModel",
-    "model.fracture.fracture_model": "FractureModel",
-    "model.fracture.fracture_result": "FractureResult",
-    "model.growth.growth_model": "GrowthModel",
-    "model.growth.growth_result": "GrowthResult",
-    "model.network": "NetworkModel NetworkResult SpringNetwork",
-    "model.results.loading": "load_result",
-    "model.results.result": "Result",
-    "model.rheology.creeping": "CreepModel creep",
-    "model.rheology.element": "ThreeElement",
-    "model.rheology.load_history": "History",
-    "model.scale.solve_petsc": "solve_petsc",
-    "model.scene": "Lattice Scene load_scene",
-    "model.scene.level_sets": "sampled_shape",
-    "model.scene.lattices": "Cubes Squares",
-    "model.study.compare": "compare",
-    "model.study.finite_elements": "finite_elements",
-    "model.study.fitting": "fit_rule",
-    "model.study.reference": "Reference",
-    "model.study.solving": "solve",
-    "model.study.sweep": "sweep",
-    "model.transfer.load_model": "LoadModel",
-    "model.transfer.stability": "stability",
-    "model.transfer.transfer_result": "TransferResult",
-    "view": "animate plot",
-    "view.page": "export_page",
-}
-_HOME = {name: f"kaju.{home}" for home, names in _NAMES.items() for name in names.split()}
+_LISTED = re.findall(r"^    from (\S+) import (\w+) as", Path(__file__).read_text("utf-8"), re.M)
+_HOME = {name: module for module, name in _LISTED}
 
 __all__ = sorted([*_HOME, "__version__"])
 

@@ -58,13 +58,6 @@ class FractureModel(Stepper[FractureResult]):
     seed : int
         Seed of the strengths.
 
-    Attributes
-    ----------
-    outcome : str
-        Why no step is left; "" while one is.
-    load_factor : float
-        Share of the load at which the last one broke.
-
     Raises
     ------
     ParameterError
@@ -138,6 +131,7 @@ class FractureModel(Stepper[FractureResult]):
         except SingularTangentError as weakness:
             raise _mechanism(self.subject, weakness) from None
         self.outcome = ""
+        """Why no step is left; "" while one is."""
         self.load_factor = self._work = self._released = 0.0
         self._rows: list[tuple[float, ...]] = []
         self._unbroken = self._resistance()
@@ -146,10 +140,7 @@ class FractureModel(Stepper[FractureResult]):
     def _drawn_strengths(
         self, strength: ArrayLike, scatter: float, weibull: float | None, draw: np.random.Generator
     ) -> Floats:
-        """Return the strengths of springs or cells, shape (m,).
-
-        They are spread evenly over (1 ± scatter) times the mean, unless a Weibull modulus is given.
-        """
+        """Return the strengths of springs or cells, shape (m,)."""
         count = parts_of(self.subject)
         scale = np.asarray(strength, dtype=np.float64)
         require(

@@ -92,13 +92,7 @@ class FractureResult(Result):
 
     @property
     def network(self) -> SpringNetwork:
-        """What was loaded, if that is a network.
-
-        Raises
-        ------
-        ParameterError
-            If cells of a scene broke.
-        """
+        """What was loaded, if that is a network."""
         if isinstance(self.subject, Scene):
             raise ParameterError(
                 "network: cells of a scene broke, not springs; the scene is result.subject"
@@ -170,17 +164,8 @@ class FractureResult(Result):
         """Return the rest after so many breaks, and what it bears.
 
         Of a network at the load of the last of them; of the cells of a scene under its whole load
-        (a load factor of 1), as `kaju.solve` answers.
-
-        Parameters
-        ----------
-        breaks : int, optional
-            From 0, before the first break and at its load; none: the last state that resisted.
-
-        Raises
-        ------
-        ParameterError
-            If there were fewer, or the body had parted by then.
+        (a load factor of 1), as `kaju.solve` answers. 0: before the first break and at its load;
+        none: the last state that resisted.
         """
         count = self._counted(breaks)
         if isinstance(self.subject, Scene):
@@ -210,13 +195,7 @@ class FractureResult(Result):
         )
 
     def replayed(self, counts: Iterable[int]) -> Iterator[WeakeningBody]:
-        """Break the body again, and give it after so many breaks each, under its whole load.
-
-        Parameters
-        ----------
-        counts : iterable of int
-            Numbers of breaks, rising, up to `breaks_resisted`.
-        """
+        """Break the body again, and give it after so many breaks each, under its whole load."""
         body = body_of(self.subject, self.strengths, self.measure)
         for count in counts:
             self._counted(count)

@@ -64,16 +64,6 @@ class GrowthModel(Stepper[GrowthResult]):
         Relative error in the energy norm to which the equations are solved; its square is the
         error of the compliance. The last design is solved to 1e-6.
 
-    Attributes
-    ----------
-    outcome : str
-        Why no step is left; "" while one is.
-    density : (n,) floats
-        Of the cells of material, row by row.
-    compliance : float
-        F·u: work of the forces on the displacements (J).
-    rule : GrowthRule
-
     Raises
     ------
     ParameterError
@@ -114,10 +104,8 @@ class GrowthModel(Stepper[GrowthResult]):
         require(known, f"rule: a GrowthRule, or {', '.join(map(repr, RULES))}, got {rule!r:.80}")
         require(0.0 < volume <= 1.0, f"volume: a share above 0, at most 1, got {volume}")
         across = max(scene.lattice.shape)
-        fits = 0.0 <= filter_radius <= across
-        require(
-            fits, f"filter_radius: from 0 to the {across} cells of the body, got {filter_radius}"
-        )
+        told = f"filter_radius: from 0 to the {across} cells of the body, got {filter_radius}"
+        require(0.0 <= filter_radius <= across, told)
         require(most_steps >= 1, f"most_steps: at least 1, got {most_steps}")
         require(at_rest >= 0.0, f"at_rest: 0 or more, got {at_rest}")
         sure = SMALLEST <= tolerance < 1.0
@@ -130,6 +118,7 @@ class GrowthModel(Stepper[GrowthResult]):
         self._around = Neighbours.within(self._growing.body, filter_radius)
         self._beside = Neighbours.across_faces(self._growing.body)
         self.outcome = ""
+        """Why no step is left; "" while one is."""
         self.design = self._first_design(volume, start)
         self._rows: list[tuple[float, ...]] = []
         self._designs: list[Floats] = []
@@ -175,6 +164,7 @@ class GrowthModel(Stepper[GrowthResult]):
     def _feel(self, change: float, tolerance: float) -> None:
         """Find what the design's cells feel, and note it."""
         self.density = self.design
+        """Of the cells of material, row by row, shape (n,)."""
         if self.rule.smooth:
             self.density = np.minimum(self._around.means(self.design), 1.0)
         least = self.rule.least_stiffness

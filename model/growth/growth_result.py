@@ -128,13 +128,7 @@ class GrowthResult(BodyResult):
         return solve_cells(self.scene, stiffness=self.stiffness, stage=self.stage)
 
     def density_at(self, step: int | None = None) -> Floats:
-        """Return the densities of the cells of material after a step, from 0; none: the last.
-
-        Raises
-        ------
-        ParameterError
-            If there were fewer steps.
-        """
+        """Return the densities of the cells of material after a step, from 0; none: the last."""
         if step is None:
             return self.cells
         require(0 <= step <= self.steps, f"step: 0 to {self.steps}, got {step}")
@@ -156,15 +150,9 @@ class GrowthResult(BodyResult):
         """One row per step, the start included: compliance, volume, change, iterations."""
         import pandas
 
-        return pandas.DataFrame(
-            {
-                "step": np.arange(self.steps + 1),
-                "compliance_J": self.compliances,
-                "volume": self.volumes,
-                "change": self.changes,
-                "iterations": self.iterations,
-            }
-        )
+        columns = {"step": np.arange(self.steps + 1), "compliance_J": self.compliances}
+        columns |= {"volume": self.volumes, "change": self.changes}
+        return pandas.DataFrame(columns | {"iterations": self.iterations})
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the history."""

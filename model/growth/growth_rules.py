@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 from typing import ClassVar, Literal
 
@@ -68,12 +67,8 @@ class Neighbours:
         """Return the derivative by the cells' values of a sum of means with these factors."""
         return self.sums(values / self._whole)
 
-    @cached_property
-    def of_all(self) -> Floats:
-        """The derivative by the cells' values of the sum of all means."""
-        return self.handed_back(np.ones_like(self._whole))
 
-
+_LEAST = 1e-3  # density that a cell keeps where densities are factors
 _DEAREST = 100.0
 """Logarithm of a price at which nothing grows, and of its inverse, at which all does: wishes that
 differ by more than e to its power are beyond what floating-point numbers hold of energies."""
@@ -144,19 +139,9 @@ class Compliance(GrowthRule):
     A cell grows by the root of what the compliance loses by it, beside a price that all pay
     alike, and which keeps the volume.
 
-    Parameters
-    ----------
-    filter : {"density", "sensitivity"}
-        What is averaged over the cells within the filter's radius.
-    penalty : float
-        Power of the density that the stiffness follows; 1 or more.
-    move : float
-        How far a density may change in a step; above 0, at most 1.
-
-    Raises
-    ------
-    ParameterError
-        If an argument breaks its rule.
+    `filter`: what is averaged over the cells within the filter's radius; `penalty`: power of the
+    density that the stiffness follows, 1 or more; `move`: how far a density may change in a step,
+    above 0, at most 1.
     """
 
     name = "compliance"
@@ -182,7 +167,8 @@ class Compliance(GrowthRule):
         """Return what grows most where it helps most."""
         x, around = felt.design, felt.around
         if self.smooth:
-            slope, weight = around.handed_back(felt.slope), around.of_all
+            slope = around.handed_back(felt.slope)
+            weight = around.handed_back(np.ones_like(x))  # of the sum of all means
         else:
             slope = around.means(x * felt.slope) / np.maximum(x, 1e-3)
             weight = np.ones_like(x)
@@ -202,6 +188,7 @@ class Compliance(GrowthRule):
         return np.asarray(np.clip(wish * np.exp(-price), low, high))
 
 
+@dataclass(eq=False)
 class Remodelling(GrowthRule):
     """Bone's rule: every cell grows until what it and its neighbours carry is a set stimulus.
 
@@ -209,61 +196,48 @@ class Remodelling(GrowthRule):
     nor compliance of the body. Densities rest where the stimulus misses its aim by less than the
     lazy zone.
 
-    Parameters
-    ----------
-    stimulus : float, optional
-        Aim (J/m³); unless given the mean of the body that growth starts from, at a power of 1.
-    gain : float
-        Share of the missing logarithm by which a density's logarithm changes in a step. Under
-        given forces the stimulus falls with the power p + 1 of the density, so a gain of
-        2/(p + 1) or more overshoots for ever (`stability_limit`).
-    lazy : float
-        Logarithm of the stimulus by which nothing changes.
-    powers : tuple of float
-        The power p at first and in the end: what is built from 1 on depends less on the start.
-    while_rising : tuple of int
-        Steps from which on and to which it rises.
-
     Raises
     ------
     ParameterError
-        If an argument breaks its rule, or the gain is not stable.
+        If a number breaks its rule, or the gain is not stable.
     """
 
     name = "remodelling"
     least_stiffness = 1e-6
-    _LEAST, _MOST_STEP = 1e-3, 0.3
+    stimulus: float | None = None
+    """Aim (J/m³); unless given the mean of the body that growth starts from, at a power of 1."""
+    gain: float = 0.25
+    """Share of the missing logarithm by which a density's logarithm changes in a step. Under given
+    forces the stimulus falls with the power p + 1 of the density, so a gain of 2/(p + 1) or more
+    overshoots for ever (`stability_limit`)."""
+    lazy: float = 0.05
+    """Logarithm of the stimulus by which nothing changes."""
+    powers: tuple[float, float] = (1.0, 3.0)
+    """The power p at first and in the end: what is built from 1 on depends less on the start."""
+    while_rising: tuple[int, int] = (40, 100)
+    """Steps from which on and to which it rises."""
 
-    def __init__(
-        self,
-        stimulus: float | None = None,
-        gain: float = 0.25,
-        lazy: float = 0.05,
-        powers: tuple[float, float] = (1.0, 3.0),
-        while_rising: tuple[int, int] = (40, 100),
-    ) -> None:
-        aims = stimulus is None or 0.0 < stimulus < np.inf
-        require(aims, f"stimulus: finite and above 0 (J/m³), got {stimulus}")
-        require(lazy >= 0.0, f"lazy: 0 or more, got {lazy}")
-        steep = all(1.0 <= power < 100.0 for power in powers)
-        require(steep, f"powers: 1 or more each, got {powers}")
-        first, last = while_rising
-        require(0 <= first < last, f"while_rising: two steps in order, got {while_rising}")
-        self._powers, self._rising = powers, while_rising
-        self.patience = last if powers[0] != powers[1] else 0
+    def __post_init__(self) -> None:
+        aims = self.stimulus is None or 0.0 < self.stimulus < np.inf
+        require(aims, f"stimulus: finite and above 0 (J/m³), got {self.stimulus}")
+        require(self.lazy >= 0.0, f"lazy: 0 or more, got {self.lazy}")
+        steep = all(1.0 <= power < 100.0 for power in self.powers)
+        require(steep, f"powers: 1 or more each, got {self.powers}")
+        first, last = self.while_rising
+        require(0 <= first < last, f"while_rising: two steps in order, got {self.while_rising}")
+        self.patience = last if self.powers[0] != self.powers[1] else 0
         limit = self.stability_limit
         rule = f"above 0 and below 2/(p + 1) = {limit:.3g}, or densities overshoot for ever"
-        require(0.0 < gain < limit, f"gain: {rule}, got {gain}; take a smaller one")
-        self.stimulus, self._gain, self._lazy = stimulus, gain, lazy
+        require(0.0 < self.gain < limit, f"gain: {rule}, got {self.gain}; take a smaller one")
 
     @property
     def stability_limit(self) -> float:
         """The gain that is too large."""
-        return 2.0 / (max(self._powers) + 1.0)
+        return 2.0 / (max(self.powers) + 1.0)
 
     def penalty(self, step: int) -> float:
         """Return a power that rises from the first to the last."""
-        return float(np.interp(step, self._rising, self._powers))
+        return float(np.interp(step, self.while_rising, self.powers))
 
     def prepare(self, felt: Felt) -> None:
         """Aim at what the body feels at first, if no aim was given."""
@@ -273,44 +247,35 @@ class Remodelling(GrowthRule):
 
     def grow(self, felt: Felt) -> Floats:
         """Return what comes nearer to the stimulus."""
-        filled = np.maximum(felt.beside.means(felt.density), self._LEAST) * felt.cell_volume
+        filled = np.maximum(felt.beside.means(felt.density), _LEAST) * felt.cell_volume
         felt_now = self.penalty(felt.step) * felt.beside.means(felt.energy) / filled
         assert self.stimulus is not None
         missing = np.log(np.maximum(felt_now / self.stimulus, 1e-9))
-        missing = np.sign(missing) * np.maximum(np.abs(missing) - self._lazy, 0.0)
-        step = np.clip(self._gain * missing, -self._MOST_STEP, self._MOST_STEP)
-        return np.clip(felt.design * np.exp(step), self._LEAST, 1.0)
+        missing = np.sign(missing) * np.maximum(np.abs(missing) - self.lazy, 0.0)
+        step = np.clip(self.gain * missing, -0.3, 0.3)
+        return np.clip(felt.design * np.exp(step), _LEAST, 1.0)
 
 
+@dataclass(eq=False)
 class FullyStressed(GrowthRule):
     """Every cell becomes as thick as makes its stress the one that is allowed.
 
     Densities are shares of the thickness here: stiffness grows with them, not with a power.
-
-    Parameters
-    ----------
-    stress : float, optional
-        Equivalent stress (Pa) that is allowed; unless given the mean of the body that growth
-        starts from.
-    gain : float
-        Power of the ratio of stresses by which a cell grows; 1 is exact where forces do not
-        depend on the thickness. Above 0, below 2.
-
-    Raises
-    ------
-    ParameterError
-        If an argument breaks its rule.
     """
 
     name = "stress"
     least_stiffness = 1e-6
-    _LEAST = 1e-3
+    stress: float | None = None
+    """Equivalent stress (Pa) that is allowed; unless given the mean of the body that growth starts
+    from."""
+    gain: float = 1.0
+    """Power of the ratio of stresses by which a cell grows; 1 is exact where forces do not depend
+    on the thickness. Above 0, below 2."""
 
-    def __init__(self, stress: float | None = None, gain: float = 1.0) -> None:
-        allowed = stress is None or 0.0 < stress < np.inf
-        require(allowed, f"stress: finite and above 0 (Pa), got {stress}")
-        require(0.0 < gain < 2.0, f"gain: above 0 and below 2, got {gain}")
-        self.stress, self._gain = stress, gain
+    def __post_init__(self) -> None:
+        allowed = self.stress is None or 0.0 < self.stress < np.inf
+        require(allowed, f"stress: finite and above 0 (Pa), got {self.stress}")
+        require(0.0 < self.gain < 2.0, f"gain: above 0 and below 2, got {self.gain}")
 
     def penalty(self, step: int) -> float:
         """Return 1: a plate half as thick is half as stiff."""
@@ -325,7 +290,7 @@ class FullyStressed(GrowthRule):
         """Return what bears the stress that is allowed, if the forces stay as they are."""
         assert self.stress is not None
         ratio = felt.beside.means(felt.von_mises()) / self.stress
-        return np.clip(felt.design * ratio**self._gain, self._LEAST, 1.0)
+        return np.clip(felt.design * ratio**self.gain, _LEAST, 1.0)
 
 
 RULES: dict[str, type[GrowthRule]] = {

@@ -22,7 +22,7 @@ from kaju.stopping import NOTE, interrupt_requested
 
 from .creep_result import CreepResult
 from .creeping_elastic import ElasticCreepResult, elastic_body
-from .creeping_elements import CreepingAgents, Elements, TransferCreepResult
+from .creeping_elements import Elements, TransferCreepResult, creeping_agents
 from .creeping_network import CreepingNetwork, NetworkCreepResult
 from .creeping_step import Creeping
 from .element import ThreeElement, laws_of
@@ -62,17 +62,15 @@ def creep(
     Parameters
     ----------
     subject : ThreeElement, SpringNetwork or Scene
-        An element takes the history as its force (N). A network has the forces and given
-        displacements of its last stage multiplied by the history, a scene its loads and those of
-        its sides.
+        The history is an element's force (N); it multiplies the forces and given displacements of
+        a network's last stage, or a scene's loads and those of its sides.
     history : History, optional
         Factor over time; of a scene, its own `history` unless given.
     duration : float, optional
         How long (s); by default as long as the history.
     times : array_like, optional
         Times at which the result is wanted (s), rising, up to `duration`; by default 101, evenly
-        spread, and the corners of the history. The result is interpolated between the time steps,
-        which do not depend on these times.
+        spread, and the corners of the history. The time steps do not depend on them.
     tolerance : float
         Error allowed while time grows by the factor e, as a share of the largest stretch; see
         `kaju.model.rheology.integrate`.
@@ -82,11 +80,7 @@ def creep(
     most_steps : int
         Time steps after which a run gives up.
 
-    Returns
-    -------
-    CreepResult, NetworkCreepResult, TransferCreepResult or ElasticCreepResult
-        Of an element, of a network, and of scenes with a prescribed or an elastic rule. Large
-        bodies of several materials keep arrays for every time asked for, so ask for few.
+    Large bodies of several materials keep arrays for every time asked for, so ask for few.
 
     Raises
     ------
@@ -251,7 +245,7 @@ def _system(subject: Subject, rheology: Rheology) -> Creeping:
     if isinstance(subject, ThreeElement):
         return Elements(laws_of([subject]), np.ones(1))
     if subject.rule.kind == "prescribed":
-        return CreepingAgents(LoadModel(subject).run())
+        return creeping_agents(LoadModel(subject).run())
     return elastic_body(solve_cells(subject, tolerance=_STATIC_TOLERANCE))
 
 

@@ -46,8 +46,8 @@ from kaju.model.elastic.equal.staggered import (
 from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
 from kaju.model.results.stored import Column
 
-from .creep_result import BodyTimeResult, OfTimes
-from .creeping_elements import Elements, law_of, sized
+from .creep_result import BodyTimeResult
+from .creeping_elements import GrowingElements, law_of
 from .creeping_step import Borne, Creeping, Fields
 from .element import Laws, ThreeElement, laws_of
 
@@ -65,8 +65,8 @@ class ElasticCreepResult(BodyTimeResult):
     kind: ClassVar[str] = "elasticity in time"
     static: ElasticResult  # the same scene without time, at a factor of 1
     # Where the correspondence principle holds, displacement as a multiple of the static one,
-    # shape (k,). Elsewhere, in the scaled units of ``static.found.problem``, one row for each time:
-    growth: OfTimes | None = None
+    # shape (k, 1). Elsewhere, in the scaled units of ``static.found.problem``, a row for each time:
+    growth: Annotated[Floats, Column("times 1")] | None = None
     faces: Annotated[Floats, Column("times faces")] | None = None  # displacement of those that move
     # Stress of the cells along each axis, and shear of the edges.
     cells: Annotated[Floats, Column("times dimension solid")] | None = None
@@ -91,13 +91,13 @@ class ElasticCreepResult(BodyTimeResult):
     def max_displacement(self, record: int = -1) -> float:
         """Return how far the corner of a cell has moved that has moved most (m)."""
         if self.growth is not None:
-            return float(abs(self.growth[record])) * self.static.max_displacement
+            return float(abs(self.growth[record, 0])) * self.static.max_displacement
         return self._moved(record).max_displacement
 
     def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         if self.growth is not None:
-            return np.asarray(self.growth[record] * self.static.displacement_at(points))
+            return np.asarray(self.growth[record, 0] * self.static.displacement_at(points))
         return self._moved(record).displacement_at(points)
 
     def stress(self, record: int = -1) -> Floats:
@@ -319,27 +319,7 @@ def _shares_of_edges(problem: ElasticProblem, materials: int) -> Floats:
     return np.array(shares)
 
 
-class CorrespondingBody(Elements):
-    """A body whose displacements all grow alike, as one element.
-
-    Its stretch is the growth; it is as large as the body, so that its energies are the body's.
-    """
-
-    result = ElasticCreepResult
-
-    def __init__(self, static: ElasticResult) -> None:
-        material = static.grid.cell_materials[0]
-        size = np.array([2.0 * static.strain_energy / material.youngs_modulus])
-        super().__init__(*sized([material], size))
-        self.parts = {"static": static}
-
-    def record(self, fields: Fields) -> dict[str, Floats]:
-        """Return the growth."""
-        q, d, *_ = fields
-        return {"growth": (q + d)[0]}
-
-
-def elastic_body(static: ElasticResult) -> CorrespondingBody | CreepingBody:
+def elastic_body(static: ElasticResult) -> Creeping:
     """Return what costs least to take through time for an elastic scene."""
     materials, problem = static.grid.cell_materials, cells_of(static).problem
     modulus = np.array([material.youngs_modulus for material in materials])
@@ -347,4 +327,7 @@ def elastic_body(static: ElasticResult) -> CorrespondingBody | CreepingBody:
     table = np.array([law.K_f / modulus, law.D_f / modulus, modulus / law.D_d])
     alike = np.allclose(table, table[:, :1], rtol=1e-12, atol=0.0)
     given = any(values.any() for values in (*problem.fixed, *problem.spring))
-    return CorrespondingBody(static) if alike and not given else CreepingBody(static)
+    if given or not alike:
+        return CreepingBody(static)
+    size = np.array([2.0 * static.strain_energy / modulus[0]])
+    return GrowingElements(static, ElasticCreepResult, materials[:1], size)

@@ -17,7 +17,7 @@ import numpy as np
 from kaju.agents.materials import Material
 from kaju.arrays import Floats
 from kaju.errors import ResultError
-from kaju.model.results.result import cells_of_points
+from kaju.model.results.result import BodyResult, cells_of_points
 from kaju.model.results.stored import Column
 from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axial_strain
 from kaju.model.transfer.transfer_result import TransferResult
@@ -100,38 +100,35 @@ class TransferCreepResult(BodyTimeResult):
         )
 
 
-class CreepingAgents(Elements):
-    """The agents of a load-transfer run, all those of a material as one element.
+class GrowingElements(Elements):
+    """What grows alike of a static answer, as one element: its stretch is 1 without time.
 
-    The stretch of an element is the growth of its material: 1 for the strains without time.
+    `size`: twice the elastic energy of each over its modulus (m³ of unit strain).
     """
 
-    result = TransferCreepResult
-
-    def __init__(self, static: TransferResult) -> None:
-        scene, stage = static.scene, static.last
-        volume = scene.lattice.cell_volume(scene.thickness)
-        squeezed = np.square(axial_strain(scene, stage).strain).sum(axis=1)
-        size = volume * np.bincount(stage.material, squeezed, len(scene.cell_materials))
-        super().__init__(*sized(scene.cell_materials, np.asarray(size)))
-        self.parts = {"static": static}
+    def __init__(
+        self, static: BodyResult, result: type[TimeResult], made: Sequence[Material], size: Floats
+    ) -> None:
+        used = np.where(size > 0.0, size, 1.0)
+        laws = laws_of([law_of(material) for material in made])
+        modulus = np.array([material.youngs_modulus for material in made])
+        super().__init__(Laws(*(number * used for number in laws)), modulus * size)
+        self.result, self.parts = result, {"static": static}
 
     def record(self, fields: Fields) -> dict[str, Floats]:
-        """Return the growth of each material."""
+        """Return how far each has grown."""
         return {"growth": fields[0] + fields[1]}
+
+
+def creeping_agents(static: TransferResult) -> GrowingElements:
+    """Return the agents of a load-transfer run, all those of a material as one element."""
+    scene, stage = static.scene, static.last
+    volume = scene.lattice.cell_volume(scene.thickness)
+    squeezed = np.square(axial_strain(scene, stage).strain).sum(axis=1)
+    size = volume * np.bincount(stage.material, squeezed, len(scene.cell_materials))
+    return GrowingElements(static, TransferCreepResult, scene.cell_materials, np.asarray(size))
 
 
 def law_of(material: Material) -> ThreeElement:
     """Return a material's rheology; without one it is an elastic spring."""
     return material.rheology or ThreeElement.spring(material.youngs_modulus)
-
-
-def sized(materials: Sequence[Material], size: Floats) -> tuple[Laws, Floats]:
-    """Return materials as elements whose stretch is their growth, and their force at factor 1.
-
-    `size`: twice the elastic energy of each over its modulus (m³ of unit strain).
-    """
-    used = np.where(size > 0.0, size, 1.0)
-    modulus = np.array([material.youngs_modulus for material in materials])
-    laws = laws_of([law_of(material) for material in materials])
-    return Laws(*(number * used for number in laws)), modulus * size

@@ -64,11 +64,7 @@ class NetworkCreepResult(TimeResult):
         return -spring_forces(self.network, geometry, self.force[record])
 
     def to_network_result(self) -> NetworkResult:
-        """Return the moments as the records of a loaded network, for plots and animations.
-
-        The factor of the history stands for the point of the load path. Energies of that
-        result are those of elastic springs, and so mean nothing here.
-        """
+        """Return the moments as the records of a loaded network, whose energies mean nothing."""
         return NetworkResult(
             network=self.network,
             stage=self.factors,
@@ -154,12 +150,10 @@ class CreepingNetwork(Creeping):
         raise trouble
 
     def _force_scale(self, stiffness: Floats, rest: Floats) -> float:
-        """Return the force (N) of which rounding leaves a share of 1e-12 unbalanced.
-
-        In a very short step dampers are stiff, and the digits of stretches and
-        displacements times this stiffness are all that a balance can reach. A network that
-        is let go need come no nearer to nothing than the digits of its full load.
-        """
+        """Return the force (N) of which rounding leaves a share of 1e-12 unbalanced."""
+        # In a very short step dampers are stiff, and digits of stretches times this stiffness are
+        # all that a balance can reach; nor need a network that is let go come nearer to nothing
+        # than the digits of its full load.
         force = np.max(stiffness, initial=0.0) * np.max(np.abs(rest), initial=0.0)
         return max(1e-2 * float(force), float(np.abs(self.network.forces[-1]).max(initial=0.0)))
 
@@ -170,12 +164,7 @@ class CreepingNetwork(Creeping):
 
 
 def _spring_laws(network: SpringNetwork, rheology: ThreeElement | Sequence[ThreeElement]) -> Laws:
-    """Return the law of every spring.
-
-    A single element stands for a spring of stiffness K_f; a spring of stiffness K is K/K_f
-    of them side by side, so that the times of the material are kept. A sequence gives every
-    spring its own element, as it is.
-    """
+    """Return the law of every spring: K/K_f of a single element side by side, or its own."""
     if isinstance(rheology, ThreeElement):
         require(
             rheology.K_f > 0.0,

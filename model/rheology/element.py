@@ -40,15 +40,6 @@ SchemeName = Literal["backward_euler", "exact"]
 class ThreeElement:
     """A Voigt element (K_f, D_f) in series with a damper D_d.
 
-    Parameters
-    ----------
-    K_f : float
-        Stiffness of the spring (N/m for a spring, Pa for a cell), 0 or more.
-    D_f : float
-        Damper beside the spring (N s/m or Pa s), 0 or more; not both may be 0.
-    D_d : float
-        Damper in series (N s/m or Pa s), above 0; infinite means that nothing flows.
-
     Raises
     ------
     ParameterError
@@ -63,8 +54,11 @@ class ThreeElement:
     """
 
     K_f: float
+    """Stiffness of the spring (N/m for a spring, Pa for a cell), 0 or more."""
     D_f: float = 0.0
+    """Damper beside the spring (N s/m or Pa s), 0 or more; not both may be 0."""
     D_d: float = inf
+    """Damper in series (N s/m or Pa s), above 0; infinite means that nothing flows."""
 
     def __post_init__(self) -> None:
         span = f"from {_LEAST:g} to {_MOST:g}"
@@ -151,30 +145,11 @@ class ThreeElement:
     def creep(
         self, *, force: float | History, times: ArrayLike, scheme: SchemeName = "backward_euler"
     ) -> Floats:
-        """Return the displacement under a force.
+        """Return the displacement under a force (N or Pa) held from time 0, or a history of it.
 
-        `kaju.creep` chooses its time steps by a tolerance; here the times are the steps.
-
-        Parameters
-        ----------
-        force : float or History
-            A force held from time 0 (N or Pa), or a history whose factor is the force.
-        times : array_like, shape (n,)
-            Rising times (s), none negative. Time is stepped from 0 to the first of them and on
-            from each to the next, so equal distances are equal steps. A corner of the history
-            between two of them is stepped on as well.
-        scheme : {"backward_euler", "exact"}
-            How time is stepped; "exact" evaluates the solution itself.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n,)
-            Displacement at `times`; at time 0 it is 0, before anything could give.
-
-        Raises
-        ------
-        ParameterError
-            If the times fall or are negative, or the scheme is unknown.
+        `kaju.creep` chooses its time steps by a tolerance; here the rising `times` (s) are the
+        steps, from 0 to the first of them and on to the next, and corners of the history between
+        them. The scheme "exact" evaluates the solution itself.
         """
         t, history = _rising(times), _history(force)
         if _is_exact(scheme):
@@ -190,10 +165,7 @@ class ThreeElement:
     ) -> Floats:
         """Return the force at a given displacement; arguments as in `creep`.
 
-        Raises
-        ------
-        ParameterError
-            If the displacement jumps while both dampers act: a jump would need an impulse.
+        While both dampers act the displacement may not jump: that would need an impulse.
         """
         t, history = _rising(times), _history(displacement)
         require(
@@ -206,11 +178,7 @@ class ThreeElement:
         return self._step_along(history, t, stretched=True)
 
     def _step_along(self, history: History, times: Floats, *, stretched: bool) -> Floats:
-        """Step by backward Euler along a history of forces, or of elongations if `stretched`.
-
-        The rate of an elongation comes from its change within a step, so that short steps lose no
-        digits.
-        """
+        """Step by backward Euler along a history of forces, or of elongations if `stretched`."""
         nodes = np.union1d(times, [0.0, *(c for c in history.times if c < times[-1])])
         before, ends = history.at(nodes[:-1]), history.at(nodes[1:])
         q = d = 0.0

@@ -37,13 +37,6 @@ class History:
     last factor for ever. Two corners at the same time are a jump; exactly there the history has the
     value *before* the jump.
 
-    Parameters
-    ----------
-    times : tuple of float
-        Times of the corners (s), in order, the first 0.
-    factors : tuple of float
-        Factor at each corner.
-
     Raises
     ------
     ParameterError
@@ -58,7 +51,9 @@ class History:
     """
 
     times: tuple[float, ...] = (0.0,)
+    """Times of the corners (s), in order, the first 0."""
     factors: tuple[float, ...] = (0.0,)
+    """Factor at each corner."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", tuple(float(time) for time in self.times))

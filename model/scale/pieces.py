@@ -164,9 +164,9 @@ class PiecedResult(BodyResult):
             body = piece.cells["kind"] >= 0
             middle = lattice.centres(np.argwhere(body) + np.array(piece.lower))
             kind, moved, stress = (piece.cells[n][body] for n in ("kind", "displacement", "stress"))
-            columns: dict[str, Any] = dict(zip(axes, middle.T, strict=True))
-            columns["material"] = names[kind]
-            columns |= {f"u_{axis}": values for axis, values in zip(axes, moved.T, strict=True)}
+            columns: dict[str, Any] = {axis: middle[:, a] for a, axis in enumerate(axes)}
+            columns |= {"material": names[kind]}
+            columns |= {f"u_{axis}": moved[:, a] for a, axis in enumerate(axes)}
             for a, b in combinations_with_replacement(range(len(axes)), 2):
                 columns[f"stress_{axes[a]}{axes[b]}"] = stress[:, a, b]
             frames.append(pandas.DataFrame(columns))

@@ -55,31 +55,19 @@ def solve_petsc(
 ) -> ElasticResult | PiecedResult:
     """Solve a scene of squares or cubes as linear elasticity on PETSc, each process its own piece.
 
-    All processes call it alike, under ``mpirun``.
+    All processes call it alike, under ``mpirun``. Resolution, stage and errors are those of
+    `kaju.solve`; one process returns an `ElasticResult`, of several each its piece.
 
     Parameters
     ----------
-    scene : Scene
     tolerance : float, optional
         Relative error, in the energy norm, to which the equations of equal cells are solved; 1e-11
         unless given.
-    resolution : int, optional
-        Cells per cell of the scene along every axis; 1 unless given, or 2 where a member is one
-        cell wide.
-    stage : int, optional
-        Stage of loading; by default the last.
-
-    Returns
-    -------
-    ElasticResult or PiecedResult
-        Of one process an `ElasticResult`; of several the piece of each.
 
     Raises
     ------
     MissingExtraError
         If petsc4py or mpi4py is not installed.
-    SupportError, SceneError, ParameterError, ConvergenceError
-        As of `kaju.solve`, on all processes alike.
 
     Examples
     --------

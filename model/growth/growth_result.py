@@ -38,7 +38,7 @@ class GrowthResult(BodyResult):
     >>> grown = kaju.GrowthModel(scene, rule="stress", volume=0.5).run(10)
     >>> grown.history.columns.tolist()
     ['step', 'compliance_J', 'volume', 'change', 'iterations']
-    >>> round(grown.answer.strain_energy * 2.0 / grown.compliances[-1], 6)  # of the last design
+    >>> round(grown.answer.strain_energy * 2.0 / grown.compliance, 6)  # of the last design
     1.0
     """
 

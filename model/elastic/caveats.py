@@ -131,6 +131,8 @@ def _rough(result: ElasticResult) -> list[Caveat]:
     if not isfinite(error):
         said = "the lower bound of the energy is 0, so it has no relative error: "
         said += "supports bear the loads where they act, and hardly any energy is stored"
+        if not result.spawned:
+            said = "sides that meet are moved apart: the energy has no limit as cells shrink"
         return [Caveat("error not known", said)]
     said = f"the error is about {error:.0%} in the energy norm"
     if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends

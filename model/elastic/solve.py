@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from time import perf_counter
 
 import numpy as np
@@ -16,6 +17,7 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, grid_of
 from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.solver import solve_problem
+from kaju.model.elastic.equal.supports import is_torn
 from kaju.model.elastic.goals.quantities import AskedFor, Quantity, asked
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
@@ -144,6 +146,8 @@ def solve_cells(
     grid, before = _grid(scene, stage, resolution, previous, field)
     iterate = field is not None and before is not None
     solution = solve_problem(grid.problem, tolerance, before, iterate=iterate)
+    if is_torn(grid.problem):
+        solution.discretisation = inf
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
     found = CellAgents(scene, stage, grid.division, solution, field, grid)
     result = ElasticResult(found, perf_counter() - start)

@@ -127,6 +127,14 @@ def test_a_coarse_answer_says_how_to_get_a_better_one():
     assert not any("tolerance=" in note for note in solve(narrow, tolerance=0.05).notes)
 
 
+def test_where_sides_that_meet_are_moved_apart_no_error_is_told():
+    sides = {"left": "roller", "bottom": {"displacement": [1e-5, 2e-5]}}
+    body = {"cells": [1, 4], "cell_size": 0.01, "material": "steel"}
+    answer = solve(Scene(body=body, sides=sides))
+    assert answer.error_estimate == np.inf
+    assert any("moved apart" in note for note in answer.notes)
+
+
 L_SHAPE = Scene(
     body={
         "size": [0.2, 0.2],

@@ -9,6 +9,8 @@ body has to be solved on smaller cells.
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +20,7 @@ from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
 from .problem import ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
-from .staggered import axis_pairs, cut, edge_modulus, ends
+from .staggered import around_edges, axis_pairs, cut, edge_modulus, ends
 
 
 def check_supports(
@@ -118,5 +120,19 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
             pinned |= problem.kinds == RIGID
             loose = both & ~carries & ~(pinned[low] & pinned[high])
             if loose.any():
-                return tuple(int(i) for i in np.argwhere(loose)[0] - 1)
+                # A rigid ghost before the first cell is no cell of the body.
+                return tuple(int(i) for i in np.maximum(np.argwhere(loose)[0] - 1, 0))
     return None
+
+
+def is_torn(problem: ElasticProblem) -> bool:
+    """Tell whether held faces side by side are moved apart: the finer, the more energy it takes."""
+    for axis, across in permutations(range(problem.dimension), 2) if problem.moved.any() else ():
+        pair = (axis, across)
+        width = [(1, 1) if a in pair else (0, 0) for a in range(problem.dimension)]
+        body = np.logical_or.reduce(around_edges(np.pad(problem.kinds >= 0, width), pair))
+        held = np.logical_and(*ends(problem.face_states[axis] == FIXED, across))
+        apart = np.not_equal(*ends(problem.fixed[axis], across))
+        if np.any(held & apart & body[cut(problem.dimension, across, slice(1, -1))]):
+            return True
+    return False

@@ -175,10 +175,13 @@ class PairLoop:
         self._errors.append((len(self.leaves), error))
         if len(self._errors) < WINDOW or self.body.dimension == 2:
             return 0.0
-        few, before = max(self._errors[-WINDOW:], key=lambda one: one[1])
-        rate = log(before / error) / log(len(self.leaves) / few) if error < before else 0.0
+        # At first errors of small goals hardly fall: the latest half of the window may tell better.
+        rate, now = 0.0, len(self.leaves)
+        for window in (WINDOW // 2, WINDOW):
+            few, before = max(self._errors[-window:], key=lambda one: one[1])
+            rate = max(rate, log(before / error) / log(now / few) if error < before else 0.0)
         factor = log(error / self.tolerance) / rate if rate > 0.0 else inf
-        return 0.1 * len(self.leaves) * exp(min(factor, 100.0))
+        return 0.1 * now * exp(min(factor, 100.0))
 
 
 def halvings(share: Floats, left: float, at: Ints, d: int = 2) -> Ints:

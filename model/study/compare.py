@@ -9,51 +9,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats
 from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.results.archive import open_archive
 from kaju.model.results.loading import answer_of, load_result
-from kaju.model.results.result import line_of
+from kaju.model.results.result import BodyResult, line_of
 from kaju.model.scene import Scene
 from kaju.model.study.reference import Reference
 
 MOST_POINTS = 2_000_000  # larger bodies are compared at points that the caller names
 _SAME = 1e-9
-
-
-class Answer(Protocol):
-    """What is asked of an answer: `BodyResult` and its like have all of it."""
-
-    scene: Scene
-
-    @property
-    def name(self) -> str:
-        """What it is called beside another answer."""
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is."""
-
-    def holds(self, points: Floats) -> Flags:
-        """Tell which points (m) lie in the body."""
-
-    def material_at(self, points: Floats) -> Ints:
-        """Return which of the scene's materials is at points (m) of the body."""
-
-    def displacement_at(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-
-    def stress_at(self, points: Floats) -> Floats:
-        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
-
-
-_ASKED = ("name", "holds", "material_at", "displacement_at", "stress_at")
+Answer = BodyResult | Reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +107,8 @@ class Profile:
 class Comparison:
     """How far one answer is from another."""
 
-    result: Any  # the answer that is judged
-    reference: Any  # the answer that is believed
+    result: BodyResult  # the answer that is judged
+    reference: Answer  # the answer that is believed
     points: Floats  # where they are compared (m), shape (n, dimension)
     displacement: Pair
     stress: Pair | None  # None if one of the answers knows no stress
@@ -242,7 +214,7 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
     return Comparison(judged, believed, where, displacement, stress, energy)
 
 
-def load_answer(path: str | Path) -> Any:
+def load_answer(path: str | Path) -> Answer:
     """Read a saved result or reference, whichever a file or a result's folder holds."""
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
     if open_archive(source)[1]["kind"] == "reference":
@@ -250,13 +222,13 @@ def load_answer(path: str | Path) -> Any:
     return _comparable(load_result(source))
 
 
-def _comparable(given: Any) -> Any:
+def _comparable(given: Any) -> Answer:
     """Return the answer that is compared: a model's or a run's own, as far as it has come."""
     answer = answer_of(given)
     if isinstance(answer, Reference):
         return answer
     answer = getattr(answer, "result", answer)  # of agents the answer that they settled to
-    if not all(hasattr(answer, name) for name in _ASKED):
+    if not isinstance(answer, BodyResult):
         raise ResultError(
             "compare: takes results of load transfer and of elasticity, and references, got "
             f"{answer!r:.80}"
@@ -269,7 +241,7 @@ def _comparable(given: Any) -> Any:
     return answer
 
 
-def _pairs(result: Answer, reference: Any, points: Floats) -> tuple[Pair, Pair | None]:
+def _pairs(result: BodyResult, reference: Answer, points: Floats) -> tuple[Pair, Pair | None]:
     """Return displacements and, if both know them, stresses at points (m)."""
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
@@ -287,7 +259,7 @@ def near_line(points: Floats, first: Floats, direction: Floats, length: float) -
     return np.asarray(points[near][np.argsort(along[near], kind="stable")])
 
 
-def _energy_error(judged: Answer, points: Floats, stress: Pair) -> float:
+def _energy_error(judged: BodyResult, points: Floats, stress: Pair) -> float:
     """Return the error in the energy norm, from σ:ε = (1+ν)/E (σ:σ - c (tr σ)²).
 
     c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
@@ -312,7 +284,7 @@ def _moduli(scene: Scene) -> Floats:
 # Where answers are compared.
 
 
-def _common_points(result: Answer, other: Any) -> Floats:
+def _common_points(result: BodyResult, other: Answer) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both reach."""
     coarse, fine = _cells_of(result, other)
     exact = result.scene.outlined and getattr(other, "scene", result.scene).outlined
@@ -326,11 +298,11 @@ def _common_points(result: Answer, other: Any) -> Floats:
     return points[known]
 
 
-def _cells_of(*answers: Any) -> list[Scene]:
+def _cells_of(*answers: Answer) -> list[Scene]:
     """Return the scenes of the cells of answers, those of the largest cells first."""
-    answers = tuple(answer for answer in answers if not isinstance(answer, Reference))
-    outlined = any(answer.scene.outlined for answer in answers)
-    scenes = [one.grid if outlined else one.scene for one in answers]
+    bodies = [answer for answer in answers if isinstance(answer, BodyResult)]
+    outlined = any(answer.scene.outlined for answer in bodies)
+    scenes = [one.grid if outlined else one.scene for one in bodies]
     scenes.sort(key=lambda scene: -scene.lattice.cell_size)
     return [scenes[0], scenes[-1]]
 
@@ -355,21 +327,18 @@ def _middles(coarse: Scene, fine: Scene) -> Floats:
 # What cannot be compared.
 
 
-def _refuse_different(result: Any, other: Any) -> None:
+def _refuse_different(result: BodyResult, other: Answer) -> None:
     """Refuse what cannot be compared: other dimensions, thickness or loads."""
     if any(getattr(answer, "stiffness", None) is not None for answer in (result, other)):
         raise ResultError(
             "compare: an answer with an array of stiffness is of another body than its scene; "
             "compare its `energy` and `displacement` yourself"
         )
-    lone = isinstance(other, Reference)
-    ours, theirs = (
-        answer.dimension if answer is other and lone else answer.scene.lattice.dimension
-        for answer in (result, other)
-    )
+    ours = result.scene.lattice.dimension
+    theirs = other.dimension if isinstance(other, Reference) else other.scene.lattice.dimension
     if ours != theirs:
         raise ResultError(f"compare: a body in {ours} dimensions and one in {theirs} differ")
-    if lone:
+    if isinstance(other, Reference):
         return
     first, second = result.scene, other.scene
     for what, unit in (("thickness", " m"), ("plane", "")):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,10 @@ from kaju.model.scene.selection import Uneven
 from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
+Field = Callable[[ArrayLike], tuple[Floats, Floats]]
+"""Displacement (m) and stress (Pa) at points (m)."""
+Finder = Callable[[Floats], Index]
+"""Which element holds each place (in cells), shape (dimension, n)."""
 
 MOST_UNKNOWNS = 2_000_000  # factors of more do not fit into the memory of usual machines
 
@@ -113,18 +118,18 @@ class ElementReference(Reference):
     Its own points are the middles of the cells; these alone are saved, as a `Reference`.
     """
 
-    field: ElementField | None = None  # the elements' own unknowns
+    at: Field | None = None
     load = Reference.load  # type: ignore[assignment]
 
     def displacement_at(self, points: ArrayLike) -> Floats:
         """Return the displacement (m) at points (m) of the body, both (n, dimension)."""
-        assert self.field is not None
-        return self.field.at(points)[0]
+        assert self.at is not None
+        return self.at(points)[0]
 
     def stress_at(self, points: ArrayLike) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
-        assert self.field is not None
-        return self.field.at(points)[1]
+        assert self.at is not None
+        return self.at(points)[1]
 
     def save(self, path: str | Path) -> Path:
         """Write what is known in the middles of the cells; see `Reference.save`."""
@@ -132,33 +137,25 @@ class ElementReference(Reference):
         return Reference(*known).save(path)
 
 
-@dataclass(frozen=True, eq=False)
-class ElementField:
-    """The unknowns of elements, and what they say at points."""
-
-    basis: Any  # vector-valued, on a mesh in cells
-    displacement: Floats  # of every unknown (m)
-    cell_size: float  # (m)
-    moduli: Moduli  # of every element (Pa)
-    element_at: Callable[[Floats], Index]  # which element holds each place (in cells), (d, n)
-
-    def at(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Return displacement (m) and stress (Pa) at points (m)."""
-        basis, (n, d) = self.basis, np.shape(points)
-        place = np.asarray(points, dtype=np.float64).T / self.cell_size
-        element = self.element_at(place)
-        local = basis.mapping.invF(place[:, :, None], tind=element)
-        moved, slope = np.zeros((d, n)), np.zeros((d, d, n))
-        for k in range(basis.Nbfun):
-            shape = basis.elem.gbasis(basis.mapping, local, k, tind=element)[0]
-            weight = self.displacement[basis.element_dofs[k, element]]
-            moved += np.asarray(shape)[..., 0] * weight
-            slope += shape.grad[..., 0] * weight
-        gradient = slope.transpose(2, 0, 1) / self.cell_size
-        strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
-        lateral, shear = (m[element][:, None, None] for m in self.moduli[1:])
-        volume = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(d)
-        return moved.T, 2.0 * shear * strain + lateral * volume
+def _field_at(
+    points: ArrayLike, *, basis: Any, u: Floats, edge: float, moduli: Moduli, element_at: Finder
+) -> tuple[Floats, Floats]:
+    """Return displacement (m) and stress (Pa) at points (m), from a basis on a mesh in cells."""
+    n, d = np.shape(points)
+    place = np.asarray(points, dtype=np.float64).T / edge
+    element = element_at(place)
+    local = basis.mapping.invF(place[:, :, None], tind=element)
+    moved, slope = np.zeros((d, n)), np.zeros((d, d, n))
+    for k in range(basis.Nbfun):
+        shape = basis.elem.gbasis(basis.mapping, local, k, tind=element)[0]
+        weight = u[basis.element_dofs[k, element]]
+        moved += np.asarray(shape)[..., 0] * weight
+        slope += shape.grad[..., 0] * weight
+    gradient = slope.transpose(2, 0, 1) / edge
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    lateral, shear = (m[element][:, None, None] for m in moduli[1:])
+    volume = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(d)
+    return moved.T, 2.0 * shear * strain + lateral * volume
 
 
 def surroundings(scene: Scene) -> Index:
@@ -300,7 +297,7 @@ def _held(basis: Any, kinds: Index) -> Index:
 
 
 def solve_on(
-    scene: Scene, basis: Any, kinds: Index, element_at: Callable[[Floats], Index], words: str
+    scene: Scene, basis: Any, kinds: Index, element_at: Finder, words: str
 ) -> ElementReference:
     """Solve a scene on the elements of a vector-valued basis on a mesh in cells."""
     import skfem
@@ -310,10 +307,11 @@ def solve_on(
     right, u = _load_vector(scene, basis), np.zeros(basis.N)
     free = np.setdiff1d(np.arange(basis.N), _held(basis, kinds))
     u[free] = factors_of(matrix[free][:, free]).solve(right[free])
-    field = ElementField(basis, u, scene.lattice.cell_size, moduli, element_at)
+    known: dict[str, Any] = {"basis": basis, "u": u, "moduli": moduli, "element_at": element_at}
+    field: Field = partial(_field_at, edge=scene.lattice.cell_size, **known)
     points = scene.lattice.centres(np.argwhere(scene.rasterise() >= 0))
     source = f"finite elements: {words}, {basis.N} unknowns (scikit-fem {skfem.__version__})"
-    return ElementReference(points, *field.at(points), 0.5 * float(u @ right), source, field)
+    return ElementReference(points, *field(points), 0.5 * float(u @ right), source, field)
 
 
 def within_body(whole: Any, kinds: Index) -> Any:

@@ -32,7 +32,6 @@ from .sweep_runs import (
     RUN,
     Measure,
     Row,
-    SweepPoints,
     SweepRun,
     Vary,
     by_its_kind,
@@ -43,6 +42,7 @@ from .sweep_runs import (
 if TYPE_CHECKING:
     import pandas
 
+Points = list[dict[str, Any]]
 STORE, TABLE = "sweep.sqlite", "table.parquet"
 _TRIED = 8  # points that are tried for their scene before anything starts
 
@@ -130,7 +130,7 @@ def sweep(
     _try_scenes(runs, points)
     workers = _whole("workers", workers or _processors(), 1)
     folder = Path(out) if out is not None else None
-    store = closing(_store_of(folder, _described(runs, points)))
+    store = closing(_store_of(folder, _described(runs, points, method)))
     with store as rows, progress_line(progress) as report:
         missing = rows.missing(len(points))
         with closing(_rows_of(runs, points, missing, min(workers, len(missing)))) as came:
@@ -169,7 +169,7 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def _try_scenes(runs: SweepRun, points: SweepPoints) -> None:
+def _try_scenes(runs: SweepRun, points: Points) -> None:
     """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
     if not isinstance(runs.subject, Scene):
         return
@@ -183,7 +183,7 @@ def _try_scenes(runs: SweepRun, points: SweepPoints) -> None:
     raise SceneError(f"no point that was tried makes a scene; the first: {first}") from first
 
 
-def _described(runs: SweepRun, points: SweepPoints) -> dict[str, Any]:
+def _described(runs: SweepRun, points: Points, method: str) -> dict[str, Any]:
     """Return what is asked, and a digest by which the same sweep is recognised."""
     with needing("sweep: joblib hands out its runs, which a browser's Python has not"):
         from joblib import hash as digest
@@ -196,14 +196,13 @@ def _described(runs: SweepRun, points: SweepPoints) -> dict[str, Any]:
         "subject": str(scene) if scene else _named(runs.subject),
         "run": _named(runs.run),
         "measure": None if measure is None else list(measure),
-        "varied": list(points.columns),
-        "method": points.method,
+        "varied": list(points[0]),
+        "method": method,
         "points": len(points),
         "seed": runs.seed,
     }
-    values = [json.dumps(points[number], default=str) for number in range(len(points))]
     archive = scene.to_archive() if scene else None
-    identity = digest((json.dumps(about, default=str), archive, values))
+    identity = digest((json.dumps([about, points], default=str), archive))
     return about | {"kaju_version": __version__, "identity": identity}
 
 
@@ -219,7 +218,7 @@ def _named(what: Any) -> str:
 
 
 def _rows_of(
-    runs: SweepRun, points: SweepPoints, numbers: Ints, workers: int
+    runs: SweepRun, points: Points, numbers: Ints, workers: int
 ) -> Generator[Row, None, None]:
     """Yield the rows of runs as they are finished."""
     from joblib import Parallel, delayed

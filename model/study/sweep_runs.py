@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from inspect import signature
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ Vary = Mapping[str, Any]
 
 GRID, LISTED = "grid", "list"
 SAMPLED = ("sobol", "lhs")
-MOST_POINTS = 10_000_000
+MOST_POINTS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -187,24 +188,10 @@ def _cell(value: Any) -> Any:
 # Which points are run.
 
 
-@dataclass(frozen=True)
-class SweepPoints:
-    """The points of a sweep, by column."""
-
-    columns: Mapping[str, Sequence[Any]]  # of each varied quantity, one value per point
-    method: str  # how they were chosen
-
-    def __len__(self) -> int:
-        return len(next(iter(self.columns.values())))
-
-    def __getitem__(self, number: int) -> dict[str, Any]:
-        return {key: plain(column[number]) for key, column in self.columns.items()}
-
-
-def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPoints:
+def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> list[dict[str, Any]]:
     """Return the points that `sweep` is asked for."""
-    if method not in (GRID, LISTED, *SAMPLED):
-        known = (GRID, LISTED, *SAMPLED)
+    known = (GRID, LISTED, *SAMPLED)
+    if method not in known:
         raise ParameterError(
             f"method: must be one of {', '.join(map(repr, known))}, got {method!r}"
             f"{suggestion(str(method), known)}"
@@ -212,31 +199,25 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> SweepP
     if not isinstance(vary, Mapping) or not vary:
         raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")
     if method in SAMPLED:
-        return _sampled(vary, method, samples, seed)
-    if samples is not None:
+        columns = _sampled(vary, method, samples, seed)
+    elif samples is None:
+        columns = [_values(key, given) for key, given in vary.items()]
+    else:
         raise ParameterError(
             f"samples: a {method} has as many points as its values make; leave samples away"
         )
-    values = {key: _values(key, given) for key, given in vary.items()}
-    if method == LISTED:
-        lengths = {key: len(column) for key, column in values.items()}
-        if len(set(lengths.values())) > 1:
-            raise ParameterError(
-                f"vary: the values of a list go together one by one; got {lengths} of them"
-            )
-        return SweepPoints(values, LISTED)
-    shape = tuple(map(len, values.values()))
-    if math.prod(shape) > MOST_POINTS:
+    lengths = dict(zip(vary, map(len, columns), strict=True))
+    if method == LISTED and len({*lengths.values()}) > 1:
         raise ParameterError(
-            f"vary: {math.prod(shape):,} combinations are more than {MOST_POINTS:,}; take fewer "
-            "values, or draw samples (method='sobol', samples=1024)"
+            f"vary: the values of a list go together one by one; got {lengths} of them"
         )
-    places = np.unravel_index(np.arange(math.prod(shape)), shape)
-    columns = {
-        key: [column[place] for place in along]
-        for (key, column), along in zip(values.items(), places, strict=True)
-    }
-    return SweepPoints(columns, GRID)
+    if method == GRID and math.prod(lengths.values()) > MOST_POINTS:
+        raise ParameterError(
+            f"vary: {math.prod(lengths.values()):,} combinations are more than {MOST_POINTS:,}; "
+            "take fewer values, or draw samples (method='sobol', samples=1024)"
+        )
+    rows = product(*columns) if method == GRID else zip(*columns, strict=True)
+    return [dict(zip(vary, map(plain, row), strict=True)) for row in rows]
 
 
 def _values(key: str, given: Any) -> Sequence[Any]:
@@ -254,7 +235,7 @@ def _values(key: str, given: Any) -> Sequence[Any]:
     return list(given)
 
 
-def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPoints:
+def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> list[Sequence[Any]]:
     if samples is None or isinstance(samples, bool) or int(samples) != samples or samples < 1:
         raise ParameterError(
             f"samples: {method} needs the number of points, 1 or more; got {samples!r}"
@@ -270,16 +251,16 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPo
     engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
     unit = engine(len(vary), seed=seed).random(samples)
     unit = np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
-    columns: dict[str, Sequence[Any]] = {}
+    columns: list[Sequence[Any]] = []
     for (key, given), column in zip(vary.items(), unit.T, strict=True):
         if hasattr(given, "ppf"):
-            columns[key] = given.ppf(column)
-            if not np.isfinite(columns[key]).all():
+            columns.append(given.ppf(column))
+            if not np.isfinite(columns[-1]).all():
                 raise ParameterError(f"vary: the distribution of {key!r} gave infinite values")
         else:
             values = _values(key, given)
-            columns[key] = [values[int(place)] for place in column * len(values)]
-    return SweepPoints(columns, method)
+            columns.append([values[int(place)] for place in column * len(values)])
+    return columns
 
 
 def plain(value: Any) -> Any:

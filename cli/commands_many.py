@@ -217,7 +217,7 @@ def sweep(
 
 
 def _verb(name: str) -> Any:
-    from kaju.model.study.sweep_runs import by_its_kind
+    from kaju.model.study.sweep import by_its_kind
 
     if name == "auto":
         return by_its_kind

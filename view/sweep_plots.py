@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
-from kaju.model.study.sweep_runs import ERROR
+from kaju.model.study.sweep import ERROR
 
 from . import style
 from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, colour_bar, figure_of

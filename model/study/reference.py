@@ -117,23 +117,11 @@ class Reference(Stored):
         return np.where(distance <= reach, row, -1).astype(np.int64)
 
     def displacement_at(self, points: ArrayLike) -> Floats:
-        """Return the displacement (m) at points of the reference (m), both (n, dimension).
-
-        Raises
-        ------
-        ResultError
-            If the reference does not know one of the points.
-        """
+        """Return the displacement (m) at known points (m), both (n, dimension)."""
         return self.displacement[self._known(points)]
 
     def stress_at(self, points: ArrayLike) -> Floats:
-        """Return stress tensors (Pa) at points of the reference.
-
-        Raises
-        ------
-        ResultError
-            If the reference does not know one of the points, or no stress at all.
-        """
+        """Return stress tensors (Pa) at known points (m), (n, dimension, dimension)."""
         if self.stress is None:
             raise ResultError("stress: the reference has none; give it as stress=")
         return self.stress[self._known(points)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.loading import question_of
 from kaju.model.scene import Scene
-from kaju.stopping import Answer, interruptible
+from kaju.stopping import interruptible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,23 +22,15 @@ if TYPE_CHECKING:
     from kaju.model.transfer.load_model import LoadModel
 
 _OUTLINES = (
-    "{name}: is not taken within true outlines, whose agents %s; leave it out, or take "
-    "regions with "
-    'outline = "cells"'
+    "{name}: is not taken within true outlines, whose agents %s; leave it out, or take regions "
+    'with outline = "cells"'
 )
 _TAKEN = {
-    "plane with outlines": (
-        "tolerance goal stage=1",
-        _OUTLINES % "spawn where the tolerance asks for it",
-    ),
-    "solid with outlines": (
-        "resolution stage=1",
-        _OUTLINES % "are equal cells in space, as many as `resolution` says",
-    ),
+    "plane": ("tolerance goal stage=1", _OUTLINES % "spawn where the tolerance asks for it"),
+    "solid": ("resolution stage=1", _OUTLINES % "are equal cells, as many as `resolution` says"),
     "stiffness": (
         "tolerance resolution previous stage stiffness",
-        "stiffness: an array of it needs equal cells, which take no {name}; leave one of the "
-        "two out",
+        "stiffness: an array of it needs equal cells, which take no {name}; leave one of both out",
     ),
 }
 """By solver, the options that it takes (or the one value of them), and what is said of others."""
@@ -122,17 +114,19 @@ def solve(
             f"scene: a Scene, a model of one, or the path of a scene is needed, got "
             f"{type(asked).__name__}; a network of springs is solved by kaju.model.network.solve"
         )
-    options: dict[str, Any] = {
-        "tolerance": tolerance,
-        "resolution": resolution,
-        "goal": goal,
-        "stage": stage,
-        "previous": previous,
-        "stiffness": stiffness,
-    }
+    options: dict[str, Any] = {"tolerance": tolerance, "resolution": resolution, "goal": goal}
+    options |= {"stage": stage, "previous": previous, "stiffness": stiffness}
     given = {name: value for name, value in options.items() if value is not None}
     solver = _solve_outlined if asked.outlined else _solve_scene
-    return interruptible(lambda: _with_memory(solver, asked, given))
+    try:
+        return interruptible(lambda: solver(asked, given))
+    except OutOfMemoryError:
+        raise
+    except MemoryError as error:
+        raise OutOfMemoryError(
+            f"solve: {str(error) or 'memory ran out'}; take a smaller resolution, or a larger "
+            "tolerance"
+        ) from error
 
 
 def _refuse_others(solver: str, given: Mapping[str, Any]) -> None:
@@ -143,29 +137,14 @@ def _refuse_others(solver: str, given: Mapping[str, Any]) -> None:
             raise ParameterError(message.format(name=name))
 
 
-def _with_memory(
-    solver: Callable[[Scene, dict[str, Any]], Answer], scene: Scene, given: dict[str, Any]
-) -> Answer:
-    """Return an answer; where memory runs out, say which options need less."""
-    try:
-        return solver(scene, given)
-    except MemoryError as error:
-        if isinstance(error, OutOfMemoryError):
-            raise
-        raise OutOfMemoryError(
-            f"solve: {str(error) or 'memory ran out'}; take a smaller resolution, or a larger "
-            "tolerance"
-        ) from error
-
-
 def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     """Solve a scene within true outlines: agents that spawn in the plane, equal cells in space."""
     if scene.lattice.dimension == 3:
-        _refuse_others("solid with outlines", given)
+        _refuse_others("solid", given)
         return _solve_solid(scene, given.get("resolution"))
     from kaju.model.elastic.solve import solve_spawning
 
-    _refuse_others("plane with outlines", given)
+    _refuse_others("plane", given)
     return solve_spawning(scene, given.get("tolerance"), goal=given.get("goal"))
 
 

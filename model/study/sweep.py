@@ -1,5 +1,9 @@
 """The verb: run a scene at many points, on many processes, and go on after an interruption.
 
+A point becomes a scene, that a result, that a row. Grids take every combination of the values
+given. The other methods draw points of the unit cube and read them through the distributions: Latin
+hypercubes (McKay, Beckman & Conover 1979) and scrambled Sobol sequences (Owen 1998).
+
 joblib hands the runs out, in batches sized by what runs have taken so far. A run that kills its
 process ends the sweep; with a folder, the rows that were finished are kept, and it goes on there.
 """
@@ -7,12 +11,16 @@ process ends the sweep; with a folder, the rows that were finished are kept, and
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 import sqlite3
-import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass, is_dataclass
 from functools import partial
+from inspect import signature
+from itertools import product
 from pathlib import Path
 from threading import Thread
 from time import sleep
@@ -21,30 +29,43 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaju import __version__
+from kaju.agents.materials import suggestion
 from kaju.arrays import Ints
 from kaju.errors import ParameterError, ResultFileError, SceneError, WorkerError, needing
 from kaju.files import atomic_file, is_there
+from kaju.model.network import SpringNetwork
+from kaju.model.network import solve as solve_network
 from kaju.model.scene import Scene, load_scene
-from kaju.progress import progress_line
+from kaju.model.transfer.load_model import LoadModel
+from kaju.progress import progress_line, without_progress
 
-from .sweep_runs import (
-    ERROR,
-    RUN,
-    Measure,
-    Row,
-    SweepRun,
-    Vary,
-    by_its_kind,
-    plain,
-    points_of,
-)
+from .solving import solve
 
 if TYPE_CHECKING:
     import pandas
 
+Row = dict[str, Any]
+Measure = str | Callable[[Any], Any] | Sequence[str] | None
+
+RUN, ERROR = "run", "error"
+_OPTION = "run."
+_NOT_REPEATABLE = ("seconds", "kaju_version")
+"""Figures of a summary that say nothing about the point."""
+Vary = Mapping[str, Any]
 Points = list[dict[str, Any]]
+METHODS = ("grid", "list", "sobol", "lhs")
+MOST_POINTS = 1_000_000
 STORE, TABLE = "sweep.sqlite", "table.parquet"
 _TRIED = 8  # points that are tried for their scene before anything starts
+
+
+def by_its_kind(subject: Any, rng: int | None = None) -> Any:
+    """Run models and prescribed scenes, solve other scenes and networks; all else is an answer."""
+    if isinstance(subject, Scene):
+        if subject.rule.kind == "prescribed":
+            return LoadModel(subject, rng=rng).run()
+        return solve(subject)
+    return solve_network(subject) if isinstance(subject, SpringNetwork) else subject
 
 
 def sweep(
@@ -127,8 +148,11 @@ def sweep(
         subject = load_scene(subject)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
     runs = SweepRun(subject, run, _checked(measure), seed)
-    _try_scenes(runs, points)
-    workers = _whole("workers", workers or _processors(), 1)
+    if isinstance(subject, Scene):
+        _try_scenes(runs, points)
+    with needing("sweep: joblib hands out its runs, which a browser's Python has not"):
+        import joblib
+    workers = _whole("workers", workers or joblib.cpu_count(), 1)
     folder = Path(out) if out is not None else None
     store = closing(_store_of(folder, _described(runs, points, method)))
     with store as rows, progress_line(progress) as report:
@@ -165,14 +189,8 @@ def _whole(name: str, value: Any, least: int) -> int:
     return value
 
 
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
-
-
 def _try_scenes(runs: SweepRun, points: Points) -> None:
     """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
-    if not isinstance(runs.subject, Scene):
-        return
     first = None
     for number in np.unique(np.linspace(0, len(points) - 1, _TRIED).astype(int)):
         try:
@@ -185,8 +203,7 @@ def _try_scenes(runs: SweepRun, points: Points) -> None:
 
 def _described(runs: SweepRun, points: Points, method: str) -> dict[str, Any]:
     """Return what is asked, and a digest by which the same sweep is recognised."""
-    with needing("sweep: joblib hands out its runs, which a browser's Python has not"):
-        from joblib import hash as digest
+    from joblib import hash as digest
 
     measure: Any = runs.measure
     if isinstance(measure, str) or callable(measure):
@@ -352,3 +369,226 @@ def load_sweep(folder: str | Path) -> pandas.DataFrame:
         raise ResultFileError(f"{place}: is not the folder of a sweep: it has no {STORE}")
     with closing(SweepStore(place)) as store:
         return store.table()
+
+
+# What is done at every point.
+
+
+@dataclass(frozen=True)
+class SweepRun:
+    """What is done at every point."""
+
+    subject: Scene | Callable[..., Any]  # changed by the point's keys, or called with them by name
+    run: Callable[..., Any]  # takes the subject, and the keys that begin with "run." as options
+    measure: Measure  # what of the result goes into the row
+    seed: int  # from which the runs' own seeds are made
+
+    def row(self, number: int, point: Mapping[str, Any]) -> Row:
+        """Return the row of one point; one that fails has its error in it."""
+        row = {RUN: number, **{key: _cell(value) for key, value in point.items()}}
+        try:
+            figures = self.figures(number, point)
+            taken = figures.keys() & {ERROR, *row}
+            if taken:
+                raise ParameterError(
+                    f"measure: {taken.pop()!r} is another column's name; return it by a new one"
+                )
+        except Exception as error:  # whatever a run dies of belongs into its row
+            return row | {ERROR: f"{type(error).__name__}: {error}"}
+        return row | figures | {ERROR: ""}
+
+    def figures(self, number: int, point: Mapping[str, Any]) -> Row:
+        """Return what is measured at one point, with a seed independent of all others'."""
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(number,))
+        seed = int(sequence.generate_state(1)[0])
+        options = {k.removeprefix(_OPTION): v for k, v in point.items() if k.startswith(_OPTION)}
+        with without_progress():
+            result = _called(self.run, (self.subject_at(point, seed),), options, seed)
+            if hasattr(result, "step") and hasattr(result, "run"):
+                result = result.run()  # a model's class, or a part of its call, makes a model
+        return _measured(result, self.measure)
+
+    def subject_at(self, point: Mapping[str, Any], seed: int) -> Any:
+        """Return the subject at a point."""
+        changes = {key: value for key, value in point.items() if not key.startswith(_OPTION)}
+        if not isinstance(self.subject, Scene):
+            return _called(self.subject, (), changes, seed)
+        return self.subject.with_overrides({key_path(k): v for k, v in changes.items()})
+
+
+def _called(
+    function: Callable[..., Any], arguments: tuple[Any, ...], options: Mapping[str, Any], seed: int
+) -> Any:
+    takes = signature(function).parameters
+    chance = {"rng": seed} if "rng" in takes and "rng" not in options else {}
+    return function(*arguments, **options, **chance)
+
+
+def _measured(result: Any, measure: Measure) -> Row:
+    """Return what the measure takes of a result, by column."""
+    if measure is None:
+        return _everything(result)
+    if isinstance(measure, str):
+        measure = (measure,)
+    if callable(measure):
+        value = measure(result)
+        name = getattr(measure, "__name__", "measure").replace("<lambda>", "measure")
+        found: Mapping[str, Any] = value if isinstance(value, Mapping) else {name: value}
+    else:
+        table = _table(result)
+        found = {name: _found(result, table, name) for name in measure}
+    return {str(name): _figure(str(name), value) for name, value in found.items()}
+
+
+def _table(result: Any) -> Mapping[str, Any]:
+    if isinstance(result, Mapping):
+        return result
+    if callable(getattr(result, "summary", None)):
+        return dict(result.summary())
+    if is_dataclass(result):
+        return vars(result)
+    return {}
+
+
+def _everything(result: Any) -> Row:
+    """Return all single figures of a result that are the same at every repetition."""
+    if _is_figure(plain(result)):
+        return {"value": plain(result)}
+    figures = {
+        key: plain(value) for key, value in _table(result).items() if key not in _NOT_REPEATABLE
+    }
+    figures = {key: value for key, value in figures.items() if _is_figure(value)}
+    if not figures:
+        raise ParameterError(
+            f"measure: a {type(result).__name__} has no figures of its own; "
+            "say what to measure by a function of it"
+        )
+    return figures
+
+
+def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
+    """Return ``reaction.bottom[1]`` of a summary, or ``last.ledger.taken`` of the result."""
+    found: Any = table if key_path(name).split(".")[0] in table else result
+    for key in key_path(name).split("."):
+        try:
+            if isinstance(found, Mapping):
+                found = found[key]
+            elif key.isdecimal():
+                found = found[int(key)]
+            else:
+                found = getattr(found, key)
+        except (KeyError, IndexError, TypeError, AttributeError):
+            known = ", ".join(key for key, value in table.items() if _is_figure(plain(value)))
+            raise ParameterError(
+                f"measure: the result has no {name!r}; its summary has {known}"
+            ) from None
+    return found
+
+
+def _is_figure(value: Any) -> bool:
+    return value is None or isinstance(value, (bool, int, float, str))
+
+
+def _figure(name: str, value: Any) -> Any:
+    value = plain(value)
+    if value is None:
+        return math.nan
+    if not _is_figure(value):
+        raise ParameterError(
+            f"measure: {name!r} must be one number, text or truth value, got {type(value).__name__}"
+        )
+    return value
+
+
+def _cell(value: Any) -> Any:
+    """Return a varied value as a cell of a table holds it: lists and tables as text."""
+    return value if _is_figure(value) else json.dumps(value, default=str)
+
+
+# Which points are run.
+
+
+def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points:
+    """Return the points that `sweep` is asked for."""
+    if method not in METHODS:
+        raise ParameterError(
+            f"method: must be one of {', '.join(map(repr, METHODS))}, got {method!r}"
+            f"{suggestion(str(method), METHODS)}"
+        )
+    if not isinstance(vary, Mapping) or not vary:
+        raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")
+    if method in METHODS[2:]:
+        columns = _sampled(vary, method, samples, seed)
+    elif samples is None:
+        columns = [_values(key, given) for key, given in vary.items()]
+    else:
+        raise ParameterError(
+            f"samples: a {method} has as many points as its values make; leave samples away"
+        )
+    lengths = dict(zip(vary, map(len, columns), strict=True))
+    if method == "list" and len({*lengths.values()}) > 1:
+        raise ParameterError(
+            f"vary: the values of a list go together one by one; got {lengths} of them"
+        )
+    if method == "grid" and math.prod(lengths.values()) > MOST_POINTS:
+        raise ParameterError(
+            f"vary: {math.prod(lengths.values()):,} combinations are more than {MOST_POINTS:,}; "
+            "take fewer values, or draw samples (method='sobol', samples=1024)"
+        )
+    rows = product(*columns) if method == "grid" else zip(*columns, strict=True)
+    return [dict(zip(vary, map(plain, row), strict=True)) for row in rows]
+
+
+def _values(key: str, given: Any) -> Sequence[Any]:
+    if hasattr(given, "ppf"):
+        raise ParameterError(
+            f"vary: {key!r} is a distribution, of which a grid or list cannot be made; "
+            "take method='sobol' or 'lhs', with samples="
+        )
+    if isinstance(given, (str, bytes)) or not isinstance(given, (Sequence, np.ndarray, range)):
+        raise ParameterError(
+            f"vary: {key!r} needs a list of values or a scipy.stats distribution, got {given!r}"
+        )
+    if len(given) == 0:
+        raise ParameterError(f"vary: {key!r} has no values")
+    return list(given)
+
+
+def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> list[Sequence[Any]]:
+    if samples is None or isinstance(samples, bool) or int(samples) != samples or samples < 1:
+        raise ParameterError(
+            f"samples: {method} needs the number of points, 1 or more; got {samples!r}"
+        )
+    if method != "lhs" and samples & (samples - 1):
+        below = 1 << (samples.bit_length() - 1)
+        raise ParameterError(
+            f"samples: Sobol points are balanced only in powers of two; take {below} or "
+            f"{2 * below} instead of {samples}, or method='lhs'"
+        )
+    from scipy.stats import qmc
+
+    engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
+    unit = engine(len(vary), seed=seed).random(samples)
+    unit = np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
+    columns: list[Sequence[Any]] = []
+    for (key, given), column in zip(vary.items(), unit.T, strict=True):
+        if hasattr(given, "ppf"):
+            columns.append(given.ppf(column))
+            if not np.isfinite(columns[-1]).all():
+                raise ParameterError(f"vary: the distribution of {key!r} gave infinite values")
+        else:
+            values = _values(key, given)
+            columns.append([values[int(place)] for place in column * len(values)])
+    return columns
+
+
+def plain(value: Any) -> Any:
+    """Return a value without NumPy's types, as scenes and files take it."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def key_path(key: str) -> str:
+    """Return ``loads[0].force[1]`` as ``loads.0.force.1``."""
+    return re.sub(r"\[(\d+)\]", r".\1", key)

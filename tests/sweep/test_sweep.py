@@ -11,7 +11,7 @@ from scipy import stats
 
 import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
-from kaju.model.study.sweep_runs import points_of
+from kaju.model.study.sweep import points_of
 
 SCENE = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.01})
 ELASTIC = SCENE.replace(rule={"kind": "elastic"})

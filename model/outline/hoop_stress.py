@@ -9,12 +9,13 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 
+from .true_shapes import nearest_of
+
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_pair import CutPair
 
 _GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
 _ON = 1e-7  # edges this near to an outline (in edges of the first agents) are on it
-_AT_ONCE = 1_000_000  # distances
 BESIDE = 2  # agents on either side over which both are compared
 
 
@@ -46,15 +47,19 @@ class HoopStress:
     def along(cls, pair: CutPair, region: int) -> HoopStress:
         """Return the stresses by agents along the outline of a region."""
         line = pair.along[region]
-        found = [_ends_of_body(pair, region, line), _between_materials(pair, line)]
-        start, end, leaf, law = (np.concatenate([one[k] for one in found]) for k in range(4))
+        found = [_ends_of_body(pair, region), _between_materials(pair, line)]
         met = np.repeat([False, True], [len(one[0]) for one in found])
-        middle, run = 0.5 * (start + end), end - start
+        at, own = (
+            np.concatenate([one[0] for one in found]),
+            np.concatenate([one[1] for one in found]),
+        )
+        mesh = pair.balancing.mesh
+        leaf, law, middle, run = mesh.leaf[own], mesh.law[own], at.mean(axis=1), at[:, 1] - at[:, 0]
         long = np.hypot(*run.T)
         d = run / np.maximum(long, 1e-300)[:, None]
         n = np.stack([d[:, 1], -d[:, 0]], axis=1)
-        stress = pair.stress_at(leaf, middle, law)
-        strain = pair.strain_at(leaf, middle, law)
+        stress = pair.balancing.stress_at(leaf, middle, law)
+        strain = pair.fitting.strain_at(leaf, middle, law)
 
         def turned(tensor: Floats, one: Floats, other: Floats) -> Floats:
             xx, yy, xy = tensor.T
@@ -76,12 +81,9 @@ class HoopStress:
         leaf, long, values = leaf[order], long[order], values[order]
         # one place for each agent that the outline comes through
         group = np.cumsum(np.diff(leaf, prepend=-1) != 0) - 1
-        total = np.bincount(group, long) if len(group) else np.zeros(0)
-        means = (
-            np.stack([np.bincount(group, long * v, len(total)) / total for v in values.T], axis=1)
-            if len(group)
-            else np.zeros((0, values.shape[1]))
-        )
+        total = np.bincount(group, long)
+        means = np.zeros((len(total), values.shape[1]))
+        np.add.at(means, group, (long / total[group])[:, None] * values)
         d = means[:, 2:4] / np.maximum(np.hypot(*means[:, 2:4].T), 1e-300)[:, None]
         first = np.unique(group, return_index=True)[1]
         return cls(
@@ -95,80 +97,35 @@ class HoopStress:
         )
 
 
-Edges = tuple[Floats, Floats, Ints, Ints]
-"""Starts and ends, the region to the left, and leaf and law of what bears the stress."""
-
-
-def _ends_of_body(pair: CutPair, region: int, line: Floats) -> Edges:
-    """Return the edges along an outline at which the body ends."""
+def _ends_of_body(pair: CutPair, region: int) -> tuple[Floats, Ints]:
+    """Return the edges along an outline at which the body ends, and the triangles there."""
     mesh, border = pair.balancing.mesh, pair.borders[1]
     rows = np.flatnonzero(border.outline == region)
-    leaf, law = mesh.owner
-    start, end = (mesh.place[border.ends[rows, k]] for k in (0, 1))
-    if not pair.problem.body.regions[region].solid:
-        start, end = end, start
-    edge = border.edge[rows]
-    return start, end, leaf[edge], law[edge]
+    at = mesh.place[border.ends[rows]]
+    solid = pair.problem.body.regions[region].solid
+    return at if solid else at[:, ::-1], mesh.owner[border.edge[rows]]
 
 
-def _between_materials(pair: CutPair, line: Floats) -> Edges:
-    """Return the edges along an outline at which two materials meet: of the one outside."""
+def _between_materials(pair: CutPair, line: Floats) -> tuple[Floats, Ints]:
+    """Return the edges along an outline at which two materials meet, and triangles outside."""
     mesh, certain = pair.balancing.mesh, len(pair.problem.body.laws)
-    parts = [
-        (edges.ravel(), np.repeat(of, edges.shape[1]), np.repeat(kind, edges.shape[1]),
-         np.repeat(middle, edges.shape[1], axis=0))
-        for (edges, of, kind), middle in zip(
-            _elements(pair),
-            (mesh.place[mesh.square].mean(axis=1), mesh.place[mesh.triangle].mean(axis=1)),
-            strict=True,
-        )
-    ]  # fmt: skip
-    edge, leaf, law, middle = (np.concatenate([one[k] for one in parts]) for k in range(4))
+    edge, of = mesh.edge.ravel(), np.repeat(np.arange(len(mesh.triangle)), 3)
+    law = mesh.law[of]
     low, high = np.full(len(mesh.ends), certain), np.full(len(mesh.ends), -1)
     np.minimum.at(low, edge, law)
     np.maximum.at(high, edge, law)
     rows = np.flatnonzero((low[edge] < high[edge]) & (law < certain))
-    at = mesh.place[mesh.ends[edge[rows]]]
-    off, nearest = _nearest(at.mean(axis=1), line)
-    rows, at, nearest = (one[off < _ON] for one in (rows, at, nearest))
-    run = line[nearest, 1] - line[nearest, 0]
-    # those to the right of the region's line
-    away = middle[rows] - at[:, 0]
-    outside = run[:, 0] * away[:, 1] - run[:, 1] * away[:, 0] < 0.0
-    rows, at, run = rows[outside], at[outside], run[outside]
-    back = ((at[:, 1] - at[:, 0]) * run).sum(axis=1) < 0.0
-    at = np.where(back[:, None, None], at[:, ::-1], at)
-    return at[:, 0], at[:, 1], leaf[rows], law[rows]
-
-
-def _elements(pair: CutPair) -> tuple[tuple[Ints, Ints, Ints], tuple[Ints, Ints, Ints]]:
-    mesh = pair.balancing.mesh
-    return (
-        (mesh.square_edge, mesh.square_leaf, mesh.square_law),
-        (mesh.triangle_edge, mesh.triangle_leaf, mesh.triangle_law),
-    )
-
-
-def _nearest(points: Floats, line: Floats) -> tuple[Floats, Ints]:
-    """Return how far points are from the straight pieces of a line, and which is nearest."""
-    off, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
-    if not len(line):
-        return off, nearest
-    run = line[:, 1] - line[:, 0]
-    square = (run**2).sum(axis=1)
-    step = max(_AT_ONCE // len(line), 1)
-    for k in range(0, len(points), step):
-        away = points[k : k + step, None] - line[:, 0]
-        t = np.clip((away * run).sum(axis=2) / square, 0.0, 1.0)
-        far = ((away - t[..., None] * run) ** 2).sum(axis=2)
-        nearest[k : k + step] = far.argmin(axis=1)
-        off[k : k + step] = np.sqrt(far.min(axis=1))
-    return off, nearest
+    # as triangles outside go back along them
+    at = mesh.place[mesh.around[..., ::-1]].reshape(-1, 2, 2)[rows]
+    off, nearest = nearest_of(at.mean(axis=1), line)
+    ahead = ((at[:, 1] - at[:, 0]) * (line[nearest, 1] - line[nearest, 0])).sum(axis=1) > 0.0
+    outside = (off < _ON) & ahead
+    return at[outside], of[rows[outside]]
 
 
 def _way_along(points: Floats, line: Floats) -> tuple[Floats, float]:
     """Return how far along a line points lie, and how long it is."""
-    nearest = _nearest(points, line)[1]
+    nearest = nearest_of(points, line)[1]
     run = line[:, 1] - line[:, 0]
     long = np.hypot(*run.T)
     begin = np.cumsum(long) - long

@@ -345,8 +345,8 @@ class VagueError(Exception):
 
 def leaf_polygons(
     body: TrueBody, leaves: LeafCells, held: Flags, most: bool
-) -> tuple[list[Law], Ints, Rings, list[Floats]]:
-    """Return the laws, that of each leaf that is whole (else -1), and the polygons of the others.
+) -> tuple[list[Law], Rings, list[Floats]]:
+    """Return the laws, and the polygons of what leaves hold.
 
     What they hold is no less and no softer than the body (`most`), or no more and no stiffer.
     Last, the straight pieces of the outline of each region, shape (n, 2, 2). Only leaves that are
@@ -438,7 +438,10 @@ def leaf_polygons(
         kept &= rings.area > ROUNDING * edge**2
     every = np.stack([pieces.start, pieces.end], axis=1)
     along = [every[region == k] for k in regions]
-    return laws, whole, rings.only(kept), along
+    every_one = np.flatnonzero((whole >= 0) & held)
+    squares = (leaves.lower[every_one, None] + SQUARE * leaves.size[every_one, None, None]) * UNIT
+    rings = Rings.joined([rings.only(kept), Rings.of(every_one, whole[every_one], squares)])
+    return laws, rings, along
 
 
 def _number(laws: list[Law], law: Law) -> int:

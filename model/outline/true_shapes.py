@@ -28,6 +28,7 @@ SMOOTH = 1e-9  # arcs that meet at a smaller angle go on in one direction
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
 DEPTH = 16  # how often a first agent can be halved
 UNIT = 2.0**-DEPTH  # in which agents are counted, in edges of the first ones
+AT_ONCE = 1_000_000  # distances, of 8 MB
 
 
 def first_leaves(shape: tuple[int, int]) -> LeafCells:
@@ -54,6 +55,23 @@ def leaf_at(leaves: LeafCells, points: Floats) -> Ints:
 def snapped(points: Floats) -> Floats:
     """Return points on the grid that all corners lie on, so that equal ones are exactly equal."""
     return np.asarray(np.rint(points * GRID) / GRID)
+
+
+def nearest_of(points: Floats, line: Floats) -> tuple[Floats, Ints]:
+    """Return how far points are from the straight pieces of a line, and which is nearest."""
+    off, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+    if not len(line):
+        return off, nearest
+    run = line[:, 1] - line[:, 0]
+    square = (run**2).sum(axis=1)
+    step = max(AT_ONCE // len(line), 1)
+    for k in range(0, len(points), step):
+        away = points[k : k + step, None] - line[:, 0]
+        t = np.clip((away * run).sum(axis=2) / square, 0.0, 1.0)
+        far = ((away - t[..., None] * run) ** 2).sum(axis=2)
+        nearest[k : k + step] = far.argmin(axis=1)
+        off[k : k + step] = np.sqrt(far.min(axis=1))
+    return off, nearest
 
 
 class Law(NamedTuple):

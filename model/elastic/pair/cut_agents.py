@@ -13,6 +13,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.outline.hoop_stress import HoopStress
+from kaju.model.outline.leaf_polygons import SQUARE
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.true_shapes import DEPTH, UNIT
 from kaju.model.scene.shapes import Shape
@@ -64,10 +65,9 @@ class CutAgents(PairAgents):
     def cut(self) -> Flags:
         """Which agents an outline cuts."""
         mesh, size = self.pair.fitting.mesh, self.leaves.size * UNIT
-        law = np.full(self.count, -1)
-        law[mesh.triangle_leaf] = mesh.triangle_law
-        several = np.zeros(self.count, dtype=np.bool_)
-        several[mesh.triangle_leaf[law[mesh.triangle_leaf] != mesh.triangle_law]] = True
+        law, several = np.full(self.count, -1), np.zeros(self.count, dtype=np.bool_)
+        law[mesh.leaf] = mesh.law
+        several[mesh.leaf[law[mesh.leaf] != mesh.law]] = True
         return np.asarray(several | (self.pair.area[1] < size**2 * (1.0 - 1e-12)))
 
     @property
@@ -80,8 +80,7 @@ class CutAgents(PairAgents):
         """Index of the material that has most of each agent."""
         mesh, own = self.pair.fitting.mesh, self.ground.own_laws
         area = np.zeros((self.count, len(self.pair.laws[0])))
-        area[mesh.square_leaf, mesh.square_law] = 1.0
-        np.add.at(area, (mesh.triangle_leaf, mesh.triangle_law), self.pair.fitting.area)
+        np.add.at(area, (mesh.leaf, mesh.law), self.pair.fitting.area)
         kind = np.array([own.index(law) if law in own else -1 for law in self.pair.laws[0]])
         return np.asarray(kind[np.where(kind < 0, -1.0, area).argmax(axis=1)])
 
@@ -106,7 +105,7 @@ class CutAgents(PairAgents):
     @cached_property
     def moved(self) -> Floats:
         """Displacement of the agents' middles, beyond the body that of what is near."""
-        return self.pair.displacement_at(np.arange(self.count), self._middles_of)
+        return self.pair.fitting.displacement_at(np.arange(self.count), self._middles_of)
 
     @property
     def _middles_of(self) -> Floats:
@@ -131,9 +130,10 @@ class CutAgents(PairAgents):
         outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1) / long
         place = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
         ends = mesh.place[border.ends]
-        own, kind = (of[border.edge] for of in mesh.owner)
+        own = mesh.owner[border.edge]
         # along an edge the stress that balances is linear: that in the middle is its mean
-        stress = tensors(self.pair.stress_at(own, ends.mean(axis=1), kind))
+        middle = ends.mean(axis=1)
+        stress = tensors(self.pair.balancing.stress_at(mesh.leaf[own], middle, mesh.law[own]))
         borne = np.where(border.held, np.einsum("nab,nb->na", stress, outward), border.traction)
         return Ends(ends, borne * long, place, outward)
 
@@ -216,7 +216,7 @@ class CutAgents(PairAgents):
         leaf, places = self._leaf(points), points / self.ground.edge
         if (beyond := leaf < 0).any():
             leaf[beyond] = cKDTree(self._middles_of).query(places[beyond])[1]
-        return self.pair.displacement_at(leaf, places)
+        return self.pair.fitting.displacement_at(leaf, places)
 
     def stress_at(self, points: Floats, cells: Ints | None = None) -> Floats:
         """Return stress tensors at points (m) of the body: the mean of both opinions."""
@@ -228,9 +228,9 @@ class CutAgents(PairAgents):
         points, leaf, material = self._placed(points)
         places, pair, own = points / self.ground.edge, self.pair, self.ground.own_laws
         law = np.array([list(pair.laws[0]).index(one) for one in own])[material]
-        strain = pair.strain_at(leaf, places, law)
+        strain = pair.fitting.strain_at(leaf, places, law)
         fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
-        balanced = pair.stress_at(leaf, places, law)
+        balanced = pair.balancing.stress_at(leaf, places, law)
         return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
 
     def law_at(self, points: Floats, cells: Ints | None = None) -> Ints:
@@ -261,10 +261,12 @@ class CutAgents(PairAgents):
 
         Curves are drawn by tangents or chords as far apart as the agents are large.
         """
-        mesh = self.pair.fitting.mesh
-        place = self.ground.edge * mesh.place
-        agent = np.concatenate([mesh.square_leaf, mesh.triangle_leaf])
-        return agent, [*place[mesh.square[:, [0, 2, 3, 1]]], *place[mesh.triangle]]
+        mesh, edge = self.pair.fitting.mesh, self.ground.edge
+        whole, cut = np.flatnonzero(~self.cut), self.cut[mesh.leaf]
+        lower, size = (own[whole] * UNIT * edge for own in (self.leaves.lower, self.leaves.size))
+        squares = lower[:, None] + SQUARE * size[:, None, None]
+        agent = np.concatenate([whole, mesh.leaf[cut]])
+        return agent, [*squares, *edge * mesh.place[mesh.triangle[cut]]]
 
     def rings(self) -> list[tuple[Floats, Floats]]:
         """Return the closed lines (m) that hold the body, on their left, and how they move (m)."""

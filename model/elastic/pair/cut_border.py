@@ -16,8 +16,9 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.posed_outlines import SIDES, OutlineProblem, UnlikeError
+from kaju.model.outline.true_shapes import nearest_of
 
-from .cut_mesh import CutMesh
+from .cut_mesh import CutMesh, joined
 from .leaf_mesh import Entries, coo
 
 ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
@@ -86,11 +87,8 @@ def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:
     on = inner & (away < ALONG).all(axis=1)
     outline[on] = region[near[on, 0]]
     # others lie along the sides of leaves, or stand for slivers that were left out
-    start, run = lines[:, 0], lines[:, 1] - lines[:, 0]
-    for row in np.flatnonzero(inner & (outline < 0)).tolist():
-        middle = at[row].mean(axis=0) - start
-        t = np.clip((middle * run).sum(axis=1) / (run**2).sum(axis=1), 0.0, 1.0)
-        outline[row] = region[((middle - t[:, None] * run) ** 2).sum(axis=1).argmin()]
+    rest = np.flatnonzero(inner & (outline < 0))
+    outline[rest] = region[nearest_of(at[rest].mean(axis=1), lines)[1]]
     return outline
 
 
@@ -130,7 +128,8 @@ class Known:
         self.count = 3 * nodes + len(mesh.ends)
         self.value, self.fixed = np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
         self.rays: list[Ray] = []
-        self._columns: Entries = []
+        none = np.empty(0, dtype=np.int64)
+        self._columns: Entries = [(none, none, 1.0)]
         kind = border.held.sum(axis=1)  # 0 free, 1 slips, 2 held
         # tractions that φ makes good: those asked for less those of what bears the weight
         normal = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)  # times length
@@ -201,60 +200,51 @@ class Known:
 
     def _join(self, free: list[Ints], slips: list[Ints]) -> None:
         """Say which constants of the parts of the border are unknown, and what is known of them."""
+        # three of each free one, the value and slopes of a linear function, then one of each slip
         border, mesh, part = self.border, self.mesh, self.mesh.parts
+        owner = np.full((len(mesh.place), 3), -1)
+        groups = [np.unique(border.ends[arc]) for arc in free]
+        for k, vertices in enumerate(groups):
+            owner[vertices] = 3 * k + np.arange(3)
+            self._plane(k, vertices, vertices)
         width = 3 * len(free) + len(slips)
-        given = np.zeros(width, dtype=np.bool_)  # a linear function on each part bears no stress
-        owner = np.full((len(mesh.place), 2), -1)
-        largest: dict[int, int] = {}
-        groups = []
-        for k, arc in enumerate(free):
-            vertices = np.unique(border.ends[arc])
-            groups.append(vertices)
-            own = int(part[vertices[0]])
-            if own not in largest or len(arc) > len(free[largest[own]]):
-                largest[own] = k
-            owner[vertices] = 3 * k + np.array([1, 2])
-        for k in largest.values():
-            given[3 * k : 3 * k + 3] = True
         ties, known = [], []
         for k, arc in enumerate(slips, 3 * len(free)):
-            axis = int(np.flatnonzero(border.held[arc[0]])[0])
+            slope = 1 + int(np.flatnonzero(border.held[arc[0]])[0])
             vertices = np.unique(border.ends[arc])
-            for vertex in vertices[owner[vertices, axis] >= 0].tolist():
-                tie = np.zeros(width)
-                tie[k], tie[owner[vertex, axis]] = 1.0, -1.0
-                ties.append(tie)
-                known.append(self.value[3 * vertex + 1 + axis])
-            own = vertices[owner[vertices, axis] < 0]
-            owner[own, axis] = k
-            self._columns.append((3 * own + 1 + axis, np.full(len(own), k), 1.0))
-            self.fixed[3 * own + 1 + axis] = True
-            self.fixed[3 * len(mesh.place) + border.edge[arc]] = True
-        self._anchor(np.setdiff1d(part, list(largest)), owner, ties, known, width)
-        for k, vertices in enumerate(groups):
-            self._plane(k, vertices, vertices)
-        self._spread(groups)
-        self._solve(np.array(ties).reshape(-1, width), np.array(known), given)
-
-    def _anchor(
-        self, parts: Ints, owner: Ints, ties: list[Floats], known: list[float], width: int
-    ) -> None:
-        """Hold φ and its slopes somewhere in parts without a free border."""
-        for own in parts.tolist():
-            inner = np.flatnonzero(self.mesh.parts == own)
-            loose = inner[(owner[inner] < 0).all(axis=1)]
-            vertex = int(loose[0] if len(loose) else inner[0])
-            self.fixed[3 * vertex] = True
-            for axis in (0, 1):
-                column = np.unique(owner[inner, axis])
-                column = column[column >= 0]
-                if len(column):
-                    tie = np.zeros(width)
-                    tie[column[0]] = 1.0
-                    ties.append(tie)
-                    known.append(0.0)
+            for vertex in vertices[owner[vertices, slope] >= 0].tolist():
+                ties.append((k, owner[vertex, slope]))
+                known.append(self.value[3 * vertex + slope])
+            own = vertices[owner[vertices, slope] < 0]
+            owner[own, slope] = k
+            self._columns.append((3 * own + slope, np.full(len(own), k), 1.0))
+            self.fixed[3 * own + slope] = self.fixed[3 * len(mesh.place) + border.edge[arc]] = True
+        # constants that are tied are one, but for what is known
+        both = np.array(ties, dtype=np.int64).reshape(-1, 2)
+        apart = np.eye(width)[both[:, 0]] - np.eye(width)[both[:, 1]]
+        some = np.linalg.lstsq(apart, np.array(known), rcond=None)[0] if ties else np.zeros(width)
+        if ties and np.abs(apart @ some - known).max() > BALANCED * self._size:
+            raise UnlikeError("a part of the body that bears loads could move")
+        group = joined(both, width)
+        given = np.zeros(width, dtype=np.bool_)
+        # a linear function on each part of the body bears no stress: somewhere, rather on its
+        # longest free border, φ and its slopes are none
+        long = np.array([*(len(one) for one in groups), 0])
+        for number in range(int(part.max()) + 1):
+            inner = np.flatnonzero(part == number)
+            rank = long[owner[inner, 0] // 3] + 0.5 * (owner[inner] < 0).all(axis=1)
+            at = int(inner[rank.argmax()])
+            for k, column in enumerate(owner[at].tolist()):
+                if column < 0:
+                    self.fixed[3 * at + k] = True
                 else:
-                    self.fixed[3 * vertex + 1 + axis] = True
+                    given |= group == group[column]
+        self._spread(groups)
+        rest, group = np.unique(np.where(given, -1, group), return_inverse=True)
+        every = coo(self._columns, (self.count, width))
+        merged = np.arange(len(rest)) == group[:, None]
+        self.value = self.value + every @ some
+        self.free = sp.csr_array(every @ sp.csr_array(merged[:, rest >= 0].astype(np.float64)))
 
     def _plane(self, k: int, of: Ints, vertices: Ints) -> None:
         """Give vertices the linear function of a part of the border."""
@@ -299,23 +289,6 @@ class Known:
         for ray in self.rays:
             field -= ray.passed(mesh.place[of], mesh.place[to])[:, None] * ray.at(mesh.place[to])
         self.value[3 * to[:, None] + [0, 1, 2]] = field
-
-    def _solve(self, ties: Floats, known: Floats, given: Flags) -> None:
-        """Set `free`, columns of what is not known, and add what is."""
-        width = len(given)
-        every = coo(self._columns, (self.count, width)) if width else sp.csr_array((self.count, 0))
-        tied = np.flatnonzero(np.abs(ties).any(axis=0) & ~given) if len(ties) else np.empty(0, int)
-        alone = np.setdiff1d(np.flatnonzero(~given), tied)
-        parts = [every[:, alone]]
-        if len(ties):
-            a = ties[:, tied]
-            some = np.linalg.lstsq(a, known, rcond=None)[0] if len(tied) else np.zeros(0)
-            if np.abs(a @ some - known).max() > BALANCED * self._size:
-                raise UnlikeError("a part of the body that bears loads could move")
-            _, size, right = np.linalg.svd(a, full_matrices=True)
-            self.value = self.value + every[:, tied] @ some
-            parts.append(every[:, tied] @ sp.csr_array(right[int((size > 1e-10).sum()) :].T))
-        self.free = sp.csr_array(sp.hstack(parts))
 
 
 def _beside(ring: Floats, places: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""Triangles beside the squares: quadratics, and Clough and Tocher's stress functions.
+"""Triangles: quadratics, and Clough and Tocher's stress functions.
 
-Both share the unknowns of the squares: the displacement at vertices and how far it bulges in the
-middle of an edge; φ, its two slopes at vertices, and the bulge of its normal slope on an edge.
+The unknowns are those of the squares of `elements`: the displacement at vertices and how far it
+bulges in the middle of an edge; φ, its slopes at vertices, and the bulge of its normal slope.
 """
 
 from __future__ import annotations
@@ -21,13 +21,9 @@ def slopes(at: Floats) -> tuple[Floats, Floats]:
     return np.asarray(slope), np.asarray(0.5 * twice)
 
 
-def integrated(rows: Floats, weight: Floats, area: Floats) -> Floats:
-    """Return ∫ rowsᵀ weight rows of rows linear in triangles: (n, 3 corners, 3, unknowns)."""
-    total = rows.sum(axis=1)
-    out = np.swapaxes(total, 1, 2) @ (weight @ total)
-    for k in range(3):
-        out += np.swapaxes(rows[:, k], 1, 2) @ (weight @ rows[:, k])
-    return np.asarray(out * (area / 12.0)[:, None, None])
+def middles(rows: Floats, axis: int) -> Floats:
+    """Return what is linear on triangles in the middles of their edges, by that at corners."""
+    return np.asarray(0.5 * (rows + np.roll(rows, -1, axis)))
 
 
 def quadratic_strain(at: Floats) -> tuple[Floats, Floats]:

@@ -126,7 +126,8 @@ class CutLoop(PairLoop):
         """Return the codes of the agents that outlines cut."""
         every = covering(self.leaves, self.body.problem.shape)
         held = np.isin(every.code, self.leaves.code)
-        return every.code[leaf_polygons(self.body.problem.body, every, held, False)[2].place]
+        rings = leaf_polygons(self.body.problem.body, every, held, False)[1]
+        return every.code[rings.place[rings.area < (every.size[rings.place] * UNIT) ** 2]]
 
     def _judge(self, pair: CutPair) -> Judged:
         error = pair.bounds.error

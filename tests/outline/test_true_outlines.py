@@ -261,7 +261,6 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
         lambda scene: kaju.solve(scene, resolution=2),
         kaju.solve_petsc,
         lambda scene: kaju.solve(scene, tolerance=2.0),
-        lambda scene: kaju.export_page(scene, "ring.html"),
     ],
 )
 def test_nothing_takes_a_true_outline_for_a_staircase(asked: Any) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from functools import partial
 from typing import Any, NamedTuple, Self
 
@@ -59,7 +58,7 @@ class SteppedModel(Model):
         number_agents_of(self)
         super().__init__(rng=rng if seed is None else seed, **of_mesa)
         track_figures(self)
-        self.first_states = deepcopy(self.rng.bit_generator.state), self.random.getstate()
+        self.first_states = self.rng.bit_generator.state, self.random.getstate()
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Go on with the numbers of agents in a copy."""
@@ -113,7 +112,7 @@ class SteppedModel(Model):
         self.steps = self.steps_taken = 0
         self.running = True
         state, drawn = self.first_states
-        self.rng.bit_generator.state = deepcopy(state)
+        self.rng.bit_generator.state = state
         self.random.setstate(drawn)
         self._collector, self._noted, self._own_collector = None, [], False
 

@@ -141,11 +141,7 @@ def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
 
 
 def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Flags]:
-    """Tell of every layer and component whether a support holds what lies beyond, or before.
-
-    Supports in a layer hold both. Rigid cells hold every component, rollers and beds the one
-    across them.
-    """
+    """Tell of every layer and component whether a support holds what lies beyond, or before."""
     lattice = scene.lattice
     if lattice.size > MOST_CELLS:
         raise ResultError(
@@ -154,7 +150,7 @@ def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Fl
     cells = np.argwhere(scene.rasterise() >= 0)
     highest = np.full(lattice.dimension, -np.inf)
     lowest = np.full(lattice.dimension, np.inf)
-    for arm, normal in enumerate(lattice.normals):
+    for arm, normal in enumerate(lattice.normals):  # a support in a layer holds both
         beyond = scene.kinds(lattice.neighbours(cells, arm))
         for kinds, component in (
             ((RIGID, DISPLACED), np.ones(lattice.dimension, dtype=np.bool_)),

@@ -49,19 +49,14 @@ class Column:
     def check(self, name: str, found: NDArray[Any], dtype: np.dtype[Any], sizes: Sizes) -> None:
         """Refuse an array that is not so; add the sizes that it is the first to have."""
         axes = self.shape.split()
-        needed = tuple(int(axis) if axis.isdigit() else sizes.get(axis) for axis in axes)
-        fits = self.shape == "..." or (
-            len(needed) == found.ndim
-            and all(
-                size in (None, length) for size, length in zip(needed, found.shape, strict=True)
-            )
-        )
+        needed = [int(axis) if axis.isdigit() else sizes.get(axis) for axis in axes]
         if found.dtype != dtype:
             raise _wrong(name, f"must hold {dtype}, and holds {found.dtype}")
-        if not fits:
-            known = ", ".join("any" if size is None else str(size) for size in needed)
-            raise _wrong(name, f"must be of shape ({known}), and is of shape {found.shape}")
         if self.shape != "...":
+            fits = len(needed) == found.ndim
+            if not (fits and all(n in (None, m) for n, m in zip(needed, found.shape, strict=True))):
+                known = ", ".join("any" if size is None else str(size) for size in needed)
+                raise _wrong(name, f"must be of shape ({known}), and is of shape {found.shape}")
             sizes |= dict(zip(axes, found.shape, strict=True))
         high: Any = self.high
         if isinstance(high, str):
@@ -102,43 +97,30 @@ class Coded(NamedTuple):
 def taken_apart(value: Any) -> tuple[Arrays, Any]:
     """Return the arrays in a dataclass, by where they stand, and the rest as JSON can hold it.
 
-    Raises
-    ------
-    ResultError
-        If a field holds what could not be read again.
+    A field with what could not be read again is refused, as `put_together` refuses it.
     """
     arrays: Arrays = {}
     return arrays, _write(type(value), value, "", arrays, {})
 
 
 def put_together(kind: type, arrays: Mapping[str, NDArray[Any]], plain: Any) -> Any:
-    """Return the dataclass that `taken_apart` took apart.
-
-    Raises
-    ------
-    ResultError
-        If something is missing, or is not what a field says; it names the field and the rule.
-    """
+    """Return the dataclass that `taken_apart` took apart; refuse what is not as a field says."""
     return _read(kind, plain, "", arrays, {})
 
 
-def described(kind: type, name: str = "") -> Iterator[tuple[str, str]]:
+def described(form: Any, name: str = "") -> Iterator[tuple[str, str]]:
     """Yield the arrays of a dataclass, by where they stand, each with what it must be."""
-    for field, form in fields_of(kind).items():
-        yield from _described(form, _inside(name, field))
-
-
-def _described(form: Any, name: str) -> Iterator[tuple[str, str]]:
     mark = _mark(form)
     if isinstance(mark, Column):
         yield name, mark.text(_dtype(form))
     elif _is_record(form) and form is not Scene:
-        yield from described(form, name)
+        for field, inner in fields_of(form).items():
+            yield from described(inner, _inside(name, field))
     elif get_origin(form) in (Union, UnionType):
         for each in get_args(form):
-            yield from _described(each, name)
+            yield from described(each, name)
     elif get_args(form) and mark is None:
-        yield from _described(get_args(form)[-1 if _is_mapping(form) else 0], f"{name}.*")
+        yield from described(get_args(form)[-1 if _is_mapping(form) else 0], f"{name}.*")
 
 
 def sizes_of(scene: Scene) -> Sizes:
@@ -245,10 +227,9 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
         kind = type(value).__name__
         return {kind: _write(choices[kind], value, name, arrays, sizes)}
     parts: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
-    forms = _forms_of_parts(form, len(parts), name)
     plain = {  # each part has sizes of its own
-        str(key): _write(inner, part, _inside(name, key), arrays, dict(sizes))
-        for (key, part), inner in zip(parts.items(), forms, strict=True)
+        str(key): _write(inner, parts[key], _inside(name, key), arrays, dict(sizes))
+        for key, inner in _forms_of_parts(form, parts, name)
     }
     return plain if _is_mapping(form) else list(plain.values())
 
@@ -291,26 +272,24 @@ def _read(
         if kind not in choices:
             raise _wrong(name, f"must be of one of the classes {sorted(choices)}, and is {kind!r}")
         return _read(choices[kind], plain[kind], name, arrays, sizes)
-    if _is_mapping(form):
-        parts = _holding(dict, plain, name)
-    else:
-        parts = {str(key): part for key, part in enumerate(_holding(list, plain, name))}
-    forms = _forms_of_parts(form, len(parts), name)
+    mapping = _is_mapping(form)
+    held = _holding(dict if mapping else list, plain, name)
+    parts = held if mapping else dict(enumerate(held))
     read = {
-        key: _read(inner, part, _inside(name, key), arrays, dict(sizes))
-        for (key, part), inner in zip(parts.items(), forms, strict=True)
+        key: _read(inner, parts[key], _inside(name, key), arrays, dict(sizes))
+        for key, inner in _forms_of_parts(form, parts, name)
     }
-    return read if _is_mapping(form) else (origin or list)(read.values())
+    return read if mapping else (origin or list)(read.values())
 
 
-def _forms_of_parts(form: Any, count: int, name: str) -> list[Any]:
-    """Return the form of each part of a mapping, list or tuple."""
+def _forms_of_parts(form: Any, parts: dict[Any, Any], name: str) -> Iterator[tuple[Any, Any]]:
+    """Return the keys of the parts of a mapping, list or tuple, each with its form."""
     forms = list(get_args(form))
     if _is_mapping(form) or get_origin(form) is list or forms[-1] is Ellipsis:
-        return [forms[-1] if _is_mapping(form) else forms[0]] * count
-    if len(forms) != count:
-        raise _wrong(name, f"must have {len(forms)} parts, and has {count}")
-    return forms
+        forms = [forms[-1] if _is_mapping(form) else forms[0]] * len(parts)
+    if len(forms) != len(parts):
+        raise _wrong(name, f"must have {len(forms)} parts, and has {len(parts)}")
+    return zip(parts, forms, strict=True)
 
 
 def _holding(kind: type, plain: Any, name: str) -> Any:
@@ -339,12 +318,8 @@ def _odd_number(value: Any) -> float | None:
     if isinstance(value, dict | list):
         parts = value.values() if isinstance(value, dict) else value
         return next((odd for odd in map(_odd_number, parts) if odd is not None), None)
-    odd = value != value if isinstance(value, float) else _is_huge(value)
-    return float(value) if odd else None
-
-
-def _is_huge(value: Any) -> bool:
-    return isinstance(value, int) and not -(2**63) <= value < 2**63
+    huge = isinstance(value, int) and not -(2**63) <= value < 2**63
+    return float(value) if huge or value != value else None
 
 
 def _wrong(name: str, what: str) -> ResultError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
 from inspect import signature
+from operator import attrgetter
 from time import perf_counter
 from typing import Any, Literal
 
@@ -183,30 +184,19 @@ class LoadModel(SteppedModel):
         """Return what has been computed so far."""
         return self.course.result()
 
-    @property
-    def generation(self) -> int:
-        """Steps taken in the current stage."""
-        return self.engine.generation
-
-    @property
-    def stage(self) -> int:
-        """Current stage of loading, counted from 1."""
-        return self.course.stage
-
-    @property
-    def pending(self) -> float:
-        """Sum of the loads that wait to be taken (N)."""
-        return self.engine.pending
+    generation = property(attrgetter("engine.generation"))
+    """Steps taken in the current stage."""
+    stage = property(attrgetter("course.stage"))
+    """Current stage of loading, counted from 1."""
+    pending = property(attrgetter("engine.pending"))
+    """Sum of the loads that wait to be taken (N)."""
+    outcome = property(attrgetter("course.outcome"))
+    """How the current stage ended, in words; empty while loads travel."""
 
     @property
     def at_rest(self) -> bool:
         """Whether no load waits to be taken in the current stage."""
-        return self.engine.pending == 0.0
-
-    @property
-    def outcome(self) -> str:
-        """How the current stage ended, in words; empty while loads travel."""
-        return self.course.outcome
+        return bool(self.pending == 0.0)
 
     @property
     def totals(self) -> Totals:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -15,7 +14,6 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import (
     BOOKS,
     BodyResult,
@@ -35,9 +33,6 @@ if TYPE_CHECKING:
     import networkx
     import pandas
 
-
-MOST_CELLS = 5_000_000
-"""Larger bodies are not written cell by cell."""
 
 IDLE_GENERATIONS = 10_000
 """More generations than this, in which hardly a load was taken, are no run that anybody waits for:
@@ -263,38 +258,6 @@ class TransferResult(BodyResult):
         volume = np.full(count, lattice.cell_volume(self.scene.thickness))
         return Carrying(middle, height, volume, self.stress)
 
-    def to_vtk(self, path: str | Path) -> Path:
-        """Write all cells of the body as an unstructured grid that ParaView reads (.vtu or .vtk).
-
-        Needs meshlane, and up to five million squares or cubes; those that no load reached have
-        taken nothing.
-        """
-        stage, lattice = self.last, self.scene.lattice
-        if not lattice.boxes or lattice.size > MOST_CELLS:
-            raise ResultError(
-                f"to_vtk: writes squares and cubes, up to {MOST_CELLS:.0e} of them, got "
-                f"{lattice.size} {lattice.kind}s; kaju.plot and to_dataframe take any body"
-            )
-        d, kinds = lattice.dimension, self.scene.rasterise()
-        cells = np.argwhere(kinds >= 0)
-        row = np.searchsorted(lattice.key(cells), lattice.key(stage.cells))
-        columns = {
-            "spawn_step": stage.spawn_step,
-            "load_taken": stage.taken.sum(axis=1),
-            "load_kept": stage.kept.sum(axis=1),
-            "von_mises": self.von_mises,
-            "stress": self.stress.reshape(-1, d * d),
-            "strain": self.strain.reshape(-1, d * d),
-        }
-        values = {"material": kinds[kinds >= 0]}
-        for name, column in columns.items():
-            values[name] = np.zeros((len(cells), *column.shape[1:]), dtype=column.dtype)
-            values[name][row] = column
-        moved = self.displacement_at(lattice.centres(cells))
-        values["displacement"] = np.pad(moved, ((0, 0), (0, 3 - d)))
-        corners = (cells[:, None] + corner_order(d)) * lattice.cell_size
-        return write_vtk(path, corners, lattice.cell_size, values)
-
     def load_path(self) -> networkx.DiGraph:
         """Return the `networkx.DiGraph` of all loads handed over.
 
@@ -305,31 +268,25 @@ class TransferResult(BodyResult):
         """
         import networkx
 
-        scene, stage, graph = self.scene, self.last, networkx.DiGraph()
-        lattice = scene.lattice
-
-        def add(cells: Ints, steps: Ints, **attributes: list[str]) -> list[tuple[int, ...]]:
-            nodes = [tuple(cell) for cell in cells.tolist()]
-            columns = {"spawn_step": steps.tolist(), **attributes}
-            columns["pos"] = list(map(tuple, lattice.centres(cells).tolist()))
-            rows = zip(*columns.values(), strict=True)
-            for node, row in zip(nodes, rows, strict=True):
-                graph.add_node(node, **dict(zip(columns, row, strict=True)))
-            return nodes
-
-        names = [scene.cell_materials[number].name for number in stage.material]
-        kinds = [BOUNDARY_NAMES[kind] for kind in stage.boundary_kind.tolist()]
-        cells = add(stage.cells, stage.spawn_step, kind=["material"] * len(names), material=names)
-        outside = set(add(stage.boundary_cells, stage.boundary_spawn_step, kind=kinds))
+        stage, lattice, graph = self.last, self.scene.lattice, networkx.DiGraph()
+        cells, walls = (list(map(tuple, c.tolist())) for c in (stage.cells, stage.boundary_cells))
+        places = lattice.centres(np.concatenate([stage.cells, stage.boundary_cells])).tolist()
+        steps = [*stage.spawn_step.tolist(), *stage.boundary_spawn_step.tolist()]
+        for cell, step, place in zip([*cells, *walls], steps, places, strict=True):
+            graph.add_node(cell, spawn_step=step, pos=tuple(place))
+        for cell, number in zip(cells, stage.material.tolist(), strict=True):
+            name = self.scene.cell_materials[number].name
+            graph.nodes[cell].update(kind="material", material=name)
+        for wall, kind in zip(walls, stage.boundary_kind.tolist(), strict=True):
+            graph.nodes[wall]["kind"] = BOUNDARY_NAMES[kind]
         for arm in range(lattice.directions):
-            passing = np.flatnonzero(stage.passed[:, arm] > 0.0)
-            targets = lattice.neighbours(stage.cells[passing], arm).tolist()
-            for row, target in zip(passing.tolist(), map(tuple, targets), strict=True):
-                weight = float(stage.passed[row, arm])
-                if target in graph:
-                    graph.add_edge(cells[row], target, weight=weight)
-                if target in outside:
-                    graph.add_edge(target, cells[row], weight=weight)
+            targets = map(tuple, lattice.neighbours(stage.cells, arm).tolist())
+            weights = stage.passed[:, arm].tolist()
+            for cell, target, weight in zip(cells, targets, weights, strict=True):
+                if weight > 0.0 and target in graph:
+                    graph.add_edge(cell, target, weight=weight)
+                    if graph.nodes[target]["kind"] != "material":
+                        graph.add_edge(target, cell, weight=weight)
         return graph
 
     def checks(self) -> list[Check]:

@@ -38,6 +38,11 @@ class Place:
     open_to: tuple[Link, ...] = ()  # shares that air beside the face gives back
 
 
+def _own(column: str) -> Any:
+    """Return an attribute that is the agent's own number of a column of all faces."""
+    return property(lambda agent: float(getattr(agent.faces, column)[agent.place.number]))
+
+
 class FaceAgent(FixedAgent):
     """A face between two cells, or two blocks of cells, that a load has woken.
 
@@ -72,20 +77,12 @@ class FaceAgent(FixedAgent):
         """0 for faces of cells, above for parents."""
         return self.place.level
 
-    @property
-    def left(self) -> float:
-        """Load that is left on the agent (N); positive along the axis."""
-        return float(self.faces.left[self.place.number])
-
-    @property
-    def displacement(self) -> float:
-        """How far the face has moved (m), of a parent in its current visit; along the axis."""
-        return float(self.faces.displacement[self.place.number])
-
-    @property
-    def taken(self) -> float:
-        """Sum of the sizes of the loads that the agent has taken (N)."""
-        return float(self.faces.taken[self.place.number])
+    left = _own("left")
+    """Load that is left on the agent (N); positive along the axis."""
+    displacement = _own("displacement")
+    """How far the face has moved (m), of a parent in its current visit; along the axis."""
+    taken = _own("taken")
+    """Sum of the sizes of the loads that the agent has taken (N)."""
 
     def act(self, asked: float) -> None:
         """Take a load (N) and pass it on, when the order of work asks for it."""

@@ -454,8 +454,8 @@ class AgentEngine:
         key = self.lattice.key(cells)
         order = np.argsort(key)
         pull, direction = np.divmod(state, self.lattice.directions)
-        agent = order[np.searchsorted(key, place, sorter=order)]
-        return TakenHistory(generation, agent, direction, load, pull > 0)
+        agent = order[np.searchsorted(key, place, sorter=order)].astype(np.int32)
+        return TakenHistory(generation, agent, direction.astype(np.int8), load, pull > 0)
 
     def _course(self, state: State, ordered: list[MaterialAgent]) -> StateCourse:
         """Return what became of a state, agents as the stage counts them."""

@@ -419,7 +419,7 @@ class ArrayEngine:
 
     def _history(self, agents: Ints) -> TakenHistory:
         """Return what was taken, by generation, then by place in the body and state."""
-        row = np.empty_like(self.key)
+        row = np.empty(len(self.key), dtype=np.int32)
         row[agents] = np.arange(len(agents))
         start = 0, self.waiting.place[:0], self.books[:0, 0]
         when, places, loads = zip(start, *self.record, strict=True)
@@ -432,9 +432,9 @@ class ArrayEngine:
             order = np.argsort(acted, kind="stable")
             generation, place, load = generation[order], place[order], load[order]
         state = place % self.states
-        agent, direction = row[place // self.states], state % self.directions
-        pull = state >= self.directions
-        return TakenHistory(generation, agent, direction.astype(np.int64), load, pull)
+        direction = (state % self.directions).astype(np.int8)
+        agent = row[place // self.states]
+        return TakenHistory(generation, agent, direction, load, state >= self.directions)
 
 
 def _parts(first: Ints, rows: int) -> Iterator[Ints]:

@@ -45,11 +45,11 @@ class Ledger:
 
 @dataclass(frozen=True, eq=False)
 class TakenHistory:
-    """Loads taken: one row per agent, direction and generation."""
+    """Loads taken: one row per agent, direction and generation, narrow, for there are many."""
 
     generation: Annotated[Ints, Column("rows", 0)]
-    agent: Annotated[Ints, Column("rows", 0, "agents")]  # row of `Stage.cells`
-    direction: Annotated[Ints, Column("rows", 0, "directions")]
+    agent: Annotated[NDArray[np.int32], Column("rows", 0, "agents")]  # row of `Stage.cells`
+    direction: Annotated[NDArray[np.int8], Column("rows", 0, "directions")]
     load: Annotated[Floats, Column("rows")]  # sum of the loads taken then (N)
     pull: Annotated[Flags, Column("rows")]  # whether these are pulls
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import atexit
 import logging
-import os
 import shutil
 import tempfile
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from kaju.errors import needing
@@ -59,28 +57,14 @@ def _along(_typing, array, start):  # type: ignore[no-untyped-def]
 along: Any = intrinsic(_along)
 
 
-def writable(folder: Path) -> bool:
-    """Tell whether files can be written into a folder (made if need be)."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
-
-
 def keep_loops_somewhere() -> None:
-    """Keep compiled loops in a folder of this session's own where no other can be written.
-
-    Numba refuses to keep them where neither the installation nor the home can be written.
-    """
-    config: Any = numba.config
-    home = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
-    beside = Path(__file__).parent / "__pycache__"
-    if config.CACHE_DIR or writable(beside) or writable(Path(home) / "numba"):
-        return
-    config.CACHE_DIR = tempfile.mkdtemp(prefix="kaju-loops-")
-    atexit.register(shutil.rmtree, config.CACHE_DIR, ignore_errors=True)
+    """Keep compiled loops in a folder of this session's own where no other can be written."""
+    try:  # which numba refuses where neither the installation nor the home can be written
+        numba.njit(cache=True)(keep_loops_somewhere)
+    except RuntimeError:
+        folder = tempfile.mkdtemp(prefix="kaju-loops-")
+        numba.config.CACHE_DIR = folder  # type: ignore[attr-defined]
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 
 class _Announcement(event.Listener):

@@ -373,21 +373,14 @@ class AgentEngine:
         directions, magnitudes, senses = zip(*chain.from_iterable(boxes), strict=True)
         direction, magnitude = np.array(directions, dtype=np.int64), np.array(magnitudes)
         pull = np.array([sense == "pull" for sense in senses])
-        generation = np.array([act[0] for act in acts], dtype=np.int64)
-        place = np.array([act[1].key for act in acts], dtype=np.int64)
-        order = np.lexsort((place, generation))
-        rank = np.empty_like(order)
-        rank[order] = np.arange(len(order))
-        states = 2 * self.lattice.directions
-        code = np.repeat(rank, count) * states + direction + self.lattice.directions * pull
-        by_size = np.lexsort((magnitude, code))
-        code = code[by_size]
-        new = np.diff(code, prepend=-1) != 0
+        acted = np.array([(act[0], act[1].key) for act in acts], dtype=np.int64)
+        rows = np.vstack([np.repeat(acted, count, axis=0).T, direction + pull * len(self.opposite)])
+        order = np.lexsort((magnitude, *rows[::-1]))
+        rows = rows[:, order]
+        new = (np.diff(rows, prepend=-1) != 0).any(axis=0)
         # Added one after another, from the smallest on: the sums of a plain loop.
-        load = np.asarray(np.bincount(np.cumsum(new) - 1, (magnitude * copies)[by_size]), float)
-        acted, state = np.divmod(code[new], states)
-        acted = order[acted]
-        self.record.append((generation[acted], place[acted], state, load))
+        load = np.asarray(np.bincount(np.cumsum(new) - 1, (magnitude * copies)[order]), float)
+        self.record.append((*rows[:, new], load))
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""

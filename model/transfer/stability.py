@@ -4,8 +4,7 @@ The transfer operator T takes the loads of one generation, one number per cell a
 to those of the next. All its entries are shares, hence not negative, and boundaries give
 back all they get; so every column of T sums up to what an agent of that cell's material
 emits per newton. Where all agents emit the same, that sum *is* the spectral radius, because
-1ᵀT = c 1ᵀ; where materials differ it lies between the smallest and the largest sum, and
-power iteration narrows it down (bounds of Collatz and Wielandt).
+1ᵀT = c 1ᵀ; where materials differ it lies between the smallest and the largest sum.
 
 These sums know nothing of γ, up to which loads end. So a scene of which they do not say that its
 loads end is tried: more than its own run tells, nobody can know.
@@ -15,21 +14,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import floor, inf, log
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from kaju.arrays import Floats, first_largest
+from kaju.arrays import first_largest
 from kaju.model.scene import Scene
 
 from .array_engine import ArrayEngine
 from .transfer import Transfer, split_force
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-MOST_CELLS_FOR_OPERATOR = 200_000
-"""Above this many cells the operator is bounded but not iterated on."""
 
 MOST_TRIED, MOST_ROWS, GROWN = 300, 300_000, 1e3
 """A scene is tried for so many generations, and rows of loads, until its loads are so many times
@@ -77,10 +67,7 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
     lower, upper = float(emitted.min()), float(emitted.max())
     if upper - lower <= 1e-12 * upper:
         lower = upper
-    if lower < upper and scene.lattice.size <= MOST_CELLS_FOR_OPERATOR:
-        lower, upper = bound_spectral_radius(transfer_operator(scene, transfer))
-    known = upper - lower <= 1e-6 * upper
-    radius = 0.5 * (lower + upper) if known else None
+    radius = upper if lower == upper else None
     largest_share = float(transfer.tables.share.max(initial=0.0))
     applied = split_force(scene.lattice, transfer.applied(scene.stages).force)[2]
     if transfer.rule.accumulate:
@@ -170,53 +157,3 @@ def _grows(transfer: Transfer, lower: float, upper: float, surely: bool) -> tupl
     ]
     remedy = f"lower {' or '.join(remedies)}" if remedies else "lower all shares of it"
     return growth, f"{remedy}, or judge each load by itself (accumulate = false)"
-
-
-def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
-    """Assemble T over all cells and states: of a load taken (column), what it sends (row)."""
-    from scipy.sparse import coo_array
-
-    lattice, states = scene.lattice, transfer.states
-    everywhere = np.indices(lattice.shape).reshape(lattice.dimension, -1).T
-    kinds = scene.kinds(everywhere)
-    cells, material = everywhere[kinds >= 0], kinds[kinds >= 0]
-    form = lattice.form(cells)
-    # What lies over each arm: its type, and its row among the body's cells.
-    neighbours = cells[:, None] + lattice.steps[form]
-    beyond = scene.kinds(neighbours.reshape(-1, lattice.dimension)).reshape(len(cells), -1)
-    row_of = np.full(int(np.prod(np.asarray(lattice.shape) + 2)), -1, dtype=np.int64)
-    row_of[lattice.key(cells)] = np.arange(len(cells))
-    row = row_of[lattice.key(neighbours.reshape(-1, lattice.dimension))].reshape(beyond.shape)
-    # Every emission of every cell and state; boundaries give theirs back in another state.
-    arm, state, share = (table[material * lattice.forms + form] for table in transfer.tables)
-    cell = np.arange(len(cells))[:, None, None]
-    over = beyond[cell, arm]
-    state = np.where(over < 0, transfer.turned[np.minimum(over, -1), arm, state], state)
-    target = np.where(over < 0, cell, row[cell, arm]) * states + state
-    source = np.broadcast_to(cell * states + np.arange(states)[:, None], target.shape)
-    sent, size = share > 0.0, len(cells) * states
-    entries = (share[sent], (target[sent], source[sent]))
-    return coo_array(entries, shape=(size, size)).tocsr()
-
-
-def bound_spectral_radius(
-    operator: csr_array, iterations: int = 2000, tolerance: float = 1e-9
-) -> tuple[float, float]:
-    """Bound the spectral radius of a matrix without negative entries, if possible to `tolerance`.
-
-    For every positive x the radius of A lies between the smallest and the largest of (Aᵀx)ᵢ/xᵢ
-    (Collatz, Wielandt). Adding half of the identity keeps loads from swinging to and fro.
-    """
-    transposed = operator.T.tocsr()
-    x: Floats = np.ones(operator.shape[0])
-    lower, upper = 0.0, float(np.inf)
-    for _ in range(iterations):
-        image = transposed @ x
-        ratio = image / x
-        lower, upper = max(lower, float(ratio.min())), min(upper, float(ratio.max()))
-        if upper - lower <= tolerance * upper:
-            break
-        x = image + 0.5 * upper * x
-        x /= x.max()
-        x = np.maximum(x, 1e-200)
-    return lower, upper

@@ -300,8 +300,6 @@ class Tally {
 
 // ------------------------------------------------------------------------------- certificate
 
-const MOST_CELLS = 200000;                     // above this many the radius is bounded, not iterated on
-
 /** Will the loads end? The twin of kaju.stability, bit by bit: every certificate that is yielded
  * holds (bounds, generations, and why not), the last that is returned is the best. */
 export function* certifying(scene, cells) {
@@ -314,12 +312,8 @@ export function* certifying(scene, cells) {
     const generations = endsWithin(load, accumulate ? upper : largest, threshold);
     return { lower, upper, generations, stable: generations !== null, ...named };
   };
-  let bounds = [Math.min(...emitted), Math.max(...emitted)];
+  const bounds = [Math.min(...emitted), Math.max(...emitted)];
   if (bounds[1] - bounds[0] <= 1e-12 * bounds[1]) bounds[0] = bounds[1];
-  if (bounds[0] < bounds[1] && cells.length <= MOST_CELLS) {
-    yield told(bounds);
-    for (bounds of boundRadius(lattice, transfer, kinds)) yield told(bounds);
-  }
   const best = told(bounds);
   if (best.stable) return best;
   yield best;
@@ -344,34 +338,4 @@ function remedies({ hexagon, dimension }, { forward, friction, poisson }) {
   const beside = 2 * (dimension - 1);
   const sideways = hexagon ? 2 * friction + 3 * poisson : beside * (friction + poisson);
   return { forward: 1 - sideways, friction: (1 - forward - (sideways - beside * friction)) / beside };
-}
-
-/** Bounds of Collatz and Wielandt on the spectral radius, by power iteration on Tᵀ. */
-function* boundRadius(lattice, { C, most, arm, channel, share, turned }, kinds) {
-  const body = [], slot = new Int32Array(lattice.size).fill(-1);
-  for (let k = 0; k < kinds.length; k++) if (kinds[k] >= 0) { slot[k] = body.length; body.push(k); }
-  const size = body.length * C, target = new Int32Array(size * most), weight = new Float64Array(size * most);
-  for (let b = 0, i = 0; b < body.length; b++) for (let c = 0; c < C; c++) for (let e = 0; e < most; e++, i++) {
-    const at = (kinds[body[b]] * C + c) * most + e, to = lattice.neighbour(body[b], arm[at]);
-    weight[i] = share[at];
-    target[i] = kinds[to] >= 0 ? slot[to] * C + channel[at] : b * C + turned[kinds[to]][arm[at]][channel[at]];
-  }
-  let x = new Float64Array(size).fill(1), image = new Float64Array(size), lower = 0, upper = Infinity;
-  for (let n = 0; n < 2000; n++) {
-    let least = Infinity, greatest = 0;
-    for (let s = 0, i = 0; s < size; s++) {
-      let sum = 0;
-      for (let e = 0; e < most; e++, i++) sum += weight[i] * x[target[i]];
-      image[s] = sum;
-      const ratio = sum / x[s];
-      if (ratio < least) least = ratio;
-      if (ratio > greatest) greatest = ratio;
-    }
-    lower = Math.max(lower, least); upper = Math.min(upper, greatest);
-    yield [lower, upper];
-    if (upper - lower <= 1e-9 * upper) break;
-    let top = 0;
-    for (let s = 0; s < size; s++) { image[s] += 0.5 * upper * x[s]; if (image[s] > top) top = image[s]; }
-    for (let s = 0; s < size; s++) x[s] = Math.max(image[s] / top, 1e-200);
-  }
 }

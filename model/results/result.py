@@ -131,7 +131,49 @@ def solved_scene(result: Any) -> Scene:
     return scene
 
 
-class BodyResult(Result):
+class OnCells:
+    """What stands on the cells of a scene, which say where the body is."""
+
+    if TYPE_CHECKING:  # a field of some, which takes the place of no property
+
+        @property
+        def grid(self) -> Scene:
+            """The scene on these cells."""
+
+    def located(self, points: Floats) -> tuple[Floats, Ints]:
+        """Return points (m) as an array, and the cell of the body that each lies in or on."""
+        try:
+            points = np.asarray(points, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ResultError(f"points: must be numbers (m), got {points!r:.80}") from error
+        d = self.grid.lattice.dimension
+        if points.ndim != 2 or points.shape[1] != d:
+            raise ResultError(
+                f"points: an array of shape (n, {d}) in metres is needed, got shape {points.shape}"
+            )
+        if not np.isfinite(points).all():
+            raise ResultError("points: must be finite numbers")
+        cells, inside = body_cells(self.grid, points)
+        if not inside.all():
+            where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
+            raise ResultError(f"points: ({where}) m lies outside the body")
+        return points, cells
+
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m), shape (n, dimension), lie in the body."""
+        return body_cells(self.grid, points)[1]
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return the index of the material at points (m), below 0 outside of the body."""
+        found: Ints = self.grid.kinds(self.grid.lattice.locate(points))
+        return found
+
+    def applied(self, stage: int | None) -> Floats:
+        """Return the forces (N) on the body, shape (n, dimension)."""
+        return self.grid.applied(stage).force
+
+
+class BodyResult(OnCells, Result):
     """An answer that knows displacement and stress everywhere in the body of a scene."""
 
     @property
@@ -158,15 +200,6 @@ class BodyResult(Result):
     def focus(self) -> Ints | None:
         """The cells that pictures are about; None for all of the body."""
         return None
-
-    def holds(self, points: Floats) -> Flags:
-        """Tell which points (m), shape (n, dimension), lie in the body."""
-        return body_cells(self.grid, points)[1]
-
-    def material_at(self, points: Floats) -> Ints:
-        """Return which of the scene's materials is at points (m), below 0 outside of the body."""
-        found: Ints = self.scene.kinds(self.scene.lattice.locate(points))
-        return found
 
     @abstractmethod
     def displacement_at(self, points: Floats) -> Floats:
@@ -248,32 +281,6 @@ class BodyResult(Result):
         )
 
 
-class OnCells:
-    """Agents that stand on the cells of a scene, which say where the body is."""
-
-    if TYPE_CHECKING:
-
-        @property
-        def grid(self) -> Scene:
-            """The scene on these cells."""
-
-    def located(self, points: Floats) -> tuple[Floats, Ints]:
-        """Return points (m) as an array, and the cell of the grid that each lies in or on."""
-        return cells_of_points(self.grid, points)
-
-    def holds(self, points: Floats) -> Flags:
-        """Tell which points (m) lie in the body."""
-        return body_cells(self.grid, points)[1]
-
-    def material_at(self, points: Floats) -> Ints:
-        """Return the index of the material at points (m), below 0 outside of the body."""
-        return self.grid.kinds(self.grid.lattice.locate(points))
-
-    def applied(self, stage: int | None) -> Floats:
-        """Return the forces (N) on the body, shape (n, dimension)."""
-        return self.grid.applied(stage).force
-
-
 def finite(number: float | None) -> float | None:
     """Return a number, or None if it has no bound: summaries go into JSON."""
     return number if number is not None and isfinite(number) else None
@@ -298,24 +305,3 @@ def line_of(
             f"got {list(start)} and {list(end)}"
         )
     return first, (last - first) / length, length
-
-
-def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, Ints]:
-    """Return points (m) as an array, and the body cell that each lies in or on."""
-    try:
-        points = np.asarray(points, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ResultError(f"points: must be numbers (m), got {points!r:.80}") from error
-    lattice = scene.lattice
-    if points.ndim != 2 or points.shape[1] != lattice.dimension:
-        raise ResultError(
-            f"points: an array of shape (n, {lattice.dimension}) in metres is needed, "
-            f"got shape {points.shape}"
-        )
-    if not np.isfinite(points).all():
-        raise ResultError("points: must be finite numbers")
-    cells, inside = body_cells(scene, points)
-    if not inside.all():
-        where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
-        raise ResultError(f"points: ({where}) m lies outside the body")
-    return points, cells

@@ -44,7 +44,7 @@ class Column:
     low: float | None = None  # smallest value
     high: float | str | None = None  # largest; whole numbers stay below a size that is named
     finite: bool = True  # whether floating-point numbers must be finite
-    order: Literal["", "rising", "never falling"] = ""  # of one value at least
+    order: Literal["", "rising"] = ""  # of one value at least
 
     def check(self, name: str, found: NDArray[Any], dtype: np.dtype[Any], sizes: Sizes) -> None:
         """Refuse an array that is not so; add the sizes that it is the first to have."""
@@ -67,11 +67,8 @@ class Column:
             raise _wrong(name, f"must be {self.low:g} or more, and holds {np.nanmin(found):g}")
         if high is not None and np.any(found > high):
             raise _wrong(name, f"must be {high} or less, and holds {np.nanmax(found):g}")
-        step = np.diff(found) if self.order else np.empty(0)
-        if self.order and not (
-            len(found) and np.all(step > 0 if self.order == "rising" else step >= 0)
-        ):
-            raise _wrong(name, f"must hold {self.order} numbers, one or more, and does not")
+        if self.order and not (len(found) and np.all(np.diff(found) > 0)):
+            raise _wrong(name, "must hold rising numbers, one or more, and does not")
 
     def text(self, dtype: np.dtype[Any]) -> str:
         """Return the same in words."""

@@ -17,7 +17,7 @@ import numpy as np
 from kaju.agents.materials import Material
 from kaju.arrays import Floats
 from kaju.errors import ResultError
-from kaju.model.results.result import BodyResult, cells_of_points
+from kaju.model.results.result import BodyResult
 from kaju.model.results.stored import Column
 from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axial_strain
 from kaju.model.transfer.transfer_result import TransferResult
@@ -86,7 +86,7 @@ class TransferCreepResult(BodyTimeResult):
 
     def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        return self._field(record).at(*cells_of_points(self.static.scene, points))
+        return self._field(record).at(*self.static.located(points))
 
     def _field(self, record: int) -> DisplacementField:
         return DisplacementField(self.static.scene, self.static.last, self.squeezed(record))

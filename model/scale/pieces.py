@@ -31,7 +31,7 @@ from kaju.errors import (
 from kaju.files import hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
 from kaju.model.results.archive import Stored, reading
-from kaju.model.results.result import BodyResult, cells_of_points
+from kaju.model.results.result import BodyResult
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class PiecedResult(BodyResult):
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        points, cells = cells_of_points(self.grid, points)
+        points, cells = self.located(points)
         found = np.empty(points.shape)
         for piece, here in self._pieces_of(cells):
             local = points[here] / self.grid.lattice.cell_size - cells[here]
@@ -133,7 +133,7 @@ class PiecedResult(BodyResult):
 
     def stress_at(self, points: Floats) -> Floats:
         """Return the stress tensor (Pa) of the cell in which each point (m) lies."""
-        points, cells = cells_of_points(self.grid, points)
+        points, cells = self.located(points)
         d = points.shape[1]
         found = np.empty((len(points), d, d))
         for piece, here in self._pieces_of(cells):

@@ -14,13 +14,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.result import (
-    BOOKS,
-    BodyResult,
-    Check,
-    cells_of_points,
-    idle_rheology,
-)
+from kaju.model.results.result import BOOKS, BodyResult, Check, idle_rheology
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 
@@ -235,15 +229,14 @@ class TransferResult(BodyResult):
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m) of the body, both of shape (n, dimension)."""
-        points, cells = cells_of_points(self.scene, points)
-        return self.displacement_field.at(points, cells)
+        return self.displacement_field.at(*self.located(points))
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m) of the body, shape (n, dimension, dimension).
 
         Stress is the same all over a cell, and 0 in cells that no load reached.
         """
-        _, cells = cells_of_points(self.scene, points)
+        _, cells = self.located(points)
         key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
         tensors = np.zeros((len(key), *self.stress.shape[1:]))
         awake = np.isin(key, agents)

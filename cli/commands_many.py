@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 from kaju.stopping import NOTE
 
 from .console import Console
@@ -60,6 +60,7 @@ def compare(
     rule; draws the stress ratio, stresses along rows, shapes and displacements beside the
     answer of elasticity; and says in words how far each is off, and where.
     """
+    from kaju.model.study import compare as study
     from kaju.view.comparison import pictures_beside, words_beside
     from kaju.view.picture_files import save
 
@@ -76,7 +77,7 @@ def compare(
         found = _beside(scene_of(judged, settings), resolution, fit)
         lines, drawn = words_beside(found), pictures_beside
     else:
-        found = _two(judged, reference)
+        found = study.compare(study.load_answer(judged), study.load_answer(reference))
         lines, drawn = _table(found), _error_maps
     for line in lines:
         console.say(line)
@@ -98,20 +99,17 @@ def compare(
 
 def _check_compared(judged: Path, reference: Path | None, changed: str | int | None) -> None:
     """Refuse options that do not belong together; `changed` names one of a scene's."""
-    is_scene = judged.suffix == ".toml"
-    if is_scene and reference is not None:
-        raise ParameterError(
-            f"{reference}: a scene is compared with elasticity; to compare its run with "
-            f"another result, run it first (kaju run {judged}), then compare its folder"
+    if judged.suffix == ".toml":
+        require(
+            reference is None,
+            f"{reference}: a scene is compared with elasticity; to compare its run with another "
+            f"result, run it first (kaju run {judged}), then compare its folder",
         )
-    if not is_scene and changed:
-        raise ParameterError(f"{changed}: belongs to a scene; {judged} is a result")
-    if not is_scene and reference is None:
-        raise ParameterError(f"REFERENCE: is needed, to compare {judged} with")
-    if reference is not None and reference.suffix == ".toml":
-        raise ParameterError(
-            f"{reference}: is a scene; run it first (kaju run {reference}), then compare its folder"
-        )
+        return
+    require(not changed, f"{changed}: belongs to a scene; {judged} is a result")
+    require(reference is not None, f"REFERENCE: is needed, to compare {judged} with")
+    first = f"run it first (kaju run {reference}), then compare its folder"
+    require(Path(reference or "").suffix != ".toml", f"{reference}: is a scene; {first}")
 
 
 def _beside(scene: Scene, resolution: int | None, fit: int) -> RuleStudy:
@@ -123,14 +121,6 @@ def _beside(scene: Scene, resolution: int | None, fit: int) -> RuleStudy:
     except KeyboardInterrupt as stop:
         best: RuleStudy = best_of(stop, RuleStudy)
         return best
-
-
-def _two(result: Path, reference: Path) -> Comparison:
-    """Compare two stored answers."""
-    from kaju.model.study.compare import compare as compare_answers
-    from kaju.model.study.compare import load_answer
-
-    return compare_answers(load_answer(result), load_answer(reference))
 
 
 def _table(found: Comparison) -> Iterator[str]:

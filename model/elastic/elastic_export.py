@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kaju.errors import needing
 from kaju.model.elastic.goals.quantities import AXES
 from kaju.model.elastic.pair.cut_agents import CutAgents
-from kaju.model.results.mesh import corner_order, write_polygons, write_vtk
+from kaju.model.results.mesh import corner_order, write_vtk
 
 if TYPE_CHECKING:
     import xarray
@@ -78,8 +78,12 @@ def write_mesh(result: ElasticResult, path: str | Path) -> Path:
     }
     if isinstance(found, CutAgents):
         agent, polygons = found.pieces()
-        moved = result.displacement_near(np.concatenate(polygons))
+        count = np.array([len(polygon) for polygon in polygons])
+        rows = [np.flatnonzero(count == number) for number in np.unique(count)]
+        agent = agent[np.concatenate(rows)]
         values = {name: value[agent] for name, value in values.items()} | {"agent": agent}
-        return write_polygons(path, polygons, 1e-8 * found.scales.length, values, moved)
+        alike = [np.array([polygons[row] for row in of]) for of in rows]
+        near = 1e-8 * found.scales.length
+        return write_vtk(path, alike, near, values, result.displacement_near)
     corners = result.lower[:, None] + corner_order(d) * result.size[:, None, None]
-    return write_vtk(path, corners, result.size.min(), values, result.displacement_at)
+    return write_vtk(path, [corners], result.size.min(), values, result.displacement_at)

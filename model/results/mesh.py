@@ -40,58 +40,33 @@ def same_points(points: Floats, apart: float | Floats) -> tuple[Ints, Ints]:
 
 def write_vtk(
     path: str | Path,
-    corners: Floats,
+    corners: Sequence[Floats],
     apart: float,
     values: Mapping[str, NDArray[Any]],
-    moved_at: Callable[[Floats], Floats] | None = None,
+    moved_at: Callable[[Floats], Floats],
 ) -> Path:
-    """Write squares or cubes to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
+    """Write polygons, squares or cubes to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
 
-    `corners`, shape (n, 4 or 8, dimension), are in the order of `corner_order` (m), those closer
-    than `apart` the same; `moved_at` tells displacements (m) at points (m), to be written for them.
+    `corners`: one array (n, k, dimension) for each number k of corners (m), those of squares and
+    cubes in the order of `corner_order`, those closer than `apart` the same; `values`: of all of
+    them one after another; `moved_at`: displacements (m) at points (m).
     """
-    d = corners.shape[2]
-    first, cells = same_points(corners.reshape(-1, d), apart)
-    points = corners.reshape(-1, d)[first]
-    blocks = [("quad" if d == 2 else "hexahedron", cells.reshape(corners.shape[:2]))]
-    moved = None if moved_at is None else moved_at(points)
-    return _write(path, points, blocks, moved, {name: [of] for name, of in values.items()})
-
-
-def write_polygons(
-    path: str | Path,
-    polygons: Sequence[Floats],
-    apart: float,
-    values: Mapping[str, NDArray[Any]],
-    moved: Floats,
-) -> Path:
-    """Write polygons in the plane, and how their corners moved (m), to a VTK file."""
-    corners = np.concatenate(polygons)
-    first, point = same_points(corners, apart)
-    count = np.array([len(polygon) for polygon in polygons])
-    start = np.cumsum(count) - count
-    alike = [np.flatnonzero(count == number) for number in np.unique(count)]
-    blocks = [("polygon", point[start[rows, None] + np.arange(count[rows[0]])]) for rows in alike]
-    parted = {name: [of[rows] for rows in alike] for name, of in values.items()}
-    return _write(path, corners[first], blocks, moved[first], parted)
-
-
-def _write(
-    path: str | Path,
-    points: Floats,
-    blocks: Sequence[tuple[str, Ints]],
-    moved: Floats | None,
-    values: Mapping[str, list[NDArray[Any]]],
-) -> Path:
-    """Write cells of some kinds, one block a kind."""
     with needing("to_vtk needs meshlane: pip install 'kaju[vtk]'"):
         import meshlane
 
-    target = Path(path)
+    target, d = Path(path), corners[0].shape[2]
     if target.suffix not in (".vtu", ".vtk"):
         target = target.with_name(target.name + ".vtu")
-    flat = [(0, 0), (0, 3 - points.shape[1])]
-    of_points = {} if moved is None else {"displacement": np.pad(moved, flat)}
+    every = np.concatenate([part.reshape(-1, d) for part in corners])
+    first, point = same_points(every, apart)
+    parts = np.split(point, np.cumsum([part[..., 0].size for part in corners])[:-1])
+    plain = "quad" if [part.shape[1] for part in corners] == [4] else "polygon"
+    kind = "hexahedron" if d == 3 else plain
+    blocks = [(kind, of.reshape(c.shape[:2])) for of, c in zip(parts, corners, strict=True)]
+    ends = np.cumsum([len(part) for part in corners])[:-1]
+    parted = {name: np.split(of, ends) for name, of in values.items()}
+    flat = [(0, 0), (0, 3 - d)]
+    moved = {"displacement": np.pad(moved_at(every[first]), flat)}
     with atomic_file(target, ResultFileError) as scratch:  # a good file stays if the disk is full
-        meshlane.Mesh(np.pad(points, flat), blocks, of_points, values).write(scratch)
+        meshlane.Mesh(np.pad(every[first], flat), blocks, moved, parted).write(scratch)
     return target

@@ -308,7 +308,7 @@ def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     page.js("page.seek(Infinity)")
     page.js(f"page.pick(page.run.lattice.key({[int(i) for i in stage.cells[0]]}))")
     page.js("page.draw()")
-    assert f"loads taken so far\n{course.values(stage.spawn_step)[0]:g}" in page.text(".story")
+    assert f"loads taken so far\n{course.values()[0]:g}" in page.text(".story")
 
 
 def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):

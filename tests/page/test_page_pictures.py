@@ -220,7 +220,8 @@ def test_what_breaks_is_there_until_then(shown, broken, name):
         there = np.array(page.js(f"(page.goTo({g}), {THERE})"))
         assert np.flatnonzero(~there).tolist() == sorted(result.broken[:g].tolist())
         far[g] = page.js("page.magnification()")
-    assert far[frames - 1] == far[0]  # one magnification through the film
+    assert far[frames - 1] == far[0]  # one magnification through the film, and a round one
+    assert f"{far[0]:.15g}".strip("0") in "125"
     curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement"]
     assert curve["course"]
     assert curve["at"][1:] == result.displacement[: len(curve["at"]) - 1].tolist()

@@ -48,26 +48,17 @@ def test_strain_has_a_unit():
     assert "(10⁻" in plot(run, "strain").axes[1].get_ylabel()
 
 
-@pytest.fixture
-def smoothed(tmp_path):
+def test_smoothed_images_take_the_nearest_colour(tmp_path):
     """A drawing of a step, blurred, and as a JPEG."""
-    true = np.full((12, 16, 3), 255, dtype=np.uint8)
+    path, true = tmp_path / "step.jpg", np.full((12, 16, 3), 255, dtype=np.uint8)
     true[4:, 4:12] = (140, 123, 107)
     true[10:] = 0
-    image = Image.fromarray(true)
-    big = image.resize((160, 120)).resize((16, 12), Image.Resampling.BICUBIC)
-    big.save(tmp_path / "step.jpg", quality=60)
-    return tmp_path / "step.jpg", true
-
-
-LEGEND = {"white": "air", "#8c7b6b": "granite", "black": "rigid"}
-
-
-def test_smoothed_images_take_the_nearest_colour(smoothed):
-    path, true = smoothed
+    big = Image.fromarray(true).resize((160, 120))
+    big.resize((16, 12), Image.Resampling.BICUBIC).save(path, quality=60)
+    asked = {"legend": {"white": "air", "#8c7b6b": "granite", "black": "rigid"}, "cell_size": 0.01}
     with pytest.raises(SceneError, match="nearest_colour = true"):
-        Scene.from_image(path, legend=LEGEND, cell_size=0.01)
-    scene = Scene.from_image(path, legend=LEGEND, cell_size=0.01, nearest_colour=True)
+        Scene.from_image(path, **asked)
+    scene = Scene.from_image(path, **asked, nearest_colour=True)
     colours = np.array([[255, 255, 255], [140, 123, 107], [0, 0, 0]], dtype=float)
     pixels = np.asarray(Image.open(path).convert("RGB"), dtype=float)[::-1].transpose(1, 0, 2)
     nearest = np.linalg.norm(pixels[:, :, None] - colours, axis=3).argmin(axis=2)

@@ -5,7 +5,7 @@ import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintNumbers, paintWord } from "./paint.js";
 import { hand } from "./scene.js";
-import { general, quantity } from "./words.js";
+import { fixed, general, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
 const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
@@ -46,7 +46,7 @@ function paintBars(page, view, cuts, box, upright) {
     }
   }
   rows.forEach((at, n) => {
-    const ends = upright ? [[view.x0, P(at + 0.5)], [box.x + box.w, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.x0 + u * view.width + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
+    const ends = upright ? [[view.x0, P(at + 0.5)], [box.x + long + 4, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.x0 + u * view.width + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
     ctx.strokeStyle = n === chosen ? inks.ink : inks.soft; ctx.lineWidth = n === chosen ? 2.5 : 1.5; ctx.setLineDash(n === chosen ? [] : [5, 4]);
     ctx.beginPath(); ctx.moveTo(...ends[0]); ctx.lineTo(...ends[1]); ctx.stroke(); ctx.setLineDash([]);
     ctx.fillStyle = n === chosen ? inks.wash : inks.paper; ctx.strokeStyle = inks.ink; ctx.lineWidth = 1.5;
@@ -54,7 +54,7 @@ function paintBars(page, view, cuts, box, upright) {
     paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   });
   // Beside small rows only those of the lines have room for their number.
-  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : carried.toFixed(digits), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : fixed(carried, digits), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 
@@ -67,13 +67,13 @@ function freeBody({ t }, { carried, needed }) {
   return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: quantity(needed, "N") })),
     draw("rect", { class: "part", x: 30, y: 42, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 66, "text-anchor": "middle" }, t("partAbove")),
     ...arrow(46, 126, 88, "rule", t("holdIt", { n: quantity(carried, "N") })),
-    ...(Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t("missingIt", { n: quantity(gap, "N") })) : []));
+    ...(Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: quantity(Math.abs(gap), "N") })) : []));
 }
 function cutCard(page, cuts) {
   const { t, run: { lattice: L }, scene } = page, { rows, chosen } = placed(page), { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rows[chosen]);
   if (!cut) return [];
   const x = `${general(100 * L.h * (axis ? L.shape[1] - cut.at - 0.5 : cut.at + 0.5), 3)} cm`, big = (word, value, name) => make("div", { className: name }, t(word), make("b", { textContent: quantity(value, "N") }));
-  return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left") }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), big("elastic", cut.elastic, "elastic")),
+  return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left"), n: cut.at }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), big("elastic", cut.elastic, "elastic")),
     Number.isNaN(cut.needed) ? make("p", { textContent: t("bothHeld") }) : freeBody(page, cut)];
 }
 /** On its way + ended + ground − made by the shares is what was put on, in every generation. */

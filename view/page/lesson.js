@@ -80,7 +80,7 @@ export class Lesson {
   /** Whether a question is done: ticked, written, or as in the picture. */
   isDone(q) {
     if (q.kind === "cells") return Object.keys(this.guesses[q.key] ?? {}).length > 0;
-    return q.kind === "number" ? q.fields.every((field, i) => isRight(field, numberOf(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
+    return q.kind === "number" && q.step !== "predict" ? q.fields.every((field, i) => isRight(field, numberOf(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
   }
   finish(step) {
     this.done = this.done.filter((name) => name !== this.step);
@@ -272,9 +272,9 @@ function numberCard(lesson, q, field, i) {
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
     const text = input.value.trim(), v = numberOf(text, unit), right = isRight(field, v);
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : right ? t("asInPicture") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : q.step === "predict" ? "" : right ? t("asInPicture") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
-    if (right) verdict.prepend(icon("tick"));
+    if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
   input.oninput = () => lesson.answer(q, input.value, i);
   input.onchange = judge;
@@ -299,7 +299,7 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
     make("div", {}, button(page.nameOf(preset), () => lesson.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  if (lesson.step === "step") return [...tries, ...code, ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
+  if (lesson.step === "step") return [...tries, ...code, ...(lesson.question?.show.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
   if (lesson.step === "explain") return [...tries, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
   return [...tries, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];

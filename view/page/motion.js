@@ -5,7 +5,7 @@ import { make } from "./controls.js";
 import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
 import { colourOf, css, fillBox, fillRimmed, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
-import { quantity } from "./words.js";
+import { quantity, roundDown } from "./words.js";
 
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
@@ -48,7 +48,7 @@ export class MotionPage extends Page {
   /** Small displacements are magnified: the largest is shown as a fifteenth of the body. */
   get usual() {
     const { extent } = this, far = this.scale("move").far;
-    return far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
+    return far > 0.01 * extent || !far ? 1 : roundDown(SHOWN * extent / far);
   }
   get touchable() { return false; }
   get deformable() { return Boolean(this.moved); }

@@ -10,7 +10,7 @@ import { Loads } from "./loads.js";
 import { Workshop } from "./agent.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./cell.js";
-import { LANGUAGES, quantity, say, verdictOf } from "./words.js";
+import { LANGUAGES, quantity, roundDown, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", density: "" };
@@ -265,8 +265,7 @@ export class Page {
   }
   /** By how much displacements are magnified: the largest is shown as a fifteenth of the body. */
   magnification() {
-    const extent = Math.max(...this.run.lattice.shape) * this.run.lattice.h;
-    return 10 ** this.look.magnify * 0.066 * extent / (this.scale("move").high || 1);
+    return 10 ** this.look.magnify * roundDown(0.066 * Math.max(...this.run.lattice.shape) * this.run.lattice.h / (this.scale("move").high || 1));
   }
 
   // ---------------------------------------------------------------------------------- drawing
@@ -305,7 +304,7 @@ export class Page {
     if (this.lesson) paintNumbers(view, inks);
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
-    if (!box.w) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
+    if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
     const ruled = this.deformable && (moved || !this.lesson) ? t("keepsNone") : "";
     this.parts.cap.textContent = this.told || [scaled, ruled].filter(Boolean).join(" · ");

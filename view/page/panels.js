@@ -195,10 +195,10 @@ export function rulePanel(page, few = false) {
 
 function lookPanel(page) {
   const { t, look } = page, solid = page.run.kinds && page.solid;
-  const set = (key) => (value) => page.set(key, value), list = [];
+  const set = (key) => (value) => page.set(key, value), list = [], usual = page.deformable && page.magnification() / 10 ** look.magnify;
   if (page.colours.length > 1) list.push(choice(t("colour"), look.colour, page.colours.map((key) => [key, page.word(key)]), set("colour")));
   if (page.deformable) list.push(tick(t("deformed"), look.deformed, set("deformed")),
-    slider(t("magnify"), { value: 10 ** look.magnify, min: 0.1, max: 10, step: 0.05, log: true, show: (v) => `× ${two(v)}`, t }, (v) => page.set("magnify", Math.log10(v))));
+    slider(t("magnify"), { value: page.magnification(), min: 0.1 * usual, max: 10 * usual, step: 0.05, log: true, show: (v) => `× ${quantity(v, "")}`, t }, (v) => page.set("magnify", Math.log10(v / usual))));
   if (page.run.taken) list.push(tick(t("arrows"), look.arrows, set("arrows")));
   if (page.run.passed) list.push(tick(t("path"), look.path, set("path")));
   if (solid) {

@@ -6,10 +6,9 @@ import { cornersOf } from "./deformation.js";
 import { RIGID, ROLLER } from "./lattice.js";
 import { FONT, paintCells, paintLegend, paintNumbers, paintPick, paintWord, View } from "./paint.js";
 import { hand } from "./scene.js";
-import { general, quantity } from "./words.js";
+import { general, quantity, roundDown } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = [4, 3];         // of a scale: what looks like nothing; steps of a difference below and above it
-const roundDown = (x) => { const p = 10 ** Math.floor(Math.log10(x) + 1e-12); return Number((p * [5, 2, 1].find((d) => d * p <= x * (1 + 1e-12))).toPrecision(1)); };
 const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { show: "along", layout: "swipe", split: null, ruler: null, ...look.twin }));   // a lesson names some
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */
@@ -151,7 +150,7 @@ function hover(page, event, view) {
 
 MODES.push({
   name: "twin", letter: "r",
-  offered: (page) => page.solvable && page.deformable,
+  offered: (page) => page.solvable && page.deformable && page.limit > 0,
   open(page) {
     const main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
     const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), profile: make("div"), numbers: make("section", { className: "card", role: "status" }),
@@ -185,8 +184,8 @@ MODES.push({
   },
   tools(page) {
     const { t, look } = page, two = settings(page), put = (part) => { look.twin = Object.assign(two, part); page.past.note(); page.refresh(); };
-    const shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
-    return [...(page.solid ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), picker(t("colour"), two.show, shown, (show) => put({ show })),
+    const narrow = page.solid || page.stageBox?.clientWidth <= 560, shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
+    return [...(narrow ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), picker(t("colour"), two.show, shown, (show) => put({ show })),
       ...(page.solid ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
       button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) }), page.twin?.line ?? ""];
   },

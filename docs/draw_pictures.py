@@ -15,18 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from playwright.sync_api import sync_playwright
 
-from kaju import (
-    ElasticModel,
-    ElasticRule,
-    LoadModel,
-    Scene,
-    animate,
-    creep,
-    export_page,
-    load_scene,
-    plot,
-    solve,
-)
+import kaju
 from kaju.model.study.rule_study import RuleStudy, beside_elasticity
 from kaju.view.comparison import COLOURS, pictures_beside
 from kaju.view.picture_files import save
@@ -42,19 +31,23 @@ def main() -> None:
     """Write all pictures into docs/pictures."""
     folder = HERE / "pictures"
     folder.mkdir(exist_ok=True)
-    plate = LoadModel(load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
-    animate(plate, folder / "spawning.gif")
-    rule = ElasticRule(threshold=0.02, order="multilevel")
-    run = ElasticModel(load_scene(EXAMPLES / "plate.toml").replace(rule=rule)).run()
-    plot(run, "left", moment=8).savefig(folder / "elastic_agents.png", dpi=80)
-    jelly = creep(load_scene(EXAMPLES / "jelly.toml"))
-    plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
-    animate(solve(_square(), tolerance=0.005), folder / "agents_spawn.gif", "generations", fps=1.5)
-    plot(solve(_block(), tolerance=0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
-    lug = solve(load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
-    plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
+    plate = kaju.LoadModel(kaju.load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
+    kaju.animate(plate, folder / "spawning.gif")
+    rule = kaju.ElasticRule(threshold=0.02, order="multilevel")
+    run = kaju.ElasticModel(kaju.load_scene(EXAMPLES / "plate.toml").replace(rule=rule)).run()
+    kaju.plot(run, "left", moment=8).savefig(folder / "elastic_agents.png", dpi=80)
+    jelly = kaju.creep(kaju.load_scene(EXAMPLES / "jelly.toml"))
+    kaju.plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
+    kaju.animate(
+        kaju.solve(_square(), tolerance=0.005), folder / "agents_spawn.gif", "generations", fps=1.5
+    )
+    kaju.plot(kaju.solve(_block(), tolerance=0.12), "agents").savefig(
+        folder / "agents_octree.png", dpi=110
+    )
+    lug = kaju.solve(kaju.load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
+    kaju.plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
     _bracket().savefig(folder / "bracket.png", dpi=110)
-    study = beside_elasticity(load_scene(EXAMPLES / "plate.toml"), evaluations=600)
+    study = beside_elasticity(kaju.load_scene(EXAMPLES / "plate.toml"), evaluations=600)
     for name, figure in pictures_beside(study).items():
         save(figure, folder / f"comparison_{name}.png")
     _table(study)
@@ -83,8 +76,8 @@ def _photograph(target: Path) -> None:
     if chromium is None:
         sys.exit("chromium is not installed (apt-get install chromium)")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as player:
-        scene = load_scene(EXAMPLES / "plate.toml")
-        page_file = export_page(scene, Path(folder) / "plate.html", title="A steel plate")
+        scene = kaju.load_scene(EXAMPLES / "plate.toml")
+        page_file = kaju.export_page(scene, Path(folder) / "plate.html", title="A steel plate")
         options = ["--no-sandbox", "--disable-gpu"]
         browser = player.chromium.launch(executable_path=chromium, args=options)
         tab = browser.new_page(viewport={"width": 1280, "height": 720})
@@ -102,8 +95,10 @@ def _bracket() -> Figure:
     """Draw how bounds close in on the energy as cells get smaller, and agents of many sizes."""
     figure = new_figure((5.4, 3.6))
     ax = figure.subplots()
-    equal = [solve(_square(), resolution=k) for k in (1, 2, 4, 8)]
-    spawning = [solve(_square(), tolerance=tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)]
+    equal = [kaju.solve(_square(), resolution=k) for k in (1, 2, 4, 8)]
+    spawning = [
+        kaju.solve(_square(), tolerance=tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)
+    ]
     for answers, colour, name in ((equal, COLOURS[0], "equal cells"), (spawning, COLOURS[1], "")):
         agents = [answer.agents for answer in answers]
         lower, upper = 1e9 * np.array([answer.energy_bounds for answer in answers]).T
@@ -120,16 +115,16 @@ def _bracket() -> Figure:
     return figure
 
 
-def _square() -> Scene:
-    return Scene(
+def _square() -> kaju.Scene:
+    return kaju.Scene(
         body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
         sides={"bottom": "rigid"},
         loads=[{"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}],
     )
 
 
-def _block() -> Scene:
-    return Scene(
+def _block() -> kaju.Scene:
+    return kaju.Scene(
         body={"size": [1.0, 1.0, 1.0], "cells": [16, 16, 16], "material": "steel"},
         sides={"bottom": "rigid"},
         loads=[

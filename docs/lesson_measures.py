@@ -40,8 +40,8 @@ ARITHMETIC = {"log": log, "sqrt": sqrt, "ceil": ceil}
 class Seen:
     """A plane scene of squares under a load from above, run and solved when first asked for."""
 
-    def __init__(self, scene: kaju.Scene) -> None:
-        self.scene = scene
+    def __init__(self, scene: kaju.Scene, **how: Any) -> None:
+        self.scene, self.how = scene, how or {"engine": "arrays"}
         self.certificate = kaju.stability(scene)
 
     def __getattr__(self, word: str) -> Callable[..., Any]:
@@ -52,7 +52,7 @@ class Seen:
     @cached_property
     def run(self) -> kaju.TransferResult:
         """Return the answer of the rule."""
-        return kaju.LoadModel(self.scene, engine="arrays").run()
+        return kaju.LoadModel(self.scene, **self.how).run()
 
     @cached_property
     def elastic(self) -> Any:
@@ -100,21 +100,13 @@ class Seen:
         return half_width(pressure)
 
 
-class SeenUnder(Seen):
-    """The scene under agents that pages begin with in the tab *Agent*."""
-
-    def __init__(self, scene: kaju.Scene, name: str, numbers: dict[str, float]) -> None:
-        super().__init__(scene)
-        names: dict[str, Any] = {"__name__": name}
-        exec(header({})["python"]["ready"][name]["code"], names)  # noqa: S102
-        own = (value for value in names.values() if isinstance(value, type))
-        self.agent = next(value for value in own if value.__module__ == name)
-        self.numbers = numbers
-
-    @cached_property
-    def run(self) -> kaju.TransferResult:
-        """Return what becomes of the scene."""
-        return kaju.LoadModel(self.scene, material_agent=self.agent, seed=1, **self.numbers).run()
+def _ready(seen: Seen, name: str, **numbers: float) -> Seen:
+    """Return the scene under agents that pages begin with in the tab *Agent*."""
+    names: dict[str, Any] = {"__name__": name}
+    exec(header({})["python"]["ready"][name]["code"], names)  # noqa: S102
+    own = (value for value in names.values() if isinstance(value, type))
+    agent = next(value for value in own if value.__module__ == name)
+    return Seen(seen.scene, material_agent=agent, seed=1, **numbers)
 
 
 def half_width(profile: NDArray[Any]) -> float:
@@ -176,7 +168,7 @@ PLANE: Words = {
     "with_": lambda seen, **rule: Seen(
         seen.scene.with_overrides({f"rule.{name}": value for name, value in rule.items()})
     ),
-    "ready": lambda seen, name, **numbers: SeenUnder(seen.scene, name, numbers),
+    "ready": _ready,
     "broken": lambda seen: int(seen.run.states["broken"].values().sum()),
     "stable": lambda seen: seen.certificate.stable,
     "verdict": lambda seen: seen.certificate.verdict,

@@ -4,90 +4,77 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from kaju import (
-    ElasticRule,
-    FractureModel,
-    GrowthModel,
-    History,
-    Scene,
-    SpawningModel,
-    ThreeElement,
-    creep,
-    solve,
-)
+import kaju
 from kaju.model.network import cut, jittered, pulled, triangular
 from kaju.model.network import solve as solve_network
 
-if TYPE_CHECKING:
-    from kaju.model.network import NetworkResult
-    from kaju.model.results.result import Result
-    from kaju.model.rheology.creeping_network import NetworkCreepResult
+Run = Callable[[], Any]
 
 
-def plate(cells: int = 20, pressed: int = 10) -> Scene:
+def plate(cells: int = 20, pressed: int = 10) -> kaju.Scene:
     """Return a steel plate pressed at one cell of its top."""
-    return Scene(
+    return kaju.Scene(
         body={"cell_size": 0.01, "cells": [cells, cells], "thickness": 0.002, "material": "steel"},
         sides={"bottom": "rigid"},
         loads=[{"cell": [pressed, cells - 1], "force": [0.0, -2.0]}],
-        rule=ElasticRule(),
+        rule=kaju.ElasticRule(),
     )
 
 
-def spawned(scene: Scene, tolerance: float = 0.01) -> Callable[[], Result]:
+def spawned(scene: kaju.Scene, tolerance: float = 0.01) -> Run:
     """Let agents spawn until the error is below the tolerance."""
-    return lambda: SpawningModel(scene, tolerance=tolerance).run()
+    return lambda: kaju.SpawningModel(scene, tolerance=tolerance).run()
 
 
-def pressed(width: int, force: float) -> Callable[[], NetworkResult]:
+def pressed(width: int, force: float) -> Run:
     """Press a lattice in its middle, in 20 increments."""
     return lambda: solve_network(triangular(width, force=force), 20)
 
 
-def bitten(damper: float, hold: float) -> Callable[[], NetworkCreepResult]:
+def bitten(damper: float, hold: float) -> Run:
     """Bite a noodle, hold it, and let it go."""
 
-    def run() -> NetworkCreepResult:
-        history = History().ramp(1.0, duration=1.0).hold(hold).release(duration=1.0).hold(20.0)
-        element = ThreeElement(K_f=1.0, D_f=1.0, D_d=damper)
-        return creep(triangular(5, force=0.05), history, rheology=element)
+    def run() -> Any:
+        history = kaju.History().ramp(1.0, duration=1.0).hold(hold).release(duration=1.0).hold(20.0)
+        element = kaju.ThreeElement(K_f=1.0, D_f=1.0, D_d=damper)
+        return kaju.creep(triangular(5, force=0.05), history, rheology=element)
 
     return run
 
 
-def broad(cells: int) -> Scene:
+def broad(cells: int) -> kaju.Scene:
     """Return a plate pressed in the middle of its top, of so many cells a side."""
-    return Scene(
+    return kaju.Scene(
         body={"size": [0.2, 0.2], "cells": [cells, cells], "thickness": 0.002, "material": "steel"},
         sides={"bottom": "rigid"},
         loads=[{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
     )
 
 
-def bar() -> Scene:
+def bar() -> kaju.Scene:
     """Return a bar that is pulled evenly."""
-    return Scene(
+    return kaju.Scene(
         body={"cell_size": 0.01, "cells": [4, 12], "thickness": 0.01, "material": "steel"},
         sides={"bottom": "roller", "left": "roller"},
         loads=[{"side": "top", "force": [0.0, 8.0]}],
     )
 
 
-def solved(scene: Scene, resolution: int = 1) -> Callable[[], Result]:
+def solved(scene: kaju.Scene, resolution: int = 1) -> Run:
     """Solve a scene on its own cells, or on cells so many times smaller."""
-    return lambda: solve(scene, resolution=resolution)
+    return lambda: kaju.solve(scene, resolution=resolution)
 
 
-def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Callable[[], Result]:
+def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Run:
     """Let a bridge grow on a firm left foot and a right one, loaded in one cell of its top."""
     codes = np.ones((47, 21), dtype=int)
     codes[:, 0] = 0
     codes[:2, 0], codes[-2:, 0] = 2, 3
-    scene = Scene.from_array(
+    scene = kaju.Scene.from_array(
         codes,
         legend={0: "air", 1: "steel", 2: "rigid", 3: right},
         cell_size=0.05,
@@ -95,28 +82,26 @@ def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Callable[[],
         loads=[{"cell": [load, 20], "force": [0.0, -1000.0]}],
     )
     usual = {"volume": 0.3, "filter_radius": 1.5, "most_steps": 60, "at_rest": 0.0}
-    return lambda: GrowthModel(scene, **usual | growth).run()
+    return lambda: kaju.GrowthModel(scene, **usual | growth).run()
 
 
-def torn(half: float, scatter: float = 0.1) -> Callable[[], Result]:
+def torn(half: float, scatter: float = 0.1) -> Run:
     """Pull a net with a level cut of 2 · half spacings apart, until it parts."""
 
-    def run() -> Result:
+    def run() -> Any:
         net = jittered(15, spacing=0.01, stiffness=1e4, seed=1)
         middle, reach = 0.5 * net.positions.max(axis=0), np.array([0.01 * half, 0.0])
         slit = cut(net, middle - reach, middle + reach) if half else net
-        return FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=0).run()
+        return kaju.FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=0).run()
 
     return run
 
 
-def holed(
-    across: float, along: float, cells: int = 0, tolerance: float = 0.005
-) -> Callable[[], Result]:
+def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.005) -> Run:
     """Pull a quarter of a plate with an elliptical hole: as it is, or as steps of so many cells."""
     hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
     outline = "cells" if cells else "true"
-    scene = Scene(
+    scene = kaju.Scene(
         body={
             "size": [0.1, 0.1],
             "cells": [cells or 10] * 2,
@@ -127,11 +112,11 @@ def holed(
         sides={"left": "roller", "bottom": "roller"},
         loads=[{"side": "right", "force": [2000.0, 0.0]}],
     )
-    return solved(scene) if cells else lambda: solve(scene, tolerance=tolerance)
+    return solved(scene) if cells else lambda: kaju.solve(scene, tolerance=tolerance)
 
 
 HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
-PAGES: dict[str, dict[str, Callable[[], Result]]] = {
+PAGES: dict[str, dict[str, Run]] = {
     "agents-of-many-sizes": {
         "": spawned(plate()),
         "rough": spawned(plate(), 0.02),
@@ -177,7 +162,7 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
     },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
-EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
+EVIDENCE: dict[str, dict[str, Run]] = {
     "agents-of-many-sizes": {"even": solved(plate(), 8)},
     "two-wrong-answers": {"bar": spawned(bar())},
     "a-round-hole": {

@@ -51,11 +51,8 @@ def commands() -> str:
 
 
 def _shown(parameter: Any) -> bool:
-    return (
-        parameter.param_type_name == "option"
-        and not parameter.hidden
-        and "--help" not in parameter.opts
-    )
+    option = parameter.param_type_name == "option" and not parameter.hidden
+    return option and "--help" not in parameter.opts
 
 
 def _row(option: Any) -> tuple[str, str]:

@@ -36,8 +36,7 @@ def sampled_shape(
 ) -> dict[str, Any]:
     """Return an `image` for a region: the place where a function is not above 0.
 
-    The function is sampled once. The body is where the samples, interpolated bilinearly (in space
-    trilinearly), are not above 0; bounds are about this body.
+    The body is where samples, bilinear (in space trilinear) between them, are not above 0.
 
     Parameters
     ----------
@@ -51,13 +50,8 @@ def sampled_shape(
 
     Returns
     -------
-    image : dict
+    dict
         For `Scene.with_region(material, image=image, outline="true")`.
-
-    Raises
-    ------
-    ParameterError
-        If a value is not finite, or the box or the samples are none.
 
     Examples
     --------

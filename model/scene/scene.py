@@ -114,19 +114,11 @@ class Scene(Description):
     def from_drawing(
         cls, drawing: str, *, legend: Mapping[str, str], cell_size: float, **others: Any
     ) -> Scene:
-        """Return the scene of a body drawn in letters, the top row first.
+        """Return the scene of a body drawn in letters, one a cell, the top row first.
 
-        Parameters
-        ----------
-        drawing : str
-            One letter a cell.
-        legend : mapping of str to str
-            What each letter stands for: a material's name, "air", "rigid" or "roller".
-        cell_size : float
-            Edge of a cell (m).
-        **others
-            Further parts of the body (`thickness`, `plane`, `regions`, ...) or of the
-            scene (`materials`, `sides`, `loads`, `rule`).
+        The legend says what each stands for: a material's name, "air", "rigid" or "roller".
+        `others` are further parts of the body (`thickness`, `plane`, `regions`, ...) or of the
+        scene (`materials`, `sides`, `loads`, `rule`).
         """
         return cls._pictured("drawing", drawing, legend, cell_size, others)
 
@@ -134,10 +126,9 @@ class Scene(Description):
     def from_image(
         cls, path: str | Path, *, legend: Mapping[str, str], cell_size: float, **others: Any
     ) -> Scene:
-        """Return the scene of a body painted in an image, one pixel a cell.
+        """Return the scene of a body painted in an image, one pixel a cell; see `from_drawing`.
 
-        The legend explains colours, "#rrggbb" or names, and "transparent"; for the other
-        parameters see `from_drawing`.
+        The legend explains colours, "#rrggbb" or names, and "transparent".
         """
         return cls._pictured("image", path, legend, cell_size, others)
 
@@ -152,8 +143,7 @@ class Scene(Description):
     ) -> Scene:
         """Return the scene of a body in an array of codes, or in an ``.npy`` file of it.
 
-        The array is indexed [x, y] or [x, y, z] from left, front and bottom; for the other
-        parameters see `from_drawing`.
+        It is indexed [x, y] or [x, y, z] from left, front and bottom; see `from_drawing`.
         """
         return cls._pictured("array", array, legend, cell_size, others)
 
@@ -255,16 +245,8 @@ class Scene(Description):
     def kinds(self, cells: Cells) -> Ints:
         """Return what each cell is, also outside the array, where the sides decide.
 
-        Parameters
-        ----------
-        cells : ndarray of int, shape (n, dimension)
-            Cell coordinates.
-
-        Returns
-        -------
-        ndarray of int, shape (n,)
-            Indices into `cell_materials`, or the negative constants of
-            `kaju.model.scene.cell_types`.
+        Indices into `cell_materials`, or the negative constants of `kaju.model.scene.cell_types`,
+        of cells given by their coordinates, shape (n, dimension).
         """
         return self._of_cells.kinds(np.asarray(cells, dtype=np.int64))
 
@@ -282,13 +264,7 @@ class Scene(Description):
         return BoxKinds(self._of_cells)
 
     def rasterise(self) -> NDArray[np.int16]:
-        """Return the kinds of all cells, shape `lattice.shape`.
-
-        Raises
-        ------
-        SceneError
-            If there are more than 2e8 cells.
-        """
+        """Return the kinds of all cells, 2e8 at most, shape `lattice.shape`."""
         return self._of_cells.rasterise()
 
     def applied(self, stage: int | None = None) -> AppliedLoads:
@@ -313,28 +289,14 @@ class Scene(Description):
         return self.replace(loads=loads)
 
     def with_region(self, material: str = "air", **shape: Any) -> Scene:
-        """Return the scene with a region filled with something else; by default air, a hole.
-
-        Parameters
-        ----------
-        material : str
-            A material's name, "air", "rigid" or "roller".
-        **shape
-            One shape, such as `box`, `disk` or `path`, as in `Region`.
-        """
-        region = Region(material=material, **shape)
-        body = dict(self.body) | {"regions": (*self.body.regions, region)}
-        return self.replace(body=Body(**body))
+        """Return the scene with a region, as in `Region`, of something else; by default a hole."""
+        regions = (*self.body.regions, Region(material=material, **shape))
+        return self.replace(body=Body(**dict(self.body) | {"regions": regions}))
 
     def refine(self, k: int) -> Scene:
-        """Return the same body, supports and loads on cells k times smaller.
+        """Return the same body, supports and loads on squares or cubes k times smaller.
 
         Pictures repeat their cells, regions are asked again at the finer centres.
-
-        Raises
-        ------
-        SceneError
-            If the cells are neither squares nor cubes, which alone nest.
         """
         picture = self._of_cells.picture
         body = _refined_body(self.body, self.lattice, picture, k)
@@ -364,10 +326,7 @@ class Scene(Description):
         save(path, table_of(self), self._resolved.picture)
 
     def to_archive(self) -> tuple[str, dict[str, NDArray[Any]]]:
-        """Return the scene as TOML and the arrays that it refers to; see `from_archive`.
-
-        The images of regions become part of the text, so that no other file is needed.
-        """
+        """Return the scene as TOML, its files within it, and the arrays that it refers to."""
         table = table_of(self)
         for number, filled in enumerate(self._resolved.regions):
             region = table["body"]["regions"][number]

@@ -127,11 +127,9 @@ class Comparison:
         return _cells_of(self.result, self.reference)[0]
 
     def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
-        """Return both answers along a line from `start` to `end` (m).
+        """Return both answers along a line from `start` to `end` (m), at places in the body.
 
-        At `count` places, those outside of the body left out. A `Reference` has values only at
-        those of its own points that lie on the line; where there is none, a `ResultError` is
-        raised.
+        A `Reference` has values only at those of its own points that lie on the line.
         """
         first, direction, length = line_of(start, end, self.points.shape[1], "along")
         if isinstance(self.reference, Reference):
@@ -172,10 +170,6 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
     points : array, shape (n, dimension), optional
         Where to compare (m). By default in the middles of the larger cells of the two answers,
         where both have body; a `Reference` that does not know these is compared at its own points.
-
-    Returns
-    -------
-    Comparison
 
     Raises
     ------

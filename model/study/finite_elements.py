@@ -53,11 +53,8 @@ def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementR
 
     Raises
     ------
-    MissingExtraError
-        If scikit-fem is missing.
     ParameterError
-        If an argument is outside its rule, or the scene has sides, cells or loads that are not
-        supported.
+        If an argument, or what the scene has, is not supported.
 
     Examples
     --------

@@ -130,16 +130,10 @@ def fit_rule(
     evaluations : int
         About how often the rule is run.
 
-    Returns
-    -------
-    Fit
-
     Raises
     ------
-    ParameterError
-        If a scene's rule is another one, or an argument breaks its rule.
-    ResultError
-        If scene and reference cannot be compared.
+    ParameterError, ResultError
+        If the scene's rule is another one, or scene and reference cannot be compared.
 
     Examples
     --------

@@ -84,17 +84,13 @@ def solve(
 
     Raises
     ------
-    SupportError
-        If a part of the body could move without straining.
-    ConvergenceError
-        If the tolerance needs too many agents, or an iteration does not reach it; `best` holds the
-        result so far.
-    ParameterError, SceneError
-        If an argument or the scene breaks a rule.
+    ParameterError, SceneError, SupportError
+        If an argument or the scene breaks a rule, or a part could move without straining.
+    ConvergenceError, Interrupted
+        If the tolerance needs too many agents, an iteration does not reach it, or after Ctrl-C;
+        `best` holds the result so far.
     OutOfMemoryError
         If there is not enough memory.
-    Interrupted
-        After Ctrl-C, a KeyboardInterrupt; `best` holds the result so far.
 
     Examples
     --------

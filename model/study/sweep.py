@@ -89,32 +89,27 @@ def sweep(
         The scene to change; or a function that is called with the point's values by name and
         returns a scene, a network, a model to be run, or the answer itself.
     vary : mapping of str to sequence or distribution
-        What is changed: key paths of the scene such as ``"rule.alpha[1]"`` or
-        ``"loads[0].force[1]"``, with lists of values or distributions of `scipy.stats`. Keys
-        that begin with ``run.`` are options of `run`: ``"run.tolerance"``.
+        Lists of values or distributions of `scipy.stats` by key path of the scene, such as
+        ``"loads[0].force[1]"``. Keys that begin with ``run.`` are options of `run`.
     measure : str, sequence of str or callable, optional
-        What goes into the table: figures of the result's summary or attributes
-        (``"last.ledger.taken"``, ``"reaction.bottom[1]"``), or a function of the result that
-        returns a number, or several by name. None: all single figures of the summary.
+        Figures of the result's summary or attributes (``"last.ledger.taken"``,
+        ``"reaction.bottom[1]"``), or a function of the result that returns a number, or several by
+        name. None: all single figures of the summary.
     samples : int, optional
         Number of points, for the methods that draw them.
     method : {"grid", "list", "sobol", "lhs"}
-        "grid": every combination of the values. "list": first values together, then second
-        ones, and so on. "sobol", "lhs": samples of the distributions (lists are drawn from
-        evenly).
+        "grid": every combination. "list": first values together, then second ones, and so on.
+        "sobol", "lhs": samples of the distributions (lists are drawn from evenly).
     run : callable
-        What is done with every subject: a function such as `kaju.solve`, `kaju.stability` or
-        ``functools.partial(kaju.creep, times=[1.0])``, or the class of a model, yours or
-        kaju's. Unless given, scenes with a prescribed rule are run by `LoadModel`, other scenes
-        and networks solved. A function that takes `rng` is given a seed of its own at every
-        point.
+        What is done with every subject: a function such as `kaju.solve`, or the class of a model,
+        yours or kaju's. Unless given, scenes with a prescribed rule are run by `LoadModel`, other
+        scenes and networks solved. One that takes `rng` is given a seed of its own at every point.
     workers : int, optional
-        How many runs are computed at a time; as many as there are processors unless given. 1
-        computes in this process; inside ``with joblib.parallel_config(backend="dask")`` a
-        cluster of Dask computes.
+        Runs at a time; as many as there are processors unless given. 1 computes in this process;
+        inside ``with joblib.parallel_config(backend="dask")`` a cluster of Dask computes.
     out : path, optional
-        A folder: rows are kept there as they are finished, in a SQLite database, and in the end
-        as ``table.parquet``. The same call again computes only what is missing.
+        A folder: rows are kept there as they are finished (SQLite), and in the end as
+        ``table.parquet``. The same call again computes only what is missing.
     seed : int
         From which all random numbers are made.
     progress : bool, optional
@@ -128,10 +123,8 @@ def sweep(
 
     Raises
     ------
-    ParameterError
-        If points, measures or functions are not what is described above.
-    SceneError
-        If none of the first points makes a scene.
+    ParameterError, SceneError
+        If points, measures or functions are not as above, or no point makes a scene.
     ResultFileError
         If the folder holds another sweep, or cannot be written.
     WorkerError

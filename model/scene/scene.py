@@ -40,6 +40,8 @@ from .validation import with_lines
 
 SOFTEST = 1e3
 """Pa: foams and gels are stiffer, from some kilopascals on."""
+SOFT, WIDE = 5e5, 10.0
+"""Pa and m: no body so large is so soft, but one in millimetres and MPa looks like that."""
 LARGE = 0.05
 """Of a body's size: displacements above it are hardly small, and mostly wrong units."""
 FEW_CELLS = 5.0
@@ -201,10 +203,14 @@ class Scene(Description):
         """What a reader should know about the body, in words."""
         found, h = [], self.lattice.cell_size
         for material in self.cell_materials:
-            if material.youngs_modulus < SOFTEST:
+            modulus, wide = material.youngs_modulus, max(self.lattice.extent)
+            soft = f"materials.{material.name}: youngs_modulus = {modulus:g} Pa is "
+            if modulus < SOFTEST:
+                found.append(f"{soft}softer than any foam; are these metres and pascals?")
+            elif modulus < SOFT and wide >= WIDE:
                 found.append(
-                    f"materials.{material.name}: youngs_modulus = {material.youngs_modulus:g} Pa "
-                    "is softer than any foam; are these metres and pascals?"
+                    f"{soft}soft for a body of {wide:g} m; are these metres and pascals? 1 mm is "
+                    "0.001 m, 1 MPa is 1e6 Pa"
                 )
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"

@@ -247,4 +247,7 @@ def test_millimetres_and_gigapascals_are_asked_about():
     notes = kaju.solve(wrong).notes
     assert sum("are these metres and pascals?" in note for note in notes) == 2
     assert kaju.LoadModel(wrong).run(progress=False).notes != ()
+    assert (
+        "1 MPa is 1e6 Pa" in wrong.with_overrides({"materials.steel.youngs_modulus": 21e4}).notes[0]
+    )
     assert wrong.with_overrides({"materials.steel.youngs_modulus": 210e9}).notes == ()

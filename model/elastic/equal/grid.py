@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,16 +15,10 @@ from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.selection import AppliedLoads
+from kaju.model.scene.sides import SideCondition
 
 from .cell_loads import face_forces
-from .problem import (
-    SIDES,
-    ElasticProblem,
-    FaceFields,
-    Side,
-    face_zeros,
-    rim_layer,
-)
+from .problem import ElasticProblem, FaceFields, face_zeros, rim_layer
 from .supports import check_supports, slender_cell
 
 Origin = tuple[int, ...]
@@ -74,27 +67,25 @@ def constants_of(scene: Scene) -> Floats:
     return np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
 
 
-def sides_of(scene: Scene, lower: Ints, upper: Ints) -> dict[str, Side]:
-    """Return the sides that a box of cells reaches and that need a number."""
-    sides: dict[str, Side] = {}
+def sides_of(scene: Scene, lower: Ints, upper: Ints) -> dict[int, SideCondition]:
+    """Return the conditions of the sides that a box of cells reaches, by their number."""
+    found = {}
     for index, name in enumerate(scene.lattice.sides):
-        condition, (axis, high) = scene.side_condition(name), divmod(index, 2)
-        if not (upper[axis] == scene.lattice.shape[axis] if high else lower[axis] == 0):
-            continue
-        if condition.stiffness is not None:
-            sides[name] = ("foundation", condition.stiffness)
-        elif condition.displacement is not None:
-            sides[name] = ("displacement", condition.displacement)
-    return sides
+        axis, high = divmod(index, 2)
+        if upper[axis] == scene.lattice.shape[axis] if high else lower[axis] == 0:
+            found[index] = scene.side_condition(name)
+    return found
 
 
-def scales_of(scene: Scene, constants: Floats, sides: Mapping[str, Side], force: Floats) -> Scales:
+def scales_of(
+    scene: Scene, constants: Floats, sides: dict[int, SideCondition], force: Floats
+) -> Scales:
     """Return units in which the largest modulus and the largest force (N) are one."""
     modulus, length = float(constants[:, 0].max()), scene.lattice.cell_size
     stretch = modulus * (scene.thickness if scene.lattice.dimension == 2 else length)
-    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
+    moved = [stretch * abs(u) for side in sides.values() for u in side.displacement or ()]
     peak = float(np.abs(force).max(initial=0.0))
-    return Scales.of(modulus, max([peak, *(stretch * u for u in moved)]), length, stretch)
+    return Scales.of(modulus, max(peak, *moved, 0.0), length, stretch)
 
 
 def problem_of(
@@ -109,9 +100,8 @@ def problem_of(
     # `rim` is what the cells are, by the row of `constants` (Young's modulus in Pa, Poisson's
     # ratio) or AIR, RIGID, with one layer more that says what lies beyond.
     d, moved = rim.ndim, np.zeros((rim.ndim, 2, rim.ndim))
-    for name, (sort, value) in sides_of(scene, *scene.bounds()).items():
-        if sort == "displacement":
-            moved[divmod(SIDES[d].index(name), 2)] = np.array(value) / scales.displacement
+    for index, side in sides_of(scene, *scene.bounds()).items():
+        moved[divmod(index, 2)] = np.array(side.displacement or [0.0] * d) / scales.displacement
     fixed, spring = _side_fields(rim, sides_of(scene, *box), scales)
     problem = ElasticProblem(
         kinds=rim,
@@ -131,21 +121,18 @@ def problem_of(
 
 
 def _side_fields(
-    rim: NDArray[np.int32], sides: Mapping[str, Side], scales: Scales
+    rim: NDArray[np.int32], sides: dict[int, SideCondition], scales: Scales
 ) -> tuple[FaceFields, FaceFields]:
     """Return the given displacements and the foundation's stiffness of all faces, scaled."""
     fixed, spring = face_zeros(rim), face_zeros(rim)
-    for name, side in sides.items():
-        index = SIDES[rim.ndim].index(name)
-        value = np.asarray(side[1], dtype=np.float64)
+    for index, side in sides.items():
         axis, (own, beyond) = index // 2, (-2, -1) if index % 2 else (1, 0)
-        if side[0] == "foundation":
+        if side.stiffness is not None:
             layer = list(rim_layer(rim.ndim, index))
             layer[axis] = own
-            spring[axis][tuple(layer)] = float(value) * scales.length / scales.modulus
-            continue
+            spring[axis][tuple(layer)] = side.stiffness * scales.length / scales.modulus
         # Its faces, and the ghosts within it; rigid cells inside the array stay where they are.
-        for component, moved in enumerate(value / scales.displacement):
+        for component, moved in enumerate(np.array(side.displacement or ()) / scales.displacement):
             lines = np.moveaxis(fixed[component], axis, 0)
             if component == axis:
                 lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = moved

@@ -11,7 +11,6 @@ air, rigid ground, a roller or an elastic foundation. So a side needs no rule of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -28,11 +27,6 @@ FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces norma
 
 ABSENT, FIXED, ACTIVE = 0, 1, 2
 """States of a face: no body beside it; its displacement is given; it is free to move."""
-
-SIDES = {
-    2: ("left", "right", "bottom", "top"),
-    3: ("left", "right", "front", "back", "bottom", "top"),
-}
 
 
 @dataclass(frozen=True)
@@ -114,10 +108,6 @@ def without_pressure(moduli: Moduli) -> Moduli:
         np.where(pressed, 0.0, moduli.lateral),
         moduli.shear,
     )
-
-
-Side = tuple[str, float | Sequence[float]]
-"""A side that needs a number: ("foundation", N/m³) or ("displacement", (x, y[, z]) in m)."""
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:

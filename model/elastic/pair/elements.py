@@ -11,9 +11,9 @@ or a square and a triangle, that share an edge share its unknowns.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations, product
-from math import sqrt
+from math import perm, sqrt
 
 import numpy as np
 
@@ -125,49 +125,37 @@ def side_masses(d: int) -> Floats:
 
 def _monomials(points: Floats, order: tuple[int, int] = (0, 0)) -> Floats:
     """Return a derivative of the ten monomials of a cubic at points, shape (n, 10)."""
-    columns = []
-    for powers in _PLACES:
-        factor, left = 1.0, []
-        for power, times in zip(powers, order, strict=True):
-            for step in range(times):
-                factor *= power - step
-            left.append(max(power - times, 0))
-        columns.append(factor * points[:, 0] ** left[0] * points[:, 1] ** left[1])
-    return np.stack(columns, axis=1)
+    factor = [perm(i, order[0]) * perm(j, order[1]) for i, j in _PLACES]
+    left = np.maximum(np.subtract(_PLACES, order), 0)
+    return np.asarray(factor * np.prod(points[:, None] ** left, axis=2))
 
 
 @lru_cache(maxsize=1)
 def _airy_coefficients() -> Floats:
     """Return what the 16 unknowns make of the cubics in the four triangles, shape (4, 10, 16)."""
-    rows, values = [], []
-
-    def demand(
-        triangles: dict[int, float], points: Floats, order: tuple[int, int], by: Floats
-    ) -> None:
-        row = np.zeros((len(points), 4, 10))
-        for triangle, sign in triangles.items():
-            row[:, triangle] = sign * _monomials(points, order)
-        rows.append(row.reshape(len(points), 40))
-        values.append(np.broadcast_to(by, (len(points), 16)))
-
-    orders = ((0, 0), (1, 0), (0, 1))
+    orders, own = ((0, 0), (1, 0), (0, 1)), np.eye(16)
     share = np.linspace(0.0, 1.0, 5)[:, None]
+    demands: list[tuple[dict[int, float], Floats, tuple[int, int], Floats]] = []
     for corner, place in enumerate(CORNERS):
         first, second = (t for t, ends in enumerate(EDGES) if corner in ends)
         for number, order in enumerate(orders):
             # The two triangles at a half diagonal agree on it, and have the corner's values.
             between = (1.0 - share) * place + share * 0.5
-            demand({first: 1.0, second: -1.0}, between, order, np.zeros(16))
-            demand({first: 1.0}, place[None], order, np.eye(16)[3 * corner + number])
-    for edge, (start, end) in enumerate(EDGES):
+            demands.append(({first: 1.0, second: -1.0}, between, order, np.zeros(16)))
+            demands.append(({first: 1.0}, place[None], order, own[3 * corner + number]))
+    for edge, ends in enumerate(EDGES):
         normal = 2 if edge < 2 else 1  # phi_y across edges along x, phi_x across those along y
-        by = np.eye(16)[12 + edge] + 0.5 * np.eye(16)[[3 * start + normal, 3 * end + normal]].sum(
-            axis=0
-        )
-        middle = 0.5 * (CORNERS[[start]] + CORNERS[[end]])
-        demand({edge: 1.0}, middle, orders[normal], by)
+        by = own[12 + edge] + own[3 * ends + normal].mean(axis=0)
+        demands.append(({edge: 1.0}, CORNERS[ends].mean(axis=0)[None], orders[normal], by))
+    rows, values = [], []
+    for triangles, points, order, by in demands:
+        row = np.zeros((len(points), 4, 10))
+        for triangle, sign in triangles.items():
+            row[:, triangle] = sign * _monomials(points, order)
+        rows.append(row.reshape(len(points), 40))
+        values.append(np.tile(by, (len(points), 1)))
     found = np.linalg.lstsq(np.vstack(rows), np.vstack(values), rcond=None)[0]
-    return np.asarray(found).reshape(4, 10, 16)
+    return np.round(12.0 * np.asarray(found)).reshape(4, 10, 16) / 12.0  # as they are
 
 
 def _triangle_of(points: Floats) -> Ints:
@@ -243,16 +231,14 @@ def edge_tractions() -> Floats:
     are those of each component along the side, about its middle.
     """
     found = np.zeros((4, 2, 2, 16))
-    line, weight = (np.asarray(x) for x in np.polynomial.legendre.leggauss(2))
+    line, weight = (0.5 * np.asarray(x) for x in np.polynomial.legendre.leggauss(2))
     for side, (start, end, bulge) in enumerate(on_sides(2)):
-        sign = 2.0 * (side % 2) - 1.0
-        for at, share in zip(0.5 * line, 0.5 * weight, strict=True):
-            point = (0.5 - at) * CORNERS[[start]] + (0.5 + at) * CORNERS[[end]]
-            xx, yy, xy = airy_stress(point, np.array([bulge - 4]))[0]
-            traction = sign * np.stack([xy, yy] if side > 1 else [xx, xy])
-            found[side, 0] += share * traction
-            found[side, 1] += share * at * traction
-    return np.asarray(found, dtype=np.float64)
+        points = np.outer(0.5 - line, CORNERS[start]) + np.outer(0.5 + line, CORNERS[end])
+        stress = airy_stress(points, np.full(2, bulge - 4))
+        # xx and xy on the left and right, xy and yy below and above
+        traction = (2.0 * (side % 2) - 1.0) * stress[:, [2, 1] if side > 1 else [0, 2]]
+        found[side] = np.einsum("kp,pai->kai", [weight, weight * line], traction)
+    return found
 
 
 @lru_cache(maxsize=1)
@@ -269,8 +255,14 @@ def child_maps(balances: bool, d: int = 2) -> Floats:
     The first is the agent itself, then its 2 x 2, 4 x 4 ... parts, x fastest; of displacements
     each component by itself. Lengths count in the agent's own edge: slopes of phi shrink with it.
     """
-    child = _phi_of_child if balances else _values_of_child
-    own = np.stack([child(offset) for offset in corner_ends(d)[:, ::-1]])
+    points = gauss(5, d)[0]
+    values = partial(airy, order=(0, 0)) if balances else quadratic_values
+    # A child's own functions are equal to its parent's within it, as multiples of 1/192.
+    children = [
+        np.linalg.lstsq(values(points), values(0.5 * (points + offset)), rcond=None)[0]
+        for offset in corner_ends(d)[:, ::-1]
+    ]
+    own = np.round(192.0 * np.stack(children)) / 192.0
     found = [np.eye(own.shape[1])[None]]
     for step in range(1, DEEPEST_STEP + 1):
         many = 1 << step
@@ -279,29 +271,6 @@ def child_maps(balances: bool, d: int = 2) -> Floats:
         above = np.ravel_multi_index(tuple(place // 2), (many // 2,) * d)
         found.append(own[which] @ found[-1][above])
     return np.concatenate(found)
-
-
-def _values_of_child(offset: Ints) -> Floats:
-    """Return the unknowns of quadratics of one of the children of an agent by its own."""
-    d = len(offset)
-    points: Floats = np.asarray(0.5 * (corner_ends(d) + offset))
-    values = quadratic_values(points)
-    middles: Floats = np.asarray(points[edges_of(d)].mean(axis=1))
-    return np.concatenate([values, quadratic_values(middles) - values[edges_of(d)].mean(axis=1)])
-
-
-def _phi_of_child(offset: Ints) -> Floats:
-    """Return the unknowns of phi of one of the children of a square by its own."""
-    points = 0.5 * (CORNERS + offset)
-    middles = points[EDGES].mean(axis=1)
-    found = np.zeros((16, 16))
-    found[0:12:3] = airy(points, (0, 0))
-    found[1:12:3], found[2:12:3] = 0.5 * airy(points, (1, 0)), 0.5 * airy(points, (0, 1))
-    for edge, (start, end) in enumerate(EDGES):
-        normal, order = (2, (0, 1)) if edge < 2 else (1, (1, 0))
-        slope = 0.5 * airy(middles[[edge]], order)[0]
-        found[12 + edge] = slope - found[[3 * start + normal, 3 * end + normal]].mean(axis=0)
-    return np.asarray(found)
 
 
 def without_plane(phi: Floats) -> Floats:

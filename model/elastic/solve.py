@@ -101,6 +101,11 @@ def missed_note(spawning: PairAgents, tolerance: float) -> str:
     if spawning.ground.resolution is not None:
         return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
     where = most_at(spawning)
+    if stopped == "corners":
+        return (
+            f"agents would be too small to be counted before they agree where stress grows without "
+            f"limit: they leave {above}; most of it lies {where}"
+        )
     if stopped == "stalled":
         return f"more agents do not lower the error: they leave {above}; most of it lies {where}"
     return f"the smallest agents that can be counted leave {above}; most of it lies {where}"

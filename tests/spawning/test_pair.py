@@ -203,8 +203,7 @@ def test_one_quantity_has_one_number():
 
 def test_a_stored_answer_has_its_agents_and_finds_its_fields_again(tmp_path):
     answer = proved(SCENES["held hole and side"], 0.01)
-    path = answer.save(tmp_path / "answer.npz")
-    again = kaju.load_result(path)
+    again = kaju.load_result(answer.save(tmp_path / "answer.npz"))
     assert again.summary() == answer.summary()
     points = answer.lower + 0.3 * answer.size[:, None]
     np.testing.assert_array_equal(again.displacement_at(points), answer.displacement_at(points))
@@ -220,9 +219,14 @@ def test_agents_that_run_out_say_so_and_keep_what_they_have(monkeypatch):
         kaju.solve(SCENES["weight"], tolerance=0.001)
     assert caught.value.best.tolerance_kept == "missed"
     coarse = kaju.solve(SCENES["weight"], tolerance=0.001, resolution=1)
-    assert coarse.tolerance_kept == "missed"
     assert "a larger resolution allows smaller ones" in coarse.notes[0]
     assert coarse.size.min() == 0.01
+
+
+def test_a_corner_that_no_agents_prove_is_given_up_early():
+    hopeless = kaju.solve(plane_body(94), tolerance=0.03)  # foam and a stiff corner
+    assert hopeless.agents < 6000
+    assert "too small to be counted" in hopeless.notes[0]
 
 
 def test_a_side_that_moves_beside_small_first_agents_is_moved_without_gaps():

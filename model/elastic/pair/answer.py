@@ -47,7 +47,7 @@ class PairAgents(OnCells):
     goals: list[Goal]  # What the tolerance is about
     generations: list[Generation]
     stopped: str
-    """Why they missed the tolerance: "agents", "depth", "stalled" or "rounding"."""
+    """Why they missed the tolerance: "agents", "corners", "depth", "stalled" or "rounding"."""
     notes: list[str]
     # The agents of every generation, and the opinions of the last
     known: InitVar[tuple[list[LeafCells], Any] | None] = None

@@ -39,6 +39,10 @@ ENOUGH_DEEP = 0.95
 """Where agents are as small as they may be it ends with the first that gains no more than this: at
 stiff parts that touch in a corner (seed 37 of the random bodies) others gained 1 % for twice the
 agents."""
+NEAR_THE_END = 12
+"""So many halvings before agents at corners are as small as can be it is judged whether they will
+keep more than the tolerance. Of 200 random bodies those that miss 0.03 are told by some 10,000
+agents, where they took up to 290,000; those that keep 0.1 or 0.03 come to 0.6 of it at most."""
 WINDOW = 6  # Generations over which the rate is measured by which an estimate falls
 MOST_AGENTS, MOST_BRICKS = 1_000_000, 400_000
 """Those in space take some 5 kB each, so about 2 GB."""
@@ -60,12 +64,15 @@ class PairLoop:
         self.most_agents = most_agents or (MOST_AGENTS if body.dimension == 2 else MOST_BRICKS)
         self.last: Any = None  # What they have found: opinions, or those of cut agents
         self.stopped = ""
-        """Why it ended short of the tolerance: "agents", "depth", "stalled", "rounding"."""
+        """Why it ended short of the tolerance, as in `PairAgents`."""
         self.leaves = self.goals.start()
         self.trees: list[LeafCells] = []
         self.generations: list[Generation] = []
         self.notes: list[str] = []
-        self._without_gain, self._best = 0, inf
+        self._without_gain, self._best, self._at_corners = 0, inf, 0.0
+        # In the plane, as small as agents can be counted
+        plane = isinstance(body, PosedBody) and body.dimension == 2
+        self._proves = plane and body.resolution is None
         self._errors: list[tuple[int, float]] = []  # Agents and error of the generations
         if isinstance(body, PosedBody) and body.dimension == 3:
             refuse_rubber(body)
@@ -128,6 +135,8 @@ class PairLoop:
         often = self._halvings(leaves)
         if judged.lost:
             self.stopped = "rounding"
+        elif self._hopeless(leaves):
+            self.stopped = "corners"
         elif not often.any() or self._without_gain >= (1 if deep else STALLED):
             self.stopped = "depth" if deep or not often.any() else "stalled"
         else:
@@ -137,6 +146,17 @@ class PairLoop:
                 return np.asarray(often > 0)
             self.stopped = "agents"
         return np.zeros(len(leaves), dtype=np.bool_)
+
+    def _hopeless(self, leaves: LeafCells) -> bool:
+        """Tell whether agents at corners will be as small as can be before they agree enough."""
+        at, share = leaves.holding(self.body.sharp), self._judged.shares
+        before, self._at_corners = self._at_corners, float(share[at].sum())
+        if self.goals.goals or not self._proves or not before or not len(at):
+            return False
+        left = np.log2(leaves.size[at].min() / self.body.smallest)
+        fall = min(self._at_corners / before, 1.0) ** (left / DEEPEST_STEP)
+        limit = (self.tolerance / self._judged.error) ** 2 * share.sum()
+        return bool(left <= NEAR_THE_END and self._at_corners * fall > limit)
 
     def _halvings(self, leaves: LeafCells) -> Ints:
         """Return how often each agent halves."""

@@ -110,10 +110,8 @@ class ElasticRule:
     Loads that meet on a face are added up, with their sign. A load up to the threshold stays where
     it is, and more may be added to it.
 
-    Raises
-    ------
-    ParameterError
-        If a number is out of its range, or a share is given to another order than "wave".
+    Raises `ParameterError` if a number is out of its range, or a share is given to another order
+    than "wave".
 
     Examples
     --------

@@ -21,10 +21,7 @@ from kaju.model.rheology.element import ThreeElement
 class Material:
     """An isotropic, linear elastic material.
 
-    Raises
-    ------
-    ParameterError
-        If a number is out of its range or not a number.
+    Raises `ParameterError` if a number is out of its range or not a number.
 
     Examples
     --------
@@ -73,10 +70,8 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def material(name: str) -> Material:
     """Return the library's material of that name.
 
-    Raises
-    ------
-    ParameterError
-        If the library has no such material; the message suggests a near spelling.
+    Raises `ParameterError` if the library has no such material; the message suggests a near
+    spelling.
 
     Examples
     --------

@@ -48,10 +48,7 @@ class Parameter(Declaration):
     text : str
         What it means, with its unit: the label of the slider.
 
-    Raises
-    ------
-    ParameterError
-        If the bounds are missing or do not enclose the default.
+    Raises `ParameterError` if the bounds are missing or do not enclose the default.
 
     Examples
     --------
@@ -136,10 +133,7 @@ class State(Declaration):
     meaning : str
         What it means, with its unit: the label of its colours.
 
-    Raises
-    ------
-    ParameterError
-        If the default is not a finite number.
+    Raises `ParameterError` if the default is not a finite number.
 
     Examples
     --------

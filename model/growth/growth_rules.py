@@ -196,10 +196,7 @@ class Remodelling(GrowthRule):
     nor compliance of the body. Densities rest where the stimulus misses its aim by less than the
     lazy zone.
 
-    Raises
-    ------
-    ParameterError
-        If a number breaks its rule, or the gain is not stable.
+    Raises `ParameterError` if a number breaks its rule, or the gain is not stable.
     """
 
     name = "remodelling"

@@ -70,10 +70,7 @@ class Stored:
     def load(cls, path: str | Path) -> Self:
         """Read what `save` wrote.
 
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, is damaged, or holds something else.
+        Raises `ResultFileError` if the file is missing, is damaged, or holds something else.
         """
         arrays, about = open_archive(path)
         if about["kind"] != cls.kind:

@@ -20,10 +20,7 @@ def load_result(path: str | Path) -> Result:
     `path`: an ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces
     with ``result.xdmf``.
 
-    Raises
-    ------
-    ResultFileError
-        If the file is missing, or is no result of kaju's.
+    Raises `ResultFileError` if the file is missing, or is no result of kaju's.
 
     Examples
     --------

@@ -221,10 +221,8 @@ class BodyResult(OnCells, Result):
         Of `count` points, evenly spaced, each in the body has a row, with its distance from `start`
         (m).
 
-        Raises
-        ------
-        ResultError
-            If the ends are the same or of another dimension, or the line misses the body.
+        Raises `ResultError` if the ends are the same or of another dimension, or the line misses
+        the body.
         """
         import pandas as pd
 

@@ -40,10 +40,7 @@ SchemeName = Literal["backward_euler", "exact"]
 class ThreeElement:
     """A Voigt element (K_f, D_f) in series with a damper D_d.
 
-    Raises
-    ------
-    ParameterError
-        If a number is outside its range, or K_f and D_f are both 0.
+    Raises `ParameterError` if a number is outside its range, or K_f and D_f are both 0.
 
     Examples
     --------

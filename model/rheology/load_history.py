@@ -37,10 +37,7 @@ class History:
     last factor for ever. Two corners at the same time are a jump; exactly there the history has the
     value *before* the jump.
 
-    Raises
-    ------
-    ParameterError
-        If the times fall, do not start at 0, or a number is not finite.
+    Raises `ParameterError` if the times fall, do not start at 0, or a number is not finite.
 
     Examples
     --------

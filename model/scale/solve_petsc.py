@@ -64,10 +64,7 @@ def solve_petsc(
         Relative error, in the energy norm, to which the equations of equal cells are solved; 1e-11
         unless given.
 
-    Raises
-    ------
-    MissingExtraError
-        If petsc4py or mpi4py is not installed.
+    Raises `MissingExtraError` if petsc4py or mpi4py is not installed.
 
     Examples
     --------

@@ -8,7 +8,7 @@ wake where loads have come, and find them in their inboxes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import chain, product
 from math import inf
@@ -401,8 +401,8 @@ class AgentEngine:
         widening = np.array([agent.shares.widening for agent in agents])
         return totals._replace(shortened=shortened, widened=shortened * widening[:, None])
 
-    def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
-        """Return what the stage has left behind so far; its ledger tells how it ended."""
+    def stage(self, factor: float) -> Stage:
+        """Return what the stage has left behind so far."""
         self._settle()
         agents = self._ordered(self.agents.values())
         boundaries = self._ordered(self.boundaries.values())
@@ -423,7 +423,7 @@ class AgentEngine:
         return Stage(
             **totals._asdict(),
             factor=factor,
-            outcome=outcome(ledger),
+            outcome="",  # which the ledger tells
             generations=self.generation,
             spawn_step=np.array([agent.spawn_step for agent in agents], dtype=np.int64),
             woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64),

@@ -10,7 +10,7 @@ copies are newtons. `AgentEngine` does the same with objects.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -370,8 +370,8 @@ class ArrayEngine:
         done = kept, books[:, self.states : -1], books[:, -1]
         return totals_of(self.transfer, self.lattice.cells(self.key[cell]), material, *done)
 
-    def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
-        """Return what the stage has left behind so far; its ledger tells how it ended."""
+    def stage(self, factor: float) -> Stage:
+        """Return what the stage has left behind so far."""
         d, agent = self.directions, self._agents()
         by_state = self.books[agent, : self.states]
         taken = by_state.sum(axis=1)
@@ -402,7 +402,7 @@ class ArrayEngine:
         return Stage(
             **self.totals()._asdict(),
             factor=factor,
-            outcome=outcome(ledger),
+            outcome="",  # which the ledger tells
             generations=self.generation,
             spawn_step=self.spawn_step[agent],
             woken_by=self.woken_by[agent],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -84,7 +85,7 @@ class LoadTransfer(Stepper[TransferResult]):
     def begin(self) -> None:
         """Begin a generation; a new stage begins when one is at rest."""
         if self._over:
-            self.finished.append(self._stage(self._outcome))
+            self.finished.append(self._stage())
             self._begin_stage(self.stage + 1)
         if self.engine.pending != 0.0:
             self.engine.begin()
@@ -136,24 +137,19 @@ class LoadTransfer(Stepper[TransferResult]):
     @property
     def outcome(self) -> str:
         """How the current stage ended, in words; empty while loads travel."""
-        return self._stage(self._outcome).outcome if self._end() else ""
+        return self._stage().outcome if self._end() else ""
 
-    def _stage(self, outcome: Callable[[Ledger], str]) -> Stage:
-        """Return what the current stage has left behind so far."""
-        stage: Stage = self.engine.stage(self.stage / self.scene.stages, outcome)
-        return stage
+    def _stage(self, otherwise: str = "") -> Stage:
+        """Return what the current stage has left behind so far, and how it ended, or else."""
+        stage: Stage = self.engine.stage(self.stage / self.scene.stages)
+        return replace(stage, outcome=self._outcome(stage.ledger) or otherwise)
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
-
-        def outcome(ledger: Ledger) -> str:
-            return (
-                self._outcome(ledger) or f"interrupted after {self.engine.generation} generations"
-            )
-
+        last = self._stage(f"interrupted after {self.engine.generation} generations")
         return TransferResult(
             scene=self.scene,
-            stages=(*self.finished, self._stage(outcome)),
+            stages=(*self.finished, last),
             certificate=self.certificate,
             seconds=self.seconds,
             parameters=dict(self.parameters),

@@ -32,12 +32,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError, require
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.grid import grid_of
-from kaju.model.elastic.equal.staggered import (
-    around_edges,
-    axis_pairs,
-    edge_modulus,
-    rows_of,
-)
+from kaju.model.elastic.equal.staggered import around_edges, axis_pairs, edge_modulus, rows_of
 from kaju.model.elastic.moduli import strain_of
 from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler, along_springs

@@ -63,17 +63,15 @@ class FractureModel(Stepper[FractureResult]):
     ParameterError
         If a number is outside its rule.
     SceneError
-        If the subject cannot break: springs stretched from the start, several stages of a network's
-        load, forces together with given displacements, weight, true outlines.
+        If the subject cannot break: stretched from the start, of several stages of a network's
+        load, under forces and given displacements or weight, of true outlines.
     MechanismError
         If the unbroken body already gives way without resistance.
 
     Notes
     -----
-    When a spring with tension T and elongation e breaks, and the gap then opens to e', the energy ½
-    T e' is released under the fixed load. At every step the work of the loads is what is stored
-    plus what is released. For a cell the same holds for swelling, distortion and the shear of its
-    edges; a broken cell keeps 1e-10 of its stiffness.
+    At every step the work of the loads is what is stored plus what is released: ½ T e' of a spring
+    with tension T whose gap opens to e'. A broken cell keeps 1e-10 of its stiffness.
 
     Cells do not resolve the tip of a crack: where stress is singular, the load at which a cell
     breaks depends on its size h, as 1/√h. The strength holds for cells of this size.

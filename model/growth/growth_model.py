@@ -36,8 +36,7 @@ class GrowthModel(Stepper[GrowthResult]):
 
     Every cell has a density from 0 to 1, the share of it that is filled; its stiffness is the
     density to the rule's power, as a share of its material's. A step changes all densities by what
-    the cells feel, then solves the elastic equations again, starting from the last displacement.
-    Displacements are small.
+    the cells feel, then solves the elastic equations again. Displacements are small.
 
     Parameters
     ----------
@@ -45,13 +44,11 @@ class GrowthModel(Stepper[GrowthResult]):
         Of squares or cubes, held, and loaded by forces. All of its material may disappear.
     rule : {"compliance", "remodelling", "stress"} or GrowthRule
         How cells grow: to the least compliance of a given volume, towards a given energy stored per
-        mass, or towards an allowed stress. An object of one of these classes, or of your own, takes
-        its own parameters (`kaju.model.growth.growth_rules`).
+        mass, or towards an allowed stress; see `kaju.model.growth.growth_rules`.
     volume : float
         Share of the body's volume that is filled at first; "compliance" keeps it.
     filter_radius : float
-        Radius (cells) over which "compliance" averages densities or what cells feel; with 1 or less
-        nothing is averaged.
+        Radius (cells) over which "compliance" averages; with 1 or less nothing is averaged.
     start : array, optional
         First densities, in the shape of the scene's cells; by default the same everywhere.
     stage : int, optional

@@ -16,10 +16,10 @@ of Viscoelasticity*, Academic Press 1982, chapter 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,11 +29,8 @@ from kaju.errors import require
 
 from .load_history import History
 
-Answer = Callable[[ArrayLike], Floats]
 _LEAST, _MOST = 1e-100, 1e100
 """So large are stiffness and damping if they are not 0: times and ratios of them have digits."""
-
-SchemeName = Literal["backward_euler", "exact"]
 
 
 @dataclass(frozen=True)
@@ -103,76 +100,27 @@ class ThreeElement:
         """(D_d + D_f)/K_f (s): how long the force takes to fade at a held displacement."""
         return (self.D_d + self.D_f) / self.K_f if self.K_f else inf
 
-    def creep_compliance(self, times: ArrayLike) -> Floats:
-        """Return J(t): displacement per force held since time 0 (m/N or 1/Pa)."""
-        t = _since(times)
-        if self.D_f == 0.0:
-            given = np.where(t > 0.0, 1.0 / self.K_f, 0.0)
-        else:
-            given = t / self.D_f * _exprel(-t * self.K_f / self.D_f)
-        return np.asarray(given + t / self.D_d)
-
-    def ramp_compliance(self, times: ArrayLike) -> Floats:
-        """Return ∫₀ᵗJ: displacement per rate of a force that has grown since time 0."""
-        t = _since(times)
-        if self.D_f == 0.0:
-            given = t / self.K_f
-        else:
-            given = t * (t / self.D_f * _decay_mean_twice(t * self.K_f / self.D_f))
-        return np.asarray(given + 0.5 * t * (t / self.D_d))
-
-    def relaxation_modulus(self, times: ArrayLike) -> Floats:
-        """Return G(t): force per displacement held since time 0, after its first impulse."""
-        t = _since(times)
-        fading = self._series_share**2 * self.K_f * np.exp(-t / self.relaxation_time)
-        return np.asarray(np.where(t > 0.0, fading, 0.0))
-
-    def ramp_force(self, times: ArrayLike) -> Floats:
-        """Return force per speed of a displacement that has grown since time 0 (N s/m)."""
-        t = _since(times)
-        share, pace = self._series_share, t / self.relaxation_time
-        spring = share * self.K_f * t * _exprel(-pace)
-        return np.asarray(np.where(t > 0.0, spring + share * self.D_f * np.exp(-pace), 0.0))
-
-    @property
-    def _series_share(self) -> float:
-        """D_d/(D_d + D_f): share of a sudden rate that the Voigt part takes."""
-        return 1.0 / (1.0 + self.D_f / self.D_d)
-
-    def creep(
-        self, *, force: float | History, times: ArrayLike, scheme: SchemeName = "backward_euler"
-    ) -> Floats:
+    def creep(self, *, force: float | History, times: ArrayLike) -> Floats:
         """Return the displacement under a force (N or Pa) held from time 0, or a history of it.
 
         `kaju.creep` chooses its time steps by a tolerance; here the rising `times` (s) are the
         steps, from 0 to the first of them and on to the next, and corners of the history between
-        them. The scheme "exact" evaluates the solution itself.
+        them, by backward Euler.
         """
-        t, history = _rising(times), _history(force)
-        if _is_exact(scheme):
-            return _superpose(history, t, self.creep_compliance, self.ramp_compliance)
-        return self._step_along(history, t, stretched=False)
+        return self._step_along(_history(force), _rising(times), stretched=False)
 
-    def relaxation(
-        self,
-        *,
-        displacement: float | History,
-        times: ArrayLike,
-        scheme: SchemeName = "backward_euler",
-    ) -> Floats:
+    def relaxation(self, *, displacement: float | History, times: ArrayLike) -> Floats:
         """Return the force at a given displacement; arguments as in `creep`.
 
         While both dampers act the displacement may not jump: that would need an impulse.
         """
-        t, history = _rising(times), _history(displacement)
+        history = _history(displacement)
         require(
             self.D_f == 0.0 or not any(corner.jump for corner in history.corners()),
             f"displacement: a jump would need an infinite force, because D_f = {self.D_f} resists "
             "every rate; give a ramp, History().ramp(to, duration)",
         )
-        if _is_exact(scheme):
-            return _superpose(history, t, self.relaxation_modulus, self.ramp_force)
-        return self._step_along(history, t, stretched=True)
+        return self._step_along(history, _rising(times), stretched=True)
 
     def _step_along(self, history: History, times: Floats, *, stretched: bool) -> Floats:
         """Step by backward Euler along a history of forces, or of elongations if `stretched`."""
@@ -207,13 +155,6 @@ def laws_of(elements: Iterable[ThreeElement]) -> Laws:
     return Laws(*np.ascontiguousarray(table.reshape(-1, 3).T))
 
 
-def _is_exact(scheme: str) -> bool:
-    """Tell which of the two schemes is asked for."""
-    known = get_args(SchemeName)
-    require(scheme in known, f"scheme: {scheme!r} is unknown; there are {', '.join(known)}")
-    return scheme == "exact"
-
-
 def _history(driver: float | History) -> History:
     if isinstance(driver, History):
         return driver
@@ -221,41 +162,8 @@ def _history(driver: float | History) -> History:
     return History.step(float(driver))
 
 
-def _since(times: ArrayLike) -> Floats:
-    return np.maximum(np.asarray(times, dtype=np.float64), 0.0)
-
-
 def _rising(times: ArrayLike) -> Floats:
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     right = t.ndim == 1 and np.isfinite(t).all() and np.all(np.diff(t, prepend=0.0) >= 0.0)
     require(bool(right), "times: must be one row of finite times from 0 upwards that do not fall")
     return t
-
-
-def _decay_mean_twice(x: Floats) -> Floats:
-    """Return (x - 1 + e⁻ˣ)/x²; the series where the difference would lose digits."""
-    near = np.minimum(x, 0.1)
-    term = np.full_like(near, 0.5)
-    total = term.copy()
-    for k in range(3, 12):
-        term = term * (-near / k)
-        total = total + term
-    far = np.maximum(x, 0.1)
-    return np.asarray(np.where(x < 0.1, total, (far + np.expm1(-far)) / far / far))
-
-
-def _superpose(history: History, times: Floats, to_jump: Answer, to_ramp: Answer) -> Floats:
-    """Add up the answers to every jump and every change of slope (Boltzmann)."""
-    answer = np.zeros_like(times)
-    for time, jump, bend in history.corners():
-        if jump:
-            answer += jump * to_jump(times - time)
-        if bend:
-            answer += bend * to_ramp(times - time)
-    return answer
-
-
-def _exprel(x: Floats) -> Floats:
-    """Return (eˣ - 1)/x, 1 at 0; every material knows this law, and few runs need SciPy."""
-    nothing = x == 0.0
-    return np.asarray(np.where(nothing, 1.0, np.expm1(x) / np.where(nothing, 1.0, x)))

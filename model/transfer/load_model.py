@@ -42,35 +42,29 @@ MOST_CELLS_FOR_AGENTS = 10_000
 class LoadModel(SteppedModel):
     """Load transfer, one generation a step.
 
-    In each step every agent takes the loads that reached it in the step before and passes
-    its shares on. A scene with staged loading is run once per stage, each time from the
-    start and with a larger part of the loads.
+    In each step every agent takes the loads that reached it in the step before and passes its
+    shares on. Staged loading runs once per stage, each time from the start with larger loads.
 
     Parameters
     ----------
     scene : Scene
         Body, supports, loads and a prescribed rule.
     engine : {"auto", "agents", "arrays"}
-        "agents": objects on Mesa's cell space. "arrays": rows of arrays, for any size of body.
-        "auto": objects for up to 10,000 cells and for agents of your own.
-    material_agent : type of MaterialAgent
-        Your own subclass, if you have one.
+        Agents as objects on Mesa's cell space, or as rows of arrays, for any size of body; "auto":
+        objects for up to 10,000 cells and for agents of your own.
+    material_agent, boundary_agents : type of MaterialAgent, mapping of types of BoundaryAgent
+        Your own classes; those of boundaries by "free", "rigid" or "roller".
     allow_unstable : bool
-        Run even if the stability certificate says that loads will grow; the run then stops
-        before they overflow.
+        Run even if the certificate says that loads will grow; it stops before they overflow.
     max_generations : int
         A stage is stopped after this many generations.
-    rng : int, optional
+    rng, seed : int, optional
         Seed of the model's random numbers; the rule itself draws none.
-    boundary_agents : mapping of str to type of BoundaryAgent, optional
-        Your own classes for "free", "rigid" or "roller" boundaries.
     order : callable, optional
-        A function that gets the agents for which loads wait, and returns those that act in this
-        step, one after another. The others wait. None: all act at once.
+        Of the agents for which loads wait it returns those that act in this step, one after
+        another; the others wait. None: all act at once.
     rule : object, optional
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
-    seed : int, optional
-        Another word for `rng`.
     scenario : mesa Scenario, optional
         Its numbers are read as if they were keywords; a keyword overrides it.
     **kwargs

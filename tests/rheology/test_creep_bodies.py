@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_creep import exactly_crept, exactly_relaxed
 
 from kaju import History, Material, Scene, ThreeElement, creep
 
@@ -70,7 +71,7 @@ def test_two_layers_in_a_row_add_up_their_own_creep():
     pressed = body.replace(loads=[{"side": "top", "force": [0.0, -1e-2]}])
     crept = creep(pressed, BITE, times=TIMES, tolerance=1e-6)
     stress = BITE.scaled(1e-2 / (0.04 * 0.002))
-    strains = [law.creep(force=stress, times=TIMES, scheme="exact") for law in (SOFT, other)]
+    strains = [exactly_crept(law, stress, TIMES) for law in (SOFT, other)]
     sunk = -0.04 * np.sum(strains, axis=0)
     top = np.array([[0.013, 0.08], [0.04, 0.08]])
     found = np.array([crept.displacement_at(top, record)[:, 1] for record in range(len(TIMES))])
@@ -80,7 +81,7 @@ def test_two_layers_in_a_row_add_up_their_own_creep():
 def test_a_squeezed_block_relaxes():
     squeezed = creep(scene(SOFT, SOFT, top=-0.001), BITE, times=TIMES, tolerance=1e-4)
     # All materials are alike and the support leads: stresses fade as the element's force does.
-    force = SOFT.relaxation(displacement=BITE, times=TIMES, scheme="exact")
+    force = exactly_relaxed(SOFT, BITE, TIMES)
     static = squeezed.static.cells().stress
     for record, fade in enumerate(force / SOFT.K_f):
         np.testing.assert_allclose(
@@ -101,7 +102,7 @@ def test_a_body_in_space_is_stepped():
         rule={"kind": "elastic"},
     )  # fmt: skip
     crept = creep(body, BITE, times=TIMES, tolerance=1e-4)
-    growth = 2e5 * SOFT.creep(force=BITE, times=TIMES, scheme="exact")
+    growth = 2e5 * exactly_crept(SOFT, BITE, TIMES)
     middle = np.array([[0.015, 0.015, 0.04]])
     static = crept.static.displacement_at(middle)
     for record, grown in enumerate(growth):
@@ -116,7 +117,7 @@ AGENTS = {"kind": "prescribed", "drawn": "aaaaaaaa\naaaaaaaa\nbbbbbbbb\nbbbbbbbb
 
 def test_every_material_of_agents_takes_its_own_time():
     result = creep(scene(SOFT, None, **AGENTS), BITE, times=[*TIMES, 25.3], tolerance=1e-5)
-    of_soft = 2e5 * SOFT.creep(force=BITE, times=result.times, scheme="exact")
+    of_soft = 2e5 * exactly_crept(SOFT, BITE, result.times)
     np.testing.assert_allclose(result.growth[:, 0], of_soft, atol=1e-5)
     np.testing.assert_allclose(result.growth[:, 1], BITE.at(result.times), atol=1e-12)
     lower = result.static.last.material == 1

@@ -8,21 +8,20 @@ the leaf. The work grows with the number of pieces, however many corners and reg
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
 
-from .convex_pieces import Corners, painted
+from .crossed_leaves import SQUARE, crossed
 from .true_shapes import AIR, UNIT, Law, TrueBody, leaf_at, snapped
 
 NUDGE = 2.0**-34  # less than the grid of corners: tells the sides of a line that leaves meet along
 MOST_CORNERS = 10  # of one polygon; leaves with more, or with holes, are halved first
 ROUNDING = 1e-8  # share of a leaf below which a piece is left out, or filled
 NOTHING = 1e-13  # share of a leaf below which a piece is rounding
-SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +86,6 @@ class Rings:
         """Return polygons of equally many corners, shape (n, corners, 2)."""
         count = np.full(len(polygons), polygons.shape[1])
         return cls(place, law, count, polygons.reshape(-1, 2))
-
-
-def area_of(at: Floats) -> Floats:
-    """Return the areas of triangles, shape (n, 3, 2)."""
-    (x1, y1), (x2, y2) = (at[:, 1] - at[:, 0]).T, (at[:, 2] - at[:, 0]).T
-    return np.asarray(0.5 * (x1 * y2 - x2 * y1))
 
 
 def filled(rings: Rings) -> tuple[Ints, Ints]:
@@ -394,24 +387,31 @@ def leaf_polygons(
     inside = rings.with_law(of[rings.place], within[of[rings.place]])
     found = [inside.only(~several[inside.place] & (inside.law >= 0)), rest]
     vague = of[vague[vague >= 0]]
-    mixed = (several & held)[inside.place]
-    ring, triangle = filled(inside.only(mixed))
-    thirds, region_of = inside.only(mixed).points[triangle], rings.place[mixed][ring] // len(leaves)
-    leaf_of = inside.place[mixed][ring]
+
+    def numbers_at(points: Floats, leaf: int) -> Ints:
+        """Return the numbers of laws at points of a leaf that several regions cut."""
+        out = []
+        for held_by in _holding(lines, points).T:
+            law = body.law
+            for k in regions:
+                over, beyond = body.regions[k].law, law
+                if cut[k, leaf] and body.mixed(k):
+                    either = law.with_other(over, most)
+                    over = either if most else over
+                    beyond = law if most or law == AIR else either
+                law = over if held_by[k] else beyond
+            out.append(_number(laws, law))
+        return np.array(out, dtype=np.int64)
+
+    both = np.stack([pieces.start, pieces.end], axis=1)
     for leaf in np.flatnonzero(several & held).tolist():
-        parts: dict[int, list[Corners]] = {k: [] for k in regions}
-        for j in np.flatnonzero((leaf_of == leaf) & (area_of(thirds) > 0.0)).tolist():
-            parts[int(region_of[j])].append([(x, y) for x, y in thirds[j].tolist()])
-        corners = (leaves.lower[leaf] + SQUARE * leaves.size[leaf]) * UNIT
-        square = [(x, y) for x, y in corners.tolist()]
-        layers = [
-            (body.regions[k].law, parts[k] if cut[k, leaf] else bool(holds[k, leaf]), body.mixed(k))
-            for k in regions
-        ]
-        for of_law, polygons in painted(square, body.law, layers, most).items():
-            for polygon in polygons:
-                at = snapped(np.array(polygon))[None]
-                found.append(Rings.of(np.array([leaf]), np.array([_number(laws, of_law)]), at))
+        lower, size = leaves.lower[leaf] * UNIT, float(leaves.size[leaf] * UNIT)
+        parts = crossed(lower, size, both[pieces.leaf == leaf], partial(numbers_at, leaf=leaf))
+        if parts is None:
+            vague = np.append(vague, leaf)
+        else:
+            some = parts[1] >= 0
+            found.append(Rings.of(np.full(some.sum(), leaf), parts[1][some], parts[0][some]))
     rings = Rings.joined(found).without_repeats()
     rings = rings.only(held[rings.place])
     edge = leaves.size[rings.place] * UNIT
@@ -435,7 +435,7 @@ def leaf_polygons(
     whole[rings.place[full]] = rings.law[full]
     kept = whole[rings.place] < 0
     if not most:
-        kept &= rings.area > ROUNDING * edge**2
+        kept &= (rings.area > ROUNDING * edge**2) | several[rings.place]
     every = np.stack([pieces.start, pieces.end], axis=1)
     along = [every[region == k] for k in regions]
     every_one = np.flatnonzero((whole >= 0) & held)

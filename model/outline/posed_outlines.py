@@ -19,7 +19,7 @@ from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 
 from .arc_triangles import ArcFrames, TouchError, keep_apart
-from .convex_pieces import ON_LINE
+from .crossed_leaves import NEAR
 from .true_shapes import AIR, KINK, UNIT, Law, TrueBody, TrueRegion, first_leaves
 
 FINE = 64  # cells along the longer side, by which pictures and comparisons know the body
@@ -110,7 +110,7 @@ class OutlineProblem:
         law = np.linalg.eigvalsh(stiffest.stiffness).max()
         law /= np.linalg.eigvalsh(softest.stiffness).min()
         # a strip of the stiff material that lies on a line but for rounding counts as the soft one
-        return float(ROUNDING + ON_LINE * (contrast - 1.0) + OF_LAW * law)
+        return float(ROUNDING + NEAR * (contrast - 1.0) + OF_LAW * law)
 
     @property
     def estimated(self) -> bool:

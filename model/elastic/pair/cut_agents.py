@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress
+from kaju.model.outline.crossed_leaves import SQUARE
 from kaju.model.outline.hoop_stress import HoopStress
-from kaju.model.outline.leaf_polygons import SQUARE
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.true_shapes import DEPTH, UNIT
 from kaju.model.scene.shapes import Shape

@@ -191,6 +191,7 @@ def page(
     if settings and not is_scene:
         raise ParameterError("--set: changes a scene, and this is a stored result; leave --set out")
     shown: Any = scene_of(file, settings) if is_scene else load_result(file)
-    headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
+    called = file.stem.replace("-", " ").replace("_", " ").capitalize()
+    headline = title or (called if is_scene else f"{shown.kind.capitalize()}: {file.stem}")
     words = language and language.value
     typer.echo(export_page(shown, target, title=headline, language=words, python=python))

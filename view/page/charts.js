@@ -1,6 +1,6 @@
 // Curves over the generations: agents, load on its way, the largest load, and where loads went.
 import { fitted, FONT, paintWord } from "./paint.js";
-import { prefixOf, quantity } from "./words.js";
+import { local, prefixOf, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
@@ -60,19 +60,19 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), 0) || 1;
   const X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
-  const [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => String(Number((v / factor).toPrecision(near ? 3 : 2)));
+  const [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => local(String(Number((v / factor).toPrecision(near ? 3 : 2))));
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft;
   ctx.textAlign = "right"; ctx.textBaseline = "middle";
   const ticks = log ? Array.from({ length: Math.floor(map(top)) - Math.ceil(from) + 1 }, (_, i) => 10 ** (Math.ceil(from) + i)) : ticksOf(low, top, 3);
   for (const v of ticks) {
     ctx.beginPath(); ctx.moveTo(x, Y(v)); ctx.lineTo(x + w, Y(v)); ctx.stroke();
-    ctx.fillText(log ? Number((v / factor).toPrecision(1)) : short(v), x - 5, Y(v), LEFT - 6);
+    ctx.fillText(log ? local(String(Number((v / factor).toPrecision(1)))) : short(v), x - 5, Y(v), LEFT - 6);
   }
   ctx.strokeStyle = inks.soft; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x, y + h); ctx.lineTo(x + w, y + h); ctx.stroke();
   ctx.textBaseline = "top";
   const whole = over.every(Number.isInteger);
   ticksOf(first, first + reach, Math.max(2, Math.min(5, w / (axis ? 45 : 30)))).filter((v) => !whole || Number.isInteger(v)).forEach((at, n, { length }) => {
-    const text = axis && n === length - 1 ? `${at} ${axis}` : String(at), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
+    const text = local(axis && n === length - 1 ? `${at} ${axis}` : String(at)), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
     ctx.textAlign = close ? "right" : "center"; ctx.fillText(text, close ? x + w : X(at), y + h + 4);
   });
   ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillStyle = inks.soft;

@@ -5,7 +5,7 @@ import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintNumbers, paintWord } from "./paint.js";
 import { hand } from "./scene.js";
-import { fixed, general, quantity } from "./words.js";
+import { general, local, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
 const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
@@ -54,7 +54,7 @@ function paintBars(page, view, cuts, box, upright) {
     paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   });
   // Beside small rows only those of the lines have room for their number.
-  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : fixed(carried, digits), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local(carried.toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 

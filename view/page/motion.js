@@ -221,11 +221,11 @@ export class MotionPage extends Page {
     parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t("part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
-    const { parts: { charts: canvas }, curveList, inks, at, g } = this;
+    const { parts: { charts: canvas }, curveList, inks, at, g, t } = this, named = (of) => t(`curve_${of}`, { otherwise: of });
     canvas.hidden = !curveList.length;
     if (!canvas.isConnected || !curveList.length) return;
     paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
-      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
+      ({ word: named(title), unit, over, lists: Object.values(lines), names: Object.keys(lines).map(named), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;

@@ -5,14 +5,13 @@ import WORDS from "./words.json" with { type: "json" };
 export const LANGUAGES = { en: "English", de: "Deutsch", ja: "日本語" };
 
 let comma = false;                             // decimal, as German writes it
-const local = (number) => (comma ? number.replace(".", ",") : number);
-export const fixed = (x, digits) => local(x.toFixed(digits));
+export const local = (number) => (comma ? number.replace(".", ",") : number);
 export const roundDown = (x) => { const p = 10 ** Math.floor(Math.log10(x) + 1e-12); return Number((p * [5, 2, 1].find((d) => d * p <= x * (1 + 1e-12))).toPrecision(1)); };   // to 1, 2, 5, 10 ...
 
 export const say = (language) => {
   comma = language === "de";
   return (key, values = {}) => {
-    const text = WORDS[language]?.[key] ?? WORDS.en[key];
+    const text = WORDS[language]?.[key] ?? WORDS.en[key] ?? values.otherwise;
     if (text === undefined) throw new Error(`no word for ${key}`);
     return text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
   };

@@ -31,8 +31,6 @@ from .loads import LoadTable
 from .shared_materials import MaterialEntry, shared_materials
 from .sides import SideCondition
 
-MOST_CYCLES = 10_000
-
 
 class HistoryStep(Described):
     """A step of a history, in one of four words.
@@ -44,9 +42,7 @@ class HistoryStep(Described):
     ramp: Number | None = optional("the factor to go to")
     hold: Number | None = optional("how long the factor is kept (s)")
     release: Number | None = optional("the time to go back to 0 in (s)")
-    cycles: Annotated[Count, Field(le=MOST_CYCLES)] | None = optional(
-        "how often it rises and falls"
-    )
+    cycles: Annotated[Count, Field(le=10_000)] | None = optional("how often it rises and falls")
     duration: Number | None = optional("how long a ramp takes (s)")
     period: Number | None = optional("how long a cycle takes (s)")
     high: Number = Field(default=1.0, description="the factor at the top of a cycle")
@@ -188,9 +184,7 @@ def check_rule(rule: Rule, materials: list[str]) -> None:
             )
 
 
-HistoryEntry = Annotated[
-    History, built_by(HistoryTable, History, "a table of times and factors, or of steps")
-]
+_HISTORY = built_by(HistoryTable, History, "a table of times and factors, or of steps")
 
 
 class Description(Described):
@@ -205,7 +199,7 @@ class Description(Described):
     # added; otherwise every step begins with a body in which nobody is awake.
     loading: Literal["afresh", "continue"] = "afresh"
     rule: Annotated[Rule, PlainValidator(_rule_from)] = PrescribedRule()
-    history: HistoryEntry | None = None
+    history: Annotated[History, _HISTORY] | None = None
 
     @model_validator(mode="before")
     @classmethod

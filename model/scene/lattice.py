@@ -35,10 +35,6 @@ PERIOD = 5040
 """Cells so many steps apart along an axis have the same form: 2, 3 ... 10 all divide it."""
 
 _NEAR = 1e-9  # of a cell
-_AXIS_SIDES = {
-    2: ("left", "right", "bottom", "top"),
-    3: ("left", "right", "front", "back", "bottom", "top"),
-}
 
 
 @dataclass(frozen=True)
@@ -367,7 +363,8 @@ class Lattice(ABC):
     @property
     def sides(self) -> tuple[str, ...]:
         """Names of the sides of the array, lower before upper, axis by axis."""
-        return _AXIS_SIDES[self.dimension]
+        depth = ("front", "back") if self.dimension == 3 else ()
+        return ("left", "right", *depth, "bottom", "top")
 
     def arms_of_side(self, side: str, form: int) -> list[int]:
         """Return the faces of a form that look most towards a side of the array."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 from itertools import chain
 from math import sqrt
 from typing import Any, ClassVar
@@ -22,6 +21,21 @@ class BoxLattice(Lattice):
 
     boxes: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        d, edge = self.dimension, self.cell_size
+        normals = np.concatenate([np.outer((-1.0, 1.0), axis) for axis in np.eye(d)])  # -x, +x, -y
+        vars(self).update(  # what other lattices find by their outlines when it is asked for
+            normals=normals,
+            arms=(tuple(range(2 * d)),),
+            face_offsets=0.5 * edge * normals[None],
+            steps=normals[None].astype(np.int64),
+            axes=np.arange(1, 2 * d, 2),
+            within=np.full((1, d), 0.5),
+            pitch=edge * np.eye(d),
+            extent=tuple(edge * count for count in self.shape),
+        )
+
     def outline(self, form: int) -> Floats:
         """Return the corners of a square about its middle (m), counter-clockwise."""
         return self.cell_size * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -30,41 +44,10 @@ class BoxLattice(Lattice):
         """Return the middle points of cells (m)."""
         return self.cell_size * (cells.astype(np.float64) + 0.5)
 
-    @cached_property
-    def normals(self) -> Floats:
-        """Outward unit normals: -x, +x, -y, +y (-z, +z)."""
-        signs = np.array([-1.0, 1.0])
-        return np.concatenate([np.outer(signs, axis) for axis in np.eye(self.dimension)])
-
-    @cached_property
-    def arms(self) -> tuple[tuple[int, ...], ...]:
-        """All directions."""
-        return (tuple(range(self.directions)),)
-
-    @cached_property
-    def face_offsets(self) -> Floats:
-        """From the middle to those of the faces: half a cell."""
-        return 0.5 * self.cell_size * self.normals[None]
-
     @property
     def direction_names(self) -> tuple[str, ...]:
         """Readable names: "-x", "+x", ..."""
         return tuple(sign + axis for axis in "xyz"[: self.dimension] for sign in "-+")
-
-    @cached_property
-    def steps(self) -> Ints:
-        """The normals, which are whole steps."""
-        return self.normals[None].astype(np.int64)
-
-    @cached_property
-    def axes(self) -> Ints:
-        """+x, +y (+z)."""
-        return np.arange(1, self.directions, 2)
-
-    @cached_property
-    def within(self) -> Floats:
-        """A cell's middle lies half-way between its faces."""
-        return np.full((1, self.dimension), 0.5)
 
     def line(self, cells: Cells, axis: int) -> tuple[Ints, Ints]:
         """Return the line along an axis that each cell lies on, and its position there."""
@@ -78,11 +61,6 @@ class BoxLattice(Lattice):
         reached[:, axis] += count
         return reached
 
-    @cached_property
-    def pitch(self) -> Floats:
-        """A cell's edge along each coordinate."""
-        return self.cell_size * np.eye(self.dimension)
-
     def coordinates(self, points: Floats) -> Floats:
         """Return points (m) in edges of cells."""
         return points / self.cell_size
@@ -90,11 +68,6 @@ class BoxLattice(Lattice):
     def locate(self, points: Floats) -> Cells:
         """Return the cell that each point (m) lies in; outside the array too."""
         return np.floor(self.coordinates(np.asarray(points, float))).astype(np.int64)
-
-    @cached_property
-    def extent(self) -> tuple[float, ...]:
-        """Size of the array (m)."""
-        return tuple(self.cell_size * count for count in self.shape)
 
     def face_area(self, thickness: float = 1.0) -> float:
         """Return the area of a cell's face (m²); `thickness` (m) counts in two dimensions."""

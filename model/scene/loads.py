@@ -20,9 +20,6 @@ from kaju.model.scene.validation import (
 
 from .regions import LoadRegion
 
-MOST_STEPS = 100_000
-_LOADS = ("force", "pressure", "couple")
-
 
 class LoadTable(Described):
     """A force or a pressure, and where it acts.
@@ -54,7 +51,7 @@ class LoadTable(Described):
     )
     # Counter-clockwise in the plane, without any force: shares that turn round the middle of a side
     # or a region, the larger the farther from it.
-    steps: Count = Field(default=1, le=MOST_STEPS, description="the number of equal steps")
+    steps: Count = Field(default=1, le=100_000, description="the number of equal steps")
     sense: Literal["push", "pull"] | None = optional(
         "whether the force travels along ('push') or against itself"
     )
@@ -74,7 +71,8 @@ class LoadTable(Described):
             raise ParameterError("side: a region selects its own faces; leave side out")
         if self.outline is not None and self.side is not None:
             raise ParameterError("side: an outline is loaded all along; leave side out")
-        given = [name for name in _LOADS if getattr(self, name) is not None]
+        loads = ("force", "pressure", "couple")
+        given = [name for name in loads if getattr(self, name) is not None]
         if self.pressure_slope is not None and given != ["pressure"]:
             raise ParameterError("pressure_slope: needs pressure, its value at the origin (Pa)")
         if len(given) != 1:

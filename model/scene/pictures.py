@@ -139,7 +139,6 @@ def read_array(path: str, key: str) -> NDArray[np.generic]:
 
 
 _LETTERS = "#o*+xO%@&ABCDEFGHIJKLMNPQRSTUVWXYZabcdefghijklmnpqrstuvwyz0123456789"
-_MOST_DRAWN = 20_000
 MOST_MATERIALS = 1 << 15
 """Kinds of cells are kept in 16 bits."""
 
@@ -157,7 +156,7 @@ class Picture:
     @property
     def drawable(self) -> bool:
         """Whether the picture can be written as a drawing of reasonable length."""
-        few = self.codes.size <= _MOST_DRAWN and len(self.names) <= len(_LETTERS)
+        few = self.codes.size <= 20_000 and len(self.names) <= len(_LETTERS)
         return few and self.codes.ndim == 2
 
     def drawing(self) -> tuple[str, dict[str, str]]:

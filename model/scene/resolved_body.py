@@ -258,9 +258,6 @@ def relation(shape: Shape, low: Points, high: Points) -> Relation:
     return shape.relation(low - margin, high + margin)
 
 
-_FEW = 10_000
-
-
 def resolve(
     body: Body,
     legend: Mapping[str, str],
@@ -359,7 +356,7 @@ def _check_regions(resolved: ResolvedBody) -> None:
     """Refuse a region so small that no cell's centre lies in it: it would do nothing."""
     for number, region in enumerate(resolved.regions):
         box = resolved.cells_of(region.shape)
-        if count(box) > _FEW:
+        if count(box) > 10_000:  # such a region is not small
             continue
         if not region.shape.contains(resolved.lattice.centres(grid(*box))).any():
             raise SceneError(

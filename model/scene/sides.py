@@ -12,18 +12,10 @@ from kaju.errors import SceneError
 from kaju.model.scene import cell_types
 from kaju.model.scene.validation import Described, Index, Number, Positive, optional
 
-_KINDS = {
-    "free": cell_types.AIR,
-    "rigid": cell_types.RIGID,
-    "roller": cell_types.ROLLER,
-    "foundation": cell_types.FOUNDATION,
-    "displaced": cell_types.DISPLACED,
-}
 _WORDS = ("free", "rigid", "roller")
 _SAME = dict.fromkeys(("fixed", "clamped", "pinned", "encastre", "ground", "built-in"), "rigid")
 _SAME |= dict.fromkeys(("symmetry", "symmetric", "slider", "sliding"), "roller")
 """What others call them."""
-_FREELY = "free"
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
 
 
@@ -57,9 +49,9 @@ class SideCondition(Described):
         if not isinstance(value, Mapping):
             raise ValueError(f"must be a word or a table, got {value!r}; {_FORMS}")
         moved = value.get("displacement")
-        if isinstance(moved, (list, tuple)) and _FREELY in moved:
-            free = [axis for axis, number in enumerate(moved) if number == _FREELY]
-            numbers = [0.0 if number == _FREELY else number for number in moved]
+        if isinstance(moved, (list, tuple)) and "free" in moved:
+            free = [axis for axis, number in enumerate(moved) if number == "free"]
+            numbers = [0.0 if number == "free" else number for number in moved]
             return {**value, "displacement": numbers, "free_axes": free}
         return value
 
@@ -79,7 +71,9 @@ class SideCondition(Described):
     @property
     def code(self) -> int:
         """The kind of the cells beyond this side, from `kaju.model.scene.cell_types`."""
-        return cell_types.ROLLER if self.free_axes else _KINDS[self.kind]
+        if self.free_axes:
+            return cell_types.ROLLER
+        return cell_types.AIR if self.kind == "free" else getattr(cell_types, self.kind.upper())
 
     @property
     def supports(self) -> bool:
@@ -93,7 +87,7 @@ class SideCondition(Described):
         if self.displacement is not None:
             moved: list[float | str] = list(self.displacement)
             for axis in self.free_axes:
-                moved[axis] = _FREELY
+                moved[axis] = "free"
             return {"displacement": moved}
         return self.kind
 

@@ -19,8 +19,6 @@ from .shapes import TOUCH, Extent, Points, Relation, Shape
 
 _DIGITS = 6
 """Corners that agree in so many digits of the surface's size are one: STL files hold seven."""
-_UPRIGHT = 1e-12
-"""Of its area: a triangle that is seen as less from above crosses no upright line."""
 _AT_ONCE, _TOGETHER = 500_000, 1024
 """Pairs of box and triangle held at a time, and pairs that are not divided any further."""
 
@@ -83,14 +81,11 @@ def _one_body(mesh: Any, key: str, scale: float) -> tuple[Floats, bool]:
     parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(given)))
     shells, outwards = [], []
     for part in parts:
-        corners = np.asarray(mesh.vertices[mesh.faces[part]])
-        about = corners - corners.mean(axis=(0, 1))
-        turned = np.linalg.det(about).sum() < 0.0
+        corners, written = (np.asarray(mesh.vertices[faces[part]]) for faces in (mesh.faces, given))
+        middle = corners.mean(axis=(0, 1))
+        turned = np.linalg.det(corners - middle).sum() < 0.0
         shells.append(corners[:, ::-1] if turned else corners)
-        alike = (np.sort(given[part], axis=1) == np.sort(mesh.faces[part], axis=1)).all()
-        first = given[part][0].tolist()
-        kept = mesh.faces[part][0].tolist() in (first, first[1:] + first[:1], first[2:] + first[:2])
-        outwards.append(bool(alike and kept != turned))
+        outwards.append(bool(np.linalg.det(written - middle).sum() > 0.0))
     bodies = [ClosedSurface(shell) for shell in shells]
     found, ambiguous = [], False
     for one, shell in enumerate(shells):
@@ -150,7 +145,8 @@ class ClosedSurface(Shape):
         first = np.searchsorted(lines[:, 0], x.min(axis=1), side="left")
         last = np.searchsorted(lines[:, 0], x.max(axis=1), side="right")
         normal = np.cross(*(self.corners[:, 1:] - self.corners[:, :1]).swapaxes(0, 1))
-        upright = np.abs(normal[:, 2]) <= _UPRIGHT * np.linalg.norm(normal, axis=1)
+        # a triangle that is seen as less than that from above crosses no upright line
+        upright = np.abs(normal[:, 2]) <= 1e-12 * np.linalg.norm(normal, axis=1)
         many = np.where(upright, 0, last - first)
         for some in np.array_split(np.arange(len(many)), 1 + many.sum() // _AT_ONCE):
             triangle = np.repeat(some, many[some])

@@ -34,8 +34,6 @@ _LENGTH = re.compile(r"\s*([-+\d.eE]+?)\s*(px|in|pt|pc|cm|mm|Q|)\s*$")
 _GROUPS = ("svg", "g", "a")
 _OUTLINES = ("path", "rect", "circle", "ellipse", "polygon")
 _SILENT = ("defs", "metadata", "title", "desc", "style", "namedview", "clipPath", "mask", "marker")
-_PLACED = ("clip-path", "mask")  # attributes that hide a part of an outline
-_SVG = "{http://www.w3.org/2000/svg}"
 
 
 def read_drawing(text: str) -> list[Floats]:
@@ -130,12 +128,12 @@ def _elements(element: Any, place: Floats, transform: Any) -> Iterator[tuple[Any
     """Yield each outline of a drawing, and the matrix to metres of its coordinates."""
     for child in element:
         name = _name(child)
-        own = str(child.tag).startswith(_SVG) or "}" not in str(child.tag)
+        own = "}" not in str(child.tag) or "www.w3.org/2000/svg}" in str(child.tag)
         if not own or name in _SILENT or _style(child, "display") == "none":
             continue
         if name not in (*_GROUPS[1:], *_OUTLINES):
             raise _wrong(f"{_called(child)} is no outline; turn it into a path, or remove it")
-        for key in _PLACED:
+        for key in ("clip-path", "mask"):  # they hide a part of it
             if _style(child, key) not in ("", "none"):
                 raise _wrong(f"{_called(child)} has a {key}; cut its outline in the drawing")
         try:
@@ -205,11 +203,8 @@ _COUNT = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7
 EMBEDDED_DRAWING = "data:image/svg+xml;base64,"
 """What a drawing starts with that a scene carries with it, in place of a path (RFC 2397)."""
 MOST_CURVES = 10_000
-MOST_BYTES = 20_000_000
 _ROUNDING = 1e-9
 """Of a line's extent: what is shorter comes of rounding."""
-_FINE = 256
-"""Straight lines for a curve where cells are asked."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +229,7 @@ class PathShape(Shape):
 
     @cached_property
     def _polygons(self) -> list[Polygon]:
-        return [_polygon(arcs, _FINE if _curved(arcs) else 1) for arcs in self._lines]
+        return [_polygon(arcs, 256 if _curved(arcs) else 1) for arcs in self._lines]
 
     @property
     def extent(self) -> Extent:
@@ -253,7 +248,7 @@ def drawing_in(file: str, key: str) -> PathShape:
     """Return what an SVG file, or a text that a scene carries with it, draws."""
     if file.startswith(EMBEDDED_DRAWING):
         return PathShape(b64decode(file.removeprefix(EMBEDDED_DRAWING)).decode("utf-8"), True)
-    return PathShape(text_of_file(file, SceneFileError, MOST_BYTES, key=key), True)
+    return PathShape(text_of_file(file, SceneFileError, 20_000_000, key=key), True)
 
 
 def _curved(arcs: Floats) -> bool:

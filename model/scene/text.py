@@ -222,9 +222,6 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
         scratch.write_text(text, encoding="utf-8")
 
 
-_OWN_SECTIONS = ("materials", "rule")  # tables in these get a section, in others a line
-
-
 def dumps(table: Mapping[str, Any]) -> str:
     """Return a scene's table as TOML text."""
     blocks: list[str] = []
@@ -252,7 +249,7 @@ def _blocks(name: str, part: Any) -> Iterator[str]:
 
 def _is_section(name: str, value: Any) -> bool:
     if isinstance(value, Mapping):
-        return name.split(".")[-1] in _OWN_SECTIONS
+        return name.split(".")[-1] in ("materials", "rule")  # in others a table gets a line
     return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
 
 

@@ -208,10 +208,6 @@ def _description_in(annotation: Any) -> type[BaseModel] | None:
 
 # Where in a TOML text a key stands, so that an error can name its line.
 
-_HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
-_ENTRY = re.compile(r"\s*([\w.\"' -]+?)\s*=")
-_MESSAGE = re.compile(r"^(\s*)([\w -]+(?:\.[\w -]+)*): ")
-
 
 def with_lines(text: str, message: str, changed: Iterable[str] = ()) -> str:
     """Return an error's lines, each with the text's line of its key path, unless that changed."""
@@ -220,7 +216,7 @@ def with_lines(text: str, message: str, changed: Iterable[str] = ()) -> str:
         places.pop(path, None)
     lines = []
     for line in message.splitlines():
-        found = _MESSAGE.match(line)
+        found = re.match(r"(\s*)([\w -]+(?:\.[\w -]+)*): ", line)
         path = found[2] if found else ""
         while path and path not in places:
             path = path.rpartition(".")[0]
@@ -239,7 +235,7 @@ def _places(text: str) -> Iterator[tuple[str, int]]:
         for quotes in ('"""', "'''"):
             if line.count(quotes) % 2:
                 open_quotes = quotes
-        header = _HEADER.match(line)
+        header = re.match(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$", line)
         if header:
             head = _unquoted(header[2])
             if header[1] == "[[":
@@ -247,7 +243,7 @@ def _places(text: str) -> Iterator[tuple[str, int]]:
                 head = f"{head}.{items[head]}"
             yield head, number
             continue
-        entry = _ENTRY.match(line)
+        entry = re.match(r"\s*([\w.\"' -]+?)\s*=", line)
         if entry:
             key = _unquoted(entry[1])
             yield (f"{head}.{key}" if head else key), number

@@ -26,12 +26,8 @@ from kaju.model.transfer.load_model import LoadModel
 
 Quantity = Literal["displacement", "stress"]
 
-GLOBAL_SHARE = 0.7  # part of the runs that go into the search of the whole box
-UNSTABLE = 10.0  # misfit of a rule whose loads would grow: worse than any worth considering
 LEAST_BESIDE = 0.02  # at least this part of what is passed on goes beside the load's line
-LARGEST_SHARE = 0.98  # no load is passed on in a larger piece, so that all of them end
 CELLS_ACROSS = {2: 160, 3: 48}  # cells of a believed answer across a body, by default
-SIMPLEX = 0.05  # edge of the first simplex, in the box
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +196,8 @@ class _Search:
         own, total, across, beta = (float(x) for x in np.clip(box, 0.0, 1.0))
         across = LEAST_BESIDE + (1.0 - LEAST_BESIDE) * across
         passed = total * np.array([1.0 - across, across / self.beside])
-        forward, friction = (float(share) for share in np.minimum(passed, LARGEST_SHARE))
+        # No load is passed on in a larger piece, so that all of them end.
+        forward, friction = (float(share) for share in np.minimum(passed, 0.98))
         return replace(self.own, alpha=(own, forward, friction), beta=beta, materials={})
 
     def start(self) -> Floats:
@@ -218,7 +215,7 @@ class _Search:
             found = self.compare(self.rule(box))
             value = _weighted([_pair(found, name).misfit for name in self.names], self.weights)
         except StabilityError:
-            value = UNSTABLE
+            value = 10.0  # loads that grow are worse than any rule worth considering
         if value < self.best:
             self.best, self.box = value, np.array(box)
         return value
@@ -229,10 +226,9 @@ class _Search:
 
         box = Bounds(np.zeros(4), np.ones(4))
         self(self.start())
-        most = int(GLOBAL_SHARE * evaluations)
-        direct(self, box, maxfun=most, maxiter=evaluations, locally_biased=True)
+        direct(self, box, maxfun=int(0.7 * evaluations), maxiter=evaluations, locally_biased=True)
         # The best point and its neighbours along every axis, all inside the box.
-        inwards = np.diag(np.where(self.box < 0.5, SIMPLEX, -SIMPLEX))
+        inwards = np.diag(np.where(self.box < 0.5, 0.05, -0.05))
         options: Any = {
             "maxfev": max(evaluations - self.runs, 5),
             "initial_simplex": self.box + np.concatenate([np.zeros((1, 4)), inwards]),

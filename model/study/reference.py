@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
-_SAME_PLACE = 1e-7  # distance within which points are the same, as a share of the extent of all
-
-
 @dataclass(frozen=True, eq=False)
 class Reference(Stored):
     """Displacement and stress at points.
@@ -112,7 +109,7 @@ class Reference(Stored):
         found = np.asarray(points, dtype=np.float64)
         if found.ndim != 2 or found.shape[1] != self.dimension:
             raise ResultError(f"points: must have shape (n, {self.dimension}), got {found.shape}")
-        reach = _SAME_PLACE * float(np.ptp(self.points, axis=0).max(initial=0.0))
+        reach = 1e-7 * float(np.ptp(self.points, axis=0).max(initial=0.0))
         distance, row = self._tree.query(found)
         return np.where(distance <= reach, row, -1).astype(np.int64)
 

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 CHOSEN = "prescribed rule"
 FITTED = "prescribed rule, fitted"
 DERIVED = "elastic agents"
-ELASTIC_TOLERANCE = 1e-6  # of the elastic agents beside a prescribed rule
 
 
 class StraightWay(NamedTuple):
@@ -184,7 +183,7 @@ def beside_elasticity(
             if evaluations:
                 fit = fit_rule(scene, believed, evaluations=evaluations)
                 found[FITTED] = fit.after
-            elastic = scene.replace(rule=ElasticRule(tolerance=ELASTIC_TOLERANCE))
+            elastic = scene.replace(rule=ElasticRule(tolerance=1e-6))
         found[DERIVED] = compare(ElasticModel(elastic, engine="arrays").run(), believed)
     except KeyboardInterrupt:
         if not found:

@@ -56,7 +56,6 @@ Points = list[dict[str, Any]]
 METHODS = ("grid", "list", "sobol", "lhs")
 MOST_POINTS = 1_000_000
 STORE, TABLE = "sweep.sqlite", "table.parquet"
-_TRIED = 8  # points that are tried for their scene before anything starts
 
 
 def by_its_kind(subject: Any, rng: int | None = None) -> Any:
@@ -185,7 +184,7 @@ def _whole(name: str, value: Any, least: int) -> int:
 def _try_scenes(runs: SweepRun, points: Points) -> None:
     """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
     first = None
-    for number in np.unique(np.linspace(0, len(points) - 1, _TRIED).astype(int)):
+    for number in np.unique(np.linspace(0, len(points) - 1, 8).astype(int)):
         try:
             runs.subject_at(points[int(number)], 0)
             return

@@ -29,7 +29,6 @@ def columns(result: ElasticResult) -> dict[str, NDArray[Any]]:
         "size (m)": result.size,
         "level": result.level,
         "spawn_step": result.spawn_step,
-        "cause (J)": result.cause,
         "material": names[result.material],
     }
     found |= {f"displacement_{axis} (m)": result.displacement[:, a] for a, axis in axes}

@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import KajuError, ResultError
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, near_steps, no_limit, refuse_singular
+from kaju.model.elastic.caveats import Caveat, caveats_of, near_steps, no_limit, refuse_singular
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.elastic_export import columns, dataset, write_mesh
 from kaju.model.elastic.equal.cell_agents import CellAgents
@@ -190,15 +190,6 @@ class ElasticResult(BodyResult):
         """Step in which each agent spawned; 0 for the first."""
         return self.found.spawn_step
 
-    @property
-    def cause(self) -> Floats:
-        """Gap (J) of the parent of each agent, because of which the parent spawned.
-
-        0 for the first agents, NaN for those that keep neighbours of similar size, and those whose
-        parent spawned in the same step.
-        """
-        return self.found.cause
-
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the agents' middles, shape (agents, dimension)."""
@@ -216,7 +207,8 @@ class ElasticResult(BodyResult):
     @cached_property
     def strain(self) -> Floats:
         """Strain tensors of the agents, shape (agents, dimension, dimension)."""
-        return self._strain_of(self.stress, self.found.law)
+        stress = self.stress / self.found.scales.modulus
+        return strain_of(stress, self.found.moduli, self.found.law)
 
     @cached_property
     def principal_stress(self) -> Floats:
@@ -366,16 +358,8 @@ class ElasticResult(BodyResult):
         """Return the stress (Pa) of the opinion that balances, at points (m).
 
         It hands on exactly what arrives: forces balance in every agent and across every side.
-        `stress_at` is the mean of it and of `fitted_stress_at`.
-
-        Parameters
-        ----------
-        points : array, shape (n, dimension)
-            In metres, in or on the body; on a side between two agents either may be taken.
-
-        Returns
-        -------
-        array, shape (n, dimension, dimension)
+        `stress_at` is the mean of it and of `fitted_stress_at`. Of points on a side between two
+        agents either may be taken.
 
         Raises
         ------
@@ -408,7 +392,7 @@ class ElasticResult(BodyResult):
                 f"{name}: only agents that spawned in the plane have two stresses; solve with a "
                 "tolerance"
             )
-        balanced, fitted = self.found.opinions_at(*self._located(points))
+        balanced, fitted = self.found.opinions_at(*self.found.located(points))
         unit = self.found.scales.stress
         return unit * balanced, unit * fitted
 
@@ -471,8 +455,7 @@ class ElasticResult(BodyResult):
         return (*missed, *(brief for brief, _ in self._caveats))
 
     @cached_property
-    def _caveats(self) -> tuple[tuple[str, str], ...]:
-        """What is approximate, in a few words and in full."""
+    def _caveats(self) -> tuple[Caveat, ...]:
         return caveats_of(self)
 
     @cached_property
@@ -524,10 +507,7 @@ class ElasticResult(BodyResult):
         Intensity
             Factors, exponents, and an estimate of the error.
 
-        Raises
-        ------
-        ParameterError
-            If there is no such corner or slit, or no room for a ring round it.
+        Raises ParameterError if there is no such corner or slit, or no room for a ring round it.
 
         Examples
         --------
@@ -627,7 +607,7 @@ class ElasticResult(BodyResult):
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-        moved = self.found.displacement_at(*self._located(points))
+        moved = self.found.displacement_at(*self.found.located(points))
         return self.found.scales.displacement * moved
 
     def displacement_near(self, points: Floats) -> Floats:
@@ -643,23 +623,23 @@ class ElasticResult(BodyResult):
         and `fitted_stress_at`, of which `error_bound` is proved; it jumps a little from agent to
         agent. Of others `stress`, running from each to the next.
         """
-        return self.found.scales.stress * self.found.stress_at(*self._located(points))
+        return self.found.scales.stress * self.found.stress_at(*self.found.located(points))
 
     def strain_at(self, points: Floats) -> Floats:
         """Return strain tensors at points (m), shape (n, dimension, dimension)."""
-        return self._strain_of(self.stress_at(points), self.found.law_at(*self._located(points)))
+        stress = self.stress_at(points) / self.found.scales.modulus
+        return strain_of(stress, self.found.moduli, self.found.law_at(*self.found.located(points)))
 
     def _carrying(self, axis: int) -> Carrying:
-        if isinstance(self.found, CutAgents):
+        found, stress, thick = self.found, self.stress, self.size
+        if isinstance(found, CutAgents):
             raise ResultError("cuts: agents that an outline cuts do not lie in layers")
-        volume = self.size**self.scene.lattice.dimension
         if self.scene.lattice.dimension == 2:
-            volume = volume * self.scene.thickness
-        if not isinstance(self.found, PairAgents) or not self.found.two_minds:
-            return Carrying(self.middle, self.size, volume, self.stress)
-        # The opinion that balances bears the loads layer by layer.
-        balanced = self.found.scales.stress * self.found.balanced
-        return Carrying(self.middle, self.size, volume, balanced)
+            thick = np.full(self.agents, self.scene.thickness)
+        if isinstance(found, PairAgents) and found.two_minds:
+            # The opinion that balances bears the loads layer by layer.
+            stress = found.scales.stress * found.balanced
+        return Carrying(self.middle, self.size, self.size**2 * thick, stress)
 
     def value_of(self, quantity: Quantity | Place) -> float | Floats:
         """Return a quantity in m, Pa or N: of a place the displacement.
@@ -735,10 +715,8 @@ class ElasticResult(BodyResult):
             "subdivision": self.subdivision,
         }
         if self.tolerance is not None:
-            figures |= {
-                "tolerance": self.tolerance,
-                "goal": list(map(described, self.goal)) or None,
-            }
+            asked = [described(quantity) for quantity in self.goal] or None
+            figures |= {"tolerance": self.tolerance, "goal": asked}
             figures["tolerance_kept"] = self.tolerance_kept
             if not self.goal and self.spawned:
                 bound = finite(self.error_bound)
@@ -778,12 +756,6 @@ class ElasticResult(BodyResult):
             If meshlane is not installed.
         """
         return write_mesh(self, path)
-
-    def _located(self, points: Floats) -> tuple[Floats, Ints]:
-        return self.found.located(points)
-
-    def _strain_of(self, stress: Floats, law: Ints) -> Floats:
-        return strain_of(stress / self.found.scales.modulus, self.found.moduli, law)
 
 
 FIELDS = ("displacement", "strain", "stress", "von_mises")

@@ -208,7 +208,6 @@ def test_a_stored_answer_has_its_agents_and_finds_its_fields_again(tmp_path):
     points = answer.lower + 0.3 * answer.size[:, None]
     np.testing.assert_array_equal(again.displacement_at(points), answer.displacement_at(points))
     np.testing.assert_array_equal(again.stress, answer.stress)
-    np.testing.assert_array_equal(again.cause, answer.cause)
     for name in answer.family.rows.dtype.names:
         np.testing.assert_array_equal(again.family.rows[name], answer.family.rows[name])
 

@@ -159,11 +159,6 @@ class CellAgents(OnCells):
     spawn_step = level
 
     @property
-    def cause(self) -> Floats:
-        """Load for which agents spawned: none."""
-        return np.zeros(self.count)
-
-    @property
     def energies(self) -> Floats:
         """Energy stored in each agent, with its share of the edges round it."""
         return energy_of_cells(self.problem, self.solution.displacement)[self.body]

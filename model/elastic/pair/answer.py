@@ -164,11 +164,6 @@ class PairAgents(OnCells):
         return np.asarray(self._working["spawn_step"])
 
     @property
-    def cause(self) -> Floats:
-        """Gap (J) for which each agent spawned."""
-        return np.asarray(self._working["cause"] * self.scales.energy)
-
-    @property
     def energy(self) -> float:
         """Energy of the body and of what it lies on."""
         return self.generations[-1].energy

@@ -150,7 +150,8 @@ def _by_multigrid(
     watch = _Watch(system, tolerance, discretisation)
     run = _iterate(system, hierarchy, x, watch)
     notes = []
-    if watch.slow and not hierarchy.plain and not interrupt_requested():
+    stuck = watch.slow or not run.converged
+    if stuck and not hierarchy.plain and not interrupt_requested():
         notes = [f"geometric multigrid was slow after {run.iterations} iterations"]
         if np.count_nonzero(hierarchy.moving) <= DIRECT_LIMIT[problem.dimension]:
             return _factorised(problem, watch.discretisation, notes[0])

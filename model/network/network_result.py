@@ -243,23 +243,6 @@ class NetworkResult(Result):
             columns |= {name.format(a): field[:, k] for k, a in enumerate(axes)}
         return pd.DataFrame(columns)
 
-    def springs_to_dataframe(self, record: int = -1) -> pd.DataFrame:
-        """Return one row per spring: ends, stiffness, lengths, strain and tension."""
-        import pandas as pd
-
-        names = self.network.names
-        return pd.DataFrame(
-            {
-                "first": [names[node] for node in self.network.springs[:, 0]],
-                "second": [names[node] for node in self.network.springs[:, 1]],
-                "stiffness_N_per_m": self.network.stiffness,
-                "rest_length_m": self.network.rest_length,
-                "length_m": self._geometry(record).length,
-                "strain": self.strain(record),
-                "tension_N": self.tension[record],
-            }
-        )
-
     def to_graph(self, record: int = -1, *, texts: bool = False) -> nx.Graph:
         """Return the network as a networkx graph that carries the answer as attributes.
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from kaju.agents.materials import Material
 from kaju.arrays import Floats
-from kaju.errors import ResultError
 from kaju.model.results.result import BodyResult
 from kaju.model.results.stored import Column
 from kaju.model.transfer.deformation import AxialStrain, DisplacementField, axial_strain
@@ -90,14 +89,6 @@ class TransferCreepResult(BodyTimeResult):
 
     def _field(self, record: int) -> DisplacementField:
         return DisplacementField(self.static.scene, self.static.last, self.squeezed(record))
-
-    def displacement(self, record: int = -1) -> Floats:
-        """Return the displacement of the middle of every agent's cell (m)."""
-        if not len(self.static.last.cells):
-            raise ResultError("displacement: no agent spawned; lower the threshold or press more")
-        return self.displacement_at(
-            self.static.scene.lattice.centres(self.static.last.cells), record
-        )
 
 
 class GrowingElements(Elements):

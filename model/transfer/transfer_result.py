@@ -21,10 +21,9 @@ from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate
 from .stage import Stage, StateCourse
-from .transfer import BOUNDARY_NAMES, pulls, split_force
+from .transfer import pulls, split_force
 
 if TYPE_CHECKING:
-    import networkx
     import pandas
 
 
@@ -250,37 +249,6 @@ class TransferResult(BodyResult):
         height = np.full(count, float(lattice.pitch[axis, axis]))
         volume = np.full(count, lattice.cell_volume(self.scene.thickness))
         return Carrying(middle, height, volume, self.stress)
-
-    def load_path(self) -> networkx.DiGraph:
-        """Return the `networkx.DiGraph` of all loads handed over.
-
-        Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free", "rigid"
-        or "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from the cell
-        that passed loads on to the one that took them; its ``weight`` is their sum (N). A boundary
-        hands all it gets back over an edge of the same weight.
-        """
-        import networkx
-
-        stage, lattice, graph = self.last, self.scene.lattice, networkx.DiGraph()
-        cells, walls = (list(map(tuple, c.tolist())) for c in (stage.cells, stage.boundary_cells))
-        places = lattice.centres(np.concatenate([stage.cells, stage.boundary_cells])).tolist()
-        steps = [*stage.spawn_step.tolist(), *stage.boundary_spawn_step.tolist()]
-        for cell, step, place in zip([*cells, *walls], steps, places, strict=True):
-            graph.add_node(cell, spawn_step=step, pos=tuple(place))
-        for cell, number in zip(cells, stage.material.tolist(), strict=True):
-            name = self.scene.cell_materials[number].name
-            graph.nodes[cell].update(kind="material", material=name)
-        for wall, kind in zip(walls, stage.boundary_kind.tolist(), strict=True):
-            graph.nodes[wall]["kind"] = BOUNDARY_NAMES[kind]
-        for arm in range(lattice.directions):
-            targets = map(tuple, lattice.neighbours(stage.cells, arm).tolist())
-            weights = stage.passed[:, arm].tolist()
-            for cell, target, weight in zip(cells, targets, weights, strict=True):
-                if weight > 0.0 and target in graph:
-                    graph.add_edge(cell, target, weight=weight)
-                    if graph.nodes[target]["kind"] != "material":
-                        graph.add_edge(target, cell, weight=weight)
-        return graph
 
     def checks(self) -> list[Check]:
         """Return whether every newton is accounted for at every stage."""

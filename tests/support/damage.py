@@ -74,7 +74,7 @@ def looked_at(result):
         result.displacement_at(points)
         if hasattr(result, "stress_at"):
             result.stress_at(points)
-    for more in ("von_mises", "load_path", "strain"):
+    for more in ("von_mises", "strain"):
         if callable(asked := getattr(result, more, None)):
             asked()
     result.checks()

@@ -1,6 +1,5 @@
 """Agents, boundaries and the cells that they deform, on bodies worked out by hand."""
 
-import networkx as nx
 import numpy as np
 import pytest
 from plates import loaded, plate
@@ -59,22 +58,6 @@ def test_air_and_ground_inside_the_array_are_boundaries_too():
     stage = model.run().last
     assert stage.boundary_cells.tolist() == [[2, 0], [0, 0]]
     assert stage.boundary_spawn_step.tolist() == [2, 3]
-
-
-def test_the_load_path_is_a_graph_of_loads():
-    model = row_of("##", {"left": "rigid"}, STRAIGHT)
-    graph = model.run().load_path()
-    assert isinstance(graph, nx.DiGraph)
-    assert graph.edges[(1, 0), (0, 0)]["weight"] == 1.0
-    assert graph.edges[(0, 0), (-1, 0)]["weight"] == 0.5
-    assert graph.edges[(-1, 0), (0, 0)]["weight"] == 0.5
-    assert graph.nodes[(-1, 0)]["kind"] == "rigid"
-    assert graph.nodes[(0, 0)] == {
-        "kind": "material",
-        "material": "steel",
-        "spawn_step": 2,
-        "pos": (0.005, 0.005),
-    }
 
 
 H, T, E, NU = 0.01, 0.002, 1e9, 0.25

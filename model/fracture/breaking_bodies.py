@@ -45,10 +45,6 @@ Measure = Literal["force", "stress", "strain", "energy"]
 """What is exceeded: a spring's tension (N) or a cell's largest principal stress (Pa), the largest
 strain, or the energy (J) of either."""
 
-_RESISTING = 1e-6
-"""Share of the unbroken body's resistance below which a body has parted: the equations of a body
-that hardly resists lose the digits by which its parts differ."""
-
 
 class WeakeningBody:
     """A body under its whole load (a load factor of 1), of parts that break.
@@ -143,7 +139,8 @@ class WeakeningBody:
                 self._weakened.extend(fresh.tolist())
             if not self._correct():
                 self._factorise()
-        if not np.abs(self.elongation).max() * _RESISTING <= self._unbroken:
+        # Equations of a body that hardly resists lose the digits by which its parts differ.
+        if not np.abs(self.elongation).max() * 1e-6 <= self._unbroken:
             raise SingularTangentError(self._solution / np.linalg.norm(self._solution))
         return 0.5 * float(np.sum(lost * before * self.elongation[rows]))
 
@@ -189,10 +186,6 @@ def measured(measure: str, known: Mapping[str, Callable[[], Floats]]) -> Callabl
     return known[measure]
 
 
-SPRINGS_CORRECTED = 64
-"""Breaks from which new factors cost less than more corrections."""
-
-
 class BreakingNetwork(WeakeningBody):
     """The springs of a network that are left, under the whole load (a load factor of 1)."""
 
@@ -231,7 +224,7 @@ class BreakingNetwork(WeakeningBody):
             self._left[self._start].copy(),
             np.einsum("ij,ij->i", along_springs(network, given)[first], direction),
             self._assembler.restrict(forces),
-            SPRINGS_CORRECTED,
+            64,  # breaks from which new factors cost less than more corrections
             "NATURAL",  # of the assembler, which keeps the factors sparse
         )
 
@@ -307,9 +300,6 @@ CELLS_CORRECTED = 12
 
 KEPT = 1e-10
 """Share of its stiffness that a broken cell keeps."""
-
-_ROUNDING = 1e-9
-"""Share of the largest stress below which a stress is none, but for rounding."""
 
 
 class BreakingCells(WeakeningBody):
@@ -462,4 +452,4 @@ def _largest(tensors: Floats) -> Floats:
         mean = 0.5 * (tensors[:, 0, 0] + tensors[:, 1, 1])
         half = 0.5 * (tensors[:, 0, 0] - tensors[:, 1, 1])
         largest = mean + np.hypot(half, tensors[:, 0, 1])
-    return np.where(np.abs(largest) > _ROUNDING * np.abs(tensors).max(), largest, 0.0)
+    return np.where(np.abs(largest) > 1e-9 * np.abs(tensors).max(), largest, 0.0)

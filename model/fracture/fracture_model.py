@@ -18,10 +18,7 @@ from .breaking_bodies import Measure, check_breakable
 from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
 
 PARTED = "parted: what is left hardly resists the load, or not at all"
-UNBROKEN = "nothing that is left is pulled: at no load will more break"
 
-_ROUNDING = 1e-9
-"""Share of others below which an elongation or a work is none, but for rounding."""
 
 USUAL = {"stress": "strength=250e6 (Pa)", "strain": "strength=1e-3", "energy": "strength=1e-3 (J)"}
 """Strengths for errors to name."""
@@ -194,8 +191,8 @@ class FractureModel(Stepper[FractureResult]):
         if not self.outcome:
             if resisting <= body.parted * self._unbroken:
                 self.outcome = PARTED
-            elif shares.max() <= _ROUNDING * np.abs(shares).max():
-                self.outcome = UNBROKEN
+            elif shares.max() <= 1e-9 * np.abs(shares).max():
+                self.outcome = "nothing that is left is pulled: at no load will more break"
             elif self.breaks == self._most:
                 self.outcome = f"ended after {self._most} breaks, as asked"
         self.running = not self.outcome

@@ -25,17 +25,11 @@ if TYPE_CHECKING:
 
 COLUMNS = ("broken", "load_factor", "displacement", "force", "stored", "released", "work")
 
-_DIGITS_LEFT = 1e-5
-"""Share of the work that may be missed: shortly before a network parts, its equations are
-ill-conditioned."""
 
 _CELL_SIZE = (
     "the strength is one of cells of this size: where stress is singular, cells break at a load "
     "that falls as the root of their size"
 )
-
-_RECORD = 1e-9
-"""Loads that differ by less than this share are the same, but for rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,7 +117,7 @@ class FractureResult(Result):
         """
         highest = np.maximum.accumulate(self.load_factor)
         before = np.concatenate([[0.0], highest[:-1]])
-        return np.cumsum(self.load_factor > before * (1.0 + _RECORD)) - 1
+        return np.cumsum(self.load_factor > before * (1.0 + 1e-9)) - 1
 
     @property
     def avalanche_sizes(self) -> Ints:
@@ -248,7 +242,8 @@ class FractureResult(Result):
         """Return whether the work of the load is what is stored and what was released."""
         off = np.abs(self.work - self.stored - self.released).max(initial=0.0)
         met = np.abs(self.work).max(initial=0.0)
-        return [Check("work is stored or released", float(off / (met or 1.0)), _DIGITS_LEFT)]
+        # Shortly before a network parts, its equations are ill-conditioned.
+        return [Check("work is stored or released", float(off / (met or 1.0)), 1e-5)]
 
     def _notes(self) -> list[str]:
         if isinstance(self.subject, Scene):

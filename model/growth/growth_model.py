@@ -24,11 +24,8 @@ from kaju.model.stepper import Stepper
 from .growth_result import GrowthResult
 from .growth_rules import RULES, Felt, GrowthRule, Neighbours
 
-AT_REST = "at rest: no density changes any more"
 _ROUNDING = 1e-9
 """Share of the largest by which numbers may differ and still be mirror images of each other."""
-_TIGHT = 1e-6
-"""To which the equations of the last design are solved."""
 
 
 class GrowthModel(Stepper[GrowthResult]):
@@ -152,11 +149,11 @@ class GrowthModel(Stepper[GrowthResult]):
         change = float(np.abs(grown - self.design).max())
         self.design = grown
         if self.steps >= self.rule.patience and change <= self._at_rest:
-            self.outcome = AT_REST
+            self.outcome = "at rest: no density changes any more"
         elif self.steps == self._most_steps:
             self.outcome = f"ended after {self.steps} steps, as asked"
         self.running = not self.outcome
-        self._feel(change, self._tolerance if self.running else _TIGHT)
+        self._feel(change, self._tolerance if self.running else 1e-6)  # the last is tight
 
     def _feel(self, change: float, tolerance: float) -> None:
         """Find what the design's cells feel, and note it."""

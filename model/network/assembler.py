@@ -69,17 +69,13 @@ def spring_forces(network: SpringNetwork, geometry: Geometry, tension: Floats) -
     return nodal_forces(network, -tension[:, None] * geometry.direction)
 
 
-_SMALL = 24
-"""Parts up to this size are not cut further: the factorisation treats them as one block."""
-
-
 def elimination_order(positions: Floats, springs: Ints) -> Ints:
     """Return the node numbers in the order in which to eliminate them, shape (n,)."""
     order: list[Ints] = []
     upper, separator = np.zeros((2, len(positions)), dtype=np.bool_)
 
     def dissect(nodes: Ints, springs: Ints) -> None:
-        if len(nodes) <= _SMALL or not len(springs):
+        if len(nodes) <= 24 or not len(springs):
             order.append(nodes)
             return
         place = positions[nodes]

@@ -19,9 +19,6 @@ from .assembler import Assembler, Geometry, along_springs
 from .linear import DirectSolver, SingularTangentError
 from .springs import SpringNetwork
 
-_NAMED = 8
-"""How many of the moving nodes a message names."""
-
 
 def tangent_error(
     assembler: Assembler, geometry: Geometry, stiffness: Floats, direction: Floats, stage: float
@@ -30,7 +27,7 @@ def tangent_error(
     network = assembler.network
     mode = assembler.expand(direction)
     moved = np.linalg.norm(mode, axis=1)
-    most = np.argsort(-np.round(moved / moved.max(), 9), kind="stable")[:_NAMED]  # ties by name
+    most = np.argsort(-np.round(moved / moved.max(), 9), kind="stable")[:8]  # ties by name
     most = most[moved[most] > 0.05 * moved.max()]
     names = tuple(network.names[int(node)] for node in most)
     place = np.round(network.positions[most[0]], 6).tolist()

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 OfTimes = Annotated[Floats, Column("times")]
 """One number for each of the times asked for."""
 
-_SAME_TIME = 1e-9
-"""Share by which a time may differ from one that was asked for."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TimeResult(Result):
@@ -130,7 +127,7 @@ class TimeResult(Result):
     def record_at(self, time: float) -> int:
         """Return the index of a time asked for."""
         index = int(np.argmin(np.abs(self.times - time)))
-        if abs(self.times[index] - time) > _SAME_TIME * max(time, self.times[0]):
+        if abs(self.times[index] - time) > 1e-9 * max(time, self.times[0]):
             raise ResultError(
                 f"time: {time} s was not asked for; the nearest is {self.times[index]} s "
                 "(give creep(times=...) the times that matter)"

@@ -33,13 +33,6 @@ Subject = ThreeElement | SpringNetwork | Scene
 Rheology = ThreeElement | Sequence[ThreeElement] | None
 AnyTimeResult = CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult
 
-_STATIC_TOLERANCE = 1e-10
-"""Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
-_TIMES = 101
-"""Times that a result has unless they are asked for: a curve of so many points looks smooth."""
-_JUMPS_NOTED_FROM = 0.01
-"""Share of the work that is set free at jumps from which on a note says so."""
-
 
 # The overloads only say which subject gives which result; options are checked by name below.
 @overload
@@ -223,7 +216,7 @@ class CreepModel(Stepper[AnyTimeResult]):
             notes.append(NO_EQUILIBRIUM)
         if interrupt_requested():
             notes.append(NOTE)
-        if at_jumps > _JUMPS_NOTED_FROM * work:
+        if at_jumps > 0.01 * work:
             notes.append(
                 f"{at_jumps:.3g} J were released where the load jumps: a load put on at once "
                 "does twice the work that springs store, and no damper beside them takes the "
@@ -246,7 +239,7 @@ def _system(subject: Subject, rheology: Rheology) -> Creeping:
         return Elements(laws_of([subject]), np.ones(1))
     if subject.rule.kind == "prescribed":
         return creeping_agents(LoadModel(subject).run())
-    return elastic_body(solve_cells(subject, tolerance=_STATIC_TOLERANCE))
+    return elastic_body(solve_cells(subject, tolerance=1e-10))  # correspondence scales it
 
 
 def _asked_times(history: History, last: float, times: ArrayLike | None) -> Floats:
@@ -257,7 +250,7 @@ def _asked_times(history: History, last: float, times: ArrayLike | None) -> Floa
     )
     if times is None:
         corners = [time for time in history.times if time <= last]
-        return np.union1d(np.linspace(0.0, last, _TIMES), corners)
+        return np.union1d(np.linspace(0.0, last, 101), corners)
     asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
     inside = bool(asked.size) and bool(np.all((asked >= 0.0) & (asked <= last)))
     rises = asked.ndim == 1 and bool(np.all(np.diff(asked) > 0.0))

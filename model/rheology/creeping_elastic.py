@@ -51,9 +51,6 @@ from .creeping_elements import GrowingElements, law_of
 from .creeping_step import Borne, Creeping, Fields
 from .element import Laws, ThreeElement, laws_of
 
-_UNBALANCED = 1e-9
-"""Unbalanced force, as a share of the load, at which an elastic problem counts as solved."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class ElasticCreepResult(BodyTimeResult):
@@ -248,7 +245,7 @@ class CreepingBody(Creeping):
             return np.asarray(self.columns @ stress(self.rows @ displacement))
 
         def done(run: Iteration) -> bool:
-            return run.residuals[-1] <= _UNBALANCED
+            return run.residuals[-1] <= 1e-9
 
         run = conjugate_gradients(apply, self._precondition(modulus), load, start.copy(), done)
         if run.converged:

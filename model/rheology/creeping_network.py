@@ -77,10 +77,6 @@ class NetworkCreepResult(TimeResult):
         )
 
 
-_SHARES = (1, 2, 4, 8, 16)
-"""Into how many shares a load is divided, one after the other, before Newton gives up."""
-
-
 class CreepingNetwork(Creeping):
     """A network that creeps; every implicit step is one balance of forces.
 
@@ -123,7 +119,7 @@ class CreepingNetwork(Creeping):
         carried = -assembler.internal_force(geometry, law(geometry.elongation)[0])
         scale = self._force_scale(stiffness, rest)
         trouble: Exception | None = None
-        for parts in _SHARES:
+        for parts in (1, 2, 4, 8, 16):  # shares of the load, one after the other
             moved = displacement
             try:
                 for share in np.arange(1, parts + 1) / parts:

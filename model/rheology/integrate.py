@@ -29,21 +29,6 @@ from kaju.stopping import interrupt_requested
 from .creeping_step import ORDER, STAGES, Creeping, Fields
 from .load_history import History
 
-_SAME_MOMENT = 1e-12
-"""Share of a time by which two may differ and still be one (0.1 + 0.2 and 0.3)."""
-_DIGITS = 4.0 * float(np.finfo(np.float64).eps)
-"""Rounding of a factor, or of a time: so far a point of a history may lie off a straight line."""
-_FIRST_STEP = 1e-5
-"""First step that is tried, as a share of the time to the next corner."""
-_SHORTEST = 1e-30
-"""Least step as a share of the time to the next corner: no process is quicker."""
-_CRAWL = 1e-10
-"""Least step as a share of the time since the last corner: what happens within it has ended by
-then, unless the body moves ever faster, as what snaps through does."""
-_MOST_FAILURES = 40
-"""Steps that met a singular tangent, without one as long that did not: over so many the smallest
-imperfection grows by more than there are digits."""
-
 
 @dataclass(frozen=True, eq=False)
 class Reached:
@@ -81,7 +66,8 @@ class Integrator:
         gaps = np.diff(at, prepend=-inf, append=inf)
         slope = np.cumsum(bend)  # after each corner
         steepest = np.maximum(np.abs(slope), np.abs(slope - bend))
-        rounding = _DIGITS * (np.abs(self.history.factors).max() + steepest * at)
+        digits = 4.0 * float(np.finfo(np.float64).eps)  # so far a point may lie off a straight line
+        rounding = digits * (np.abs(self.history.factors).max() + steepest * at)
         turns = np.abs(bend) > rounding / np.minimum(gaps[:-1], gaps[1:])
         return np.asarray(at[(jump != 0.0) | turns])
 
@@ -101,7 +87,7 @@ class Integrator:
         while left and not interrupt_requested():
             later = corners[corners > state.time]
             node = float(later[0]) if later.size else self.end
-            if node - state.time <= _SAME_MOMENT * node:
+            if node - state.time <= 1e-12 * node:  # one moment, but for rounding
                 state = replace(state, time=node)
                 continue
             if state.scale == 0.0:
@@ -159,7 +145,7 @@ class Integrator:
 
         Yield the states before, in the middle and at the end of each.
         """
-        wish, failures, failed_step = state.next_step or _FIRST_STEP * (node - state.time), 0, inf
+        wish, failures, failed_step = state.next_step or 1e-5 * (node - state.time), 0, inf
         while state.time < node and not interrupt_requested():
             left = node - state.time
             # Two equal steps to the node rather than a long one and a sliver.
@@ -180,9 +166,12 @@ class Integrator:
                 state = replace(state, rejected=state.rejected + 1)
             if isinstance(trouble, TangentError):
                 failures, failed_step = failures + 1, step
-            shortest = max(_SHORTEST * node, _CRAWL * (state.time - corner))
+            # No process is quicker: within the least step what happens has ended, unless the body
+            # moves ever faster, as what snaps through does.
+            shortest = max(1e-30 * node, 1e-10 * (state.time - corner))
             too_short = wish < shortest or state.time + wish == state.time
-            if failures > _MOST_FAILURES or too_short:
+            # Over 40 singular tangents the smallest imperfection grows by more than all digits.
+            if failures > 40 or too_short:
                 self._refuse(state, trouble)
             if state.steps + state.rejected > self.most_steps:
                 raise ConvergenceError(

@@ -34,8 +34,6 @@ Box = tuple[Index, Index]
 
 HALO = 3
 """Layers of cells beyond its own that a process knows on the finest level."""
-FEWEST_FACES = 1500
-"""A level of fewer is factorised, on every process alike."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
     while True:
         coarser = tuple(-(-n // 2) for n in shapes[-1])
         enough = all(n >= p for n, p in zip(coarser, parts, strict=True))
-        few = len(shape) * np.prod(np.array(shapes[-1]) + 2.0) <= FEWEST_FACES
+        few = len(shape) * np.prod(np.array(shapes[-1]) + 2.0) <= 1500
         if coarser == shapes[-1] or (few and len(shapes) > 1) or not enough:
             break
         shapes.append(coarser)

@@ -50,12 +50,6 @@ SentOut = dict[Sense, tuple[Emissions, ...]]  # for each newton of a load: by se
 MOST_REMEMBERED = 10_000
 """So many sets of emissions are kept, so that they need not be worked out for every load."""
 
-ACTS_AT_ONCE = 20_000
-"""So many acts of agents are noted as they are before they are added up in arrays."""
-
-ASKED_AT_ONCE = 256
-"""The scene is asked about blocks of about so many cells, and about each but once."""
-
 
 class AgentEngine:
     """One stage of load transfer at a time, with one object per agent."""
@@ -86,7 +80,8 @@ class AgentEngine:
             {arm: tuple(self.lattice.steps[form, arm].tolist()) for arm in arms[form]}
             for form in range(self.lattice.forms)
         ]
-        self.edge = round(ASKED_AT_ONCE ** (1.0 / self.lattice.dimension))
+        # The scene is asked about blocks of some 256 cells, and about each but once.
+        self.edge = round(256 ** (1.0 / self.lattice.dimension))
         self.seen: dict[Index, tuple[int, int, int]] = {}  # kind, number and form of cells
         # What leaves an agent of each material and form; those of other shares are worked out late.
         self.usual: list[list[tuple[Shares, SentOut]]] = [
@@ -158,7 +153,7 @@ class AgentEngine:
         self._open_boxes()
         self.passed += self.pending - given
         self.pending += left
-        if len(self.acts) > ACTS_AT_ONCE:
+        if len(self.acts) > 20_000:
             self._settle()
         if self.states:
             self._note_states()

@@ -27,8 +27,6 @@ from kaju.model.scene.lattice import Lattice
 
 from .stage import Stage, Totals
 
-_MOST_AT_ONCE = 2**20
-
 
 @dataclass(frozen=True, eq=False)
 class AxialStrain:
@@ -230,5 +228,5 @@ def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints
         first = np.arange(len(walking)), np.where(found, np.argmax(kinds < 0, axis=1), reach - 1)
         steps[walking], kind[walking] = count[first], kinds[first]
         walking = walking[~found]
-        reach = min(2 * reach, max(1, _MOST_AT_ONCE // max(len(walking), 1)))
+        reach = min(2 * reach, max(1, 2**20 // max(len(walking), 1)))
     return steps, (kind == RIGID) | (kind == ROLLER)

@@ -35,9 +35,6 @@ from .transfer_result import TransferResult
 
 EngineName = Literal["auto", "agents", "arrays"]
 
-MOST_CELLS_FOR_AGENTS = 10_000
-"""Up to this many cells every agent is an object when the engine is chosen by itself."""
-
 
 class LoadModel(SteppedModel):
     """Load transfer, one generation a step.
@@ -126,7 +123,7 @@ class LoadModel(SteppedModel):
         if not usual:
             own["material"] = material_agent
         own_or_usual: Any = next(iter(own.values()), order) or MaterialAgent
-        small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
+        small = scene.lattice.size <= 10_000
         objects = takes_objects(engine, own_or_usual, MaterialAgent, small)
 
         def engine_of(transfer: Transfer) -> AgentEngine | ArrayEngine:

@@ -18,18 +18,6 @@ from .stage import Ledger, Stage
 from .transfer import Transfer
 from .transfer_result import TransferResult
 
-MOST_GROWTH = 1e12
-"""A run whose waiting loads exceed the applied ones by this factor is stopped."""
-
-MOST_GROWTH_UNKNOWN = 1e3
-"""The same for agents of your own, of which no certificate says that their loads end."""
-
-MOST_AT_ONE = 30_000
-"""A run is stopped when more loads than this, each of another size, wait at one agent."""
-
-MOST_IMBALANCE = 1e-9
-"""At rest is only what accounts for all loads but this share of them."""
-
 
 class LoadTransfer(Stepper[TransferResult]):
     """Loads that pass through a body, stage by stage, until they are at rest.
@@ -107,7 +95,7 @@ class LoadTransfer(Stepper[TransferResult]):
         if pending == 0.0:
             return f"at rest after {generation} generations"
         watched = not (self.certificate.known or self.allow_unstable)
-        if not pending <= (MOST_GROWTH_UNKNOWN if watched else MOST_GROWTH) * applied:  # or NaN
+        if not pending <= (1e3 if watched else 1e12) * applied:  # or NaN
             remedy = (
                 "; to watch them grow further, set allow_unstable=True "
                 "(`kaju run --allow-unstable`)"
@@ -116,7 +104,7 @@ class LoadTransfer(Stepper[TransferResult]):
                 f"stopped after {generation} generations: the loads have grown to "
                 f"{pending / applied:.0e} times the applied ones{remedy if watched else ''}"
             )
-        if engine.most_at_one > MOST_AT_ONE:
+        if engine.most_at_one > 30_000:
             return (
                 f"stopped after {generation} generations: at one agent {engine.most_at_one:,} "
                 "loads wait, each of another size; accumulate = true adds up loads that meet"
@@ -127,7 +115,7 @@ class LoadTransfer(Stepper[TransferResult]):
 
     def _outcome(self, ledger: Ledger) -> str:
         """Return how the current stage ended, in words; empty while loads travel."""
-        if self.engine.pending == 0.0 and not ledger.imbalance <= MOST_IMBALANCE:
+        if self.engine.pending == 0.0 and not ledger.imbalance <= 1e-9:
             return (
                 f"ended after {self.engine.generation} generations with a ledger that does not "
                 f"balance: {ledger.imbalance:.1e} of all loads are not accounted for"

@@ -21,10 +21,6 @@ from kaju.model.scene import Scene
 from .array_engine import ArrayEngine
 from .transfer import Transfer, split_force
 
-MOST_TRIED, MOST_ROWS, GROWN = 300, 300_000, 1e3
-"""A scene is tried for so many generations, and rows of loads, until its loads are so many times
-the applied ones; the page does the same."""
-
 
 @dataclass(frozen=True)
 class Certificate:
@@ -102,7 +98,7 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
 
 
 def _tried(scene: Scene, transfer: Transfer) -> tuple[int | None, bool]:
-    """Run a scene for a while; return when it came to rest, if it did, and whether loads grew."""
+    """Run a scene for a while, as pages do; return when it came to rest, and whether loads grew."""
     engine, rows, last = ArrayEngine(transfer), 0, 0
     for stage in range(1, scene.stages + 1):
         live_on = stage > 1 and scene.loading == "continue"
@@ -110,8 +106,8 @@ def _tried(scene: Scene, transfer: Transfer) -> tuple[int | None, bool]:
         begun = engine.generation
         while engine.pending != 0.0:
             rows += len(engine.waiting.place)
-            grown = not engine.pending <= GROWN * engine.applied
-            if grown or rows > MOST_ROWS or engine.generation - begun >= MOST_TRIED:
+            grown = not engine.pending <= 1e3 * engine.applied
+            if grown or rows > 300_000 or engine.generation - begun >= 300:
                 return None, grown
             engine.begin()
             engine.act()

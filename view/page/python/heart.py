@@ -41,8 +41,6 @@ CONSTANTS = {
     "MOST_EMISSIONS": own_agents.MOST_EMISSIONS,
     "NO_EMISSION": own_agents.NO_EMISSION,
     "MOST_REMEMBERED": agent_engine.MOST_REMEMBERED,
-    "ACTS_AT_ONCE": agent_engine.ACTS_AT_ONCE,
-    "ASKED_AT_ONCE": agent_engine.ASKED_AT_ONCE,
     "BOUNDARY_NAMES": transfer.BOUNDARY_NAMES,
 }
 

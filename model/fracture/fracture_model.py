@@ -20,10 +20,6 @@ from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
 PARTED = "parted: what is left hardly resists the load, or not at all"
 
 
-USUAL = {"stress": "strength=250e6 (Pa)", "strain": "strength=1e-3", "energy": "strength=1e-3 (J)"}
-"""Strengths for errors to name."""
-
-
 class FractureModel(Stepper[FractureResult]):
     """A network or a body whose springs or cells break, one at a time.
 
@@ -114,13 +110,11 @@ class FractureModel(Stepper[FractureResult]):
         require(
             strength is not None or not cells,
             "strength: is needed for cells: that of the material at cells of this size, such as "
-            f"{USUAL.get(self._measure)} for the measure {self._measure!r}",
+            "strength=250e6 (Pa); a strain (1e-3) or an energy (J) by these measures",
         )
         self._most = most_breaks
-        draw = np.random.default_rng(seed)
-        self.strengths = self._drawn_strengths(
-            1.0 if strength is None else strength, scatter, weibull, draw
-        )
+        mean, draw = 1.0 if strength is None else strength, np.random.default_rng(seed)
+        self.strengths = self._drawn_strengths(mean, scatter, weibull, draw)
         try:
             self._body = body_of(self.subject, self.strengths, self._measure)
         except SingularTangentError as weakness:

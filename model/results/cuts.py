@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats, first_largest
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ResultError, require
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 
@@ -80,26 +80,19 @@ class Cuts:
         return pd.DataFrame(columns | {"balance (N)": self.balance, "missing (N)": self.missing})
 
 
-def main_axis(scene: Scene, stage: int | None = None) -> str:
-    """Return the axis along which the loads press most; the last one without loads."""
-    pressed = np.abs(scene.applied(stage).force).sum(axis=0)
-    last = scene.lattice.dimension - 1
-    return "xyz"[first_largest(pressed) if pressed.any() else last]
-
-
 def axis_of_cuts(scene: Scene, axis: str | None, stage: int | None) -> int:
-    """Return the number of an axis across which bodies of a lattice can be cut."""
-    lattice = scene.lattice
-    chosen = main_axis(scene, stage) if axis is None else axis
+    """Return the number of an axis to cut across, by default along which the loads press most."""
+    lattice, pressed = scene.lattice, np.abs(scene.applied(stage).force).sum(axis=0)
     names = "xyz"[: lattice.dimension]
-    if not isinstance(chosen, str) or chosen not in tuple(names):
-        raise ParameterError(f"axis: one of {', '.join(names)} is needed, got {axis!r}")
-    if not lattice.boxes and (lattice.kind != "hexagon" or chosen != "y"):
-        layered = " across y only" if lattice.kind == "hexagon" else " across no axis"
-        raise ParameterError(
-            f"axis: {lattice.kind}s have layers{layered}, got {chosen!r}; squares and cubes have "
-            "layers across every axis"
-        )
+    chosen = names[first_largest(pressed) if pressed.any() else -1] if axis is None else axis
+    known = isinstance(chosen, str) and chosen in tuple(names)
+    require(known, f"axis: one of {', '.join(names)} is needed, got {axis!r}")
+    hexagons = lattice.kind == "hexagon"
+    require(
+        lattice.boxes or (hexagons and chosen == "y"),
+        f"axis: {lattice.kind}s have layers across {'y only' if hexagons else 'no axis'}, got "
+        f"{chosen!r}; squares and cubes have layers across every axis",
+    )
     return names.index(chosen)
 
 

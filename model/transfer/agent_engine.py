@@ -69,6 +69,7 @@ class AgentEngine:
         self.own_classes = self.own_boundaries or material_agent is not MaterialAgent
         self.states = declared([material_agent], State)
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
+        self.least = 0.0 if self.accumulate else self.threshold  # sums are judged once loads met
         self.opposite: list[int] = self.lattice.opposite.tolist()
         self.axis_of: list[int] = self.lattice.axis_of.tolist()
         self.two_senses = transfer.rule.sense
@@ -199,13 +200,9 @@ class AgentEngine:
         self.dropped += sum((box[load] for load in box if not goes_on[load]), start=0.0)
         return {(load[0], box[load], load[2]): 1.0 for load in box if goes_on[load]}
 
-    def goes_on(self, magnitude: float, met: bool = True) -> bool:
-        """Tell whether a load (N) exceeds γ; loads to be added up are judged once they have met."""
-        return magnitude > (self.threshold if met or not self.accumulate else 0.0)
-
     def _bring(self, box: LoadBox, load: Load) -> None:
         """Bring a load to a cell, from outside or back from a boundary."""
-        if self.goes_on(load.magnitude, False):
+        if load.magnitude > self.least:
             self._put(box, load)
         else:
             self.dropped += load.total
@@ -227,7 +224,7 @@ class AgentEngine:
                 f"load), got {sender!r:.60}"
             )
         checked, arm = self.guard.load(sender, "hand_over", load, arm), int(arm)
-        if not self.goes_on(checked.magnitude, False):
+        if not checked.magnitude > self.least:
             sender.dropped += checked.total
             return
         sender.passed[arm] += checked.total
@@ -280,7 +277,6 @@ class AgentEngine:
 
     def split(self, agent: MaterialAgent, emissions: Iterable[Emission], magnitude: float) -> Split:
         """Part the emissions of a load of a magnitude (N): those that go on, those that end."""
-        least = 0.0 if self.accumulate else self.threshold
         sent: list[tuple[int, tuple[int, float, Sense], float, float]] = []
         ended: list[float] = []
         checked = isinstance(emissions, Emissions)
@@ -290,7 +286,7 @@ class AgentEngine:
             size = share * magnitude
             if not 0.0 <= size < inf:
                 raise self.guard.wrong(agent, "pass_on", f"would hand over {size} N")
-            if not size > least:
+            if not size > self.least:
                 ended.append(size)
             elif self.accumulate:
                 sent.append((arm, (direction, 1.0, sense), size, size))

@@ -31,7 +31,7 @@ METHODS: dict[Any, tuple[str, ...]] = {
     transfer.Transfer: ("heading", "emissions"),
     load_model.LoadModel: ("agent_at", "axis_of", "heading", "hand_over"),
     agent_engine.AgentEngine: (
-        "__init__", "_clear", "begin", "act", "end", "goes_on", "hand_over", "box_over",
+        "__init__", "_clear", "begin", "act", "end", "hand_over", "box_over",
         "emissions_of", "split", "_give_back", "_open_boxes", "_judged", "_bring", "_put",
         "_emissions", "_wake", "_note_states", "_arms_to_wakers",
     ),

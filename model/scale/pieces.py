@@ -74,6 +74,11 @@ class Whole(Stored):
     boxes: list[tuple[tuple[int, ...], tuple[int, ...]]]  # first cell, and behind the last
 
 
+def _figure(name: str) -> Any:
+    """Return a property that is one of a result's figures."""
+    return property(lambda result: float(result.figures[name]))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PiecedResult(BodyResult):
     """Linear elasticity of a scene, known piece by piece.
@@ -100,20 +105,12 @@ class PiecedResult(BodyResult):
         """Return the key figures of the whole body."""
         return dict(self.figures)
 
-    @property
-    def seconds(self) -> float:  # type: ignore[override]
-        """Time that the computation took (s)."""
-        return float(self.figures["seconds"])
-
-    @property
-    def strain_energy(self) -> float:
-        """Energy (J) stored in the whole body."""
-        return float(self.figures["strain_energy"])
-
-    @property
-    def max_displacement(self) -> float:
-        """Largest displacement (m), of corners and middles of cells."""
-        return float(self.figures["max_displacement"])
+    seconds = _figure("seconds")
+    """Time that the computation took (s)."""
+    strain_energy = _figure("strain_energy")
+    """Energy (J) stored in the whole body."""
+    max_displacement = _figure("max_displacement")
+    """Largest displacement (m), of corners and middles of cells."""
 
     @property
     def reactions(self) -> dict[str, Floats]:

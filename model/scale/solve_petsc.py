@@ -38,12 +38,9 @@ from kaju.model.scene import Scene
 from .partition import Index, PetscLevel, Window, body_box, levels_of, window_of
 from .pieces import Piece, PiecedResult, together
 
-TOLERANCE = 1e-11
-"""By default: forty random scenes then agree with `solve` to 1e-8 of the largest stress."""
 MOST_ITERATIONS = 500  # of which nearly incompressible bodies, without a mixed form, take too many
 MOST_EXAMINED = 1_000_000
 """Up to so many cells one process looks whether the body is held and wide enough."""
-_START = 1e-2  # to which the cells twice as large are solved, from which the iteration starts
 
 
 def solve_petsc(
@@ -76,7 +73,8 @@ def solve_petsc(
     comm = communicator()
     began = perf_counter()
     check_numbers(tolerance, resolution, stage, least=SMALLEST)
-    rtol = TOLERANCE if tolerance is None else tolerance
+    # Forty random scenes then agree with `solve` to 1e-8 of the largest stress.
+    rtol = 1e-11 if tolerance is None else tolerance
     first = comm.Get_rank() == 0
     division, notes = comm.bcast(together(comm, lambda: _examined(scene, stage, resolution, first)))
     grid = scene if division == 1 else scene.refine(division)
@@ -228,7 +226,7 @@ def _solved(hierarchy: PetscHierarchy, right: Any, rtol: float) -> Solved:
         restrict = hierarchy.interpolations[0]
         parents, load = hierarchy.matrices[1].createVecs()
         restrict.multTranspose(right, load)
-        hierarchy.solver(1, _START, MOST_ITERATIONS).solve(load, parents)
+        hierarchy.solver(1, 1e-2, MOST_ITERATIONS).solve(load, parents)
         coarser = _potential(hierarchy.matrices[1], parents, load)
         restrict.mult(parents, start)
     solver = hierarchy.solver(0, rtol, MOST_ITERATIONS)

@@ -23,8 +23,6 @@ from kaju.view.style import LINE, new_figure
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
-CLICKED = (452, 262)
-"""The agent whose story the photograph of the page shows, in pixels of the window."""
 
 
 def main() -> None:
@@ -84,7 +82,7 @@ def _photograph(target: Path) -> None:
         tab.goto(page_file.as_uri())
         tab.wait_for_timeout(1000)
         tab.keyboard.press("End")
-        tab.mouse.click(*CLICKED)
+        tab.mouse.click(452, 262)  # the agent whose story is told
         tab.mouse.move(5, 5)
         tab.wait_for_timeout(1000)
         tab.screenshot(path=target)

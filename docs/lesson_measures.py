@@ -2,13 +2,11 @@
 
 Behind a sentence stands ``<!-- ... -->``: expressions, set apart by semicolons. What is true or
 false must be true; of all else the values must hold the numbers of the sentence, to the digits that
-it gives. A number that stands in an expression is a setting. A field to fill in is held by the
-answer in ``toml questions``.
-
-Where the rule runs, `PLANE` has them: ``cut(3)`` is the force through the third row,
-``p[1].cut(3)`` that of the second preset. Rows count from the top, from 1; cells are
-(column, row) from the lower left; forces are in newtons, widths in cells, displacements in
-nanometres. Of lessons that show recorded runs, `RECORDED` has the words.
+it gives. A number in an expression is a setting. Fields are held by the answers in ``toml
+questions``. Where the rule runs, `PLANE` has the words: ``cut(3)`` is the force through the third
+row, ``p[1].cut(3)`` that of the second preset; of recorded runs `RECORDED`. Rows count from the
+top, from 1; cells are (column, row) from the lower left; forces are in newtons, widths in cells,
+displacements in nanometres.
 """
 
 from __future__ import annotations
@@ -110,10 +108,7 @@ def _ready(seen: Seen, name: str, **numbers: float) -> Seen:
 
 
 def half_width(profile: NDArray[Any]) -> float:
-    """Return the distance (cells) at which a profile falls to half of its largest value.
-
-    Between cells it is a straight line; both sides are averaged; infinite if it never falls.
-    """
+    """Return how far (cells) from its peak a profile falls to half, both sides averaged."""
     peak = int(profile.argmax())
     widths = []
     for side in (profile[peak:], profile[peak::-1]):
@@ -146,12 +141,6 @@ def _shadow(seen: Seen) -> float:
     """Return the downward load in the middle of the bottom row over that row's mean."""
     row = seen.on_grid(seen.stage.taken[:, DOWN] - seen.stage.pulled[:, DOWN])[:, 0]
     return float(row[len(row) // 2] / row.mean()) if row.any() else 0.0
-
-
-def _even_ground(seen: Seen) -> bool:
-    """Return whether every cell of the bottom row takes the row's mean within 3 %."""
-    row = seen.on_grid(seen.stage.taken.sum(axis=1))[:, 0]
-    return bool((np.abs(row / row.mean() - 1.0) < 0.03).all())
 
 
 def _straight(seen: Seen, rows: list[int], root: bool = False, elastic: bool = False) -> float:
@@ -198,7 +187,6 @@ PLANE: Words = {
     "largest": lambda seen: float(seen.stage.taken.sum(axis=1).max(initial=0.0)),
     "largest_at": lambda seen: seen.stage.cells[seen.stage.taken.sum(axis=1).argmax()].tolist(),
     "shadow": _shadow,
-    "even_ground": _even_ground,
     "returned": lambda seen: float(seen.stage.returned.sum()),  # by air and walls
     "at_ground": lambda seen: float(seen.run.reactions.get("bottom", [0.0, 0.0])[1]),
     "ground_share": lambda seen: seen.at_ground() / float(-seen.scene.applied().force[:, 1].sum()),

@@ -115,14 +115,13 @@ def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.005)
     return solved(scene) if cells else lambda: kaju.solve(scene, tolerance=tolerance)
 
 
-HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
 PAGES: dict[str, dict[str, Run]] = {
     "agents-of-many-sizes": {
         "": spawned(plate()),
         "rough": spawned(plate(), 0.02),
         "fine": spawned(plate(), 0.005),
         "twice-as-large": spawned(plate(40, 20)),
-        "hole": spawned(HOLE, 0.02),
+        "hole": spawned(plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]]), 0.02),
         "at-the-edge": spawned(plate(pressed=2)),
     },
     "a-lattice-bends": {

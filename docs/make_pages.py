@@ -23,8 +23,6 @@ from kaju import FractureModel, GrowthModel, LoadModel, export_page, load_scene,
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
-TEMPLATE = (HERE / "lesson_index.html").read_text("utf-8")
-"""The page round the cards."""
 
 
 def page_lesson(of: Lesson) -> dict[str, Any]:
@@ -143,7 +141,8 @@ def write_index(folder: Path) -> Path:
     lessons = [lesson(name) for name in ORDER]
     cards = "\n".join(_card(found) for found in lessons)
     ages = sorted({found.age for found in lessons})
-    page = TEMPLATE.replace("{{cards}}", cards).replace("{{ages}}", str(ages))
+    page = (HERE / "lesson_index.html").read_text("utf-8")
+    page = page.replace("{{cards}}", cards).replace("{{ages}}", str(ages))
     target = folder / "index.html"
     target.write_text(page, encoding="utf-8")
     return target

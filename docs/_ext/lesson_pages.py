@@ -19,14 +19,9 @@ FRAME = """
  sandbox="allow-scripts allow-downloads"></iframe>
 <p><a href="../pages/{name}.html">Open it alone, or save it and take it along</a></p>
 """
-FOLDED = {
-    "toml scene": "The scene",
-    "toml try": "Change this",
-}
+FOLDED = {"toml scene": "The scene", "toml try": "Change this"}
 _FENCE = re.compile(r"^```(toml \w+)\n(.*?)^```\n", re.M | re.S)
 _HINT = re.compile(r"^(\s+\*Hint:\*)", re.M)
-
-
 _PAGE = re.compile(r"\[([^\]]+)\]\(((?:\.\./)?pages/[^)]+)\)")
 
 

@@ -143,7 +143,6 @@ def _nothing_there(resolved: ResolvedBody) -> SceneError:
 
 
 _WALLS = ("rigid", "roller")
-TAKES = 'take outline = "cells" instead'
 
 
 def check_no_outlines(scene: Description) -> None:
@@ -159,114 +158,103 @@ def check_no_outlines(scene: Description) -> None:
 def check_outlines(scene: Description, body: ResolvedBody) -> None:
     """Refuse whatever a body with true outlines is not proved with."""
     for refusals in (_of_body, _of_regions, _of_materials, _of_sides, _of_loads):
-        for refusal in refusals(scene, body):
-            raise SceneError(refusal)
+        for told in refusals(scene, body):
+            joint = ", or" if ";" in told else ";"
+            raise SceneError(f'{told}{joint} take outline = "cells" instead')
 
 
-def _of_body(scene: Description, body: ResolvedBody) -> Iterator[str]:
+Unproved = Iterator[str]
+"""What cells would take, each with its other remedies; plain mistakes are raised."""
+
+
+def _of_body(scene: Description, body: ResolvedBody) -> Unproved:
     if body.lattice.kind not in ("square", "cube"):
-        yield f"body.lattice: true outlines go with squares and cubes; {TAKES}"
-    if scene.body.picture_key is not None:
-        yield (
-            f"body.{scene.body.picture_key}: is a body of cells, which true outlines do not cut; "
-            f"give cells and material, or {TAKES}"
-        )
+        yield "body.lattice: true outlines go with squares and cubes"
+    if (key := scene.body.picture_key) is not None:
+        told = "is a body of cells, which true outlines do not cut; give cells and material"
+        yield f"body.{key}: {told}"
     if scene.history is not None:
-        yield f"history: time goes with cells; {TAKES}"
+        yield "history: time goes with cells"
 
 
-def _of_regions(scene: Description, body: ResolvedBody) -> Iterator[str]:
+def _of_regions(scene: Description, body: ResolvedBody) -> Unproved:
     names: list[str] = []
     for number, region in enumerate(scene.body.regions):
         where = f"body.regions.{number}"
         if region.outline != "true":
-            yield (
+            raise SceneError(
                 f"{where}.outline: all regions of a body have true outlines or none; give it "
                 'outline = "true", or leave it out everywhere'
             )
         if region.material in _WALLS:
-            yield (
-                f"{where}.material: {region.material} would hold the body along its outline, "
-                f"which is not proved yet; hold it by [sides], or {TAKES}"
-            )
+            told = "would hold the body along its outline, which is not proved yet"
+            yield f"{where}.material: {region.material} {told}; hold it by [sides]"
         if region.name in names:
-            yield f"{where}.name: {region.name!r} is another region's name"
+            raise SceneError(f"{where}.name: {region.name!r} is another region's name")
         names += [region.name] if region.name is not None else []
 
 
-def _of_materials(scene: Description, body: ResolvedBody) -> Iterator[str]:
+def _of_materials(scene: Description, body: ResolvedBody) -> Unproved:
     if scene.body.material in _WALLS:
-        yield f"body.material: {scene.body.material} is no body with true outlines; {TAKES}"
+        yield f"body.material: {scene.body.material} is no body with true outlines"
     materials = {scene.body.material, *(region.material for region in scene.body.regions)}
     count = len(materials - set(NOT_BODY))
     if count == 0:
-        yield "body.regions: all is air; give a region, or the body, a material"
+        raise SceneError("body.regions: all is air; give a region, or the body, a material")
     rigid = [one.name for one in body.materials if one.poissons_ratio == 0.5]
     if rigid and body.lattice.dimension == 2 and scene.body.plane == "strain":
-        yield (
-            f"materials.{rigid[0]}.poissons_ratio: of 1/2 is not known in plane strain with true "
-            f"outlines; take less, or {TAKES}"
-        )
+        told = "of 1/2 is not known in plane strain with true outlines; take less"
+        yield f"materials.{rigid[0]}.poissons_ratio: {told}"
     if count > 1 and body.lattice.dimension == 3:
-        yield (
-            "body.regions: with true outlines in space there is one material, beside air; two "
-            f"that meet are not proved yet; {TAKES}"
-        )
+        told = "with true outlines in space there is one material, beside air"
+        yield f"body.regions: {told}; two that meet are not proved yet. Leave one out"
     if count > 1 and any(scene.body.gravity or ()):
-        yield (
-            "body.gravity: the weight of two materials is not proved with true outlines yet; "
-            f"leave it out, or {TAKES}"
-        )
+        told = "the weight of two materials is not proved with true outlines yet"
+        yield f"body.gravity: {told}; leave it out"
 
 
-def _of_sides(scene: Description, body: ResolvedBody) -> Iterator[str]:
+def _of_sides(scene: Description, body: ResolvedBody) -> Unproved:
     solid = body.lattice.dimension == 3
     words = ("free", "rigid", "roller", *(["displaced"] if solid else []))
     for name, side in scene.sides.items():
         if side.kind not in words:
-            yield (
-                f"sides.{name}: with true outlines a side is {', '.join(words[:-1])} or "
-                f"{words[-1]}, not {side.kind}; {TAKES}"
-            )
+            known = f"{', '.join(words[:-1])} or {words[-1]}"
+            yield f"sides.{name}: with true outlines a side is {known}, not {side.kind}"
         if side.kind == "displaced" and scene.loads:
-            yield (
-                f"sides.{name}: with true outlines a side is moved, or loads act; which bounds "
-                f"hold for both is not known. Leave loads out, or {TAKES}"
-            )
+            told = "is moved, or loads act; which bounds hold for both is not known"
+            yield f"sides.{name}: with true outlines a side {told}. Leave loads out"
     if solid and any(scene.body.gravity or ()):
-        yield f"body.gravity: is not known with true outlines in space; leave it out, or {TAKES}"
+        yield "body.gravity: is not known with true outlines in space; leave it out"
 
 
-def _of_loads(scene: Description, body: ResolvedBody) -> Iterator[str]:
+def _of_loads(scene: Description, body: ResolvedBody) -> Unproved:
     regions = [region.name for region in scene.body.regions if region.name is not None]
     dimension = body.lattice.dimension
     for number, load in enumerate(scene.loads):
         where = f"loads.{number}"
         if load.outline is not None and load.outline not in regions:
-            yield (
+            raise SceneError(
                 f"{where}.outline: there is no region called {load.outline!r}"
                 f"{suggestion(load.outline, regions)}; give a region name = {load.outline!r}"
             )
         for key in ("cell", "point", "region"):
             if getattr(load, key) is not None:
-                yield (
-                    f"{where}.{key}: with true outlines loads act on a side or on an outline; "
-                    f"{TAKES}"
-                )
+                yield f"{where}.{key}: with true outlines loads act on a side or on an outline"
         for key in ("couple", "pressure_slope"):
             if getattr(load, key) is not None:
-                yield (
-                    f"{where}.{key}: is not proved with true outlines yet; take force or "
-                    f"pressure, or {TAKES}"
-                )
+                told = "is not proved with true outlines yet; take force or pressure"
+                yield f"{where}.{key}: {told}"
         if load.outline is not None and dimension == 3:
-            yield f"{where}.outline: loads on outlines are not proved in space; load a side"
+            raise SceneError(
+                f"{where}.outline: loads on outlines are not proved in space; load a side"
+            )
         if load.force is not None and len(load.force) != dimension:
-            yield f"{where}.force: {dimension} numbers (N) are needed, got {list(load.force)}"
+            needed = f"{dimension} numbers (N) are needed"
+            raise SceneError(f"{where}.force: {needed}, got {list(load.force)}")
         if load.side is not None:
             if load.side not in body.lattice.sides:
                 raise unknown_side(load.side, body.lattice.sides, f"{where}.side")
             if scene.sides.get(load.side, FREE).kind != "free":
-                yield f"{where}.side: {load.side} is held; load a side that is free"
+                raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
         if load.steps != 1:
             yield f"{where}.steps: true outlines are answered for the whole load; leave it out"

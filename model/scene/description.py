@@ -65,11 +65,9 @@ class HistoryStep(Described):
             return history.ramp(self.ramp, self.duration or 0.0)
         if self.hold is not None:
             return history.hold(self.hold)
-        if self.release is not None:
-            return history.release(self.release)
-        assert self.cycles is not None
-        assert self.period is not None
-        return history.cycles(self.cycles, self.period, self.high, self.low)
+        if self.cycles is not None and self.period is not None:
+            return history.cycles(self.cycles, self.period, self.high, self.low)
+        return history.release(self.release or 0.0)
 
 
 class HistoryTable(Described):

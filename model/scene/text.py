@@ -23,6 +23,7 @@ from .description import TABLES, Description
 from .loads import LoadTable
 from .pictures import Picture
 from .shared_materials import LONGEST, with_shared
+from .validation import plain
 
 EMBEDDED = "data:"
 """What a file starts with that a scene carries with it (RFC 2397)."""
@@ -78,7 +79,7 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
     for path in changes:
         if "." not in path:
             _check_first(path)
-    result: Any = _copied(table)
+    result: Any = plain(table)
     kind = changes.get("rule.kind")
     if kind is not None and kind != result.get("rule", {}).get("kind", "prescribed"):
         result["rule"] = {}
@@ -107,14 +108,6 @@ def _check_first(key: str) -> None:
     near = get_close_matches(key, list(whole), n=1, cutoff=0.7)
     if near:
         raise SceneError(f"{key}: unknown key; did you mean {whole[near[0]]}?")
-
-
-def _copied(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _copied(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_copied(part) for part in value]
-    return value
 
 
 def _key_in(place: Any, path: list[str]) -> str | int:

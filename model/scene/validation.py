@@ -104,7 +104,7 @@ class Described(_Model):
                 meant = f" (did you mean {meant!r}?)" if meant in cls.model_fields else ""
                 text = f"unknown key{meant or suggestion(str(key), cls.model_fields)}; {known}"
                 raise PydanticCustomError("unknown_key", "{text}", {"key": str(key), "text": text})
-        return {key: _plain(value) for key, value in values.items()}
+        return {key: plain(value) for key, value in values.items()}
 
 
 def optional(meaning: str) -> Any:
@@ -142,7 +142,8 @@ def check_axes(numbers: Sequence[float], dimension: int, where: str, what: str =
         )
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Return a value in Python's own numbers, lists and tables, all of them new."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray) and value.ndim < 3 and 0 < value.size <= 64:
@@ -150,7 +151,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {key: plain(part) for key, part in value.items()}
     return value
 
 

@@ -73,17 +73,16 @@ def _by_loads(scene: Scene, point: Floats, stage: int | None) -> str:
         along = 1 - normal
         level = applied.cells[:, normal] + upper
         on = (applied.direction == side) & (np.abs(level - place[normal]) <= ON_EDGE)
-        ends = applied.cells[on, along, None] + part[on, :, along]
-        away = place[along] - ends.mean(axis=1)
-        drag = applied.force[on, along] / (ends[:, 1] - ends[:, 0])
-        drag = drag + growth[on, along, along] * away
-        near = np.abs(ends - place[along]) <= ON_EDGE
-        inside = (ends[:, 0] < place[along]) & (place[along] < ends[:, 1]) & ~near.any(axis=1)
-        before, after = (float(drag[near[:, end] | inside].sum()) for end in (1, 0))
-        if abs(before - after) <= ON_EDGE * np.abs(applied.force).max(initial=0.0):
+        ends = applied.cells[:, along, None] + part[:, :, along]
+        away, jump = place[along] - ends.mean(axis=1), 0.0
+        drag = applied.force[:, along] / np.diff(ends)[:, 0] + growth[:, along, along] * away
+        for step in (-1.0, 1.0):  # just before the point, and just after it
+            at = place[along] + step * ON_EDGE
+            jump += step * float(drag[on & (ends[:, 0] < at) & (at < ends[:, 1])].sum())
+        if abs(jump) <= ON_EDGE * np.abs(applied.force).max(initial=0.0):
             continue
         beside = np.repeat(place[None], 2, axis=0)
-        beside[:, along] += (-0.5, 0.5) if near.any() else 0.0
+        beside[:, along] += (-0.5, 0.5)
         beside[:, normal] = np.rint(place[normal]) - upper
         cells = np.floor(beside + ON_EDGE * (np.arange(2) == normal)).astype(np.int64)
         if np.all(_known_kinds(scene, cells) >= 0):

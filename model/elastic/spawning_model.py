@@ -20,9 +20,6 @@ from kaju.stepping import Until, step_to_end
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
-MOST_OBJECTS = 10_000
-"""Up to this many agents, retired ones included, are objects without being asked for."""
-
 
 class SpawningModel(SteppedModel):
     """Agents that spawn where their two opinions differ, one generation in each step.
@@ -36,8 +33,7 @@ class SpawningModel(SteppedModel):
     within the tolerance. In space agents have the first opinion only, 8 children, and an estimated
     error.
 
-    Agents are computed on arrays; the objects in `agents` show them. Up to 10,000 agents, retired
-    ones included, they are always there; above, they are made when `agents` is read.
+    Agents are computed on arrays; objects that show them are made when `agents` is read.
 
     Parameters
     ----------
@@ -120,7 +116,6 @@ class SpawningModel(SteppedModel):
         leaves = self.spawner.leaves
         self.family.grow(leaves.code, leaves.size)
         self.running = True
-        self._show()
         self.seconds = perf_counter() - began
 
     def step(self) -> None:
@@ -132,7 +127,6 @@ class SpawningModel(SteppedModel):
             self.family.grow(last.code, last.size)
         self.family.settle(last.gap * self.ground.scales.energy, last.chosen)
         self.running = not self.spawner.finished
-        self._show()
         self.seconds += perf_counter() - began
 
     @property
@@ -153,33 +147,27 @@ class SpawningModel(SteppedModel):
     @property
     def agents(self) -> Any:
         """All agents, retired ones too, as a Mesa AgentSet in the order of spawning."""
-        self._make_objects()
+        self._made()
         return super().agents
 
     @property
     def working(self) -> Any:
         """The agents that have not retired, as a Mesa AgentSet along a space-filling curve."""
-        self._make_objects()
-        chosen = [self._objects[row] for row in self.family.working.tolist()]
+        objects = self._made()
+        chosen = [objects[row] for row in self.family.working.tolist()]
         return type(super().agents)(chosen, random=self.random)
 
     def agent(self, row: int) -> SpawningAgent:
         """Return the agent of a row of the family."""
-        self._make_objects()
-        return self._objects[row]
+        return self._made()[row]
 
-    def _show(self) -> None:
-        if len(self.family) <= MOST_OBJECTS:
-            self._make_objects()
-
-    def _make_objects(self) -> None:
-        """Make objects for the rows that have none yet."""
+    def _made(self) -> list[SpawningAgent]:
+        """Return the objects of all rows; make those that are not there yet."""
         start, family = len(self._objects), self.family
         if start == len(family):
-            return
-        rows = family.rows[start:]
+            return self._objects
+        rows, materials = family.rows[start:], self.scene.cell_materials
         kinds = self.ground.kinds_at(family.corners(start))
-        materials = self.scene.cell_materials
         for row, parent, level, lower, size, kind, step, cause in zip(
             range(start, len(family)),
             rows["parent"].tolist(),
@@ -203,6 +191,7 @@ class SpawningModel(SteppedModel):
                 cause=cause,
             )
             self._objects.append(agent)
+        return self._objects
 
     @property
     def outcome(self) -> str:

@@ -75,7 +75,7 @@ def test_agents_know_parents_children_and_why_they_spawned(model):
 def test_working_agents_are_those_of_the_result(model):
     found, working = model.result(), model.working
     np.testing.assert_allclose([agent.lower for agent in working], found.lower)
-    for name in ("size", "level", "spawn_step", "cause", "gap"):
+    for name in ("size", "level", "spawn_step", "gap"):
         values = [getattr(agent, name) for agent in working]
         np.testing.assert_array_equal(values, getattr(found, name))
 

@@ -153,7 +153,7 @@ def _question(item: str) -> Question:
     fields = tuple((m["label"], m["unit"].strip()) for m in _FIELD.finditer(body))
     read = _QUESTION.match(_FIELD.sub("", body).strip())
     assert read, f"a question is '(10 min) **What?** ...', got {item!r:.60}"
-    return Question(int(read[1]), read[2], plain(read[3]), plain("".join(hint)), fields)
+    return Question(int(read[1]), plain(read[2]), plain(read[3]), plain("".join(hint)), fields)
 
 
 def _flat(table: dict[str, Any], start: str = "") -> dict[str, Any]:

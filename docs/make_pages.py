@@ -100,7 +100,7 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     """Write the pages of a lesson into a folder; return them."""
-    shown = HEADINGS["en"][: 3 if of.scenes else 4]  # presets are told where they are chosen
+    shown = HEADINGS["en"][1:3]  # the others would answer the questions
     title = {k: text.title for k, text in of.texts.items()}
     words = {k: text.words(*shown) for k, text in of.texts.items()}
     told = page_lesson(of)

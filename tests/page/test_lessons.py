@@ -111,6 +111,7 @@ def test_a_page_is_told_words_and_no_programs(name):
         for foreign in ("```", ">>>", "<!--", "../", HEADINGS[language][4]):
             assert foreign not in words
     told = make_pages.page_lesson(of)
+    assert "../" not in json.dumps(told)  # the files stand side by side, in whatever folder
     for question in told["questions"]:
         assert set(question["question"]) == set(of.texts)
         for field in question.get("fields", []):

@@ -299,10 +299,10 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
     make("div", {}, button(page.nameOf(preset), () => lesson.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  if (lesson.step === "step") return [...tries, ...code, ...(lesson.question?.show.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
-  if (lesson.step === "explain") return [...tries, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
+  if (lesson.step === "step") return [...tries, ...about, ...code, ...(lesson.question?.show.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
+  if (lesson.step === "explain") return [...tries, ...about, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
-  return [...tries, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
+  return [...tries, ...about, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
 }
 
 // ----------------------------------------------------------------------------------- on paper

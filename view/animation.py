@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultFileError, needing
 from kaju.files import atomic_file
@@ -30,6 +29,7 @@ from .films import WRITERS, Film, ffmpeg, frames, write_pictures
 from .motion import Motion
 from .picture_files import new_folder
 from .plots import check_options, pictures_of
+from .section import check_word
 from .style import SIZE, figure_of
 from .units import visible
 
@@ -125,11 +125,11 @@ def animate(
         raise ParameterError(f"result: an answer of kaju is needed, got {type(result).__name__}")
     kind = KINDS[result.kind]
     if ending in MESHES:
-        motion = _chosen(kind.meshes, result, what)(result)
+        motion = _chosen(kind.meshes, what)(result)
         write_motion(motion, target, fps or 2.0, hold, magnification)
         return target
     known = {name: kind.films.get(name, "view.agents:GENERATIONS") for name in result.films}
-    film: Film = _chosen(known, result, what)
+    film: Film = _chosen(known, what)
     if what is not None and what not in kind.films:  # what agents of your own know
         film = film._replace(picture=what)
     picture = pictures_of(result)[film.picture]
@@ -170,13 +170,9 @@ def _check(target: Path, ending: str, fps: float | None, hold: float) -> None:
         ffmpeg(target)
 
 
-def _chosen(known: Mapping[str, str], result: object, what: str | None) -> Any:
+def _chosen(known: Mapping[str, str], what: str | None) -> Any:
     name = next(iter(known), "mesh") if what is None else what
-    if name not in known:
-        raise ParameterError(
-            f"what: there is no such animation {name!r} of a {type(result).__name__}"
-            f"{suggestion(str(name), known)}; there is {', '.join(known) or 'none'}"
-        )
+    check_word("what", name, known)
     return fetch(known[name])
 
 

@@ -215,19 +215,19 @@ def plot_cuts(result: BodyResult, ax: Axes | None = None, *, axis: str | None = 
     upright = cuts.axis == "xyz"[result.scene.lattice.dimension - 1]
     thick = np.gradient(cuts.at) if len(cuts.at) > 1 else np.full(1, 0.5 * float(cuts.at[0]))
     draw_bars = ax.barh if upright else ax.bar
-    draw_bars(cuts.at, cuts.carried, 0.82 * thick, color=_BAR, label="carried")
+    bars = draw_bars(cuts.at, cuts.carried, 0.82 * thick, color=_BAR, label="carried")
     line = (cuts.balance, cuts.at) if upright else (cuts.at, cuts.balance)
     look: dict[str, Any] = {"color": INK, "lw": 1.0, "ls": "--", "marker": "s", "ms": 3.5}
     ax.plot(*line, mfc="white", label="needed for equilibrium", **look)
     ends = frame_cuts(ax, cuts, upright)
-    if np.isfinite(ends).all():
-        for place, force in zip(cuts.at, cuts.carried, strict=True):
-            if len(cuts.at) <= 24 and upright and abs(force) > KEPT * np.abs(ends).max():
-                inside = force > 0.8 * max(ends)
-                shift, anchor = (-3, "right") if inside else (3, "left")
-                ink = "white" if inside else FAINT
-                ax.annotate(f"{force:.4g}", (force, place), (shift, 0), fontsize=7, color=ink,
-                            textcoords="offset points", ha=anchor, va="center")  # fmt: skip
+    if upright and len(cuts.at) <= 24 and np.isfinite(ends).all():
+        seen = np.abs(cuts.carried) > KEPT * np.abs(ends).max()
+        told = [
+            f"{force:.4g}" if told else "" for force, told in zip(cuts.carried, seen, strict=True)
+        ]
+        look = {"fontsize": 7, "color": FAINT, "bbox": {"fc": "white", "ec": "none", "pad": 0.5}}
+        ax.bar_label(bars, told, padding=6, **look)
+        ax.margins(x=0.12)
     legend(ax, ax.get_legend_handles_labels()[0])
     caption(ax, "Force through each cut", _balance_notes(cuts, isinstance(result, TransferResult)))
     return ax

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.results.mesh import corner_order
+from kaju.model.results.mesh import corner_order, same_points
 from kaju.model.scene import Scene
 
 from .units import grouped, quantity
@@ -29,8 +29,6 @@ Cut: TypeAlias = Mapping[str, float] | None
 """Axis and place (m) of a plane; an empty one is a plane through the agents."""
 How: TypeAlias = Literal["min", "max", "sum", "farthest"]
 """How the values of the cells of one tile become one."""
-_SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
-_SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
 
 
@@ -45,7 +43,7 @@ def check_word(key: str, word: str, known: Collection[str]) -> None:
     if word not in known:
         raise ParameterError(
             f"{key}: there is no {word!r}{suggestion(str(word), known)}; there is "
-            f"{', '.join(known)}"
+            f"{', '.join(known) or 'none'}"
         )
 
 
@@ -225,24 +223,14 @@ class Section:
             ends = [np.stack([ring[:-1], ring[1:]], axis=1) for ring, _ in self.curves.rings]
             return np.concatenate(ends), self.curves.joints
         tiles, kinds = self.ground
-        shape = tiles[-1] - tiles[0] + 1
-        raster = np.full(shape + 2, -1000, dtype=np.int64)
-        place = tiles - tiles[0] + 1
-        raster[tuple(place.T)] = kinds
-        steps, edges = _SQUARE_STEPS, _SQUARE_EDGES
-        if self.outlined:
-            steps, edges = self.scene.lattice.steps, self.scene.lattice.faces
-        form, corners = self._form(tiles), self.polygons(tiles)
-        after = np.roll(corners, -1, axis=1)
-        surface, joints = [], []
-        for arm in range(edges.shape[1]):
-            edge = edges[form, arm]
-            line = np.stack([part[np.arange(len(edge)), edge] for part in (corners, after)], axis=1)
-            beyond = raster[tuple((place + steps[form, arm]).T)]
-            free = (kinds >= 0) & (beyond < 0) & (beyond > -1000) & (edge >= 0)
-            surface.append(line[free])
-            joints.append(line[(kinds > beyond) & (beyond >= 0) & (edge >= 0)])
-        return np.concatenate(surface), np.concatenate(joints)
+        corners = self.polygons(tiles)
+        lines = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+        first, edge = same_points(lines.mean(axis=1), self.tile_size / 100.0)
+        low, high = np.full((2, len(first)), kinds[first // corners.shape[1]])
+        np.minimum.at(low, edge, np.repeat(kinds, corners.shape[1]))
+        np.maximum.at(high, edge, np.repeat(kinds, corners.shape[1]))
+        surface, joint = (low < 0) & (high >= 0), (low >= 0) & (low < high)
+        return lines[first[surface]], lines[first[joint]]
 
     @cached_property
     def box(self) -> Floats:

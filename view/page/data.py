@@ -21,7 +21,6 @@ from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.scene.sides import SideCondition
 from kaju.model.transfer.deformation import axial_strain
 from kaju.model.transfer.stage import Stage, Totals
-from kaju.model.transfer.transfer import Transfer
 from kaju.result_kinds import KINDS, fetch
 from kaju.view.body_plots import SUPPORTS
 from kaju.view.motion import Motion, chosen_frames
@@ -151,13 +150,13 @@ def _amounts(rows: tuple[Ints, Ints, Floats], last: int, name: str = "") -> Colu
 class Account:
     """What agents did with the loads they took, noted generation by generation.
 
-    What each passed on, by arm; what it let end; what boundaries gave back to it; and, of agents or
-    a rule of your own, what it kept along each axis of the lattice and by how much it lengthened
-    along it. The place of a row is the cell's key times the number of these, plus its number.
+    What each passed on, by arm; what it let end; what boundaries gave back to it; what it kept
+    along each axis of the lattice and by how much it lengthened along it. The place of a row is
+    the cell's key times the number of these, plus its number.
     """
 
-    def __init__(self, scene: Scene, own: bool) -> None:
-        self.scene, self.own = scene, own
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
         self.key: Ints = np.empty(0, dtype=np.int64)
         self._outside = np.empty((0, scene.lattice.directions), dtype=np.bool_)
         self._last: dict[str, Floats] = {}
@@ -173,9 +172,8 @@ class Account:
         beyond = [self.scene.kinds(lattice.neighbours(new, arm)) < 0 for arm in arms]
         self._outside = np.concatenate([self._outside, np.stack(beyond, axis=1)])
         for name, now in self._sums(totals, returned).items():
-            change = now.copy()
-            if name in self._last:
-                change[: len(self._last[name])] -= self._last[name]
+            last = self._last.get(name, now[:0])
+            change = now - np.pad(last, [(0, len(now) - len(last)), (0, 0)])
             self._last[name] = now.copy()
             row, column = np.nonzero(change)
             place = self.key[row] * now.shape[1] + column
@@ -194,18 +192,16 @@ class Account:
         self._returns &= bool(np.isclose(sent.sum(), returned, rtol=1e-12))
         if self._returns:
             found["returned"] = sent
-        if self.own:
-            axes = range(len(self.scene.lattice.axes))
-            squeezed = axial_strain(self.scene, totals)
-            found["kept"] = totals.kept
-            found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
+        axes = range(len(self.scene.lattice.axes))
+        squeezed = axial_strain(self.scene, totals)
+        found["kept"] = totals.kept
+        found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
         return found
 
     def columns(self, last: int) -> Columns:
         """Return the history's columns up to the last generation."""
         columns: Columns = {}
-        names = ["passed", "dropped"]
-        names += ["returned"] * self._returns + ["kept", "stretch"] * self.own
+        names = ["passed", "dropped", *["returned"] * self._returns, "kept", "stretch"]
         none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
         for name in names:
             every = zip(none, *self._rows.get(name, []), strict=True)
@@ -223,7 +219,7 @@ def history_columns(scene: Scene, stage: Stage, account: Account | None = None) 
     state = history.direction + lattice.directions * history.pull
     place, last = key[history.agent] * states + state, stage.generations
     if account is None:
-        account = Account(scene, not _by_shares(scene, stage))
+        account = Account(scene)
         account.note(stage.generations, stage, float(stage.returned.sum()))
     return {
         **_amounts((history.generation, place, history.load), last),
@@ -248,19 +244,6 @@ def _state_columns(stage: Stage, key: Ints) -> Columns:
         name = f"state {course.name} "
         columns |= _amounts((when, key[agent], change), stage.generations, name)
     return columns
-
-
-def _by_shares(scene: Scene, stage: Stage) -> bool:
-    """Tell whether agents kept, and yielded by, what the scene's rule says."""
-    transfer = Transfer(scene)
-    taken = stage.taken
-    if transfer.rule.sense:
-        taken = np.concatenate([taken - stage.pulled, stage.pulled], axis=1)
-    kept = transfer.kept(stage.material, taken)
-    modulus = np.array([material.youngs_modulus for material in transfer.materials])
-    shortened = kept / (transfer.cross_section * modulus[stage.material, None])
-    pairs = ((stage.kept, kept), (stage.shortened, shortened))
-    return all(np.allclose(a, b, 1e-9, 1e-12 * np.abs(b).max(initial=0.0)) for a, b in pairs)
 
 
 def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:

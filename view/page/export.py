@@ -273,12 +273,12 @@ def _source(part: type | Callable[..., Any]) -> str:
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
     """Run a model to its end; return also what its agents did in each generation."""
-    account = Account(model.scene, own=True)
+    account = Account(model.scene)
 
     def note(model: LoadModel) -> bool:
         nonlocal account
         if model.generation == 1:  # a stage of loading has begun
-            account = Account(model.scene, own=True)
+            account = Account(model.scene)
         if model.generation:
             account.note(model.generation, model.totals, model.engine.returned)
         return False

@@ -101,7 +101,7 @@ def materials(
     from rich.table import Table
 
     from kaju.agents.materials import LIBRARY
-    from kaju.model.scene.shared_materials import shared_materials
+    from kaju.model.scene.description import shared_materials
 
     table = Table("name", "E (Pa)", "ν", "density (kg/m³)", "source")
     for material in (LIBRARY if file is None else shared_materials(file)).values():

@@ -25,7 +25,7 @@ from kaju.model.scene.shapes import Box
 from .corners import sharp_corners, singular_at
 
 if TYPE_CHECKING:
-    from kaju.model.scene.loads import LoadTable
+    from kaju.model.scene.description import LoadTable
     from kaju.model.scene.selection import Selection
 
     from .elastic_result import ElasticResult

@@ -1,14 +1,14 @@
 """What is asked: bodies, supports and loads.
 
 In comes a TOML file or keyword arguments; out go kinds of cells and forces on their faces.
-Read `scene` (the whole), `description` (what each table may hold), `body` and `regions` (where
-material is), `sides` and `loads` (what holds and presses it), then `resolved_body` and `selection`
+Read `scene` (the whole), `description` (what each table may hold: materials, loads, rules), `body`
+and `regions` (where material is), `sides` (what holds it), then `resolved_body` and `selection`
 (which cells and faces these are).
 """
 
 from .body import Body
+from .description import LoadTable
 from .lattice import Lattice
-from .loads import LoadTable
 from .regions import LoadRegion, Region, RegionImage
 from .scene import Scene, body_cells, load_scene, scene_needed
 from .selection import AppliedLoads

@@ -1,35 +1,201 @@
-"""The parts of a scene, as files and Python give them."""
+"""The parts of a scene, as files and Python give them; files of materials that scenes share."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
+import numpy as np
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from kaju.agents.elastic_rule import ElasticRule
-from kaju.agents.materials import Material, suggestion
+from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.agents.rules import Coefficients, PrescribedRule
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.files import text_of_file
+from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
-from kaju.model.scene.validation import (
+
+from .body import Body
+from .cell_types import NOT_BODY
+from .regions import LoadRegion
+from .sides import SideCondition
+from .validation import (
+    Coordinate,
     Count,
     Described,
     Flag,
+    Index,
     Number,
     Text,
     built_by,
     one_given,
     optional,
+    with_lines,
 )
 
-from .body import Body
-from .cell_types import NOT_BODY
-from .loads import LoadTable
-from .shared_materials import MaterialEntry, shared_materials
-from .sides import SideCondition
+LONGEST = 100_000_000
+"""Bytes of a scene's text; larger bodies come from images and arrays."""
+
+
+class RheologyTable(Described):
+    """``[materials.NAME.rheology]``: how a material gives in time, as in `ThreeElement`."""
+
+    K_f: Number = Field(description="stiffness of the spring (Pa)")
+    D_f: Number = Field(default=0.0, description="damper beside the spring (Pa s)")
+    D_d: Number = Field(default=inf, description="damper in series (Pa s); left out: none")
+
+
+class MaterialTable(Described):
+    """``[materials.NAME]``: numbers as in `Material`, or a material of the library with some."""
+
+    base: Text | None = optional("the name of a material of the library")
+    youngs_modulus: Number | None = optional("E (Pa)")
+    poissons_ratio: Number | None = optional("ν")
+    density: Number | None = optional("mass per volume (kg/m³)")
+    source: Text | None = optional("where the numbers come from")
+    rheology: RheologyTable | None = optional("how it gives in time")
+
+    def build(self) -> Material:
+        """Return the material; whoever keeps it by name gives it that name."""
+        given = self.model_dump(exclude={"base", "rheology"}, exclude_none=True)
+        if self.rheology is not None:
+            given["rheology"] = ThreeElement(**self.rheology.model_dump())
+        if self.base is not None:
+            if self.base not in LIBRARY:
+                raise ParameterError(
+                    f"base: the library has no {self.base!r}{suggestion(self.base, LIBRARY)}; "
+                    f"it has {', '.join(LIBRARY)}"
+                )
+            return replace(LIBRARY[self.base], **given)
+        for key in ("youngs_modulus", "poissons_ratio"):
+            if key not in given:
+                raise ParameterError(f"{key}: is needed, or a base from the library")
+        return Material(name="", **given)
+
+
+MaterialEntry = Annotated[
+    Material,
+    built_by(
+        MaterialTable, Material, "a table of youngs_modulus, poissons_ratio, ... or a Material"
+    ),
+]
+
+
+def shared_materials(path: str | Path) -> dict[str, Material]:
+    """Return the materials in a file, by name.
+
+    The file holds what a scene has under ``[materials]``: a table for each name. A scene will do,
+    too.
+    """
+    return _read(Path(path))[1]
+
+
+def with_shared(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a scene's table in which tables stand for the file of materials that it names."""
+    named = table.get("materials")
+    if not isinstance(named, str):
+        return table
+    return table | {"materials": _read(folder / named)[0]}
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Material]]:
+    """Return a file's tables, and the materials that they make."""
+    text = text_of_file(path, SceneFileError, LONGEST, key="materials")
+    try:
+        table = tomllib.loads(text)
+    except ValueError as error:  # TOMLDecodeError, or a number of too many digits
+        raise SceneError(f"materials: {path} is not valid TOML: {error}") from None
+    inside = "materials." if "materials" in table else ""
+    tables = table.get("materials", table)
+    if not (isinstance(tables, Mapping) and all(isinstance(t, Mapping) for t in tables.values())):
+        raise SceneError(
+            f"materials: {path} must hold a table for each material, such as [agar] with "
+            "youngs_modulus = 30e3 and poissons_ratio = 0.49"
+        )
+    found = {}
+    for name, entries in tables.items():
+        try:
+            found[name] = replace(MaterialTable(**entries).build(), name=name)
+        except (SceneError, ParameterError) as error:
+            message = with_lines(text, f"{inside}{name}.{error}")
+            raise SceneError(f"materials: {path}: {message}") from None
+    return dict(tables), found
+
+
+class LoadTable(Described):
+    """A force or a pressure, and where it acts.
+
+    Exactly one place: `cell`, `point`, `region` or `outline`, or `side` alone. Exactly one of
+    `force`, `pressure` and `couple`.
+    """
+
+    cell: tuple[Index, ...] | None = optional(
+        "a cell, such as [10, 19], counted from 0 at left and bottom (and front)"
+    )
+    point: tuple[Coordinate, ...] | None = optional("a point (m), such as [0.1, 0.2]")
+    # Cells that a point lies between share its force.
+    region: LoadRegion | None = None
+    outline: Text | None = optional("the name of a region with a true outline, such as 'bore'")
+    # A pressure acts all along it, a force where the outline faces it, even across its direction.
+    side: Text | None = optional("a side's name, such as 'top'")
+    # With `cell` or `point`: the side of the cell by which the force enters; unless given it is the
+    # one that faces the force most. Alone: every face of the body on that side of the array.
+    force: tuple[Number, ...] | None = optional("the total force (N), such as [0.0, -2.0]")
+    pressure: Number | None = optional("a pressure against the surface (Pa), such as 1e5")
+    pressure_slope: tuple[Number, ...] | None = optional(
+        "the growth of the pressure along each axis (Pa/m)"
+    )
+    # From `pressure` at the origin on; below 0 it pulls. Elasticity takes it as it is; agents that
+    # pass loads on take that in the middle of each face.
+    couple: Number | tuple[Number, ...] | None = optional(
+        "a moment (N m): a number, in three dimensions three"
+    )
+    # Counter-clockwise in the plane, without any force: shares that turn round the middle of a side
+    # or a region, the larger the farther from it.
+    steps: Count = Field(default=1, le=100_000, description="the number of equal steps")
+    sense: Literal["push", "pull"] | None = optional(
+        "whether the force travels along ('push') or against itself"
+    )
+    # For a prescribed rule with `sense`; unless given a force pulls where it points out of the body
+    # over its own side.
+
+    @model_validator(mode="after")
+    def _one_place_one_load(self) -> LoadTable:
+        keys = ("cell", "point", "region", "outline")
+        places = [name for name in keys if getattr(self, name) is not None]
+        if len(places) > 1 or not (places or self.side):
+            raise ParameterError(
+                "cell: a load acts in one place: give either cell, point, region, "
+                "outline, or side alone"
+            )
+        if self.region is not None and self.side is not None:
+            raise ParameterError("side: a region selects its own faces; leave side out")
+        if self.outline is not None and self.side is not None:
+            raise ParameterError("side: an outline is loaded all along; leave side out")
+        loads = ("force", "pressure", "couple")
+        given = [name for name in loads if getattr(self, name) is not None]
+        if self.pressure_slope is not None and given != ["pressure"]:
+            raise ParameterError("pressure_slope: needs pressure, its value at the origin (Pa)")
+        if len(given) != 1:
+            raise ParameterError(
+                "force: give either force (N) or pressure (Pa) or couple (N m), and not both"
+            )
+        if self.couple is not None and (self.cell is not None or self.point is not None):
+            raise ParameterError(
+                "couple: a single cell has no lever; let it act on a side or a region"
+            )
+        if self.force is not None and not any(self.force):
+            raise ParameterError("force: is zero along every axis; leave the load out")
+        if self.couple is not None and not np.any(self.couple):
+            raise ParameterError("couple: is zero; leave the load out")
+        if self.pressure == 0.0 and not any(self.pressure_slope or ()):
+            raise ParameterError("pressure: is zero; leave the load out")
+        return self
 
 
 class HistoryStep(Described):

@@ -22,16 +22,14 @@ from kaju.result_kinds import NOTEBOOK, fetch
 from . import cell_types
 from .body import Body
 from .checks import check_body, check_no_outlines, check_outlines
-from .description import Description, check_rule
+from .description import LONGEST, Description, LoadTable, check_rule, with_shared
 from .lattice import Cells, Lattice
 from .level_sets import SampledShape
-from .loads import LoadTable
 from .pictures import Picture, check_size
 from .regions import Region
 from .resolved_body import BoxKinds, CellBox, ResolvedBody, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball
-from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition, unknown_side
 from .surfaces import ClosedSurface
 from .svg_path import PathShape

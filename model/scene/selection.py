@@ -19,8 +19,8 @@ from kaju.errors import SceneError
 from kaju.model.scene import cell_types
 from kaju.model.scene.validation import check_axes
 
+from .description import LoadTable
 from .lattice import Cells, Lattice
-from .loads import LoadTable
 from .resolved_body import CellBox, ResolvedBody, count, grid, slabs
 from .shapes import Box, Shape
 from .sides import unknown_side

@@ -19,10 +19,8 @@ from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import atomic_file
 
 from .body import Body
-from .description import TABLES, Description
-from .loads import LoadTable
+from .description import LONGEST, TABLES, Description, LoadTable, with_shared
 from .pictures import Picture
-from .shared_materials import LONGEST, with_shared
 from .validation import plain
 
 EMBEDDED = "data:"

@@ -20,6 +20,7 @@ from kaju.model.elastic.pair.elements import (
     EDGES,
     airy_of_tractions,
     forms,
+    gauss,
     on_sides,
     without_plane,
 )
@@ -128,30 +129,23 @@ class Airy:
             (agents, np.einsum("kij,k->ij", forms(True), compliance(own[:, None])[:, 0]))
             for agents, own in laws
         ]
-        return Blocks(dof, matrices, size**-2.0, scale, self.size, self._beds(), without_plane)
+        rows = self.on_beds()
+        beds = sp.csr_array(rows.T @ rows) if len(self.sides.beds) else None
+        return Blocks(dof, matrices, size**-2.0, scale, self.size, beds, without_plane)
 
-    def _beds(self) -> sp.csr_array | None:
-        beds = self.sides.beds
-        if not len(beds):
-            return None
-        rows = self.bed_rows(beds)
+    def on_beds(self) -> sp.csr_array:
+        """Return how far beds yield by phi, at two points each: a root of their energy."""
+        # A traction is the second derivative of phi along a bed, of Hermite's cubic linear.
+        beds, row = self.sides.beds, 2 * np.arange(len(self.sides.beds))
         length = self.mesh.length[self.mesh.border[beds]] / self.cell
-        even = (length / self.sides.bed[beds])[:, None, None]
-        blocks, count = even * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]), len(beds)
-        mass = sp.bsr_array((blocks, np.arange(count), np.arange(count + 1)))
-        return sp.csr_array(rows.T @ mass @ rows)
-
-    def bed_rows(self, beds: Ints) -> sp.csr_array:
-        """Return the tractions across beds at both ends of edges by phi: its second derivative."""
-        mesh, row = self.mesh, 2 * np.arange(len(beds))
-        length = mesh.length[mesh.border[beds]] / self.cell
-        slope, entries = 2 - mesh.side[beds] // 2, Entries()
-        # Of Hermite's cubic, by its values at both ends and by its slopes there.
-        for at, sign in ((0, -1.0), (1, 1.0)):
+        slope, root = 2 - self.mesh.side[beds] // 2, np.sqrt(0.5 * length / self.sides.bed[beds])
+        entries: Entries = []
+        for point, place in enumerate(gauss(2, 1)[0].ravel().tolist()):
             for end, other in ((0, 1.0), (1, -1.0)):
-                own = 3 * self.seen(beds, end)
-                entries.append((row + at, own, sign * other * 6.0 / length**2))
-                entries.append((row + at, own + slope, sign * (4.0 if at == end else 2.0) / length))
+                own, value = 3 * self.seen(beds, end), other * (12.0 * place - 6.0)
+                entries.append((row + point, own, root * value / length**2))
+                bent = 6.0 * place - (4.0 if end == 0 else 2.0)
+                entries.append((row + point, own + slope, root * bent / length))
         return coo(entries, (2 * len(beds), self.size))
 
     def seen(self, rows: Ints, end: int | Ints) -> Ints:

@@ -24,7 +24,7 @@ from kaju.model.elastic.pair.elements import (
 )
 from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.levels import Blocks, FieldLevel
+from kaju.model.elastic.pair.levels import Blocks, FieldLevel, summed
 from kaju.model.elastic.posed_body import PosedBody
 
 
@@ -79,9 +79,7 @@ class Fitting:
             unknown = d * mesh.on_border[beds] + (mesh.side[beds] // 2)[:, None]
             area = self.size[mesh.owner[beds]] ** (d - 1)
             value = (sides.bed[beds] * area)[:, None, None] * side_masses(d)
-            many = unknown.shape[1]
-            at = np.repeat(unknown, many, axis=1).ravel(), np.tile(unknown, (1, many)).ravel()
-            extra = sp.csr_array((value.ravel(), at), shape=(size, size))
+            extra = summed(value, unknown, size)
         return Blocks(dof, matrices, self.size ** (d - 2), None, size, extra)
 
     def add_up(self) -> None:

@@ -108,7 +108,8 @@ class Mesh:
     def part(self) -> Ints:
         """To which part of the body each agent belongs: agents joined by sides."""
         leaves, n = self.leaves, len(self.leaves)
-        beside = np.stack([leaves.find(beyond(leaves, side)) for side in range(6)])
+        sides = range(2 * leaves.dimension)
+        beside = np.stack([leaves.find(beyond(leaves, side)) for side in sides])
         other, agent = beside[beside >= 0], np.nonzero(beside >= 0)[1]
         links = sp.coo_array((np.ones(len(agent)), (agent, other)), shape=(n, n))
         return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
@@ -147,16 +148,6 @@ class PlaneMesh(Mesh):
         n, ends = self.vertices, self.ends[self.whole]
         entries = on_parabola(self.middle, ends, n + self.whole, n + self.halves)
         return followed(entries, n + self.edges)
-
-    @cached_property
-    def part(self) -> Ints:
-        """To which part of the body each agent belongs: agents joined by edges."""
-        n = len(self.leaves)
-        follows = np.arange(self.edges)
-        follows[self.halves] = self.whole
-        at = np.repeat(np.arange(n), 4), n + follows[self.edge.ravel()]
-        links = sp.coo_array((np.ones(4 * n), at), shape=(n + self.edges,) * 2)
-        return np.asarray(connected_components(links, directed=False)[1][:n], dtype=np.int64)
 
 
 def backwards(side: Ints) -> Flags:

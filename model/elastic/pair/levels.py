@@ -27,6 +27,13 @@ SWEEPS = 3  # Order of the smoother's polynomial
 LOWEST = 6.0  # Errors down to a sixth of the largest eigenvalue are smoothed
 
 
+def summed(blocks: Floats, dof: Ints, size: int) -> sp.csr_array:
+    """Return the sum of small matrices, shape (n, m, m), of some unknowns each, shape (n, m)."""
+    index, m = dof.astype(np.int32), dof.shape[1]
+    at = np.repeat(index, m, axis=1).ravel(), np.tile(index, (1, m)).ravel()
+    return sp.csr_array((blocks.ravel(), at), shape=(size, size))
+
+
 @dataclass(frozen=True, eq=False)
 class Blocks:
     """A matrix as the sum of those of the agents, which are multiples of few: one for each law."""
@@ -97,10 +104,7 @@ class Blocks:
         block *= self.weight[:, None, None]
         if self.scale is not None:
             block *= self.scale[:, :, None] * self.scale[:, None]
-        index = self.dof.astype(np.int32)
-        rows = np.repeat(index, m, axis=1).ravel()
-        columns = np.tile(index, (1, m)).ravel()
-        whole = sp.csr_array((block.ravel(), (rows, columns)), shape=(self.size,) * 2)
+        whole = summed(block, self.dof, self.size)
         if self.extra is not None:
             whole = sp.csr_array(whole + self.extra)
         return sp.csc_array(way.T @ whole @ way)

@@ -17,7 +17,9 @@ from kaju.model.elastic.pair.elements import (
     airy_stress,
     child_maps,
     edge_tractions,
+    gauss,
     on_sides,
+    quadratic_values,
     rule,
     strain_rows,
     strains,
@@ -64,7 +66,7 @@ class Opinions(Fitting):
         both = fields_at_rule(self.fit, self.phi, self.sides, self.size, self.law)
         one, other = (
             np.append(scaled(stress, self.law, self.size), beds)
-            for stress, beds in zip(both, self._on_beds(), strict=True)
+            for stress, beds in zip(both, self.on_beds(), strict=True)
         )
         return one, other
 
@@ -150,23 +152,19 @@ class Opinions(Fitting):
         """Return the work of what supports bear on how they move, shape (m, 2)."""
         return float(np.vdot(self.on_border()[:, 0], moved))
 
-    def bed_tractions(self) -> Floats:
-        """Return force and moment (over the side) that beds put on the body, shape (beds, 2)."""
-        mesh, beds = self.mesh, self.sides.beds
-        own = self.on_border() - self.sides.load[mesh.owner, mesh.side]
-        return np.asarray(own[beds, :, mesh.side[beds] // 2])
-
-    def _on_beds(self) -> Floats:
-        """Return what beds bear by both opinions at four points, scaled; shape (2, beds, 4)."""
+    def on_beds(self, count: int = 4) -> Floats:
+        """Return what beds bear by both opinions at some points, scaled; shape (2, beds, count)."""
         mesh, beds, stiffness = self.mesh, self.sides.beds, self.sides.bed[self.sides.beds, None]
         owner, side = mesh.owner[beds], mesh.side[beds]
+        points, weight = gauss(count, 1)
+        length, line = self.size[owner, None], points.ravel() - 0.5
         u = self.fit.reshape(-1, 8, 2)[owner[:, None], on_sides(2)[side], side[:, None] // 2]
-        line, weight = (0.5 * np.asarray(x) for x in np.polynomial.legendre.leggauss(4))
-        moved = u[:, [0]] * (0.5 - line) + u[:, [1]] * (0.5 + line)
-        moved += u[:, [2]] * (1.0 - 4.0 * line**2)
-        force, length = self.bed_tractions(), self.size[owner, None]
-        traction = (force[:, [0]] + 12.0 * force[:, [1]] * line) / length
-        return np.sqrt(length * weight / stiffness) * np.stack([traction, -stiffness * moved])
+        fitted = -stiffness * (u @ quadratic_values(points).T)
+        own = self.on_border() - self.sides.load[mesh.owner, mesh.side]
+        force, moment = np.moveaxis(own[beds, :, side // 2], 1, 0)[..., None]
+        balanced = (force + 12.0 * moment * line) / length
+        scale = np.sqrt(length * weight / stiffness)
+        return np.asarray(scale * np.stack([balanced, fitted]))
 
 
 def tensors(three: Floats) -> Floats:
@@ -189,7 +187,12 @@ def balance(
     for own, (old, gap) in zip(fields, earlier, strict=True):
         own.phi = _begun(own, old, family)
         rest = -blocks.gather(blocks.times(own.phi) + _of_stress_beside(own))
-        rest += _of_beds(airy, own) + _of_moved(airy, own.sides)
+        rest += _of_moved(airy, own.sides)
+        if len(own.sides.beds):
+            # A traction outwards is the normal stress on upper and on lower sides alike, but the
+            # force on a lower side points to lower coordinates.
+            sign = 2.0 * (own.mesh.side[own.sides.beds, None] % 2) - 1.0
+            rest -= airy.on_beds().T @ (sign * own.on_beds(2)[0]).ravel()
         own.phi += without_plane(blocks.own(level.solve(rest, gap)))
     return level
 
@@ -234,22 +237,6 @@ def _of_stress_beside(generation: Opinions) -> Floats:
     xx, yy, xy = np.moveaxis(own, -1, 0)
     strain = np.stack([like * xx + unlike * yy, unlike * xx + like * yy, shear * xy], axis=-1)
     return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses(), rule()[1]))
-
-
-def _of_beds(airy: Airy, generation: Opinions) -> Floats:
-    """Return what beds put on phi by the tractions that they bear already."""
-    mesh, beds, out = generation.mesh, generation.sides.beds, np.zeros(airy.size)
-    if len(beds):
-        force = generation.bed_tractions()
-        length = generation.size[mesh.owner[beds]]
-        ends = (force[:, [0]] + force[:, [1]] * np.array([-6.0, 6.0])) / length[:, None]
-        mass = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])
-        strain = (length / generation.sides.bed[beds])[:, None] * (ends @ mass)
-        # A traction outwards is the normal stress on upper and on lower sides alike, but the force
-        # on a lower side points to lower coordinates.
-        sign = 2.0 * (mesh.side[beds] % 2) - 1.0
-        out = -(airy.bed_rows(beds).T @ (sign[:, None] * strain).ravel())
-    return np.asarray(out)
 
 
 def _of_moved(airy: Airy, sides: Sides) -> Floats:

@@ -29,7 +29,7 @@ from kaju.model.elastic.pair.elements import (
 )
 from kaju.model.elastic.pair.gap import Bounds
 from kaju.model.elastic.pair.leaves import corner_ends
-from kaju.model.elastic.pair.levels import ENOUGH
+from kaju.model.elastic.pair.levels import ENOUGH, summed
 from kaju.model.elastic.posed_body import PosedBody
 
 NO_BOUND = "in space errors are estimated, not proved"
@@ -205,8 +205,7 @@ class Hats:
             blocks[agents] = matrix[:24, :24]
         blocks = down.transpose(0, 2, 1) @ (blocks * found.size[:, None, None]) @ down
         unknown = (3 * hat[:, :, None] + np.arange(3)).reshape(-1, 24)
-        at = np.repeat(unknown, 24, axis=1).ravel(), np.tile(unknown, (1, 24)).ravel()
-        whole = sp.csr_array((blocks.ravel(), at), shape=(size, size))
+        whole = summed(blocks, unknown, size)
         diagonal = whole.diagonal()
         # A little on the diagonal: hats that hardly touch the body must not be divided by.
         more = np.where(diagonal > 0.0, 1e-10 * diagonal, 1.0)

@@ -107,6 +107,8 @@ def keep_apart(one: Floats, other: Floats) -> bool:
         first, second = overlapping(a.triangles, b.triangles, CLOSE)
         if not len(first):
             return True
+        if _alike(a.triangles[first], b.triangles[second]).any():
+            return False
         one, other = one[np.unique(first)], other[np.unique(second)]
         a, b = ArcFrames(one), ArcFrames(other)
         split, beside = a.turn != 0.0, b.turn != 0.0
@@ -122,7 +124,7 @@ def kept_apart(lines: list[Floats]) -> list[Floats]:
         owner = np.repeat(np.arange(len(lines)), [len(arcs) for arcs in lines])
         frames = ArcFrames(np.concatenate(lines))
         first, second = overlapping(frames.triangles, frames.triangles, 0.0)
-        other = owner[first] != owner[second]
+        other = (owner[first] != owner[second]) & ~_shared(frames, owner, first, second)
         wide = np.zeros(len(owner), dtype=np.bool_)
         wide[first[other]] = True
         wide &= (frames.turn != 0.0) & (frames.length > APART)
@@ -130,6 +132,22 @@ def kept_apart(lines: list[Floats]) -> list[Floats]:
             break
         lines = [halved(arcs, wide[owner == k]) for k, arcs in enumerate(lines)]
     return lines
+
+
+def _alike(one: Floats, other: Floats) -> Flags:
+    """Tell which triangles are the same, whichever end of their arcs comes first."""
+    apart = [np.abs(one - at).max(axis=(1, 2)) for at in (other, other[:, ::-1])]
+    return np.asarray(np.minimum(*apart) < CLOSE)
+
+
+def _shared(frames: ArcFrames, owner: Ints, first: Ints, second: Ints) -> Flags:
+    """Tell which pairs of arcs meet as arcs of one line do, since lines have one of them alike."""
+    alike = _alike(frames.triangles[first], frames.triangles[second])
+    alike &= owner[first] != owner[second]
+    # An arc and a line that has its like, as one number: pairs come in both orders.
+    arc_and_line = first * (owner[-1] + 1) + owner[second]
+    back = second * (owner[-1] + 1) + owner[first]
+    return np.isin(arc_and_line, arc_and_line[alike]) | np.isin(back, arc_and_line[alike])
 
 
 def overlapping(a: Floats, b: Floats, margin: float) -> tuple[Ints, Ints]:

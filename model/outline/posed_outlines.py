@@ -371,15 +371,20 @@ def laws_of(scene: Scene) -> dict[str, Law]:
 
 def _body(scene: Scene, edge: float, shape: tuple[int, int]) -> TrueBody:
     laws = laws_of(scene)
+    last: dict[tuple[bytes, ...], Law] = {}
     regions = []
-    for number, region in enumerate(scene.body.regions):
+    for number, region in reversed([*enumerate(scene.body.regions)]):
         where = f"body.regions.{number}"
         try:
             lines = region.shape_in(scene.lattice, where).outline()
             arcs = [np.asarray(arcs / [edge, edge, 1.0]) for arcs in lines]
-            regions.append(TrueRegion.within(arcs, shape, laws.get(region.material, AIR)))
+            # Where a later region has the same outline, nothing is left of this one's material.
+            law = last.setdefault(
+                tuple(line.tobytes() for line in arcs), laws.get(region.material, AIR)
+            )
+            regions.append(TrueRegion.within(arcs, shape, law))
         except TouchError:
             raise SceneError(
                 f"{where}: its outline crosses or touches itself; split it in two"
             ) from None
-    return TrueBody(laws.get(str(scene.body.material), AIR), tuple(regions))
+    return TrueBody(laws.get(str(scene.body.material), AIR), tuple(reversed(regions)))

@@ -214,6 +214,22 @@ def test_bounds_of_all_grids_hold_one_energy_where_three_materials_and_air_meet(
     assert bounds[:, 1].min() < 1.02 * bounds[:, 0].max()
 
 
+def test_regions_may_share_a_curve_or_be_drawn_twice() -> None:
+    def hole(material: str, radius: float = 0.2) -> dict[str, Any]:
+        return region(material, disk={"centre": [0.5, 0.5], "radius": radius})
+
+    ring = region("grain", ring={"centre": [0.5, 0.5], "inner": 0.2, "outer": 0.3})
+    for ways in (
+        [[ring, hole("air")], [hole("grain", 0.3), hole("air")]],
+        [[hole("air")], [hole("air")] * 2, [hole("grain"), hole("air")]],
+    ):
+        bounds = np.array(
+            [kaju.solve(plate(regions=w), tolerance=0.03).energy_bounds for w in ways]
+        )
+        assert bounds[:, 0].max() < bounds[:, 1].min()
+        assert bounds[:, 1].max() < 1.01 * bounds[:, 0].min()
+
+
 def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -> None:
     answer = kaju.solve(plate(), tolerance=0.1)
     again = kaju.load_result(answer.save(tmp_path / "grain"))

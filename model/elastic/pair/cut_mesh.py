@@ -117,7 +117,8 @@ class CutMesh:
     def _flatness(self) -> Floats:
         """Height of triangles over their shortest side."""
         area = slopes(self.place[self.triangle])[1]
-        return np.asarray(2.0 * area / (self._legs.max(axis=1) * self._legs.min(axis=1)))
+        square = self._legs.max(axis=1) * self._legs.min(axis=1)
+        return np.asarray(2.0 * area / np.maximum(square, np.finfo(np.float64).tiny))
 
     @property
     def _beside(self) -> Ints:

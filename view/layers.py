@@ -60,7 +60,7 @@ def _curves_of(result: ElasticResult) -> TrueLines | None:
         return None
     found, joints = result.found, np.empty((0, 2, 2))
     if len(result.scene.cell_materials) > 1:
-        joints = found.ground.edge * np.concatenate(found.pair.along)
+        joints = found.ground.edge * np.concatenate(found.opinions.along)
     return TrueLines(found.rings(), joints, Arrows(*found.arrows()))
 
 

@@ -23,7 +23,6 @@ from kaju.model.elastic.pair.elements import quadratic_values
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.history import (
     Generation,
-    Settled,
     halvings,
     settled,
     trees_of,
@@ -53,7 +52,7 @@ class PairAgents(OnCells):
     known: InitVar[tuple[list[LeafCells], Any] | None] = None
 
     def __post_init__(self, known: tuple[list[LeafCells], Any] | None) -> None:
-        self._last: Settled | None = known and known[1]
+        self._last: Any = known and known[1]
         if known is not None:
             self.trees = known[0]
         else:
@@ -61,7 +60,7 @@ class PairAgents(OnCells):
             self.trees = trees_of(aligned(goals, self.ground.start()), self.generations)
 
     @cached_property
-    def opinions(self) -> Settled:
+    def opinions(self) -> Any:
         """Opinions of the last generation; of a stored answer they are found again."""
         # Generation by generation: so they are the same to the last digit.
         found = self._last

@@ -11,17 +11,17 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.elastic.moduli import equivalent_stress
 from kaju.model.outline.crossed_leaves import SQUARE
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
-from kaju.model.outline.true_shapes import DEPTH, UNIT
+from kaju.model.outline.true_shapes import UNIT
 from kaju.model.scene.shapes import Shape
 
+from .airy import loops_of
 from .answer import PairAgents
 from .cut_pair import CutPair
-from .history import Generation
-from .leaves import LeafCells, corners
+from .history import trees_of
+from .leaves import LeafCells
 from .opinions import tensors
 
 EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
@@ -48,13 +48,15 @@ class CutAgents(PairAgents):
     known: InitVar[tuple[list[LeafCells], CutPair] | None] = None
 
     def __post_init__(self, known: tuple[list[LeafCells], CutPair] | None) -> None:
-        self._pair = known and known[1]
-        self.trees = known[0] if known else _trees_of(self.ground.start(), self.generations)
+        self._last = known and known[1]
+        start, history = self.ground.start(), self.generations
+        self.trees = known[0] if known else trees_of(start, history, whole=False)
 
     @cached_property
-    def pair(self) -> CutPair:
+    def opinions(self) -> CutPair:
         """Both fields of the last generation; of a stored answer they are found again."""
-        return self._pair or CutPair(self.ground.problem, self.leaves)
+        known: CutPair | None = self._last
+        return known or CutPair(self.ground, self.leaves)
 
     @property
     def no_bound(self) -> str:
@@ -64,35 +66,28 @@ class CutAgents(PairAgents):
     @property
     def cut(self) -> Flags:
         """Which agents an outline cuts."""
-        mesh, size = self.pair.fitting.mesh, self.leaves.size * UNIT
+        mesh, size = self.opinions.fitting.mesh, self.leaves.size * UNIT
         law, several = np.full(self.count, -1), np.zeros(self.count, dtype=np.bool_)
         law[mesh.leaf] = mesh.law
         several[mesh.leaf[law[mesh.leaf] != mesh.law]] = True
-        return np.asarray(several | (self.pair.area[1] < size**2 * (1.0 - 1e-12)))
+        return np.asarray(several | (self.opinions.area[1] < size**2 * (1.0 - 1e-12)))
 
     @property
     def area(self) -> Floats:
         """What of each agent lies within the body at least, in cells of the grid."""
-        return np.asarray(self.pair.area[1] / (UNIT * self.ground.cell) ** 2)
-
-    @cached_property
-    def material(self) -> Ints:
-        """Index of the material that has most of each agent."""
-        mesh, own = self.pair.fitting.mesh, self.ground.own_laws
-        area = np.zeros((self.count, len(self.pair.laws[0])))
-        np.add.at(area, (mesh.leaf, mesh.law), self.pair.fitting.area)
-        kind = np.array([own.index(law) if law in own else -1 for law in self.pair.laws[0]])
-        return np.asarray(kind[np.where(kind < 0, -1.0, area).argmax(axis=1)])
+        return np.asarray(self.opinions.area[1] / (UNIT * self.ground.cell) ** 2)
 
     @property
-    def law(self) -> Ints:
-        """Index of each agent's moduli."""
-        return self.material
+    def material(self) -> Ints:
+        """Index of the material that has most of each agent, which is that of its moduli."""
+        return self.opinions.leaves.kind
+
+    law = material
 
     @cached_property
     def farthest(self) -> float:
         """Largest displacement at corners of agents and pieces, and in the middles of edges."""
-        fit = self.pair.fitting
+        fit = self.opinions.fitting
         corner, bulge = np.split(fit.value.reshape(-1, 2), [len(fit.mesh.place)])
         found = np.concatenate([corner, corner[fit.mesh.ends].mean(axis=1) + bulge])
         return float(np.linalg.norm(found, axis=1).max())
@@ -100,32 +95,21 @@ class CutAgents(PairAgents):
     @property
     def energies(self) -> Floats:
         """Energy stored in each agent: half-way between those of both opinions."""
-        return self.pair.energies
+        return self.opinions.energies
 
     @cached_property
     def moved(self) -> Floats:
         """Displacement of the agents' middles, beyond the body that of what is near."""
-        return self.pair.fitting.displacement_at(np.arange(self.count), self._middles_of)
+        return self.opinions.fitting.displacement_at(np.arange(self.count), self._middles_of)
 
     @property
     def _middles_of(self) -> Floats:
         return np.asarray((self.leaves.lower + 0.5 * self.leaves.size[:, None]) * UNIT)
 
-    @property
-    def stress(self) -> Floats:
-        """Stress tensors of the agents: the mean of both opinions over what each holds."""
-        balanced, fitted = self.pair.means
-        return tensors(0.5 * (balanced + fitted))
-
-    @property
-    def balanced(self) -> Floats:
-        """Mean stress tensors of the opinion that balances."""
-        return tensors(self.pair.means[0])
-
     @cached_property
     def border(self) -> Ends:
         """Where the body ends, and what acts there: of the stress that balances."""
-        mesh, border = self.pair.balancing.mesh, self.pair.borders[1]
+        mesh, border = self.opinions.balancing.mesh, self.opinions.borders[1]
         long = np.hypot(*border.run.T)[:, None]
         outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1) / long
         place = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
@@ -133,13 +117,13 @@ class CutAgents(PairAgents):
         own = mesh.owner[border.edge]
         # along an edge the stress that balances is linear: that in the middle is its mean
         middle = ends.mean(axis=1)
-        stress = tensors(self.pair.balancing.stress_at(mesh.leaf[own], middle, mesh.law[own]))
+        stress = tensors(self.opinions.balancing.stress_at(mesh.leaf[own], middle, mesh.law[own]))
         borne = np.where(border.held, np.einsum("nab,nb->na", stress, outward), border.traction)
         return Ends(ends, borne * long, place, outward)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
-        held, force = self.pair.borders[1].held, self.border.force
+        held, force = self.opinions.borders[1].held, self.border.force
         return {
             name: np.where(held, force, 0.0)[self.border.place == number].sum(axis=0)
             for number, name in enumerate(SIDES)
@@ -148,13 +132,13 @@ class CutAgents(PairAgents):
 
     def applied(self, stage: int | None = None) -> Floats:
         """Return the forces (N) on the body, shape (n, 2): along its border, and its weight."""
-        free = np.where(self.pair.borders[1].held, 0.0, self.border.force)
-        weight = self.ground.problem.weight * self.pair.area[1].sum()
+        free = np.where(self.opinions.borders[1].held, 0.0, self.border.force)
+        weight = self.ground.problem.weight * self.opinions.area[1].sum()
         return np.asarray(self.scales.force * np.vstack([free, weight[None]]))
 
     def arrows(self) -> tuple[Floats, Floats, Flags]:
         """Return few places (m) and forces (N) that stand for the loads, and which of them pull."""
-        border, held = self.border, self.pair.borders[1].held
+        border, held = self.border, self.opinions.borders[1].held
         force = np.where(held, 0.0, border.force)
         found = []
         for place in np.unique(border.place[force.any(axis=1)]).tolist():
@@ -169,19 +153,15 @@ class CutAgents(PairAgents):
             if place >= len(SIDES):  # what is not loaded all round begins after the widest gap
                 gap = np.diff(along[order], append=along[order[0]] + 2.0 * np.pi)
                 order = np.roll(order, -1 - int(gap.argmax()))
-            way = np.append(0.0, np.cumsum(long[order]))
-            step = way[-1] / (ARROWS if place >= len(SIDES) else ARROWS // 3)
-            total = np.vstack([np.zeros(2), np.cumsum(force[rows[order]], axis=0)])
-            for end in np.arange(step, way[-1] + 0.5 * step, step):
-                ends, middle = (end - step, end), end - 0.5 * step
-                own = np.array([np.diff(np.interp(ends, way, one))[0] for one in total.T])
-                here = order[min(int(np.searchsorted(way, middle)) - 1, len(order) - 1)]
-                pull = own @ border.outward[rows[here]] > 0.0
-                mean = 0.5 * (way[1:] + way[:-1])
-                spot = np.array([np.interp(middle, mean, one) for one in at[order].T])
-                found.append((spot, own, pull))
+            rows, at, long = rows[order], at[order], long[order]
+            count = ARROWS if place >= len(SIDES) else ARROWS // 3
+            group = np.floor(count * (np.cumsum(long) - 0.5 * long) / long.sum()).astype(np.int64)
+            for one in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(group)) + 1):
+                own = force[rows[one]].sum(axis=0)
+                pull = own @ border.outward[rows[one[len(one) // 2]]] > 0.0
+                found.append((np.average(at[one], axis=0, weights=long[one]), own, pull))
         if self.ground.problem.weight.any():
-            area = self.pair.area[1]
+            area = self.opinions.area[1]
             centre = (area[:, None] * self._middles_of).sum(axis=0) / area.sum()
             found.append((centre, self.ground.problem.weight * area.sum(), True))
         place, force, pull = (np.array([one[k] for one in found]) for k in range(3))
@@ -216,7 +196,7 @@ class CutAgents(PairAgents):
         leaf, places = self._leaf(points), points / self.ground.edge
         if (beyond := leaf < 0).any():
             leaf[beyond] = cKDTree(self._middles_of).query(places[beyond])[1]
-        return self.pair.fitting.displacement_at(leaf, places)
+        return self.opinions.fitting.displacement_at(leaf, places)
 
     def stress_at(self, points: Floats, cells: Ints | None = None) -> Floats:
         """Return stress tensors at points (m) of the body: the mean of both opinions."""
@@ -226,7 +206,7 @@ class CutAgents(PairAgents):
     def opinions_at(self, points: Floats, cells: Ints | None = None) -> tuple[Floats, Floats]:
         """Return the stresses that balance, and those that fit, at points (m)."""
         points, leaf, material = self._placed(points)
-        places, pair, own = points / self.ground.edge, self.pair, self.ground.own_laws
+        places, pair, own = points / self.ground.edge, self.opinions, self.ground.own_laws
         law = np.array([list(pair.laws[0]).index(one) for one in own])[material]
         strain = pair.fitting.strain_at(leaf, places, law)
         fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
@@ -261,7 +241,7 @@ class CutAgents(PairAgents):
 
         Curves are drawn by tangents or chords as far apart as the agents are large.
         """
-        mesh, edge = self.pair.fitting.mesh, self.ground.edge
+        mesh, edge = self.opinions.fitting.mesh, self.ground.edge
         whole, cut = np.flatnonzero(~self.cut), self.cut[mesh.leaf]
         lower, size = (own[whole] * UNIT * edge for own in (self.leaves.lower, self.leaves.size))
         squares = lower[:, None] + SQUARE * size[:, None, None]
@@ -270,26 +250,21 @@ class CutAgents(PairAgents):
 
     def rings(self) -> list[tuple[Floats, Floats]]:
         """Return the closed lines (m) that hold the body, on their left, and how they move (m)."""
-        fit, ends = self.pair.fitting, self.pair.borders[0].ends
+        fit, ends = self.opinions.fitting, self.opinions.borders[0].ends
+        place = self.ground.edge * fit.mesh.place
         moved = self.scales.displacement * fit.value.reshape(-1, 2)
-        after, found = dict(ends.tolist()), []
-        while after:
-            ring = [next(iter(after))]
-            while ring[-1] in after:
-                ring.append(after.pop(ring[-1]))
-            found.append((self.ground.edge * fit.mesh.place[ring], moved[ring]))
-        return found
+        return [(place[ends[loop, 0]], moved[ends[loop, 0]]) for loop in loops_of(*ends.T)]
 
     @cached_property
     def along(self) -> dict[str, HoopStress]:
         """The stresses along every named outline, scaled."""
         regions = enumerate(self.ground.asked.body.regions)
-        return {one.name: HoopStress.along(self.pair, k) for k, one in regions if one.name}
+        return {one.name: HoopStress.along(self.opinions, k) for k, one in regions if one.name}
 
     def remarks(self, asked: str | None) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
         notes, level = [], self.scales.stress
-        if loose := self.pair.loose:
+        if loose := self.opinions.loose:
             notes.append(
                 f"{loose} part{'s' * (loose > 1)} of the body hang on nothing and bear nothing; "
                 "if a support was meant, give it"
@@ -310,36 +285,6 @@ class CutAgents(PairAgents):
     def history(self) -> dict[str, Any]:
         """Return the figures of their generations."""
         return super().history() | {"agents_cut": int(self.cut.sum())}
-
-
-def _trees_of(leaves: LeafCells, generations: list[Generation]) -> list[LeafCells]:
-    """Return the agents of stored generations; refuse some that do not stand side by side."""
-    trees: list[LeafCells] = []
-    for one in generations:
-        code, size = one.code, one.size
-        parent = np.maximum(np.searchsorted(leaves.code, code, "right") - 1, 0)
-        away, edge = code - leaves.code[parent], leaves.size[parent]
-        sound = bool(np.all(np.diff(code) >= size[:-1] ** 2) and np.all(away >= 0))
-        sound = sound and bool(np.all(np.isin(size, 1 << np.arange(DEPTH + 1))))
-        if not (sound and np.all(away + size**2 <= edge**2) and np.all(away % size**2 == 0)):
-            raise ResultError("its agents do not stand side by side in the body")
-        leaves = LeafCells(corners(code, 2), size, np.zeros(len(code), dtype=np.int64), code)
-        trees.append(leaves)
-    return trees
-
-
-def generation_of(body: OutlinedBody, pair: CutPair, chosen: Flags) -> Generation:
-    """Return what is kept of a generation of which some agents are to spawn."""
-    bounds, leaves = pair.bounds, pair.leaves
-    agents = CutAgents(body, [], [], "", [], ([leaves], pair))
-    balanced, fitted = (
-        equivalent_stress(tensors(stress), body.moduli, agents.material, body.asked.plane)
-        for stress in pair.means
-    )
-    proved = not body.problem.estimated
-    lower, upper = (bound if proved else None for bound in (bounds.lower, bounds.upper))
-    figures = bounds.error, bounds.energy, lower, upper
-    return Generation(*figures, leaves.code, leaves.size, pair.shares, fitted, balanced, chosen)
 
 
 def _within(shape: Shape, points: Floats) -> Flags:

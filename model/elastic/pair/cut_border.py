@@ -18,6 +18,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.posed_outlines import SIDES, OutlineProblem, UnlikeError
 from kaju.model.outline.true_shapes import nearest_of
 
+from .airy import loops_of
 from .cut_mesh import CutMesh, joined
 from .leaf_mesh import Entries, coo
 
@@ -145,27 +146,13 @@ class Known:
         self._join(free, [arc for arc in arcs if kind[arc[0]] == 1])
 
     def _arcs(self, kind: Ints) -> list[Ints]:
-        """Return the rows of free edges, or of those that slip along one side, in order."""
-        border = self.border
-        start = np.full(len(self.mesh.place), -1)
-        start[border.ends[:, 0]] = np.arange(len(border.edge))
-        onward = start[border.ends[:, 1]]
-        same = (kind[onward] == kind) & ((border.side[onward] == border.side) | (kind == 0))
-        first = np.ones(len(kind), dtype=np.bool_)
-        first[onward[same]] = False
-        begins = [*np.flatnonzero(first & (kind < 2)).tolist(), *np.flatnonzero(kind == 0).tolist()]
-        todo, following, goes_on = (kind < 2).tolist(), onward.tolist(), same.tolist()
-        arcs = []
-        for k in begins:
-            arc = []
-            while todo[k]:
-                todo[k] = False
-                arc.append(k)
-                if not goes_on[k]:
-                    break
-                k = following[k]
-            if arc:
-                arcs.append(np.array(arc))
+        """Return the rows of free edges, or of those held along one side, in order."""
+        arcs: list[Ints] = []
+        sort = np.where(kind == 0, -1, 3 * self.border.side + kind)
+        for loop in loops_of(*self.border.ends.T):
+            change = np.flatnonzero(sort[loop] != sort[np.roll(loop, 1)])
+            loop = np.roll(loop, -change[0]) if len(change) else loop
+            arcs += np.split(loop, change[1:] - change[0] if len(change) else [])
         return arcs
 
     def _walk(self, arcs: list[Ints]) -> None:

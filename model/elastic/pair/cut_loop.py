@@ -25,10 +25,10 @@ from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, 
 from kaju.model.outline.true_shapes import UNIT, covering, leaf_at
 from kaju.model.scene import Scene
 
-from .cut_agents import CutAgents, generation_of
+from .cut_agents import CutAgents
 from .cut_pair import CutPair
 from .goals import AIM, Judged
-from .leaves import LeafCells
+from .history import generation_of
 from .loop import PairLoop
 
 MOST_AGENTS = 100_000
@@ -81,7 +81,6 @@ class CutLoop(PairLoop):
     """The agents of a body within outlines, generation by generation."""
 
     body: OutlinedBody
-    last: CutPair | None
 
     def __init__(
         self,
@@ -97,15 +96,13 @@ class CutLoop(PairLoop):
         for one in peaks:
             assert isinstance(one, Stress)
             self._peak = _Peak(body, str(one.at), tolerance)
-        self._best_pair: tuple[int, CutPair] | None = None
-        self._least = inf
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
         patience = PATIENCE
         while True:
             try:
-                pair = CutPair(self.body.problem, self.leaves)
+                pair = CutPair(self.body, self.leaves)
                 break
             except VagueError as vague:
                 codes, why = vague.codes, UnlikeError("they touch themselves, or others")
@@ -118,7 +115,8 @@ class CutLoop(PairLoop):
             if not patience or not chosen.any() or smallest or len(chosen) > self.most_agents:
                 raise _unresolved(why)
             self.leaves = self.leaves.split(chosen).balanced()
-        self.last, self.leaves = pair, pair.leaves
+        self.last = pair
+        self.leaves = self.leaves.only(np.isin(self.leaves.code, pair.leaves.code))
         judge = self._peak.judge if self._peak else self._judge
         self._judged = judge(pair)
 
@@ -134,27 +132,16 @@ class CutLoop(PairLoop):
         wanted = min((AIM * self.tolerance / error) ** 2, 1.0) if np.isfinite(error) else 0.0
         return Judged((), error, pair.shares, False, wanted, coarse_along(pair, self.tolerance))
 
-    def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
-        """Return the agents of the next generation: all children halve as often as is asked."""
-        new = leaves
-        for step in range(int(often.max())):
-            new = new.split(often[new.parents_in(leaves)] > step)
-        return new.balanced()
-
     def _keep(self, chosen: Flags) -> None:
-        """Note the generation, and its fields if it knows best; of a peak, or in the end, too."""
-        assert self.last is not None
-        self.generations.append(generation_of(self.body, self.last, chosen))
-        error = self._judged.error
-        if self._peak or self.reached or self._best_pair is None or error < self._least:
-            self._least, self._best_pair = error, (len(self.generations), self.last)
+        """Note the generation."""
+        proved = not self.body.problem.estimated
+        self.generations.append(generation_of(self.last, chosen, proved))
 
     def outcome(self) -> CutAgents:
-        """Return the generation that knows best, of a peak the last."""
-        assert self._best_pair is not None
-        count, pair = self._best_pair
-        goals, history = list(self._judged.found), self.generations[:count]
-        agents = CutAgents(self.body, goals, history, self.stopped, [], (self.trees[:count], pair))
+        """Return the agents as they are."""
+        trees, generations = list(self.trees), list(self.generations)
+        goals, known = list(self._judged.found), (trees, self.last)
+        agents = CutAgents(self.body, goals, generations, self.stopped, [], known)
         agents.notes += agents.remarks(self._peak.name if self._peak else None)
         return agents
 
@@ -174,7 +161,7 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
     rounded off, has none: of those that turn by more there are few.
     """
     leaves, body = pair.leaves, pair.problem.body
-    stress = np.sqrt(pair.means[0] ** 2 @ [1.0, 1.0, 2.0])
+    stress = np.sqrt((pair.means[0] ** 2).sum(axis=(1, 2)))
     filled = pair.area[1] > SLIVER * (leaves.size * UNIT) ** 2
     often = np.zeros(len(leaves), dtype=np.int64)
     for region in body.regions:

@@ -6,6 +6,7 @@ small. Prager and Synge's circle holds with what lies between both bodies.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from math import inf
 
@@ -15,7 +16,7 @@ from kaju.arrays import Flags, Floats
 from kaju.errors import SupportError
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_polygons import leaf_polygons
-from kaju.model.outline.posed_outlines import OutlineProblem, UnlikeError
+from kaju.model.outline.posed_outlines import OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
 
 from .cut_border import Border
@@ -23,6 +24,7 @@ from .cut_fields import Balancing, CutFitting
 from .cut_mesh import CutMesh, mesh_of
 from .gap import FAR, Bounds
 from .leaves import LeafCells
+from .opinions import tensors
 
 
 def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
@@ -58,7 +60,9 @@ def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
 class CutPair:
     """Both fields on leaves, and what each leaf adds to their gap."""
 
-    def __init__(self, problem: OutlineProblem, leaves: LeafCells):
+    def __init__(self, body: OutlinedBody, leaves: LeafCells):
+        self.body, self.problem = body, body.problem
+        problem = self.problem
         every = covering(leaves, problem.shape)
         problem.body.refine(every)
         at = every.find(leaves.lower)
@@ -76,7 +80,7 @@ class CutPair:
             if not len(meshes[-1].place):
                 raise UnlikeError("they leave nothing of the body")
             edges.append(Border.of(meshes[-1], problem, along))
-        self.problem, self.leaves, self.borders = problem, leaves, (edges[0], edges[1])
+        self.borders = edges[0], edges[1]
         (laws, others), self.along = (one[0] for one in polygons), polygons[1][2]
         self.laws = laws, others
         n, size = len(leaves), np.asarray(leaves.size * UNIT, dtype=np.float64)
@@ -87,6 +91,12 @@ class CutPair:
         self.balancing = Balancing(meshes[1], edges[1], others, problem.weight, size)
         both = self.fitting, self.balancing
         self.area = np.stack([np.bincount(one.mesh.leaf, one.area, n) for one in both])
+        # the material that has most of each
+        part = np.zeros((n, len(laws)))
+        np.add.at(part, (meshes[0].leaf, meshes[0].law), self.fitting.area)
+        own = body.own_laws
+        number = np.array([own.index(law) if law in own else -1 for law in laws])
+        self.leaves = replace(leaves, kind=number[np.where(number < 0, -1.0, part).argmax(axis=1)])
         fitted, balanced = self.fitting.energies(n), self.balancing.energies(n)
         between = np.maximum(self.area[0] - self.area[1], 0.0)
         band = problem.band * between
@@ -124,12 +134,14 @@ class CutPair:
 
     @cached_property
     def means(self) -> tuple[Floats, Floats]:
-        """Means (xx, yy, xy) over what leaves hold: of the stress that balances, and that fits."""
+        """Mean tensors over what leaves hold: of the stress that balances, and that fits."""
         found = []
         for field in (self.balancing, self.fitting):
             total = np.zeros((len(self.leaves), 3))
             np.add.at(total, field.mesh.leaf, field.area[:, None] * field.stresses())
             found.append(total)
-        some = self.area[1][:, None] > 0.0  # else nothing balances there
         fitted = found[1] / self.area[0][:, None]
-        return np.where(some, found[0] / np.where(some, self.area[1][:, None], 1.0), fitted), fitted
+        with np.errstate(divide="ignore", invalid="ignore"):
+            balanced = found[0] / self.area[1][:, None]
+        some = self.area[1][:, None] > 0.0  # else nothing balances there
+        return tensors(np.where(some, balanced, fitted)), tensors(fitted)

@@ -15,7 +15,7 @@ from kaju.model.elastic.pair.border import Sides, check_held, sides_of
 from kaju.model.elastic.pair.displacement import moved_by, way_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
 from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
-from kaju.model.elastic.pair.leaves import LeafCells, corners
+from kaju.model.elastic.pair.leaves import BITS, LeafCells, corners
 from kaju.model.elastic.pair.levels import FieldLevel, descent, handed_down, level_of
 from kaju.model.elastic.pair.opinions import Opinions, balance
 from kaju.model.elastic.pair.space import MOST_FACTORED, Bricks, Hats
@@ -144,39 +144,43 @@ def halvings(size: Ints, largest: int) -> Ints:
     return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
 
 
-def generation_of(found: Settled, chosen: Flags) -> Generation:
+def generation_of(found: Any, chosen: Flags, proved: bool) -> Generation:
     """Return what is kept of a generation of which some agents are to spawn."""
     bounds, body, leaves = found.bounds, found.body, found.leaves
     balanced, fitted = (
-        equivalent_stress(stress, body.moduli, leaves.kind, body.scene.plane)
+        equivalent_stress(stress, body.moduli, leaves.kind, body.asked.plane)
         for stress in found.means
     )
-    lower, upper = (bounds.lower, bounds.upper) if body.dimension == 2 else (None, None)
+    lower, upper = (bounds.lower, bounds.upper) if proved else (None, None)
     arrays = (leaves.code, leaves.size, found.shares, fitted, balanced, chosen)
     return Generation(bounds.error, bounds.energy, lower, upper, *arrays)
 
 
-def trees_of(first: LeafCells, generations: list[Generation]) -> list[LeafCells]:
-    """Return the agents of stored generations; refuse some that are not parts of the first ones."""
-    d, trees = first.dimension, [first]
-    sound = bool(generations) and np.array_equal(generations[0].code, first.code)
-    sound = sound and np.array_equal(generations[0].size, first.size)
-    for one in generations[1:]:
-        if not sound:
-            break
+def trees_of(
+    first: LeafCells, generations: list[Generation], whole: bool = True
+) -> list[LeafCells]:
+    """Return the agents of stored generations; refuse some that are not parts of the first ones.
+
+    Within outlines they need not fill these (be `whole`), and halve as often as it takes.
+    """
+    d, trees, sound = first.dimension, [first], bool(generations)
+    for number, one in enumerate(generations):
         leaves, code, size = trees[-1], one.code, one.size
         parent = np.searchsorted(leaves.code, code, "right") - 1
         ratio = leaves.size[parent] // np.maximum(size, 1)
         # They lie side by side, in parents, and fill these.
-        sound = bool(np.all(np.diff(code) >= size[:-1] ** d) and np.all(parent >= 0))
-        sound = sound and bool(np.all(np.isin(ratio, 2 ** np.arange(DEEPEST_STEP + 1))))
+        sound = sound and bool(np.all(np.diff(code) >= size[:-1] ** d) and np.all(parent >= 0))
         sound = sound and bool(np.all(ratio * size == leaves.size[parent]))
         sound = sound and bool(np.all((code - leaves.code[parent]) % size**d == 0))
-        filled = np.bincount(parent, (size / leaves.size[parent]) ** d, len(leaves))
-        sound = sound and bool(np.all(np.abs(filled - 1.0) < 1e-9))
-        if sound:
-            trees.append(LeafCells(corners(code, d), size, leaves.kind[parent], code))
-            sound = len(trees[-1].balanced()) == len(code)
+        most = BITS[d] if not whole else DEEPEST_STEP if number else 0
+        sound = sound and bool(np.all(np.isin(ratio, 2 ** np.arange(most + 1))))
+        if sound and whole:
+            filled = np.bincount(parent, (size / leaves.size[parent]) ** d, len(leaves))
+            sound = bool(np.all(np.abs(filled - 1.0) < 1e-9))
+        if not sound:
+            break
+        trees.append(LeafCells(corners(code, d), size, leaves.kind[parent], code))
+        sound = not whole or len(trees[-1].balanced()) == len(code)
     if not sound:
         raise ResultError("its agents do not stand side by side in the body")
-    return trees
+    return trees[1:]

@@ -110,7 +110,7 @@ class PairLoop:
         if self.finished and isinstance(self.last, Bricks):
             self.last.finish()
             self._judged = self.goals.read_again(self.last, self._judged)
-        self.generations.append(generation_of(self.last, chosen))
+        self.generations.append(generation_of(self.last, chosen, self.body.dimension == 2))
 
     def outcome(self) -> PairAgents:
         """Return the agents as they are."""

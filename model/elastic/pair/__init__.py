@@ -5,7 +5,7 @@ Read `gap` (the law on one page: agents halve where their opinions differ most, 
 differences proves the answer), `leaves` and `leaf_mesh` (agents, and the corners and edges they
 share), `border` (supports and loads), `elements`, `displacement` and `airy` (both opinions),
 `levels` (their equations, solved by multigrid), `opinions` (both, in the plane), `space` (bodies in
-space, where agents have the first opinion only), `settling` and `loop` (one generation, then all),
-`history` and `family` (what is kept), `answer` and `goals` (what is read). The files `cut_mesh` and
+space, where agents have the first opinion only), `history` and `loop` (one generation, then all),
+`family` (their tree), `answer` and `goals` (what is read). The files `cut_mesh` and
 so on are agents cut by true outlines.
 """

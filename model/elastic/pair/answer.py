@@ -187,7 +187,7 @@ class PairAgents(OnCells):
     def moved(self) -> Floats:
         """Displacement of the agents' middles."""
         middles = np.full((self.count, self.ground.dimension), 0.5)
-        return self.opinions.displacement_at(np.arange(self.count), middles)
+        return np.asarray(self.opinions.displacement_at(np.arange(self.count), middles))
 
     @cached_property
     def farthest(self) -> float:
@@ -202,16 +202,17 @@ class PairAgents(OnCells):
     def stress(self) -> Floats:
         """Stress tensors of the agents: in the plane the mean of both opinions over each."""
         balanced, fitted = self.opinions.means
-        return 0.5 * (balanced + fitted) if self.two_minds else fitted
+        return np.asarray(0.5 * (balanced + fitted) if self.two_minds else fitted)
 
     @property
     def balanced(self) -> Floats:
         """Mean stress tensors of the opinion that balances."""
-        return self.opinions.means[0]
+        return np.asarray(self.opinions.means[0])
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
-        return self.opinions.reactions()
+        found: dict[str, Floats] = self.opinions.reactions()
+        return found
 
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) in cells lie, and where in each, 0 to 1."""
@@ -224,11 +225,11 @@ class PairAgents(OnCells):
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
-        return self.opinions.displacement_at(*self.placed(points, cells))
+        return np.asarray(self.opinions.displacement_at(*self.placed(points, cells)))
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return self.opinions.stress_at(*self.placed(points, cells))
+        return np.asarray(self.opinions.stress_at(*self.placed(points, cells)))
 
     def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
         """Return the stresses that balance, and those that fit, at points (m) in the plane."""

@@ -9,8 +9,6 @@ from operator import attrgetter
 from time import perf_counter
 from typing import Any, Literal
 
-import numpy as np
-
 from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
@@ -29,7 +27,6 @@ from kaju.stepping import Order, Until, step_to_end, takes_objects
 from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
 from .load_transfer import LoadTransfer
-from .stage import Totals
 from .transfer import Transfer
 from .transfer_result import TransferResult
 
@@ -184,16 +181,6 @@ class LoadModel(SteppedModel):
     outcome = property(attrgetter("course.outcome"))
     """How the current stage ended, in words; empty while loads travel."""
 
-    @property
-    def at_rest(self) -> bool:
-        """Whether no load waits to be taken in the current stage."""
-        return bool(self.pending == 0.0)
-
-    @property
-    def totals(self) -> Totals:
-        """What each agent of the current stage has done by now, in the order of `Stage`."""
-        return self.engine.totals()
-
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
         options = {
@@ -254,11 +241,6 @@ class LoadModel(SteppedModel):
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
         """Return the material agent of a cell of the scene, None if it sleeps."""
         return self._objects().agents.get(tuple(index))
-
-    def form(self, index: tuple[int, ...]) -> int:
-        """Return the form of the cell with that index."""
-        several = self.lattice.forms > 1
-        return int(self.lattice.form(np.array([index]))[0]) if several else 0
 
     def axis_of(self, direction: int) -> int:
         """Return the number of the axis that a direction lies on."""

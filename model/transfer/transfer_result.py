@@ -119,11 +119,6 @@ class TransferResult(BodyResult):
         return len(self.stages)
 
     @property
-    def taken(self) -> Floats:
-        """Loads taken (N) by direction, shape (agents, directions)."""
-        return self.last.taken
-
-    @property
     def last(self) -> Stage:
         """The last stage of loading."""
         return self.stages[-1]

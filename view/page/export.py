@@ -280,7 +280,7 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
         if model.generation == 1:  # a stage of loading has begun
             account = Account(model.scene)
         if model.generation:
-            account.note(model.generation, model.totals, model.engine.returned)
+            account.note(model.generation, model.engine.totals(), model.engine.returned)
         return False
 
     result = model.run(until=note)

@@ -14,7 +14,7 @@ from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule, ShareRule
 from kaju.agents.shares import Emission, Sense, Shares
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import SceneError, require
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.scene.lattice import Cells, Lattice
@@ -68,13 +68,10 @@ class Transfer:
     def _shares_of(self, material: Material) -> Shares:
         """Ask the rule for the shares of a material."""
         shares = self.rule.shares(material, self.lattice.dimension)
-        if not isinstance(shares, Shares):
-            raise ParameterError(
-                f"rule: shares of {material.name!r} must be kaju.Shares, got {shares!r}"
-            )
+        told = f"rule: shares of {material.name!r} must be kaju.Shares, got {shares!r}"
+        require(isinstance(shares, Shares), told)
         problem = check_shares(shares, self.rule.sense)
-        if problem:
-            raise ParameterError(f"rule: {material.name!r} {problem}")
+        require(not problem, f"rule: {material.name!r} {problem}")
         return shares
 
     def applied(self, stage: int) -> AppliedLoads:
@@ -176,13 +173,10 @@ class Transfer:
 
 def _check_rule(rule: ShareRule) -> None:
     for name in ("shares", "threshold", "accumulate", "sense"):
-        if not hasattr(rule, name):
-            raise ParameterError(
-                f"rule: {type(rule).__name__} has no {name!r}; a rule has shares(material, "
-                "dimension), threshold, accumulate and sense"
-            )
-    if not (isfinite(rule.threshold) and rule.threshold > 0.0):
-        raise ParameterError(f"rule.threshold: must be a load above 0 N, got {rule.threshold}")
+        told = "a rule has shares(material, dimension), threshold, accumulate and sense"
+        require(hasattr(rule, name), f"rule: {type(rule).__name__} has no {name!r}; {told}")
+    told = f"rule.threshold: must be a load above 0 N, got {rule.threshold}"
+    require(0.0 < rule.threshold < inf, told)
 
 
 def check_shares(shares: Shares, sense: bool) -> str:

@@ -461,13 +461,15 @@ class ElasticResult(BodyResult):
     @cached_property
     def near_steps(self) -> Flags:
         """Which agents lie in or beside cells that slanted or round outlines cross."""
+        if not self.grid.body.regions:
+            return np.zeros(self.agents, dtype=np.bool_)
         return near_steps(self.grid, self.middle)
 
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
         agent = first_largest(self.von_mises)
-        place = tuple(self.middle[agent].tolist())
+        place = tuple((self.lower[agent] + 0.5 * self.size[agent]).tolist())
         return LargestStress(float(self.von_mises[agent]), place, no_limit(self, agent))
 
     @property

@@ -251,13 +251,10 @@ class PosedBody:
 
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.equal.problem`."""
-        scene, h = self.scene, self.scene.lattice.cell_size
+        scene = self.scene
         modulus = max(material.youngs_modulus for material in scene.cell_materials)
-        stretch = modulus * (scene.thickness if self.dimension == 2 else h)
-        sides = [scene.side_condition(name) for name in scene.lattice.sides]
-        moved = max((abs(v) for s in sides for v in s.displacement or ()), default=0.0)
-        peak = float(np.abs(self._force).max(initial=0.0))
-        self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
+        sides = map(scene.side_condition, scene.lattice.sides)
+        self.scales = Scales.of_cells(scene, modulus, self._force, sides)
         self._force /= self.scales.force
         self._uneven = self._uneven._replace(growth=self._uneven.growth / self.scales.force)
         # Square root of about the energy of the loads, each spread over the width it covers.

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import inf, log2, log10
 from typing import NamedTuple
 
+import numpy as np
+
+from kaju.arrays import Floats
 from kaju.errors import SceneError
+from kaju.model.scene import Scene
+from kaju.model.scene.sides import SideCondition
 
 HELD = 250
 """Powers of ten that leave room for squares and sums of what is of that order."""
@@ -41,6 +47,17 @@ class Scales(NamedTuple):
         # small differences in bodies that move by much more than they stretch.
         displacement = 2.0 ** round(log2(force / stretch))
         return cls(modulus, displacement * stretch, length, displacement)
+
+    @classmethod
+    def of_cells(
+        cls, scene: Scene, modulus: float, force: Floats, sides: Iterable[SideCondition]
+    ) -> Scales:
+        """Return the units of a scene's cells under forces (N), of which some sides are moved."""
+        length = scene.lattice.cell_size
+        stretch = modulus * (scene.thickness if scene.lattice.dimension == 2 else length)
+        moved = max((abs(u) for side in sides for u in side.displacement or ()), default=0.0)
+        peak = float(np.abs(force).max(initial=0.0))
+        return cls.of(modulus, max(peak, stretch * moved), length, stretch)
 
     @property
     def stress(self) -> float:

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags
 from kaju.errors import ParameterError, SceneError
-from kaju.model.elastic.equal.grid import constants_of, problem_of, scales_of, sides_of
+from kaju.model.elastic.equal.grid import constants_of, problem_of, sides_of
 from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.equal.system import lift
+from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 from kaju.model.scene.resolved_body import grid
@@ -207,7 +208,8 @@ def window_of(scene: Scene, stage: int | None, level: PetscLevel) -> Window:
     kinds[kinds == DISPLACED] = RIGID
     rim = kinds.reshape(upper - lower + 2).astype(np.int32)
     applied, constants = scene.applied(stage), constants_of(scene)
-    scales = scales_of(scene, constants, sides_of(scene, *body), applied.force)
+    modulus, sides = float(constants[:, 0].max()), sides_of(scene, *body).values()
+    scales = Scales.of_cells(scene, modulus, applied.force, sides)
     loads = applied.within(*box)
     problem = problem_of(scene, rim, constants, box, loads, scales)
     return Window(scene, level, problem, body[0], lower - 1, lift(problem, lower, shape))

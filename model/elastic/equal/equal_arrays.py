@@ -98,11 +98,6 @@ class EqualArrays:
         return self._spread(equivalent_stress(stress, moduli, self._law, self._grid.plane))
 
     @cached_property
-    def principal_stress(self) -> Floats:
-        """Principal stresses (Pa) of the cells in the plane (space), smallest first."""
-        return self._spread(np.asarray(np.linalg.eigvalsh(self.stress[self.body])))
-
-    @cached_property
     def corner_displacement(self) -> Floats:
         """Displacement (m) of the cells' corners, shape (n + 1, ..., dimension)."""
         if self._agents is not None:

@@ -54,7 +54,8 @@ def problem_of_scene(
     used = constants if len(constants) == 1 else constants[np.unique(kinds[body])]
     loads = scene.applied(stage).within(lower, upper)
     try:
-        scales = scales_of(scene, used, sides_of(scene, lower, upper), loads.force)
+        modulus, sides = float(used[:, 0].max()), sides_of(scene, lower, upper).values()
+        scales = Scales.of_cells(scene, modulus, loads.force, sides)
         problem = problem_of(scene, kinds, constants, (lower, upper), loads, scales)
     except ParameterError as error:
         names = ", ".join(material.name for material in scene.cell_materials)
@@ -75,17 +76,6 @@ def sides_of(scene: Scene, lower: Ints, upper: Ints) -> dict[int, SideCondition]
         if upper[axis] == scene.lattice.shape[axis] if high else lower[axis] == 0:
             found[index] = scene.side_condition(name)
     return found
-
-
-def scales_of(
-    scene: Scene, constants: Floats, sides: dict[int, SideCondition], force: Floats
-) -> Scales:
-    """Return units in which the largest modulus and the largest force (N) are one."""
-    modulus, length = float(constants[:, 0].max()), scene.lattice.cell_size
-    stretch = modulus * (scene.thickness if scene.lattice.dimension == 2 else length)
-    moved = [stretch * abs(u) for side in sides.values() for u in side.displacement or ()]
-    peak = float(np.abs(force).max(initial=0.0))
-    return Scales.of(modulus, max(peak, *moved, 0.0), length, stretch)
 
 
 def problem_of(

@@ -149,6 +149,8 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
 
 def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("who-holds-the-load"), tmp_path))
+    page.tab.get_by_role("tab", name="Step").click()  # locked until there is a guess
+    assert page.js("page.lesson.step") == "predict"
     assert page.tab.get_by_role("button", name="Elasticity").count() == 0
     page.tab.get_by_role("textbox").fill("2")
     page.tab.keyboard.press("Tab")

@@ -50,6 +50,11 @@ export class Lesson {
     const own = this.of(this.step);
     this.go(own.length ? this.questions.indexOf(own.find((q) => !this.answered(q)) ?? own[0]) : -1, quiet);
   }
+  /** Open a step that a reader asks for: who has not guessed yet guesses first. */
+  enter(n) {
+    const open = this.of("predict").find((q) => (q.kind === "cells" ? !this.isDone(q) : !this.answered(q)));
+    if (n && open && !this.teacher) { this.step = "predict"; this.go(this.questions.indexOf(open)); this.page.announce(this.page.t("answerFirst")); } else this.open(n);
+  }
   go(at, quiet = false) {
     const { page } = this;
     this.at = at;
@@ -85,7 +90,7 @@ export class Lesson {
   finish(step) {
     this.done = this.done.filter((name) => name !== this.step);
     if (this.of(this.step).every((q) => this.isDone(q))) this.done.push(this.step);
-    this.keep(); this.open(step);
+    this.keep(); this.enter(step);
   }
   answer(q, value, field) {
     if (field === undefined) this.answers[q.key] = value;
@@ -229,7 +234,7 @@ export function lessonSide(page) {
   const { lesson, t, parts } = page, { question: q } = lesson;
   lesson.hidden = lesson.step === "predict" && lesson.limit !== Infinity && !Object.keys(lesson.guesses[q.key] ?? {}).length;
   const face = (name) => make("span", {}, make("i", {}, ...(lesson.done.includes(name) ? [icon("tick")] : [String(STEPS.indexOf(name) + 1)])), t(`step_${name}`));
-  const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.open(STEPS.indexOf(name)));
+  const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.enter(STEPS.indexOf(name)));
   tabs.classList.add("steps");
   STEPS.forEach((name, i) => { if (lesson.done.includes(name)) tabs.children[i].classList.add("done"); });
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : []), ...stepCards(page));
@@ -297,8 +302,8 @@ function stepCards(page) {
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
   const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
-  const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
-    make("div", {}, button(page.nameOf(preset), () => lesson.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
+  parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => lesson.load(preset)));
+  const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   if (lesson.step === "step") return [...tries, ...about, ...code, ...(lesson.question?.show.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
   if (lesson.step === "explain") return [...tries, ...about, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));

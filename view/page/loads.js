@@ -1,6 +1,7 @@
 // Loads in the hand: arrows with number and unit, moved by their tails, turned by their heads,
 // added, deleted, typed.
 import { button, make, numberField } from "./controls.js";
+import { AIR } from "./lattice.js";
 import { arrow, FONT, paintWord } from "./paint.js";
 import { entering } from "./rule.js";
 import { largestForce } from "./scene.js";
@@ -41,9 +42,14 @@ export class Loads {
   }
   ends(view, { cell, force }, length, aside = 0) {
     const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
-    const [dx, dy] = view.way(unit);
-    const [cx, cy] = view.point(view.centre(cell)), gap = view.u / 2 + 3, x = cx - dx * gap - dy * aside, y = cy - dy * gap + dx * aside;
+    const [dx, dy] = view.way(unit), away = this.pulls(cell, unit) ? view.u / 2 + 3 + length : -view.u / 2 - 3;   // outside of the body either way
+    const [cx, cy] = view.point(view.centre(cell)), x = cx + dx * away - dy * aside, y = cy + dy * away + dx * aside;
     return { dx, dy, head: [x, y], tail: [x - dx * length, y - dy * length], length };
+  }
+  /** Whether a force points out of the body at its cell, from a neighbour in the body. */
+  pulls(cell, unit) {
+    const { lattice: L, kinds } = this.page.run, arm = kinds ? L.normals.findIndex((n) => n.reduce((sum, x, a) => sum + x * unit[a], 0) > 0.9) : -1, beyond = (a) => kinds[L.neighbour(L.key(cell), a)];
+    return arm >= 0 && beyond(arm) === AIR && beyond(L.opposite[arm]) >= 0;
   }
   paint(view) {
     const { page: { inks, touchable, hold, mode }, list, chosen } = this, { ctx } = view;

@@ -1,12 +1,13 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
-import { paintGrid, partOf } from "./charts.js";
+import { paintGrid, partOf, ticksOf } from "./charts.js";
 import { make } from "./controls.js";
 import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
 import { colourOf, css, fillBox, fillRimmed, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
-import { quantity, roundDown } from "./words.js";
+import { general, local, quantity, roundDown } from "./words.js";
 
+const AMOUNT = /\d[\d.]*(?:e[-+]?\d+)?(?: (?:%|[GMkmµnp]?(?:Pa|J|N|m)\b))?/g;
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
@@ -56,7 +57,17 @@ export class MotionPage extends Page {
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }
   get solvable() { return false; }
   word(key) { return this.t(key === "move" ? key : `value_${key}`); }
-  certify() { this.tellVerdict(this.outcome, true); }
+  /** How the run ended, in the reader's language where it has these words: numbers fill the gaps of a sentence. */
+  certify() {
+    const said = (text) => { const gaps = []; return this.t(`told_${text.replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text }); };
+    this.tellVerdict(this.outcome.split(/(; |, without limit: )/).map(said).join(""), null);
+  }
+  /** Round times of a run in seconds with the frame of each, at most so many. */
+  seconds(most) {
+    const { at } = this, last = at.length - 1, near = (v) => at.reduce((best, x, g) => (Math.abs(x - v) < Math.abs(at[best] - v) ? g : best), 0);
+    const list = ticksOf(at[0], at[last], 8).map((v) => [near(v), `${general(v, 3)} s`]);
+    return list.filter(([g], n) => !n || g - list[n - 1][0] >= 1.5 * last / most);
+  }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
   magnification() { return this.usual * 10 ** this.look.magnify; }
 
@@ -209,16 +220,17 @@ export class MotionPage extends Page {
   words() {
     const { t, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
     this.tellTime(text);
+    this.parts.verdict.hidden = !this.outcome || (this.along !== "share" && g < run.generation) || this.limit < run.generation;   // how it ended is told at the end
     this.tell();
     this.drawCurves();
   }
   tell() {
     const { picked, parts, t } = this;
-    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t("pickPart") })); return; }
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? "pickRod" : "pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
-    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t("part", { n: picked }) }), make("dl", {}, ...rows));
+    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners === 2 ? "rod" : "part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
     const { parts: { charts: canvas }, curveList, inks, at, g, t } = this, named = (of) => t(`curve_${of}`, { otherwise: of });

@@ -33,7 +33,7 @@ export class Page {
     this.loads = new Loads(this);
     this.studio = header.python ? new Workshop(this, header.python) : null;
     this.lesson = lesson ? new Lesson(this, lesson) : null;
-    if (this.lesson) this.look.speed = 1;
+    if (this.lesson) this.look.speed = this.at?.length > 60 ? 8 : 1;   // nobody watches a hundred frames for minutes
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
     this.root = element.shadowRoot;
     this.root.replaceChildren(this.host);
@@ -306,8 +306,9 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
-    const ruled = this.deformable && (moved || !this.lesson) ? t("keepsNone") : "";
-    this.parts.cap.textContent = this.told || [scaled, ruled].filter(Boolean).join(" · ");
+    const ruled = this.deformable && !box.w && (moved || !this.lesson) ? t("keepsNone") : "";   // beside cuts a card says so
+    const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
+    this.parts.cap.textContent = this.told || [scaled, ruled, sensed].filter(Boolean).join(" · ");
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;
@@ -352,7 +353,7 @@ export class Page {
     const tries = this.touchable && !this.lesson && !this.mode?.alone ? [buildTries(this)] : [];
     this.anew(() => this.host.replaceChildren(this.parts.header, buildBar(this), ...tries, this.stageBox, buildFooter(this), buildAside(this)));
     this.host.lang = this.language; this.host.dataset.sheet = this.sheet;
-    this.certify(); this.later();
+    this.certify(); this.header(); this.later();
   }
   /** What the way of looking says above the picture and beside it, anew; but nothing under a finger: its click would be lost. */
   refresh() {
@@ -371,7 +372,11 @@ export class Page {
   raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
   /** Whose picture it is, and who made it. */
   get whose() { return [this.t(this.changed ? "changed" : this.kind), ...(this.own ? [this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
-  header() { this.parts.mode.textContent = this.whose; }
+  header() {
+    this.parts.mode.textContent = this.whose;
+    const scene = JSON.stringify(this.scene), same = (preset) => JSON.stringify(preset.scene) === scene && (preset.cells ?? this.start.cells).every((c, i) => c === this.cells[i]);
+    this.parts.presets?.forEach((b, n) => { b.ariaPressed = String(same(this.presets[n])); });
+  }
   speak(language) { this.language = language; this.t = say(language); this.rebuild(); this.header(); }
   dress(dark) {
     this.dark = dark;
@@ -467,7 +472,7 @@ export class Page {
     if (this.look.letters) {
       const mode = offered(this).find(({ letter }) => letter === event.key.toLowerCase());
       if (event.key === "?") { showKeys(this); return; }
-      if (this.lesson && "1234".includes(event.key)) { this.lesson.open(Number(event.key) - 1); return; }
+      if (this.lesson && "1234".includes(event.key)) { this.lesson.enter(Number(event.key) - 1); return; }
       if (mode) { if (this.mode !== mode) this.setMode(mode.name); mode.called?.(this); return; }
     }
     const jump = { ArrowLeft: this.g - 1, ArrowRight: this.g + 1, Home: 0, End: Infinity, ",": this.g - 1, ".": this.g + 1 }[event.key];

@@ -6,14 +6,14 @@ export const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 1
 const MOST_ARROWS = 500, ROWS = Math.sqrt(3) / 2;
 const INKS = ["ink", "soft", "paper", "panel", "line", "hair", "cell", "accent", "onaccent", "wash", "load", "rule", "elastic", "hit", "miss", "false", "awake", "good", "bad"];
 export const FONT = '12px system-ui, -apple-system, "Segoe UI", "Noto Sans CJK JP", "DejaVu Sans", sans-serif';
-const SEVEN = ["p4", "p3", "p2", "p1", "zero", "o1", "o2", "o3"];
+const SIGNED = ["p4", "p3", "p2", "p1", "zero", "o1", "o2", "o3", "o4"];   // what is next to nothing has one colour, whatever its sign
 
-/** The colours of a theme: its inks by name, nine steps for quantities, eight for differences. */
+/** The colours of a theme: its inks by name, nine steps for quantities, nine for differences. */
 export function inksOf(style) {
   const read = (name) => style.getPropertyValue(`--${name}`).trim() || "#888888";
   const inks = Object.fromEntries(INKS.map((name) => [name, read(name)]));
   inks.steps = Array.from({ length: 9 }, (_, n) => read(`k${n}`));
-  inks.differences = SEVEN.map(read);
+  inks.differences = SIGNED.map(read);
   inks.packed = Uint32Array.from(inks.steps, (hex) => packed(rgb(hex)));
   inks.packedDifferences = Uint32Array.from(inks.differences, (hex) => packed(rgb(hex)));
   return inks;
@@ -43,7 +43,7 @@ export class View {
   /** In a box {x, y, w, h} of pixels or all of the canvas; `window`: [x, y, columns, rows] in cells; `foot`: room for a legend. */
   constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight, foot = tight ? 0 : bw ? 20 : 40 } = {}) {
     const { w, h } = Object.assign(this, { canvas, ctx: canvas.getContext("2d"), lattice, ...fitted(canvas) });
-    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 30 : Math.min(52, 0.07 * Math.min(w, h) + 16);
+    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 36 : Math.min(52, 0.07 * Math.min(w, h) + 16);
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
     this.width = nx + (lattice.hexagon && ny > 1 ? 0.5 : 0);
     this.height = lattice.hexagon ? (ny - 1) * ROWS + 1.1547 : ny;
@@ -307,6 +307,7 @@ export function paintLoads(view, rows, C, inks, shown = () => true) {
   ctx.lineCap = "round";
   for (const [ink, width, pulls] of [[inks.paper, 4, null], [inks.load, 1.8, false], [inks.elastic, 1.8, true]]) {
     ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
+    ctx.setLineDash(pulls ? [4, 4] : []);      // a form besides the colour
     for (let i = 0, n = 0; i < count; i++) {
       const f = rows.value[i] / top, k = Math.floor(rows.index[i] / C), channel = rows.index[i] - k * C;
       if (f < 0.01 || rows.value[i] < least || (pulls !== null && pulls !== channel >= D)) continue;
@@ -319,6 +320,7 @@ export function paintLoads(view, rows, C, inks, shown = () => true) {
     }
     ctx.stroke();
   }
+  ctx.setLineDash([]);
 }
 
 /** Who handed how much to whom: lines between neighbours, thicker for more, in a few widths at once. */

@@ -76,7 +76,8 @@ export function tellMarks(page) {
   const room = Math.floor(marks.clientWidth / 28);
   page.marked = key;
   const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, list = [];
-  if (room > 1) for (let g = 0; g <= n; g += every) list.push(make("span", { textContent: g, style: `left: ${100 * g / (n || 1)}%`, className: g > open ? "shut" : "" }));
+  const named = page.along === "s" ? page.seconds(room) : Array.from({ length: Math.floor(n / every) + 1 }, (_, i) => [i * every, i * every]);
+  if (room > 1) for (const [g, text] of named) list.push(make("span", { textContent: text, style: `left: ${100 * g / (n || 1)}%`, className: g > open ? "shut" : "" }));
   if (open < n) list.push(make("i", { style: `left: ${100 * open / n}%` }));
   marks.replaceChildren(...list);
 }
@@ -93,7 +94,7 @@ export function buildAside(page) {
   return make("aside", {}, tabs, make("div", { className: "body", tabIndex: 0 }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
 }
 
-export const storyCard = (page) => make("section", {}, make("h2", { textContent: page.t("agent") }), page.parts.story);
+export const storyCard = (page) => make("section", {}, ...(page.fields && !page.born ? [] : [make("h2", { textContent: page.t("agent") })]), page.parts.story);   // rods and faces are no agents
 export const chartsCard = (page) => make("div", { className: "charts" }, page.parts.charts);
 /** What the way of looking brings to the side. */
 export const modeCards = (page) => page.mode?.cards?.(page) ?? [];
@@ -143,7 +144,7 @@ export function tabList(page, names, chosen, face, choose) {
 }
 
 export function buildTries(page) {
-  const tries = page.presets.map((preset) => button(page.nameOf(preset), () => page.load(preset), { title: page.say(preset.note) ?? "" }));
+  const tries = page.parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => page.load(preset), { title: page.say(preset.note) ?? "" }));
   return make("nav", { className: "tries", ariaLabel: page.t("tries") }, make("span", { className: "hint", textContent: page.t("tries") }), ...tries);
 }
 

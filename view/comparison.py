@@ -6,7 +6,7 @@ The reference is drawn as a line in ink, whatever is judged by it in colours wit
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -39,14 +39,6 @@ Shown = tuple[str, str, str]
 """What a row of panels shows: a quantity, its component, and how it is called."""
 
 
-class Line(NamedTuple):
-    """A line through the body: what it is called, and its two ends (m)."""
-
-    title: str
-    start: Sequence[float]
-    end: Sequence[float]
-
-
 def pair_of(of: Any, quantity: str, component: str = "") -> Pair:
     """Return a component of a comparison or a profile, or all of them."""
     pair: Pair | None = of.displacement if quantity == "displacement" else of.stress
@@ -55,7 +47,9 @@ def pair_of(of: Any, quantity: str, component: str = "") -> Pair:
     return pair.component(component) if component else pair
 
 
-def _draw_along(ax: Axes, found: Mapping[str, Comparison], line: Line, shown: Shown) -> None:
+def _draw_along(
+    ax: Axes, found: Mapping[str, Comparison], line: StraightWay, across: str, shown: Shown
+) -> None:
     """Draw a quantity along one line: of the reference, and of all that is judged by it."""
     what, component, label = shown
     profile = next(iter(found.values())).along(line.start, line.end, 401)
@@ -71,7 +65,10 @@ def _draw_along(ax: Axes, found: Mapping[str, Comparison], line: Line, shown: Sh
         ax.plot((points - start) @ (span / length), judged[-1], **_look(number))
     _keep_to(ax, "y", pair.reference, judged)
     style.label_axis(ax.yaxis, label, [*ax.get_ylim()], pair.unit)
-    style.label_axis(ax.xaxis, line.title, [0.0, length], "m")
+    title = "way down from the load"
+    if line.depth is not None:
+        title = f"{across}, {quantity(line.depth, 'm')} below the load"
+    style.label_axis(ax.xaxis, title, [0.0, length], "m")
     ax.grid(True, color="#ececec", linewidth=0.6)
     ax.axhline(0.0, color="#b5b5b5", linewidth=0.6)
     ax.spines[["top", "right"]].set_visible(False)
@@ -94,16 +91,15 @@ def _keep_to(ax: Axes, axis: str, reference: Floats, judged: Sequence[Floats]) -
     ax.text(0.5, 0.02, told, transform=ax.transAxes, fontsize=7, color=INK, ha="center")
 
 
-def _profiles(
-    found: Mapping[str, Comparison], lines: Sequence[Line], rows: Sequence[Shown]
-) -> Figure:
-    """Draw quantities along lines: a row of panels each."""
+def _profiles(study: RuleStudy, rows: Sequence[Shown]) -> Figure:
+    """Draw quantities down from the load and along rows: a row of panels each."""
+    lines, across = [study.down, *study.rows()], "xyz"[0 if study.axis else 1]
     figure = style.new_figure((4.1 * len(lines) + 0.5, 3.3 * len(rows) + 0.6))
     panels = figure.subplots(len(rows), len(lines), squeeze=False)
     for shown, row in zip(rows, panels, strict=True):
         for ax, line in zip(row, lines, strict=True):
-            _draw_along(ax, found, line, shown)
-    _legend_below(figure, found)
+            _draw_along(ax, study.comparisons, line, across, shown)
+    _legend_below(figure, study.comparisons)
     return figure
 
 
@@ -179,24 +175,16 @@ def pictures_beside(study: RuleStudy) -> dict[str, Figure]:
     """
     names = "xyz"[: study.scene.lattice.dimension]
     along, across = names[study.axis], names[0 if study.axis else 1]
-    lines, found = [_line(study, way) for way in (study.down, *study.rows())], study.comparisons
     stresses = [("stress", axis * 2, rf"$\sigma_{{{axis * 2}}}$") for axis in (along, across)]
-    figures = {"stress": _profiles(found, lines, stresses)}
+    figures = {"stress": _profiles(study, stresses)}
     if study.scene.lattice.dimension == 2:
-        shapes = {name: comparison.result for name, comparison in found.items()}
+        shapes = {name: comparison.result for name, comparison in study.comparisons.items()}
         figures["deformed"] = plot_shapes(shapes, study.believed)
     moved = ("displacement", along, f"$u_{along}$")
     return figures | {
-        "displacement": _profiles(found, lines, [moved]),
+        "displacement": _profiles(study, [moved]),
         "cuts": _cuts_beside(study),
     }
-
-
-def _line(study: RuleStudy, way: StraightWay) -> Line:
-    across = "xyz"[0 if study.axis else 1]
-    if way.depth is None:
-        return Line("way down from the load", way.start, way.end)
-    return Line(f"{across}, {quantity(way.depth, 'm')} below the load", way.start, way.end)
 
 
 def _cuts_beside(study: RuleStudy) -> Figure:

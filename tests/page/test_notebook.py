@@ -8,12 +8,11 @@ from pathlib import Path
 import nbconvert
 import nbformat
 from nbconvert import HTMLExporter
-from page_scenes import Leaky
+from page_scenes import Leaky, header_of
 from plates import PLATE
 
 import kaju
 from kaju import LoadModel, Scene
-from kaju.view.page.data import unpack
 
 # Beside the packages, wherever those are: an environment may borrow them from another one.
 TEMPLATES = Path(nbconvert.__file__).parents[4] / "share/jupyter"
@@ -27,7 +26,7 @@ def page_in(html):
 
 def told(page):
     data = re.search(r'id="kaju-data">([^<]+)<', page)[1]
-    return unpack(base64.b64decode(data))
+    return header_of(base64.b64decode(data))
 
 
 def test_a_result_is_a_page_shut_off_from_the_notebook():
@@ -35,16 +34,16 @@ def test_a_result_is_a_page_shut_off_from_the_notebook():
     assert 'sandbox="allow-scripts allow-downloads"' in html
     page = page_in(html)
     assert "default-src 'none'; script-src 'sha256-" in page
-    assert told(page)[0]["kind"] == "runnable"
+    assert told(page)["kind"] == "runnable"
 
 
 def test_a_model_shows_what_has_happened_and_is_not_run_on():
     model = LoadModel(Scene(**PLATE), material_agent=Leaky)
     for _ in range(3):
         model.step()
-    header, columns = told(page_in(model._repr_html_()))
+    header = told(page_in(model._repr_html_()))
     assert header["kind"] == "recorded"
-    assert len(columns["offset"]) == 4
+    assert {name: size for name, _, size in header["columns"]}["offset"] == 4
     assert model.generation == 3
 
 

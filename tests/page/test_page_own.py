@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_scenes import Leaky
+from page_scenes import Leaky, header_of
 from plates import plate as pressed
 
 from kaju import (
@@ -13,7 +13,6 @@ from kaju import (
     RigidBoundaryAgent,
     RollerBoundaryAgent,
 )
-from kaju.view.page.data import unpack
 from kaju.view.page.export import packed_page
 
 
@@ -75,12 +74,12 @@ def check_own(page, name, head):
 @pytest.mark.parametrize("name", OWN)
 def test_what_is_overridden_is_recorded_and_named(name):
     model = LoadModel(plate(), **OWN[name])
-    header, _ = unpack(packed_page(model))
+    header = header_of(packed_page(model))
     assert header["kind"] == "recorded"
     assert header["own"]["names"] == [name]
     assert f" {name}" in header["own"]["source"]
     # A result does not know its classes; what they did tells them from the rule's own.
-    assert unpack(packed_page(model.run()))[0]["kind"] == "recorded"
+    assert header_of(packed_page(model.run()))["kind"] == "recorded"
 
 
 @pytest.mark.parametrize("name", ["Soft", "Ice", "first_only"])

@@ -1,5 +1,8 @@
 """Random scenes for the page: squares, hexagons and cubes, both ways to add up."""
 
+import json
+import zlib
+
 import numpy as np
 
 from kaju import Coefficients, KajuError, MaterialAgent, PrescribedRule, Scene
@@ -76,6 +79,12 @@ def described(scene, **others):
     """Return what a script is given of a scene."""
     data, columns = scene_data(scene)
     return {"scene": data, "cells": columns["cells"].ravel().tolist()} | others
+
+
+def header_of(packed):
+    """What the data of a page say before their columns."""
+    raw = zlib.decompress(packed)
+    return json.loads(raw[4 : 4 + int.from_bytes(raw[:4], "little")])
 
 
 class Leaky(MaterialAgent):

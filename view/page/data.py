@@ -52,20 +52,6 @@ def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: 
     return zlib.compress(len(head).to_bytes(4, "little") + head + body, level)
 
 
-def unpack(packed: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Read what `pack` wrote."""
-    raw = zlib.decompress(packed)
-    start = 4 + int.from_bytes(raw[:4], "little")
-    header: dict[str, Any] = json.loads(raw[4:start])
-    columns: dict[str, NDArray[Any]] = {}
-    for name, kind, count in header.pop("columns"):
-        width = np.dtype(kind).itemsize
-        block = np.frombuffer(raw, np.uint8, count * width, start).reshape(width, count)
-        columns[name] = np.ascontiguousarray(block.T).view(kind).ravel()
-        start += count * width
-    return header, columns
-
-
 def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
     """Return the scene as plain data, and its cells as a column."""
     lattice = scene.lattice

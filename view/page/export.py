@@ -14,7 +14,7 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +49,6 @@ def _in(language: str | None, text: Text | None) -> str | None:
     return text.get(language or "en") or next(iter(text.values()), None)
 
 
-class Runs(Protocol):
-    """A model that runs to its end and tells what came of it."""
-
-    def run(self) -> Result:
-        """Return the result."""
-
-
 MODULES = (
     "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
     "markdown.js", "paint.js", "charts.js", "state.js",
@@ -81,7 +74,7 @@ LANGUAGES = ("en", "de", "ja")
 
 
 def export_page(
-    of: Scene | Result | Runs | str | Path,
+    of: Any,
     path: str | Path,
     *,
     title: Text | None = None,
@@ -171,7 +164,7 @@ def export_page(
 
 
 def packed_page(
-    of: Scene | Result | Runs,
+    of: Any,
     text: Text = "",
     presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
     about: Mapping[str, Any] | None = None,

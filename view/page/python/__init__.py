@@ -80,13 +80,7 @@ def _unknown(source: str) -> list[str]:
 
 @cache
 def worker(modules: str) -> str:
-    """Return the worker's text, deflated: Brython, two of its modules, the page's, kaju's agents.
-
-    Raises
-    ------
-    MissingExtraError
-        If Brython is not installed.
-    """
+    """Return the worker's deflated text: Brython, two of its modules, the page's, the agents."""
     with needing("python: a page that runs Python needs Brython; pip install 'kaju[page]'"):
         import brython
     library = files(brython).joinpath("data")

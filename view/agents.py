@@ -165,8 +165,9 @@ def plot_agents(
     if generation is None:
         picture.entries += _mark_pulled(picture.ax, section, stage)
     else:
-        loads, across = load_plots.loads_taken(stage, generation), load_plots.FILM_ARROWS_ACROSS
-        coarse = section_of(result.scene, result.focus, cut, crop, across)
+        loads = load_plots.loads_taken(stage, generation)
+        # In a film arrows are seen for half a second: few of them.
+        coarse = section_of(result.scene, result.focus, cut, crop, 24)
         scale = load_plots.load_norm(stage.history.load)
         load_plots.draw_loads(picture.ax, coarse, stage, loads, scale, plain=True)
         picture.entries += load_plots.sense_entries(loads, stage.taken.shape[1], plain=True)

@@ -300,9 +300,6 @@ def _colours(moved: Floats) -> NDArray[np.uint8]:
     return np.rint(255.0 * np.pad(light, [(0, 0), (0, 1)], constant_values=1.0)).astype(np.uint8)
 
 
-_VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
-
-
 def _write_series(motion: Motion, path: Path, target: Path) -> None:
     """Write true displacements (m) as a ``.vtu`` file a frame, and the ``.pvd`` that lists them."""
     with needing(f"{target}: needs meshlane: pip install 'kaju[vtk]'"):
@@ -310,7 +307,8 @@ def _write_series(motion: Motion, path: Path, target: Path) -> None:
 
     flat = [(0, 0), (0, 3 - motion.points.shape[1])]
     points, moved = np.pad(motion.points, flat), np.asarray(motion.moved)
-    cells = [(_VTK[motion.parts.shape[1]], motion.parts)]
+    kinds = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
+    cells = [(kinds[motion.parts.shape[1]], motion.parts)]
     lines = ['<?xml version="1.0"?>']
     lines += ['<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">']
     lines += ["  <Collection>"]

@@ -136,10 +136,6 @@ SUPPORTS = {
     cell_types.FOUNDATION: ("elastic bed", "xx"),
     cell_types.DISPLACED: ("moved wall", "\\\\\\\\"),
 }
-_EDGES_UP_TO = 90  # tiles across, above which their edges are not drawn
-_WIDEST = 3.0  # pictures are at most this much wider than high
-_NARROWEST = 0.55
-_TRUE_UP_TO = 30.0  # longer bodies than this are not drawn to scale
 
 
 def draw_body(
@@ -149,7 +145,7 @@ def draw_body(
     tiles, kind = section.ground
     entries: list[Artist] = []
     across = int((section.upper - section.lower).max()) // section.block
-    separate = across <= _EDGES_UP_TO
+    separate = across <= 90
     edge = LINE if separate else "none"
     for number, material in enumerate(section.scene.cell_materials if filled else ()):
         chosen = kind == number
@@ -245,7 +241,7 @@ class BodyPicture:
         ax, section = self.ax, self.section
         lower, upper = section.box
         ratio = float(np.divide(*(upper - lower)))
-        stretched = not 1.0 / _TRUE_UP_TO <= ratio <= _TRUE_UP_TO
+        stretched = not 1.0 / 30.0 <= ratio <= 30.0
         ax.set_aspect("auto" if stretched else "equal")
         notes = [*notes, *section.notes]
         if stretched:
@@ -253,7 +249,7 @@ class BodyPicture:
         else:
             # Long bodies lie in a frame of moderate form, so that there is room for words.
             middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-            half = np.maximum(half, [half[1] * _NARROWEST, half[0] / _WIDEST])
+            half = np.maximum(half, [half[1] * 0.55, half[0] / 3.0])
             lower, upper = middle - half, middle + half
         reach = reach_of(ax, section)
         lower, upper = np.minimum(lower, reach[0]), np.maximum(upper, reach[1])

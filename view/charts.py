@@ -203,7 +203,6 @@ IN_TIME = Film("curves", "record", lambda course: range(len(course.times)), fps=
 """The curves of what creeps, and a dot that runs along them."""
 
 
-_BAR = "#4f7fa8"
 KEPT = 1e-6
 """Forces below this share of the load are what rounding and iterations leave."""
 
@@ -215,7 +214,7 @@ def plot_cuts(result: BodyResult, ax: Axes | None = None, *, axis: str | None = 
     upright = cuts.axis == "xyz"[result.scene.lattice.dimension - 1]
     thick = np.gradient(cuts.at) if len(cuts.at) > 1 else np.full(1, 0.5 * float(cuts.at[0]))
     draw_bars = ax.barh if upright else ax.bar
-    bars = draw_bars(cuts.at, cuts.carried, 0.82 * thick, color=_BAR, label="carried")
+    bars = draw_bars(cuts.at, cuts.carried, 0.82 * thick, color="#4f7fa8", label="carried")
     line = (cuts.balance, cuts.at) if upright else (cuts.at, cuts.balance)
     look: dict[str, Any] = {"color": INK, "lw": 1.0, "ls": "--", "marker": "s", "ms": 3.5}
     ax.plot(*line, mfc="white", label="needed for equilibrium", **look)

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
     from kaju.model.study.rule_study import RuleStudy, StraightWay
 
-MARKERS = ("s", "D", "o", "^", "v")
 ROOM = 2.0
 """Of the reference's range: what lies further outside of it would make a line of all others."""
 BELIEVED = "elasticity"
@@ -105,7 +104,7 @@ def _profiles(study: RuleStudy, rows: Sequence[Shown]) -> Figure:
 
 def _look(number: int) -> dict[str, Any]:
     """Return how what is judged is drawn, by its number."""
-    look = {"color": COLOURS[number], "marker": MARKERS[number], "markersize": 4.0}
+    look = {"color": COLOURS[number], "marker": "sDo^v"[number], "markersize": 4.0}
     return look | {"linewidth": 0.9, "markerfacecolor": "white", "markeredgewidth": 1.0}
 
 

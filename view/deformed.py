@@ -37,11 +37,6 @@ MovedAt = Callable[["Floats"], "Floats"]
 
 _SAME = 180.0
 """Corners nearer to each other than this part of a cell are one; rounding is far less."""
-_WITHIN = 1e-6
-"""Corners are asked for this share inside the cell, where they belong to no other."""
-_UNMOVED = 1e-4  # of the largest displacement
-_LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
-_FOLDED = 64  # agents smaller than this part of the picture may be drawn so
 
 
 class Joined(NamedTuple):
@@ -64,7 +59,7 @@ def join(corners: Floats, apart: Floats) -> Joined:
     flat = corners.reshape(-1, corners.shape[2])
     first, number = same_points(flat, apart / _SAME)
     middles = np.repeat(corners.mean(axis=1), corners.shape[1], axis=0)
-    inside = flat + _WITHIN * (middles - flat)
+    inside = flat + 1e-6 * (middles - flat)  # where a corner belongs to no other cell
     return Joined(flat[first], number.reshape(corners.shape[:2]), inside)
 
 
@@ -127,10 +122,10 @@ def moving_agents(result: ElasticResult, layer: Section, value: Floats) -> Movin
 def magnification_for(section: Section, tiles: Moving) -> float:
     """Return a round factor that makes a deformation visible, and folds no large tile."""
     shift = float(np.abs(tiles.moved).max(initial=0.0))
-    large = tiles.edge >= min(section.span / _FOLDED, tiles.edge.max())
+    large = tiles.edge >= min(section.span / 64.0, tiles.edge.max())  # smaller ones may fold
     strain = np.abs(np.diff(tiles.moved, axis=1)).max(axis=(1, 2)) / tiles.edge
     steepest = float(strain[large].max())
-    return visible(section.span, shift, _LARGEST_STRAIN / steepest if steepest > 0.0 else inf)
+    return visible(section.span, shift, 0.45 / steepest if steepest > 0.0 else inf)
 
 
 def check_magnification(magnification: float | None) -> None:
@@ -162,7 +157,7 @@ def draw_deformed(
     rest: dict[str, Any] = {"colors": FAINT, "linewidths": 0.7, "linestyles": "--", "zorder": 2}
     surface, _ = section.outlines()
     picture.ax.add_collection(LineCollection(list(surface), gid="at rest", **rest))
-    large, still = tiles.edge > section.span / OUTLINED, _UNMOVED * tiles.value.max(initial=0.0)
+    large, still = tiles.edge > section.span / OUTLINED, 1e-4 * tiles.value.max(initial=0.0)
     drawn = add_polygons(
         picture.ax,
         tiles.rest + factor * tiles.moved,

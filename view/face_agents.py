@@ -27,9 +27,6 @@ from .units import counted, quantity
 if TYPE_CHECKING:
     from kaju.model.elastic.relaxation.elastic_run import ElasticRun
 
-DECADES = 4.0
-"""Loads below the largest by more decades than this are all drawn as the least."""
-
 
 def plot_face_agents(
     run: ElasticRun,
@@ -73,7 +70,7 @@ def plot_left(
         energy = quantity(float(moments.energy[moment]), "J")
         busy = counted(int(np.sum(acted)), "agent")
         happened = f"step {step} of {moments.step[-1]}: {busy} acted; energy {energy}"
-    norm = LogNorm((most or 1.0) * 10.0**-DECADES, most or 1.0, clip=True)
+    norm = LogNorm(1e-4 * (most or 1.0), most or 1.0, clip=True)
     look: dict[str, Any] = {"norm": norm, "cmap": LOADS}
     drawn = _draw_diamonds(picture, run, "left", agents, np.abs(left), look)
     colour_bar(picture.ax, drawn, "load left", "N", extend="min")

@@ -23,8 +23,6 @@ RESOLUTION = 100
 """Dots per inch of films."""
 PER_SECOND = 25.0
 """Frames a second of films of what moves in time."""
-_BARE = 6.4  # longer side of a film without words (inches)
-_LOOKED_AT = 3  # pictures of a film that decide how much room all of them get
 
 
 def _nothing(_result: Any, _options: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,7 +48,8 @@ def frames(
 
     `mode` "RGBA" leaves the background out.
     """
-    few = np.unique(np.linspace(0, len(moments) - 1, _LOOKED_AT).round().astype(np.int64))
+    # Three pictures decide how much room all of them get.
+    few = np.unique(np.linspace(0, len(moments) - 1, 3).round().astype(np.int64))
     looked_at = [_arranged(draw(moments[k])) for k in few]
     first = max(looked_at, key=lambda figure: figure.axes[0].get_title(loc="left").count("\n"))
     limits = [
@@ -102,7 +101,7 @@ def _bare(figure: Figure) -> None:
         text.set_visible(False)
     if ax.name != "3d" and ax.get_aspect() != "auto":
         ratio = float(np.ptp(ax.get_xlim()) / np.ptp(ax.get_ylim()))
-        side = _BARE / max(ratio, 1.0)
+        side = 6.4 / max(ratio, 1.0)  # inches
         figure.set_size_inches(side * ratio, side)
     ax.set_position((0.0, 0.0, 1.0, 1.0))
 

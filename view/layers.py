@@ -26,8 +26,6 @@ FINEST = 800
 """Agents smaller than this part of the picture are drawn together."""
 OUTLINED = 160
 """Agents smaller than this part of the picture are drawn without outlines."""
-LEGIBLE = 1000
-"""If small agents are smaller than this part of the body, pictures are cropped."""
 SMALL = 0.25
 """The agents that pictures are about are the smallest: this share of all."""
 
@@ -79,7 +77,7 @@ def small_agents(result: ElasticResult) -> Small:
     lower, upper = result.grid.bounds()
     span = float((upper - lower).max()) * result.grid.lattice.cell_size
     corner = result.lower[small]
-    return Small(corner, corner + 0.5 * result.size[small, None], usual * LEGIBLE < span)
+    return Small(corner, corner + 0.5 * result.size[small, None], usual * 1000.0 < span)
 
 
 class DrawnSquares(NamedTuple):
@@ -124,16 +122,13 @@ def merge_small(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
     return Tiles(lower, size, value[row]), row
 
 
-PEAK = 2e-3
-"""Values on this share of the picture may lie beyond the scale: stresses grow at corners."""
-
-
 def usual_top(values: Floats, edge: Floats) -> tuple[float, bool]:
     """Return the end of the scale of squares' values, and whether there are values beyond it."""
     size = np.abs(values)
     order = np.argsort(-size, kind="stable")
     area = np.cumsum(edge[order] ** 2)
-    usual = float(size[order[np.searchsorted(area, PEAK * area[-1])]])
+    # Stresses grow at corners: on two thousandths of the picture they may lie beyond the scale.
+    usual = float(size[order[np.searchsorted(area, 2e-3 * area[-1])]])
     largest = float(size.max())
     return (usual, True) if 0.0 < 1.5 * usual < largest else (largest, False)
 

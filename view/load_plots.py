@@ -21,13 +21,6 @@ from .section import WHOLE_UP_TO, Cut, Section, section_of
 from .style import FORCE, LOADS, PULL, PULLS, RIM, add_polygons, arrow_polygons, colour_bar
 from .units import quantity
 
-ARROWS_ACROSS = 64
-"""Where more tiles than this lie side by side, arrows stand for blocks of cells."""
-FILM_ARROWS_ACROSS = 24
-"""The same in films, where a frame is seen for half a second."""
-CLOSE_UP = 12
-"""Bodies of more cells across than this are cropped to the agents, so that arrows can be read."""
-
 
 def threshold_of(result: TransferResult) -> float:
     """Return γ (N)."""
@@ -112,8 +105,8 @@ def plot_loads(
 ) -> Axes:
     """Draw the applied forces, and the loads that each agent took, by direction."""
     stage, caveats = result.last, result.caveats_in_brief
-    whole = CLOSE_UP if len(stage.cells) else WHOLE_UP_TO
-    section = section_of(result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole, caveats)
+    whole = 12 if len(stage.cells) else WHOLE_UP_TO  # cropped, so that arrows can be read
+    section = section_of(result.scene, result.focus, cut, crop, 64, whole, caveats)
     picture = BodyPicture(section, ax, result.stage)
     loads = loads_taken(stage, None)
     if not loads.any():

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.rheology.creeping_network import NetworkCreepResult
 
-_MOST_NODES = 2000  # above this, nodes are not drawn one by one
-
 
 class NetworkPicture:
     """Axes for the states of one network, with its frame, colours and magnification."""
@@ -72,7 +70,7 @@ class NetworkPicture:
         # What carries little is nearly white, so every spring has a darker rim.
         self.draw_lines(*where, "rims", colors="#b0b0b0", linewidths=width + 0.8, zorder=2)
         places, held = where[0], self.network.held.any(axis=1)
-        size, few = max(1.5, min(4.0, 60.0 / np.sqrt(len(places)))), len(places) <= _MOST_NODES
+        size, few = max(1.5, min(4.0, 60.0 / np.sqrt(len(places)))), len(places) <= 2000
         look = {"ls": "", "mec": INK, "mew": 0.7, "zorder": 4}
         nodes, triangles = places[~held & few].T, places[held].T
         cast(Any, self.ax).plot(*nodes, "o", ms=size, mfc=INK, gid="nodes", **look)

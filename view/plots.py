@@ -48,9 +48,6 @@ def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     return plot_scene(solved_scene(result), ax, **options)
 
 
-USUAL = ("agents", "loads", "deformed", "von_mises", "stages")
-
-
 def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
     """Return the pictures that can be made of a subject, by name, the usual one first."""
     if isinstance(subject, Scene):
@@ -149,7 +146,8 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
         seldom |= {"agents"}  # equal agents are no news
     names = [name for name in result.pictures if name not in seldom]
     if result.kind == "load transfer":
-        names = [name for name in USUAL if name in names]
+        usual = ("agents", "loads", "deformed", "von_mises", "stages")
+        names = [name for name in usual if name in names]
     written = []
     for name in names:
         figure = plot(result, name)

@@ -40,8 +40,6 @@ COLOURS = {
 COUNTED = ("level", "spawn_step")
 """Those of them that are whole numbers."""
 OPINIONS = ("gap", "fitted", "balanced")
-DECADES = 6
-"""Of the scale of colours that are no whole numbers."""
 
 
 def plot_agents_of_many_sizes(
@@ -129,7 +127,7 @@ def _norm(colour: str, values: Floats) -> Normalize:
         return BoundaryNorm(np.arange(-0.5, values.max() + 1.0), 256)
     high = float(values.max(initial=0.0)) or 1.0
     low = float(values[values > 0].min(initial=high))
-    return LogNorm(max(low, high / 10**DECADES, np.finfo(float).tiny), high * (1 + 1e-12))
+    return LogNorm(max(low, high / 1e6, np.finfo(float).tiny), high * (1 + 1e-12))
 
 
 def _bar(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
@@ -139,10 +137,6 @@ def _bar(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
         last = int(values.max())
         bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))
         bar.ax.minorticks_off()
-
-
-MOST_ARROWS = 2
-"""Of arrows along each axis; few, for they hide what lies below."""
 
 
 def _plot_in_space(
@@ -157,7 +151,9 @@ def _plot_in_space(
     lower, upper = scene.bounds()
     cells = np.clip([first - around, last + around], lower, upper - 1)
     box = box_around(scene, cells, small.hidden if crop is None else crop)
-    space, notes = space_for(ax, scene, box, result.stage, MOST_ARROWS)
+    space, notes = space_for(
+        ax, scene, box, result.stage, 2
+    )  # few arrows, for they hide what lies below
     low, high = box.lower * edge, box.upper * edge
     x, y = (_plane(small.lower[:, axis], float(result.size.min())) for axis in (0, 1))
 

@@ -265,8 +265,6 @@ MOST_ACROSS = 240
 """At most this many tiles lie side by side."""
 WHOLE_UP_TO = 64
 """Bodies of up to this many cells across are never cropped."""
-_WORTH_CROPPING = 0.6
-"""A picture is cropped only to this share of its area or less."""
 
 
 def section_of(
@@ -304,7 +302,7 @@ def section_of(
         span = last - first
         margin = np.maximum(3, np.rint(np.maximum(0.15 * span, 0.05 * span.max())).astype(np.int64))
         near = np.maximum(first - margin, lower), np.minimum(last + margin, upper)
-        cropped = bool(np.prod((near[1] - near[0]) / (upper - lower)) <= _WORTH_CROPPING)
+        cropped = bool(np.prod((near[1] - near[0]) / (upper - lower)) <= 0.6)  # else not worth it
         if cropped:
             lower, upper = near
     block = ceil(int((upper - lower).max()) / most_across)

@@ -63,7 +63,6 @@ RIM: dict[str, Any] = {"edgecolors": "#3a3a3a", "linewidths": 0.25}
 DIVERGING = "PuOr_r"
 
 _OWN = "kaju"  # marks figures that were made here and may be resized
-_CHARACTER = 4.6 / 72.0  # mean width of a letter of the captions (inches)
 
 
 class ShownFigure(Figure):
@@ -128,7 +127,8 @@ def caption(ax: Axes, title: str, notes: Sequence[str]) -> Text:
     room = 0.82 * figure.get_figwidth()
     if len(figure.axes) > 2:
         room = 0.95 * ax.get_position().width * figure.get_figwidth()
-    lines = [line for note in notes if note for line in wrap(note, int(room / _CHARACTER))]
+    letters = int(room / (4.6 / 72.0))  # of a mean width of so many inches
+    lines = [line for note in notes if note for line in wrap(note, letters)]
     pad = 6.0 + 10.6 * len(lines)
     ax.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK, pad=pad)
     text = ax.annotate(

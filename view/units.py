@@ -77,13 +77,10 @@ def round_down(value: float) -> float:
     return digit * power
 
 
-_LARGEST_SHIFT = 0.09  # of the width of what is shown
-
-
 def visible(span: float, farthest: float, most: float = inf) -> float:
     """Return a round factor that makes displacements up to `farthest` (m) visible on a span (m).
 
     It is 1 where they can be seen as they are, and never more than `most`.
     """
-    wanted = min(_LARGEST_SHIFT * span / farthest, most) if farthest > 0.0 else 1.0
+    wanted = min(0.09 * span / farthest, most) if farthest > 0.0 else 1.0
     return 1.0 if 0.2 < wanted < 1.0 else round_down(wanted)

@@ -32,8 +32,6 @@ FORMAT = 1
 """Version of the data in pages."""
 MOST_CELLS = 1_000_000
 """A page holds every cell of the array, so larger ones are refused."""
-SHARES = 21
-"""An answer at rest is told once, and shown at so many shares of its load."""
 
 
 def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: int = 9) -> bytes:
@@ -278,7 +276,8 @@ def _thinned(motion: Motion) -> Motion:
     count, rows = len(motion.at), chosen_frames(len(motion.at))
     at = np.asarray(motion.at)[rows]
     if motion.along == "share":
-        at, rows = np.linspace(0.0, 1.0, SHARES), np.array([count - 1])
+        # An answer at rest is told once, and shown at so many shares of its load.
+        at, rows = np.linspace(0.0, 1.0, 21), np.array([count - 1])
     values = {
         name: (unit, of[rows] if of.ndim == 2 else of) for name, (unit, of) in motion.values.items()
     }

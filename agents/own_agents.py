@@ -61,7 +61,8 @@ def own_classes(
             f"there is {', '.join(BOUNDARIES)}",
         )
         _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
-    return tuple(dict.fromkeys([material_agent, *(boundary_agents or {}).values()]))  # type: ignore[list-item]
+    given: Any = (material_agent, *(boundary_agents or {}).values())
+    return tuple(agent for agent in dict.fromkeys(given) if agent is not MaterialAgent)
 
 
 def _check_class(name: str, agent: object, base: type) -> None:

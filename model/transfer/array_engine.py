@@ -248,15 +248,15 @@ class ArrayEngine:
         table = np.zeros(size)
         for where, copies in came:
             np.add.at(table, where, copies)
+        if names is None:
+            table[: self.states * count] = table[count - 1 :: count] = 0.0
+        else:
+            table[(names < self.states * count) | (names % count == count - 1)] = 0.0
         walls = cells + (table[cells:] > 0.0).nonzero()[0]
         if len(walls):
             entry = walls if names is None else names[walls]
             where, copies = self._given_back(entry - all_entries, table[walls], count)
             np.add.at(table, where if names is None else np.searchsorted(names, where), copies)
-        if names is None:
-            table[: self.states * count] = table[count - 1 :: count] = 0.0
-        else:
-            table[(names < self.states * count) | (names % count == count - 1)] = 0.0
         where = (table[:cells] > 0.0).nonzero()[0]
         copies, where = table[where], where if names is None else names[where]
         place = where // count
@@ -264,14 +264,12 @@ class ArrayEngine:
 
     def _given_back(self, where: Ints, copies: Floats, count: int) -> tuple[Ints, Floats]:
         """Let boundaries give loads back; book them, and return where they come."""
-        number = where % count
-        goes_on = number < count - 1
         if self.accumulate:  # what one agent hands to one boundary in one state is judged as a sum
-            small = goes_on & ~(copies > self.threshold)
-            self.dropped += float(copies[small].sum())
-            goes_on &= ~small
-        where, number, copies = where[goes_on], number[goes_on], copies[goes_on]
-        wall, load = self._wall(where // count), self.values.take(number) * copies
+            above = copies > self.threshold
+            self.dropped += float(copies[~above].sum())
+            where, copies = where[above], copies[above]
+        place, number = np.divmod(where, count)
+        wall, load = self._wall(place), self.values.take(number) * copies
         self.given_back.append((self.generation, wall, load))
         self.returned += float(load.sum())
         return self.home[wall] * count + number, copies

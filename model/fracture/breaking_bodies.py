@@ -55,8 +55,8 @@ class WeakeningBody:
     that F·u is its work (J); `most`: weakened rows from which on there are new factors, in the
     `order` of `splu`. A body that does not resist raises `SingularTangentError`.
 
-    `yielded`: F·u, the work (J) that the final forces would do on the displacements; `pull`,
-    `shift`: size of the load, Σ |F| (N), or how far supports are moved at most (m).
+    `yielded`: F·u (J); `pull`, `shift`: size of the load, Σ |F| (N), or how far supports are moved
+    at most (m).
     """
 
     precise: ClassVar[float]

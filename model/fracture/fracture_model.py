@@ -25,23 +25,20 @@ class FractureModel(Stepper[FractureResult]):
 
     The load is scaled, up or down, to the factor at which the next one breaks: the one whose load
     is the largest share of its strength. Then the others take over its force. Displacements are
-    small: the answer is linear in the load as long as nothing breaks. Springs and cells break when
-    they are pulled, not when they are pressed. The run ends when the body parts; that is not an
-    error.
+    small. Springs and cells break when they are pulled, not when they are pressed. The run ends
+    when the body parts; that is not an error.
 
     Parameters
     ----------
     subject : SpringNetwork or Scene
         What breaks, under forces or given displacements: those of the only stage of a network, or
-        of the last stage of a scene. In a scene of squares or cubes the cells of an elastic body
-        break; hexagons are a network of springs.
+        of the last of a scene, of which cells break; hexagons are a network of springs.
     strength : float or (m,) floats
         Mean strength of the springs or the cells (row by row); with `weibull` the scale. By default
         1 for springs; cells need one.
     measure : {"force", "stress", "strain", "energy"}, optional
-        What must not exceed the strength: the tension of a spring (N; the default), the largest
-        principal stress of a cell (Pa; the default), the largest strain, or the energy (J) of a
-        spring, or of a cell that is pulled in some direction.
+        What must not exceed the strength: tension of a spring (N) or largest principal stress of a
+        cell (Pa), the defaults; largest strain; or energy (J), of a cell that is pulled.
     scatter : float
         Strengths are spread evenly over (1 ± scatter) times the mean.
     weibull : float, optional

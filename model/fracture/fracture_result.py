@@ -218,11 +218,15 @@ class FractureResult(Result):
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
         at = int(np.argmax(self.load_factor)) if self.breaks else 0
+        notes = self.subject.notes if isinstance(self.subject, SpringNetwork) else ()
+        if isinstance(self.subject, Scene):
+            farthest = float(np.abs(self.displacement).max(initial=0.0))
+            notes = (*self.subject.notes_on(farthest), _CELL_SIZE)
         return {
             "model": "fracture",
             "kaju_version": __version__,
             "parts": f"{self.parts}s",
-            **self._sizes(),
+            f"{self.parts}s": len(self.strengths),
             "measure": self.measure,
             "breaks": self.breaks,
             "largest_load_factor": self.largest_load_factor,
@@ -234,7 +238,7 @@ class FractureResult(Result):
             "stored_J": float(self.stored[-1]) if self.breaks else 0.0,
             "released_J": float(self.released[-1]) if self.breaks else 0.0,
             "outcome": self.outcome,
-            "notes": self._notes(),
+            "notes": list(notes),
             "seconds": self.seconds,
         }
 
@@ -244,18 +248,6 @@ class FractureResult(Result):
         met = np.abs(self.work).max(initial=0.0)
         # Shortly before a network parts, its equations are ill-conditioned.
         return [Check("work is stored or released", float(off / (met or 1.0)), 1e-5)]
-
-    def _notes(self) -> list[str]:
-        if isinstance(self.subject, Scene):
-            farthest = float(np.abs(self.displacement).max(initial=0.0))
-            return [*self.subject.notes_on(farthest), _CELL_SIZE]
-        return list(self.subject.notes)
-
-    def _sizes(self) -> dict[str, int]:
-        if isinstance(self.subject, Scene):
-            return {"cells": parts_of(self.subject), "dimension": self.subject.lattice.dimension}
-        nodes, dimension = self.subject.positions.shape
-        return {"nodes": nodes, "springs": parts_of(self.subject), "dimension": dimension}
 
 
 def body_of(subject: SpringNetwork | Scene, strengths: Floats, measure: str) -> WeakeningBody:

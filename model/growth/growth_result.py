@@ -43,6 +43,7 @@ class GrowthResult(BodyResult):
     """
 
     kind: ClassVar[str] = "growth"
+    name: ClassVar[str] = "growth"
     scene: Scene
     """What was asked."""
     stage: int | None
@@ -80,11 +81,6 @@ class GrowthResult(BodyResult):
             raise ResultError("'cells' must hold one density for each cell of material")
         if not len(self.compliances):
             raise ResultError("'compliances' must be of one step or more")
-
-    @property
-    def name(self) -> str:
-        """What it is called beside another answer."""
-        return "growth"
 
     @cached_property
     def body(self) -> Flags:

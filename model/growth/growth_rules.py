@@ -42,11 +42,8 @@ class Neighbours:
 
     @classmethod
     def across_faces(cls, body: Flags) -> Neighbours:
-        """Return means over a cell and those it shares a face with, itself as much as all others.
-
-        With less weight for itself, cells of a checkerboard would feel the opposite of what they
-        carry, and the checkerboard would grow.
-        """
+        """Return means over a cell and those beside it, itself as much as all others."""
+        # With less weight for itself, a checkerboard would feel its opposite, and grow.
         weights = np.zeros((3,) * body.ndim)
         for axis in range(body.ndim):
             weights[tuple([slice(None, None, 2) if a == axis else 1 for a in range(body.ndim)])] = 1

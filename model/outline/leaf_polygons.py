@@ -360,20 +360,9 @@ def leaf_polygons(
     middle = (leaves.lower + 0.5 * leaves.size[:, None]) * UNIT
     holds = _holding(lines, middle) & ~cut
     several = cut.sum(axis=0) > 1
-    # by the only region that cuts a leaf: the law within it, and beyond
     laws = [*body.laws]
-    within = beyond = np.full(len(leaves), _number(laws, body.law))
-    for k in regions:
-        law = _number(laws, body.regions[k].law)
-        inner, outer = np.where(holds[k], law, within), np.where(holds[k], law, beyond)
-        inner, alone = np.where(cut[k], law, inner), cut[k] & ~several
-        if body.mixed(k):
-            for below in np.unique(within[alone]).tolist():
-                if below >= 0:
-                    at = alone & (within == below)
-                    either = _number(laws, laws[law].with_other(laws[below], most))
-                    (inner if most else outer)[at] = either
-        within, beyond = inner, outer
+    # where one region cuts a leaf the law within it, and beyond
+    within, beyond = (_laws_at(body, laws, one, cut, most) for one in (holds | cut, holds))
     whole = np.where(cut.any(axis=0), -1, beyond)
     place = np.where(pieces.leaf >= 0, region * len(leaves) + pieces.leaf, -1)
     of = np.tile(np.arange(len(leaves)), len(body.regions))
@@ -390,18 +379,8 @@ def leaf_polygons(
 
     def numbers_at(points: Floats, leaf: int) -> Ints:
         """Return the numbers of laws at points of a leaf that several regions cut."""
-        out = []
-        for held_by in _holding(lines, points).T:
-            law = body.law
-            for k in regions:
-                over, beyond = body.regions[k].law, law
-                if cut[k, leaf] and body.mixed(k):
-                    either = law.with_other(over, most)
-                    over = either if most else over
-                    beyond = law if most or law == AIR else either
-                law = over if held_by[k] else beyond
-            out.append(_number(laws, law))
-        return np.array(out, dtype=np.int64)
+        own = np.repeat(cut[:, [leaf]], len(points), axis=1)
+        return _laws_at(body, laws, _holding(lines, points), own, most)
 
     both = np.stack([pieces.start, pieces.end], axis=1)
     for leaf in np.flatnonzero(several & held).tolist():
@@ -422,10 +401,7 @@ def leaf_polygons(
         raise VagueError(leaves.code[vague[~small]])
     # leaves that cannot be halved hold the stiffest or the softest of all that is there
     for leaf in vague.tolist():
-        there = [
-            body.law,
-            *(body.regions[k].law for k in regions if cut[k, leaf] or holds[k, leaf]),
-        ]
+        there = [body.law, *(body.regions[k].law for k in np.flatnonzero((cut | holds)[:, leaf]))]
         least = reduce(lambda one, other: one.with_other(other, most), there)
         whole[leaf] = _number(laws, least)
     rings = rings.only(~np.isin(rings.place, vague))
@@ -436,12 +412,27 @@ def leaf_polygons(
     kept = whole[rings.place] < 0
     if not most:
         kept &= (rings.area > ROUNDING * edge**2) | several[rings.place]
-    every = np.stack([pieces.start, pieces.end], axis=1)
-    along = [every[region == k] for k in regions]
+    along = [both[region == k] for k in regions]
     every_one = np.flatnonzero((whole >= 0) & held)
     squares = (leaves.lower[every_one, None] + SQUARE * leaves.size[every_one, None, None]) * UNIT
     rings = Rings.joined([rings.only(kept), Rings.of(every_one, whole[every_one], squares)])
     return laws, rings, along
+
+
+def _laws_at(body: TrueBody, laws: list[Law], held: Flags, cut: Flags, most: bool) -> Ints:
+    """Return numbers of laws, -1 for air, where regions hold places, in leaves that they cut.
+
+    Near an outline of a law neither stiffer nor softer than that below it is one of both kinds.
+    """
+    found = np.full(held.shape[1], _number(laws, body.law))
+    for k, region in enumerate(body.regions):
+        below, law = found, _number(laws, region.law)
+        found = np.where(held[k], law, below)
+        near = cut[k] & (held[k] == most) & (below >= 0)
+        for one in np.unique(below[near]).tolist() if body.mixed(k) else ():
+            either = _number(laws, laws[law].with_other(laws[one], most))
+            found[near & (below == one)] = either
+    return found
 
 
 def _number(laws: list[Law], law: Law) -> int:

@@ -6,6 +6,8 @@ common, which is soft, would drown in what parts them, which is stiff.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
@@ -43,7 +45,7 @@ class CutField:
         self.root = (self._half @ middles(rows, -3)).reshape(len(rows), -1, 12)
         self.beside = np.zeros(self.root.shape[:2])
 
-    def settle(self, way: sp.csr_array, own: Floats, pull: Floats | None = None) -> Floats:
+    def settle(self, way: sp.csr_array, own: Floats, pull: Floats | float = 0.0) -> Floats:
         """Set own values, from some on, and return the unknowns that `way` makes the rest of."""
         n, rows, many = self.root.shape
         place = np.arange(n + 1)
@@ -62,8 +64,7 @@ class CutField:
         power = 1.0
         # conjugate gradients: of needles rounding leaves the factors few digits
         for _ in range(MOST_STEPS):
-            rest = -(rooted.T @ self.felt.ravel())
-            rest = rest if pull is None else rest + pull
+            rest = pull - rooted.T @ self.felt.ravel()
             turned = scale * factors.solve(scale * rest)
             share = max(float((rest - before) @ turned) / power, 0.0)
             before, power = rest, float(rest @ turned)
@@ -78,6 +79,11 @@ class CutField:
             if 0.5 * slope**2 / bent < SETTLED * float((self.felt**2).sum()):
                 break
         return found
+
+    @cached_property
+    def values(self) -> Floats:
+        """Strains or stresses of own values at the corners of thirds, (n, thirds, 3, 3)."""
+        return np.asarray((self.rows @ self.own[:, None, None, :, None])[..., 0])
 
     @property
     def felt(self) -> Floats:
@@ -138,13 +144,11 @@ class CutFitting(CutField):
         On or beside an outline that in what is of one law.
         """
         triangle, share = self.mesh.holding(leaf, points, law)
-        rows = self.rows[triangle, 0], self.own[triangle]
-        return np.asarray(np.einsum("nc,ncai,ni->na", share, *rows))
+        return np.asarray(np.einsum("nc,nca->na", share, self.values[triangle, 0]))
 
     def stresses(self) -> Floats:
         """Return the mean stress of each triangle."""
-        strain = np.einsum("nkcai,ni->na", self.rows, self.own) / 3.0
-        return np.asarray(np.einsum("nab,nb->na", self.stiffness, strain))
+        return np.asarray(np.einsum("nab,nb->na", self.stiffness, self.values.mean(axis=(1, 2))))
 
 
 class Balancing(CutField):
@@ -216,14 +220,15 @@ class Balancing(CutField):
         third, other = (least + 1) % 3, (least + 2) % 3
         of = np.stack([share[rows, third], share[rows, other], 3.0 * share[rows, least]], axis=1)
         of[:, :2] -= share[rows, least, None]
-        own = self.rows[triangle, third], self.own[triangle]
-        out[some] = np.einsum("nc,ncai,ni->na", of, *own) + self.bearing(points[some])
+        stress = np.einsum("nc,nca->na", of, self.values[triangle, third])
+        out[some] = stress + self.bearing(points[some])
         return out
 
     def stresses(self) -> Floats:
         """Return the mean stress of each triangle."""
-        stress = np.einsum("nkcai,ni->na", self.rows, self.own) / 9.0
-        return np.asarray(stress + self.bearing(self.corners.mean(axis=(1, 2))))
+        return np.asarray(
+            self.values.mean(axis=(1, 2)) + self.bearing(self.corners.mean(axis=(1, 2)))
+        )
 
 
 def near_others(mesh: CutMesh, size: Floats, free: Flags) -> tuple[Ints, Ints]:

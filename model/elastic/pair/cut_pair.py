@@ -125,8 +125,7 @@ class CutPair:
         own, mesh = self.balancing, self.balancing.mesh
         # three points within each third, off the edges of triangles
         points = 0.5 * (own.corners + own.corners.mean(axis=2, keepdims=True))
-        stress = np.einsum("nkcai,ni->nkca", own.rows, own.own)
-        stress = 0.5 * (stress + stress.mean(axis=2, keepdims=True)) + own.bearing(points)
+        stress = 0.5 * (own.values + own.values.mean(axis=2, keepdims=True)) + own.bearing(points)
         leaf, law = np.repeat(mesh.leaf, 9), np.repeat(mesh.law, 9)
         strain = self.fitting.strain_at(leaf, points.reshape(-1, 2), law)
         work = (stress.reshape(-1, 3) * strain).sum(axis=1) * np.repeat(own.area / 9.0, 9)

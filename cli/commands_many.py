@@ -116,6 +116,10 @@ def _beside(scene: Scene, resolution: int | None, fit: int) -> RuleStudy:
     """Set a scene's rule beside elasticity, as far as Ctrl-C lets it."""
     from kaju.model.study.rule_study import RuleStudy, beside_elasticity
 
+    require(
+        not scene.outlined,
+        "body.regions: no rule runs within true outlines; compare two answers of kaju solve",
+    )
     try:
         return beside_elasticity(scene, resolution=resolution, evaluations=fit)
     except KeyboardInterrupt as stop:

@@ -13,7 +13,7 @@ from kaju.errors import ParameterError
 from kaju.view.units import grouped, quantity
 
 _FORCES = ("threshold", "load_taken", "load_dropped", "load_applied", "reaction", "residual_load")
-_LENGTHS = ("max_displacement", "smallest_agent", "largest_agent", "displacement_that_stays")
+_LENGTHS = ("max_displacement", "smallest_agent", "largest_agent", "displacement_left")
 UNITS = {
     **dict.fromkeys(_FORCES, "N"),
     **dict.fromkeys(_LENGTHS, "m"),

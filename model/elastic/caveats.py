@@ -100,7 +100,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
     if result.scene.outlined:
         away = result.sharp_corners - result.lower[agent]
         near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
-        return "a sharp corner of an outline" if near.any() else ""
+        return "a sharp corner, or the end of a support" if near.any() else ""
     if result.near_steps[agent]:
         return "a step of an outline that is not along the axes"
     for corner in corner_ends(result.scene.lattice.dimension):

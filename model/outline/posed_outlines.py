@@ -12,6 +12,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
+from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.moduli import Moduli, scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
@@ -196,8 +197,12 @@ class OutlinedBody:
 
     @property
     def without_limit(self) -> Floats:
-        """Corners (m) at which stress grows without limit, shape (n, 2)."""
-        return self.edge * self.problem.body.without_limit(KINK, self.problem.shape)
+        """Corners (m) at which stress grows without limit, and ends of supports, shape (n, 2)."""
+        shape = np.array(self.problem.shape)
+        # Steps of cells are no corners of the body; corners of the array are.
+        of_cells = sharp_corners(self.scene) / self.edge
+        ends = of_cells[np.isclose(of_cells * (of_cells - shape), 0.0).all(axis=1)]
+        return self.edge * np.concatenate([self.problem.body.without_limit(KINK, shape), ends])
 
     def start(self) -> LeafCells:
         """Return the first agents."""

@@ -94,7 +94,7 @@ class TimeResult(Result):
             "steps": self.steps,
             "steps_rejected": self.steps_rejected,
             "max_displacement": float(np.abs(moved).max(initial=0.0)),
-            "displacement_that_stays": self.what_stays(),
+            "displacement_left": self.what_stays(),
             f"largest_{carried.title.lower()}_{carried.unit}": float(np.abs(force).max(initial=0)),
             f"{carried.title.lower()}_at_the_end_{carried.unit}": float(force[-1]),
             "work_J": float(self.work[-1]),

@@ -51,6 +51,8 @@ def text_of_file(
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise error(f"{key}{': ' if key else ''}{path}: is not a text{hint}") from None
+    except KajuError:
+        raise
     except OSError as wrong:
         raise error(f"{path}: cannot be read: {wrong.strerror or wrong}") from None
 

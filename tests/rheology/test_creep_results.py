@@ -113,8 +113,8 @@ def test_the_command_lets_a_scene_creep(tmp_path, typed):
     assert told == json.loads((tmp_path / "here" / "summary.json").read_text())
     assert {p.name for p in (tmp_path / "here").glob("*.png")} == {"curves.png", "deformed.png"}
     expected = creep(block("elastic"))
-    assert told["displacement_that_stays"] == pytest.approx(expected.what_stays())
-    assert load_result(tmp_path / "here").what_stays() == told["displacement_that_stays"]
+    assert told["displacement_left"] == pytest.approx(expected.what_stays())
+    assert load_result(tmp_path / "here").what_stays() == told["displacement_left"]
     block("prescribed").save(scene)
     run = typed("run", scene, "--out", tmp_path / "run", "--no-pictures")
     assert "rheology takes no part" in run.output

@@ -129,8 +129,10 @@ class Airy:
             (agents, np.einsum("kij,k->ij", forms(True), compliance(own[:, None])[:, 0]))
             for agents, own in laws
         ]
-        rows = self.on_beds()
-        beds = sp.csr_array(rows.T @ rows) if len(self.sides.beds) else None
+        beds = None
+        if len(self.sides.beds):
+            rows = self.on_beds()
+            beds = sp.csr_array(rows.T @ rows)
         return Blocks(dof, matrices, size**-2.0, scale, self.size, beds, without_plane)
 
     def on_beds(self) -> sp.csr_array:
@@ -153,7 +155,7 @@ class Airy:
         corner = on_sides(2)[self.mesh.side[rows], end]
         return np.asarray(self.corner[self.mesh.owner[rows], corner])
 
-    def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array]:
+    def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array | None]:
         """Return what all unknowns are by the free ones, which these are, and how they turn."""
         fixed = np.zeros(self.size, dtype=np.bool_)
         copies = np.arange(self.mesh.vertices, self.points)
@@ -176,6 +178,8 @@ class Airy:
         # Let linear functions along free stretches turn about their middles, not their ends: of
         # the columns where phi begins so much is added to those of its slopes.
         some = np.flatnonzero((long > 0.0) & (number[3 * first] >= 0))
+        if not len(some):
+            return way, free, None
         first, arm = first[some], self.place[first[some]] - middle[some]
         turn = sp.csr_array((len(free), len(free)))
         for k in (1, 2):

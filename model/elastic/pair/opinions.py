@@ -101,8 +101,9 @@ class Opinions(Fitting):
                 complementary -= 2.0 * case.borne(case.sides.moved)
             told.append((0.5 * potential, 0.5 * complementary, loaded, gap))
         shares = np.sum([self.by_agent(one**2) for one in apart], axis=0)
-        # The error of both together, should it be larger than that of each.
-        shares = np.maximum(shares, self.by_agent(np.sum(apart, axis=0) ** 2))
+        if self.parts:
+            # The error of both together, should it be larger than that of each.
+            shares = np.maximum(shares, self.by_agent(np.sum(apart, axis=0) ** 2))
         locks = is_rubber(self.body.moduli, self.body.scene.plane)
         return bounds_of(told, float(shares.sum()), self.sides.rest, locks), shares
 

@@ -24,7 +24,6 @@ from .body import Body
 from .checks import check_body, check_no_outlines, check_outlines
 from .description import LONGEST, Description, LoadTable, check_rule, with_shared
 from .lattice import Cells, Lattice
-from .level_sets import SampledShape
 from .pictures import Picture, check_size
 from .regions import Region
 from .resolved_body import BoxKinds, CellBox, ResolvedBody, resolve
@@ -32,7 +31,6 @@ from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball
 from .sides import FREE, SideCondition, unknown_side
 from .surfaces import ClosedSurface
-from .svg_path import PathShape
 from .text import located, overridden, save, table_from, table_of, written
 from .validation import with_lines
 
@@ -333,13 +331,11 @@ class Scene(Description):
         """Return the scene as TOML, its files within it, and the arrays that it refers to."""
         table = table_of(self)
         for number, filled in enumerate(self._resolved.regions):
-            region = table["body"]["regions"][number]
-            if isinstance(filled.shape, SampledShape):
-                region["image"]["file"] = filled.shape.embedded()
-            elif isinstance(filled.shape, ClosedSurface):
-                region["surface"] = {"file": filled.shape.embedded()}
-            elif isinstance(filled.shape, PathShape) and filled.shape.drawing:
-                region["path"] = {"file": filled.shape.embedded()}
+            region, shape = table["body"]["regions"][number], filled.shape
+            for key in {"image", "surface", "path"} & set(region):
+                if not isinstance(region[key], str):
+                    region[key] = {**region[key], "file": shape.embedded()}
+                    region[key].pop("scale", None)  # what is embedded is in metres
         text, codes = written(table, self._resolved.picture, "cells")
         return text, {} if codes is None else {"cells": codes}
 

@@ -47,6 +47,10 @@ class Shape:
         """
         raise NotImplementedError
 
+    def embedded(self) -> str:
+        """Return what a scene carries with it in place of a file."""
+        raise NotImplementedError
+
     def outline(self) -> list[Floats]:
         """Return closed lines (m) that do not meet, every second one round a hole; see `curves`."""
         raise NotImplementedError

@@ -14,7 +14,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneFileError, needing
 from kaju.files import file_to_read
 
-from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
+from .level_sets import EMBEDDED_ARRAY, checked, embedded_array, read_embedded
 from .shapes import TOUCH, Extent, Points, Relation, Shape
 
 _DIGITS = 6
@@ -26,12 +26,10 @@ _AT_ONCE, _TOGETHER = 500_000, 1024
 def surface_from(text: str, key: str, scale: float) -> ClosedSurface:
     """Return the surface in a file, or in a text that a scene carries with it."""
     if text.startswith(EMBEDDED_ARRAY):
-        corners = read_embedded(text, key)
-        if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.isfinite(corners).all():
-            raise SceneFileError(
-                f"{key}: the embedded triangles cannot be read; write the scene again from its file"
-            )
-        return ClosedSurface(np.asarray(corners, dtype=np.float64) * scale)
+        corners = checked(read_embedded(text, key), key, 3)
+        if corners.shape[1:] != (3, 3):
+            raise SceneFileError(f"{key}: holds no triangles; write the scene again from its file")
+        return ClosedSurface(corners * scale)
     corners, ambiguous = _one_body(_read(text, key), key, scale)
     return ClosedSurface(corners * scale, ambiguous)
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, PlainValidator, field_validator, model_validator
+from pydantic import Field, PlainValidator, create_model, field_validator, model_validator
 
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.agents.materials import LIBRARY, Material, suggestion
@@ -42,12 +41,35 @@ LONGEST = 100_000_000
 """Bytes of a scene's text; larger bodies come from images and arrays."""
 
 
-class RheologyTable(Described):
-    """``[materials.NAME.rheology]``: how a material gives in time, as in `ThreeElement`."""
+class Table(Described):
+    """A table of what a dataclass is made of."""
 
-    K_f: Number = Field(description="stiffness of the spring (Pa)")
-    D_f: Number = Field(default=0.0, description="damper beside the spring (Pa s)")
-    D_d: Number = Field(default=inf, description="damper in series (Pa s); left out: none")
+    made: ClassVar[type]
+
+    def build(self) -> Any:
+        """Return the object, which refuses what is out of its range."""
+        given = {name: getattr(self, name) for name in type(self).model_fields if name != "kind"}
+        return self.made(**given)
+
+
+def _table(made: type, **told: tuple[Any, Any]) -> type[Table]:
+    """Return the table of a dataclass: strict types of its fields, and meanings; its defaults."""
+    entries: dict[str, Any] = {}
+    for name, (kind, meaning) in told.items():
+        given = Field(default=getattr(made, name, ...), description=meaning)
+        entries[name] = kind, given if isinstance(meaning, str) else meaning
+    found = create_model(f"{made.__name__}Table", __base__=Table, **entries)
+    found.made = made
+    return found
+
+
+_ELEMENT = _table(
+    ThreeElement,
+    K_f=(Number, "stiffness of the spring (Pa)"),
+    D_f=(Number, "damper beside the spring (Pa s)"),
+    D_d=(Number, "damper in series (Pa s); left out: none"),
+)
+_RHEOLOGY = built_by(_ELEMENT, ThreeElement, "a table of K_f, D_f and D_d")
 
 
 class MaterialTable(Described):
@@ -58,13 +80,11 @@ class MaterialTable(Described):
     poissons_ratio: Number | None = optional("ν")
     density: Number | None = optional("mass per volume (kg/m³)")
     source: Text | None = optional("where the numbers come from")
-    rheology: RheologyTable | None = optional("how it gives in time")
+    rheology: Annotated[ThreeElement, _RHEOLOGY] | None = optional("how it gives in time")
 
     def build(self) -> Material:
         """Return the material; whoever keeps it by name gives it that name."""
-        given = self.model_dump(exclude={"base", "rheology"}, exclude_none=True)
-        if self.rheology is not None:
-            given["rheology"] = ThreeElement(**self.rheology.model_dump())
+        given = {name: part for name, part in self if name != "base" and part is not None}
         if self.base is not None:
             if self.base not in LIBRARY:
                 raise ParameterError(
@@ -261,64 +281,29 @@ class HistoryTable(Described):
 Rule = PrescribedRule | ElasticRule
 
 
-class CoefficientsTable(Described):
-    """``[rule.materials.NAME]``: coefficients of one material."""
-
-    alpha: tuple[Number, ...] | None = optional("the shares kept, passed ahead and passed beside")
-    beta: Number = Field(
-        default=Coefficients.beta, description="the free part of the Poisson expansion"
-    )
-
-    @model_validator(mode="after")
-    def _in_range(self) -> CoefficientsTable:
-        self.coefficients()
-        return self
-
-    def coefficients(self) -> Coefficients:
-        """Return the coefficients, which refuse what is out of their range."""
-        return Coefficients(cast("tuple[float, float, float] | None", self.alpha), self.beta)
-
-
-class PrescribedTable(CoefficientsTable):
-    """``[rule]`` with the coefficients that the user chooses."""
-
-    kind: Literal["prescribed"] = "prescribed"
-    threshold: Number = Field(
-        default=PrescribedRule.threshold, description="γ, below which loads end (N)"
-    )
-    accumulate: Flag = PrescribedRule.accumulate
-    materials: dict[Text, CoefficientsTable] = Field(default_factory=dict)
-    sense: Flag = Field(default=PrescribedRule.sense, description="whether loads push or pull")
-
-    def build(self) -> PrescribedRule:
-        """Return the rule."""
-        own = {name: table.coefficients() for name, table in self.materials.items()}
-        return PrescribedRule(**self.model_dump(exclude={"kind", "materials"}), materials=own)
-
-
-class ElasticTable(Described):
-    """``[rule]`` with the shares that follow from the materials."""
-
-    kind: Literal["elastic"] = "elastic"
-    threshold: Number | None = optional(
-        "γ, up to which loads rest (N); left out: from the tolerance"
-    )
-    order: Text = Field(default=ElasticRule.order, description="who acts when")
-    share: Number | None = optional(
-        "the share by which all yield in a wave; left out: a stable one"
-    )
-    tolerance: Number = Field(
-        default=ElasticRule.tolerance, description="the error in energy aimed at, as a share"
-    )
-
-    def build(self) -> ElasticRule:
-        """Return the rule, which refuses what is out of its range."""
-        return ElasticRule(**self.model_dump(exclude={"kind"}))
-
-
-TABLES: dict[str, type[PrescribedTable | ElasticTable]] = {
-    "prescribed": PrescribedTable,
-    "elastic": ElasticTable,
+_SHARES: dict[str, tuple[Any, str]] = {
+    "alpha": (tuple[Number, ...] | None, "the shares kept, passed ahead and passed beside"),
+    "beta": (Number, "the free part of the Poisson expansion"),
+}
+_OWN = built_by(_table(Coefficients, **_SHARES), Coefficients, "a table of alpha and beta")
+TABLES = {
+    "prescribed": _table(
+        PrescribedRule,
+        **_SHARES,
+        kind=(Literal["prescribed"], ""),
+        threshold=(Number, "γ, below which loads end (N)"),
+        accumulate=(Flag, ""),
+        materials=(dict[Text, Annotated[Coefficients, _OWN]], Field(default={})),
+        sense=(Flag, "whether loads push or pull"),
+    ),
+    "elastic": _table(
+        ElasticRule,
+        kind=(Literal["elastic"], ""),
+        threshold=(Number | None, "γ, up to which loads rest (N); left out: from the tolerance"),
+        order=(Text, "who acts when"),
+        share=(Number | None, "the share by which all yield in a wave; left out: a stable one"),
+        tolerance=(Number, "the error in energy aimed at, as a share"),
+    ),
 }
 """How each kind of rule is written. A new kind of rule is entered here."""
 

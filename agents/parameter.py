@@ -123,13 +123,13 @@ class Parameter(Declaration):
 class State(Declaration):
     """What each agent of a class remembers; pictures, films, tables and stored results show it.
 
-    Declared on the class, it is an attribute of every agent, each with its own value. The result
-    keeps the values of every generation.
+    Declared on the class of material agents, it is an attribute of each, with its own value. The
+    result keeps the values of every generation.
 
     Parameters
     ----------
     default : bool, int or float
-        Its value when an agent wakes.
+        Its value when an agent wakes. If it is whole, all values must be: begin sums at 0.0.
     meaning : str
         What it means, with its unit: the label of its colours.
 
@@ -161,11 +161,18 @@ class State(Declaration):
         """Return the default; an agent's own value stands before it."""
         return self.default
 
+    @property
+    def kind(self) -> str:
+        """What its values are."""
+        if isinstance(self.default, bool | np.bool_):
+            return "bool"
+        whole = isinstance(self.default, Integral)
+        return "whole number (State(0.0) takes any)" if whole else "finite number"
+
     def allows(self, value: Any) -> bool:
         """Tell whether a value is of the kind of the default."""
-        return is_number(value) and isinstance(self.default, bool) == isinstance(
-            value, bool | np.bool_
-        )
+        fits = is_number(value) and isinstance(value, bool | np.bool_) == (self.kind == "bool")
+        return fits and (not isinstance(self.default, Integral) or value == int(value))
 
 
 def is_number(value: object) -> bool:

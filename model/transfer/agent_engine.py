@@ -348,8 +348,8 @@ class AgentEngine:
                 if value == known.get(agent, state.default):
                     continue
                 if not state.allows(value):
-                    kind = type(state.default).__name__
-                    raise self.guard.wrong(agent, name, f"must be a {kind}, and is {value!r:.60}")
+                    told = f"must be a {state.kind}, and is {value!r:.60}"
+                    raise self.guard.wrong(agent, name, told)
                 known[agent] = value
                 changes.append((self.generation, number, float(value)))
 

@@ -63,18 +63,24 @@ def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):
     assert kaju.animate(again, tmp_path / "broken.gif", "broken").stat().st_size > 0
 
 
-def test_a_state_of_another_kind_is_refused_by_name():
+@pytest.mark.parametrize(
+    ("default", "value", "told"),
+    [
+        (False, "yes", r"broken: Wrong at cell .* must be a bool, and is 'yes'"),
+        (0, 0.5, r"must be a whole number \(State\(0\.0\) takes any\), and is 0\.5"),
+        (0.0, np.nan, "must be a finite number, and is nan"),
+    ],
+)
+def test_a_state_of_another_kind_is_refused_by_name(default, value, told):
     class Wrong(MaterialAgent):
-        broken = kaju.State(False)
+        broken = kaju.State(default)
 
         def take(self, load):
             super().take(load)
-            self.broken = "yes"
+            self.broken = value
 
-    with pytest.raises(AgentError, match=r"broken: Wrong at cell .* must be a bool, and is 'yes'"):
+    with pytest.raises(AgentError, match=told):
         LoadModel(plate(), material_agent=Wrong).run()
-    with pytest.raises(ParameterError, match="default must be a number"):
-        kaju.State(None)
 
 
 @pytest.mark.parametrize("engine", ["agents", "arrays"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
+from dis import get_instructions
 from inspect import signature
 from itertools import islice
 from math import isfinite
@@ -23,6 +24,7 @@ from .boundary_agent import (
 )
 from .material_agent import MaterialAgent, PlacedAgent
 from .materials import Material, suggestion
+from .parameter import Parameter, State, declared
 from .shares import Load, Sense, Shares
 
 BOUNDARIES: dict[str, type[BoundaryAgent]] = {
@@ -75,6 +77,7 @@ def _check_class(name: str, agent: object, base: type) -> None:
             f"`class Mine({base.__name__})` and give the class itself"
         )
     _check_hooks(name, agent, base)
+    _check_names(name, agent, base)
     start, own = tuple(signature(base).parameters), signature(agent)
     try:
         own.bind(*start)
@@ -83,6 +86,20 @@ def _check_class(name: str, agent: object, base: type) -> None:
             f"{name}: {agent.__name__}.__init__ takes {own}, but a model calls it with "
             f"({', '.join(start)}); take *start and call super().__init__(*start) first"
         ) from None
+
+
+def _check_names(name: str, agent: type, base: type) -> None:
+    """Refuse a Parameter or State called as what every agent has, and a State of a boundary."""
+    has = {*dir(base)}
+    for begin in (vars(each).get("__init__") for each in base.__mro__):
+        steps = get_instructions(begin) if isinstance(begin, FunctionType) else ()
+        has |= {step.argval for step in steps if step.opname == "STORE_ATTR"}
+    states = declared([agent], State)
+    for key in declared([agent], Parameter) | states:
+        told = f"{key}: every {base.__name__} has it already; give what {agent.__name__} declares"
+        require(key not in has, f"{told} another name")
+    told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
+    require(base is MaterialAgent or not states, f"{told} plain attribute, seen in model.agents")
 
 
 def _check_hooks(name: str, agent: type, base: type) -> None:

@@ -61,7 +61,7 @@ class Parameter(Declaration):
     1.0
     """
 
-    name = "parameter"
+    name = "Parameter, its default"
 
     def __init__(
         self, default: float, low: float | None = None, high: float | None = None, text: str = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
 from inspect import signature
@@ -14,7 +15,7 @@ from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
 from kaju.agents.own_agents import own_classes
-from kaju.agents.parameter import Parameter, declared
+from kaju.agents.parameter import Parameter, State, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
 from kaju.errors import ParameterError, require
@@ -22,6 +23,7 @@ from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.description import TABLES
 from kaju.model.stepped_model import SteppedModel
 from kaju.progress import progress_line
+from kaju.result_kinds import KINDS
 from kaju.stepping import Order, Until, step_to_end, takes_objects
 
 from .agent_engine import AgentEngine
@@ -31,6 +33,17 @@ from .transfer import Transfer
 from .transfer_result import TransferResult
 
 EngineName = Literal["auto", "agents", "arrays"]
+FIGURES = {
+    "stage": "course.stage",
+    "generation": "engine.generation",
+    "material_agents": "engine.awake",
+    "load_taken": "engine.taken",
+    "load_returned": "engine.returned",
+    "load_waiting": "engine.pending",
+}
+"""What a model notes after every step, and where it has it."""
+COLUMNS = re.compile("(cell|displacement)_[xyz]|(strain|stress)_[xyz]{2}")
+"""Columns of `TransferResult.to_dataframe` that are not attributes of agents, too."""
 
 
 class LoadModel(SteppedModel):
@@ -193,16 +206,7 @@ class LoadModel(SteppedModel):
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step; loads (N) are those of the current stage."""
-        engine = self.engine
-        return {
-            "stage": self.course.stage,
-            "generation": engine.generation,
-            "material_agents": engine.awake,
-            "load_taken": engine.taken,
-            "load_returned": engine.returned,
-            "load_waiting": engine.pending,
-            **self.parameters,
-        }
+        return {name: attrgetter(where)(self) for name, where in FIGURES.items()} | self.parameters
 
     @staticmethod
     def sliders(*agents: type[MaterialAgent | BoundaryAgent]) -> dict[str, dict[str, Any]]:
@@ -275,11 +279,18 @@ def keywords_into(
 ) -> tuple[Scene, dict[str, Any]]:
     """Return the scene with numbers of its rule replaced, and the parameters of `classes`."""
     parameters = declared(classes, Parameter)
+    for name in declared(classes, State):
+        drawn = name in KINDS["load transfer"].pictures or name in KINDS["load transfer"].films
+        require(
+            not (drawn or COLUMNS.fullmatch(name)),
+            f"{name}: a picture, a film or a column of results has this name; give the State "
+            "another name",
+        )
     if not (parameters or given):
         return scene, {}
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
-    for name in parameters.keys() & (rule | own):
+    for name in parameters.keys() & {*rule, *own, *FIGURES}:
         whose = "the rule" if name in rule else model.__name__
         told = "has a number of this name already; give the parameter another name"
         raise ParameterError(f"{name}: {whose} {told}")

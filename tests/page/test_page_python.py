@@ -301,7 +301,7 @@ def test_states_are_colours_and_lines_of_the_story_and_step_back(opened, pages):
     runs(page, READY["tired"]["code"])
     stage = in_kaju(READY["tired"]["code"], SCENES["sides"])
     (course,) = stage.states
-    most = "page.look.colour = 'state loads', Math.max(...page.values().filter((v) => v >= 0))"
+    most = "page.look.colour = 'state count', Math.max(...page.values().filter((v) => v >= 0))"
     for generation in (stage.generations, 3, 1):
         page.js(f"page.seek({generation})")
         assert page.js(most) == max(course.values(generation))

@@ -9,6 +9,7 @@ from kaju import (
     MaterialAgent,
     Parameter,
     RigidBoundaryAgent,
+    State,
     load_result,
 )
 from kaju.errors import ParameterError
@@ -87,4 +88,10 @@ def test_classes_that_cannot_be_agents_are_named():
         LoadModel(pressed(), boundary_agents=MaterialAgent)
     with pytest.raises(ParameterError, match=r"boundary_agents\['rigid'\]: "):
         LoadModel(pressed(), boundary_agents={"rigid": MaterialAgent})
+    for name in ("random", "dropped", "cell_x", "stress"):
+        with pytest.raises(ParameterError, match=f"^{name}: "):
+            LoadModel(pressed(), material_agent=type("M", (MaterialAgent,), {name: State(0)}))
+    wet = type("Wet", (RigidBoundaryAgent,), {"wet": State(0)})
+    with pytest.raises(ParameterError, match="a State of material agents only"):
+        LoadModel(pressed(), boundary_agents={"rigid": wet})
     assert LoadModel(pressed(), material_agent=Open).run().last.generations > 0

@@ -154,34 +154,32 @@ class PosedBody:
 
     def unevenly_loaded(self, leaves: LeafCells) -> Flags:
         """Return leaves to be split because loads are not uniform over a side."""
-        unfit = np.zeros(len(leaves), dtype=np.bool_)
+        unfit, d = np.zeros(len(leaves), dtype=np.bool_), self.dimension
         if not len(self.loaded):
             return unfit
         owner = leaves.find(self.loaded * self.cell)
         large = (owner >= 0) & (leaves.size[owner] > self.cell)
-        owner, direction = owner[large], self._direction[large]
-        offset = self.loaded[large] * self.cell - leaves.lower[owner]
+        owner, direction, force = owner[large], self._direction[large], self._force[large]
         # A loaded face of a cell inside the leaf is not on the leaf's side.
-        axis, end = np.maximum(direction, 0) // 2, np.maximum(direction, 0) % 2
-        depth = offset[np.arange(len(owner)), axis]
-        edge = np.where(end == 1, leaves.size[owner] - self.cell, 0)
-        unfit[owner[(direction >= 0) & (depth != edge)]] = True
+        offset = self.loaded[large] * self.cell - leaves.lower[owner]
+        depth = offset[np.arange(len(owner)), np.maximum(direction, 0) // 2]
+        edge = np.where(np.maximum(direction, 0) % 2, leaves.size[owner] - self.cell, 0)
+        wrong = (direction >= 0) & (depth != edge)
         # Every side, or middle, of a leaf needs a load on all of its cells, equal on each.
-        side = owner * (2 * self.dimension + 1) + direction + 1
-        group, inverse, count = np.unique(side, return_inverse=True, return_counts=True)
-        leaf = group // (2 * self.dimension + 1)
-        power = np.where(group % (2 * self.dimension + 1) == 0, self.dimension, self.dimension - 1)
-        unfit[leaf[count != (leaves.size[leaf] // self.cell) ** power]] = True
-        first = np.zeros((len(group), self.dimension))
-        first[inverse[::-1]] = self._force[large][::-1]
-        largest = np.abs(first).max(initial=0.0)
-        unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
-        unfit[owner[unlike.any(axis=1) | (self._uneven_of[large] >= 0)]] = True
+        side = owner * (2 * d + 1) + direction + 1
+        _, group, count = np.unique(side, return_inverse=True, return_counts=True)
+        wrong |= count[group] != (leaves.size[owner] // self.cell) ** np.where(
+            direction < 0, d, d - 1
+        )
+        mean = np.stack([np.bincount(group, one, len(count)) for one in force.T], axis=1)
+        unlike = np.abs(force - (mean / count[:, None])[group])
+        wrong |= (unlike > 1e-9 * np.abs(force).max(initial=0.0)).any(axis=1)
+        unfit[owner[wrong | (self._uneven_of[large] >= 0)]] = True
         if self.ends_within:
             # Loads that end within a side are approximated better by smaller leaves.
-            rest = self.forces(leaves).uneven or Portions.none(self.dimension)
+            rest = self.forces(leaves).uneven or Portions.none(d)
             size = leaves.size[rest.box] / self.cell
-            large = np.sqrt(size) * rest.rest > ENDED[self.dimension] * self._strength
+            large = np.sqrt(size) * rest.rest > ENDED[d] * self._strength
             unfit[rest.box[large & (leaves.size[rest.box] > self.smallest)]] = True
         return unfit
 

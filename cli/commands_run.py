@@ -151,7 +151,7 @@ def demo(
         console.say(f"open {page} in a browser; films of it:")
         console.say(animate(result, folder / "spawning.gif"))
         low = LoadTransfer(scene.with_overrides(LOW)).reset().run()
-        console.say(animate(low, folder / "ground.gif"))
+        console.say(f"{animate(low, folder / 'ground.gif')} (a plate of a quarter of the height)")
 
 
 @of_a_scene("result")

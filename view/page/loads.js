@@ -48,7 +48,8 @@ export class Loads {
   }
   /** Whether a force points out of the body at its cell, from a neighbour in the body. */
   pulls(cell, unit) {
-    const { lattice: L, kinds } = this.page.run, arm = kinds ? L.normals.findIndex((n) => n.reduce((sum, x, a) => sum + x * unit[a], 0) > 0.9) : -1, beyond = (a) => kinds[L.neighbour(L.key(cell), a)];
+    if (this.page.outward) return this.page.outward(cell, unit);
+    const { lattice: L, kinds } = this.page.run, arm = L.normals.findIndex((n) => n.reduce((sum, x, a) => sum + x * unit[a], 0) > 0.9), beyond = (a) => kinds[L.neighbour(L.key(cell), a)];
     return arm >= 0 && beyond(arm) === AIR && beyond(L.opposite[arm]) >= 0;
   }
   paint(view) {

@@ -42,7 +42,7 @@ export class MotionPage extends Page {
     for (const i of parts) for (let a = 0; a < d; a++) { low[a] = Math.min(low[a], points[i * d + a]); high[a] = Math.max(high[a], points[i * d + a]); }
     const extent = this.extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
     const room = this.moved ? Math.max(SHOWN * extent, this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
-    this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room);
+    this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room); this.edge = 0.5 * room / this.unit;
     this.run.lattice = { shape: high.map((h, a) => (h - low[a] + room) / this.unit), dimension: d, hexagon: false };
     this.look.deformed = Boolean(this.moved);
   }
@@ -52,6 +52,10 @@ export class MotionPage extends Page {
     return far > 0.01 * extent || !far ? 1 : roundDown(SHOWN * extent / far);
   }
   get touchable() { return false; }
+  /** Whether a force at the edge of the box round the body points out of it. */
+  outward(cell, unit) {
+    return unit.some((x, a) => (x > 0.9 && cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 && cell[a] + 0.5 < this.edge + 0.01));
+  }
   get deformable() { return Boolean(this.moved); }
   get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }

@@ -107,11 +107,7 @@ MaterialEntry = Annotated[
 
 
 def shared_materials(path: str | Path) -> dict[str, Material]:
-    """Return the materials in a file, by name.
-
-    The file holds what a scene has under ``[materials]``: a table for each name. A scene will do,
-    too.
-    """
+    """Return the materials in a file, by name: a table each, as under a scene's ``[materials]``."""
     return _read(Path(path))[1]
 
 

@@ -116,10 +116,7 @@ class Lattice(ABC):
 
     @cached_property
     def faces(self) -> Ints:
-        """Edge of a form's outline that looks along a direction, or -1: (forms, directions).
-
-        Edge k runs from corner k to the next.
-        """
+        """Edge k, k + 1 of a form's outline along a direction, or -1: (forms, directions)."""
         faces = np.full((self.forms, self.directions), -1, dtype=np.int64)
         for form in range(self.forms):
             along = _edge_normals(self.outline(form)) @ self.normals.T
@@ -173,10 +170,7 @@ class Lattice(ABC):
 
     @cached_property
     def steps(self) -> Ints:
-        """Coordinate steps over each arm, shape (forms, directions, dimension).
-
-        Where a form has no face the step is 0.
-        """
+        """Coordinate steps over each arm, or 0: shape (forms, directions, dimension)."""
         steps = np.zeros((*self.faces.shape, self.dimension), dtype=np.int64)
         for form, cell in enumerate(self._one_of_each):
             arms = list(self.arms[form])

@@ -126,7 +126,11 @@ def animate(
     kind = KINDS[result.kind]
     if ending in MESHES:
         motion = _chosen(kind.meshes, what)(result)
-        write_motion(motion, target, fps or 2.0, hold, magnification)
+        with atomic_file(target, ResultFileError) as scratch:
+            if ending == ".glb":
+                _write_glb(motion, scratch, fps or 2.0, hold, magnification)
+            else:
+                _write_series(motion, scratch, target)
         return target
     known = {name: kind.films.get(name, "view.agents:GENERATIONS") for name in result.films}
     film: Film = _chosen(known, what)
@@ -183,7 +187,7 @@ _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 
 def _write_glb(
-    motion: Motion, path: Path, *, fps: float, hold: float, magnification: float | None = None
+    motion: Motion, path: Path, fps: float, hold: float, magnification: float | None
 ) -> None:
     """Write a motion as binary glTF, its last frame held (s), its magnification in the `extras`."""
     check_magnification(magnification)
@@ -321,14 +325,3 @@ def _write_series(motion: Motion, path: Path, target: Path) -> None:
             file = quoteattr(f"{target.stem}/{name}")
             lines.append(f'    <DataSet timestep="{float(time)!r}" part="0" file={file}/>')
     path.write_text("\n".join([*lines, "  </Collection>", "</VTKFile>", ""]))
-
-
-def write_motion(
-    motion: Motion, target: Path, fps: float, hold: float, magnification: float | None
-) -> None:
-    """Write a motion to a ``.glb`` or ``.pvd`` file, whole or not at all."""
-    with atomic_file(target, ResultFileError) as scratch:
-        if target.suffix.lower() == ".glb":
-            _write_glb(motion, scratch, fps=fps, hold=hold, magnification=magnification)
-        else:
-            _write_series(motion, scratch, target)

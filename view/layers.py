@@ -26,19 +26,17 @@ FINEST = 800
 """Agents smaller than this part of the picture are drawn together."""
 OUTLINED = 160
 """Agents smaller than this part of the picture are drawn without outlines."""
-SMALL = 0.25
-"""The agents that pictures are about are the smallest: this share of all."""
 
 
 def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -> Section:
     """Show a plane (of itself one through small agents), cropped where they are hard to see."""
-    scene, small = result.grid, small_agents(result)
+    scene, (_, middle, hidden) = result.grid, small_agents(result)
     named = named_cut(scene, cut)
-    cells, place, within = scene.lattice.locate(small.middle), 0.0, None
+    cells, place, within = scene.lattice.locate(middle), 0.0, None
     if scene.lattice.dimension == 3:
         if named is None:
             axis = axis_across(scene, result.stage)
-            middles = np.sort(small.middle[:, axis])
+            middles = np.sort(middle[:, axis])
             place = float(middles[len(middles) // 2])
         else:
             axis, place = named
@@ -47,7 +45,7 @@ def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -
                 raise ParameterError(f"cut: there is no agent at {'xyz'[axis]} = {place:g} m")
         cells[:, axis] = layer_at(scene, axis, place)
         within = {"xyz"[axis]: place}
-    crop = small.hidden if crop is None else crop
+    crop = hidden if crop is None else crop
     section = section_of(scene, cells, within, crop, caveats=result.caveats_in_brief)
     return replace(section, place=place, tiled=False, curves=_curves_of(result))
 
@@ -62,22 +60,17 @@ def _curves_of(result: ElasticResult) -> TrueLines | None:
     return TrueLines(found.rings(), joints, Arrows(*found.arrows()))
 
 
-class Small(NamedTuple):
-    """The smallest agents: lower corners and middles (m), and whether they are hard to see."""
+def small_agents(result: ElasticResult) -> tuple[Floats, Floats, bool]:
+    """Return lower corners and middles (m) of the smallest agents, and whether they are hidden.
 
-    lower: Floats
-    middle: Floats
-    hidden: bool
-
-
-def small_agents(result: ElasticResult) -> Small:
-    """Return the agents that pictures are about: a quarter of all, the smallest."""
-    limit, usual = (float(np.quantile(result.size, share)) for share in (SMALL, 0.5))
+    Pictures are about them, a quarter of all; hidden are those too small to be seen.
+    """
+    limit, usual = (float(np.quantile(result.size, share)) for share in (0.25, 0.5))
     small = result.size <= limit
     lower, upper = result.grid.bounds()
     span = float((upper - lower).max()) * result.grid.lattice.cell_size
     corner = result.lower[small]
-    return Small(corner, corner + 0.5 * result.size[small, None], usual * 1000.0 < span)
+    return corner, corner + 0.5 * result.size[small, None], usual * 1000.0 < span
 
 
 class DrawnSquares(NamedTuple):

@@ -143,19 +143,19 @@ def _plot_in_space(
     result: ElasticResult, ax: Axes | None, tiles: Tiles, look: dict[str, Any], crop: bool | None
 ) -> tuple[Axes, list[str]]:
     """Draw agents around the smallest ones, less the quarter in front of two upright planes."""
-    scene, small = result.grid, small_agents(result)
+    scene, (small, middle, hidden) = result.grid, small_agents(result)
     edge = scene.lattice.cell_size
-    cells = scene.lattice.locate(small.middle)
+    cells = scene.lattice.locate(middle)
     first, last = cells.min(axis=0), cells.max(axis=0)
     around = int((last - first).max()) // 2  # also downwards, where small agents lie flat
     lower, upper = scene.bounds()
     cells = np.clip([first - around, last + around], lower, upper - 1)
-    box = box_around(scene, cells, small.hidden if crop is None else crop)
+    box = box_around(scene, cells, hidden if crop is None else crop)
     space, notes = space_for(
         ax, scene, box, result.stage, 2
     )  # few arrows, for they hide what lies below
     low, high = box.lower * edge, box.upper * edge
-    x, y = (_plane(small.lower[:, axis], float(result.size.min())) for axis in (0, 1))
+    x, y = (_plane(small[:, axis], float(result.size.min())) for axis in (0, 1))
 
     def hides(at: Floats) -> Flags:
         shown = np.all((at > low) & (at < high), axis=1) & ~((at[:, 0] > x) & (at[:, 1] < y))

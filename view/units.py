@@ -69,18 +69,14 @@ def times(magnification: float) -> str:
     return f"×{grouped(magnification)}" if whole else f"×{magnification:.2g}"
 
 
-def round_down(value: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, 50, ... (or 0.5, 0.2, ...) up to a value."""
-    power = 10.0 ** floor(log10(value))
-    leading = value / power * (1.0 + 1e-12)
-    digit = 5.0 if leading >= 5.0 else 2.0 if leading >= 2.0 else 1.0
-    return digit * power
-
-
 def visible(span: float, farthest: float, most: float = inf) -> float:
-    """Return a round factor that makes displacements up to `farthest` (m) visible on a span (m).
+    """Return a factor that makes displacements up to `farthest` (m) visible on a span (m).
 
-    It is 1 where they can be seen as they are, and never more than `most`.
+    It is 1, 2, 5, 10 ... (or 0.5, 0.2 ...), 1 where they can be seen as they are, at most `most`.
     """
     wanted = min(0.09 * span / farthest, most) if farthest > 0.0 else 1.0
-    return 1.0 if 0.2 < wanted < 1.0 else round_down(wanted)
+    if 0.2 < wanted < 1.0:
+        return 1.0
+    power = 10.0 ** floor(log10(wanted))
+    leading = wanted / power * (1.0 + 1e-12)
+    return power * (5.0 if leading >= 5.0 else 2.0 if leading >= 2.0 else 1.0)

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import PrescribedRule
@@ -219,10 +218,13 @@ def packed_page(
             small = column.dtype == np.float64 and not exact
             columns[name] = column.astype(np.float32) if small else column
     header |= written.header(own) if python else {}
-    header["presets"] = [
-        _preset(number, name, preset, columns)
-        for number, (name, preset) in enumerate((presets or {}).items())
-    ]
+    header["presets"] = []
+    for number, (name, preset) in enumerate((presets or {}).items()):
+        other, note = preset if isinstance(preset, tuple) else (preset, "")
+        data, own_columns = scene_data(other)
+        if not np.array_equal(own_columns["cells"], columns["cells"]):
+            columns[f"cells{number}"] = own_columns["cells"]
+        header["presets"].append({"name": name, "note": note, "scene": data})
     return pack(header, columns)
 
 
@@ -279,19 +281,6 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
     result = model.run(until=note)
     note(model)
     return result, account
-
-
-def _preset(
-    number: int,
-    name: str,
-    preset: Scene | tuple[Scene, str],
-    columns: dict[str, NDArray[Any]],
-) -> dict[str, Any]:
-    scene, note = preset if isinstance(preset, tuple) else (preset, "")
-    data, own = scene_data(scene)
-    if not np.array_equal(own["cells"], columns["cells"]):
-        columns[f"cells{number}"] = own["cells"]
-    return {"name": name, "note": note, "scene": data}
 
 
 _DONE = (
@@ -392,23 +381,17 @@ def html_of(of: Any) -> str:
     """Return what a notebook shows: of a scene a picture, of all else a page, or a picture."""
     if isinstance(of, Scene):
         return _picture(of)
+    shown = of
+    if isinstance(of, SteppedModel):  # what has happened, or will; the model stays as it is
+        shown = of.result() if of.steps else of.again(of.scene)
     try:
-        page = page_html(packed_page(_so_far(of)), "kaju")
+        page = page_html(packed_page(shown), "kaju")
     except KajuError:
         return _picture(of)
     return (
         f'<iframe title="kaju" sandbox="allow-scripts allow-downloads" srcdoc="{escape(page)}" '
         f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
     )
-
-
-def _so_far(of: Any) -> Any:
-    """Return what to show: of a model what has happened, or will; the model stays as it is."""
-    if not isinstance(of, SteppedModel):
-        return of
-    if of.steps:
-        return of.result()
-    return of.again(of.scene)
 
 
 def _picture(of: Any) -> str:

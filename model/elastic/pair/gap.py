@@ -16,7 +16,7 @@ import numpy as np
 
 from kaju.arrays import Floats
 from kaju.model.elastic.pair.border import Sides
-from kaju.model.elastic.pair.elements import rule, strains, stresses
+from kaju.model.elastic.pair.elements import rule
 
 ROUNDING = 0.1
 """Of the gap: energies whose difference misses it by more are lost in rounding."""
@@ -24,17 +24,6 @@ FAR = 3.0
 """Energies so many times apart have no middle worth telling. Of 45 random bodies on far too few
 agents, with stiff inclusions and rubber, the value told was 4.3 times off at most, with 5 and 10 as
 well, the middle 13.6 times."""
-
-
-def fields_at_rule(
-    fit: Floats, phi: Floats, sides: Sides, size: Floats, law: Floats
-) -> tuple[Floats, Floats]:
-    """Return the stress that balances and that of the strain that fits, each (n, 28, 3)."""
-    n = len(size)
-    strain = (fit @ strains().reshape(84, 16).T).reshape(n, 28, 3) / size[:, None, None]
-    stress = (phi @ stresses().reshape(84, 16).T).reshape(n, 28, 3) / (size**2)[:, None, None]
-    own = beside_phi(sides, size)
-    return stress if own is None else stress + own, stress_of(strain, law)
 
 
 def beside_phi(sides: Sides, size: Floats) -> Floats | None:

@@ -30,7 +30,6 @@ from kaju.model.elastic.pair.gap import (
     Bounds,
     beside_phi,
     bounds_of,
-    fields_at_rule,
     scaled,
     stress_of,
 )
@@ -63,7 +62,11 @@ class Opinions(Fitting):
 
     def fields(self) -> tuple[Floats, Floats]:
         """Return both opinions as vectors whose products are energies: of agents, then of beds."""
-        both = fields_at_rule(self.fit, self.phi, self.sides, self.size, self.law)
+        n, size = len(self.size), self.size[:, None, None]
+        strain = (self.fit @ strains().reshape(84, 16).T).reshape(n, 28, 3) / size
+        stress = (self.phi @ stresses().reshape(84, 16).T).reshape(n, 28, 3) / size**2
+        own = beside_phi(self.sides, self.size)
+        both = (stress if own is None else stress + own), stress_of(strain, self.law)
         one, other = (
             np.append(scaled(stress, self.law, self.size), beds)
             for stress, beds in zip(both, self.on_beds(), strict=True)

@@ -16,6 +16,17 @@ class BoundaryAgent(PlacedAgent):
     Subclass one of the three kinds to try a boundary of your own: `give_back` says what
     becomes of a load, `turn` where it goes. What is not given back counts as absorbed. A model
     takes your classes as ``boundary_agents={"free": ..., "rigid": ..., "roller": ...}``.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> class Felt(kaju.RigidBoundaryAgent):
+    ...     def give_back(self, load, arm):
+    ...         return self.turn(load, arm)._replace(magnitude=0.5 * load.magnitude)
+    >>> scene = kaju.load_scene("plate.toml").replace(sides={"top": "rigid"})
+    >>> result = kaju.LoadModel(scene, boundary_agents={"rigid": Felt}).run()
+    >>> round(result.last.ledger.absorbed, 4)  # N
+    0.0675
     """
 
     name = ""
@@ -48,7 +59,7 @@ class BoundaryAgent(PlacedAgent):
         return back
 
     def give_back(self, load: Load, arm: int) -> Load | None:
-        """Return the load as the sender takes it again, or None; it came over `arm`."""
+        """Return the load as its sender takes it again, or None; `arm` is the sender's."""
         return self.turn(load, arm)
 
     def turn(self, load: Load, arm: int) -> Load:

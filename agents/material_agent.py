@@ -164,7 +164,9 @@ class MaterialAgent(PlacedAgent):
                 what = f"of {load} failed ({error}); it has kept {self.kept!r:.60}"
                 raise engine.guard.wrong(self, "take", what) from error
             squeezed[engine.axis_of[load[0]]] += kept if load[3] == "push" else -kept
-            self.pass_on(load)
+            if self.pass_on(load) is not None:  # type: ignore[func-returns-value]
+                what = "must return nothing: rows of shares are what emissions(load) returns"
+                raise engine.guard.wrong(self, "pass_on", what)
         if not -inf < self.kept < inf:
             raise engine.guard.wrong(self, "take", f"has kept {self.kept} N")
 

@@ -74,7 +74,7 @@ def _check_class(name: str, agent: object, base: type) -> None:
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(
             f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "
-            f"`class Mine({base.__name__})` and give the class itself"
+            f"`class Mine(kaju.{base.__name__})` and give the class itself"
         )
     _check_hooks(name, agent, base)
     _check_names(name, agent, base)
@@ -112,10 +112,12 @@ def _check_hooks(name: str, agent: type, base: type) -> None:
     }
     for key in own.keys() - set(dir(base)):
         near = get_close_matches(key, HOOKS[base], n=1, cutoff=0.8)
+        other = [other.__name__ for other in HOOKS if key in HOOKS[other]]
+        meant = f"did you mean {near[0]!r}" if near else f"should it be a {''.join(other)}"
         require(
-            not near,
-            f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; did you mean "
-            f"{', '.join(map(repr, near))}? If the name is intended, begin it with _",
+            not (near or other),
+            f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; {meant}? If "
+            "the name is intended, begin it with _",
         )
     called = own["step"].__code__.co_names if "step" in own else ("step",)
     require(
@@ -196,6 +198,9 @@ class OwnAgents:
 
     def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
         """Return what a boundary gives back; refuse what is no load, or larger than the load."""
+        if not isinstance(back, Load):
+            told = "must return None or a kaju.Load, such as self.turn(load, arm), got"
+            raise self.wrong(boundary, "give_back", f"{told} {back!r:.60}")
         checked = self.load(boundary, "give_back", back, 0)
         if checked.total > load.total * (1.0 + 1e-12):
             what = f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add load"

@@ -18,6 +18,7 @@ __version__ = "0.2.0"
 # Editors and type checkers read this list as it stands. Names are fetched when first asked for, so
 # that `import kaju` is quick: Mesa brings pandas with it, the views bring matplotlib.
 if TYPE_CHECKING:
+    from kaju.agents.boundary_agent import BoundaryAgent as BoundaryAgent
     from kaju.agents.boundary_agent import FreeBoundaryAgent as FreeBoundaryAgent
     from kaju.agents.boundary_agent import RigidBoundaryAgent as RigidBoundaryAgent
     from kaju.agents.boundary_agent import RollerBoundaryAgent as RollerBoundaryAgent

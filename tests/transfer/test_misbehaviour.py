@@ -98,6 +98,9 @@ REFUSED = {
     "gives back many copies": gives(Load(3, 0.1, 1e6)),
     "gives back an unknown direction": gives(Load(9, 0.01)),
     "gives back a number": gives(0.5),
+    "gives back a row": gives((3, 0.01, "push")),
+    "passes rows on": passes(lambda self, load: self.emissions(load)),
+    "gives back inside": material(give_back=lambda self, load, arm: load),
     "air gives back more": wall(
         lambda self, load, arm: Load(load.direction, 2 * load.magnitude), FreeBoundaryAgent, "free"
     ),

@@ -56,8 +56,8 @@ class Material:
         require(heavy, f"{rule}; leave it out where no gravity acts")
 
 
-_TEXT = files("kaju.agents").joinpath("materials.toml").read_text(encoding="utf-8")
-LIBRARY = {name: Material(name, **entries) for name, entries in tomllib.loads(_TEXT).items()}
+with files("kaju.agents").joinpath("materials.toml").open("rb") as _file:
+    LIBRARY = {name: Material(name, **entries) for name, entries in tomllib.load(_file).items()}
 """The named materials, by name."""
 
 

@@ -43,7 +43,6 @@ MUST_STAY: dict[str, type] = {
 """Attributes of a material agent that results are made of."""
 MOST_EMISSIONS = 1_000
 """An agent that sends out more for one load is taken to never end."""
-NO_EMISSION = ", which is no Emission: (arm, direction, share, sense)"
 
 
 # Classes, before a run.
@@ -179,7 +178,8 @@ class OwnAgents:
         except AgentError:
             raise
         except (TypeError, ValueError):
-            raise self.wrong(agent, "emissions", f"returned {row!r:.60}{NO_EMISSION}") from None
+            what = f"returned {row!r:.60}, which is no Emission: (arm, direction, share, sense)"
+            raise self.wrong(agent, "emissions", what) from None
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
         return checked

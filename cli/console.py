@@ -12,13 +12,15 @@ import typer
 from kaju.errors import ParameterError
 from kaju.view.units import grouped, quantity
 
-_FORCES = ("threshold", "load_taken", "load_dropped", "load_applied", "reaction", "residual_load")
-_LENGTHS = ("max_displacement", "smallest_agent", "largest_agent", "displacement_left")
 UNITS = {
-    **dict.fromkeys(_FORCES, "N"),
-    **dict.fromkeys(_LENGTHS, "m"),
-    **dict.fromkeys(("potential_energy", "strain_energy", "energy_bounds"), "J"),
-    **dict.fromkeys(("duration", "seconds"), "s"),
+    key: unit
+    for unit, keys in {
+        "N": "threshold load_taken load_dropped load_applied reaction residual_load",
+        "m": "max_displacement smallest_agent largest_agent displacement_left",
+        "J": "potential_energy strain_energy energy_bounds",
+        "s": "duration seconds",
+    }.items()
+    for key in keys.split()
 }
 """Units of key figures; a key that ends in _N, _m, _J, _s or _Pa says its own."""
 

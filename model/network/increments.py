@@ -30,12 +30,6 @@ from .linear import DirectSolver, SingularTangentError
 from .network_result import NetworkResult, Scheme
 from .springs import SpringNetwork
 
-_FINEST = 2.0**-10
-"""Smallest part of an increment that is tried before the network is said to give way."""
-
-_LARGEST_TURN = np.cos(np.pi / 4.0)
-"""Cosine of the angle by which a spring may turn in one increment."""
-
 
 class JumpError(ConvergenceError):
     """The balance that was found lies far from where the network was."""
@@ -196,7 +190,7 @@ class NetworkModel(Stepper[NetworkResult]):
 
     def _newton_step(self, last: NetworkRecord, goal: float) -> NetworkRecord:
         start, size, corrections = last.stage, goal - last.stage, 0
-        finest = _FINEST * size
+        finest = 2.0**-10 * size
         while last.stage < goal:
             target = goal if last.stage + 1.001 * size >= goal else last.stage + size
             try:
@@ -243,7 +237,7 @@ class NetworkModel(Stepper[NetworkResult]):
         before, after = (self.assembler.geometry(state) for state in (start, end))
         turn = np.einsum("ij,ij->i", before.direction, after.direction)
         ratio = after.length / before.length
-        if not ((turn > _LARGEST_TURN) & (ratio > 0.5) & (ratio < 2.0)).all():
+        if not ((turn > np.cos(np.pi / 4.0)) & (ratio > 0.5) & (ratio < 2.0)).all():
             return "a spring turns by more than 45° or changes its length by half"
         moved = np.where(self.network.held, 0.0, end - start)
         for share in (0.25, 0.5, 0.75):

@@ -262,16 +262,13 @@ class LoadModel(SteppedModel):
         self._objects().hand_over(sender, arm, load)
 
 
-OF_MESA = {"model", "rng", "seed", "scenario_id", "replication_id"}
-"""What a Scenario of Mesa's holds besides the numbers of a model."""
-
-
 def numbers_of(scenario: Any) -> dict[str, Any]:
     """Return the numbers that a Scenario of Mesa's gives a model."""
     if scenario is None:
         return {}
+    of_mesa = {"model", "rng", "seed", "scenario_id", "replication_id"}
     held = scenario.to_dict() if hasattr(scenario, "to_dict") else vars(scenario)
-    return {n: value for n, value in held.items() if n not in OF_MESA and not n.startswith("_")}
+    return {n: value for n, value in held.items() if n not in of_mesa and not n.startswith("_")}
 
 
 def keywords_into(

@@ -7,10 +7,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-TIE = 1e-9
-"""Values that differ by less than this share of the largest size are equal: another
-processor rounds them in another order."""
-
 
 def first_largest(values: Floats) -> int:
     """Return the first index whose value equals the largest one, but for rounding."""
@@ -19,7 +15,8 @@ def first_largest(values: Floats) -> int:
 
 def all_largest(values: Floats) -> Ints:
     """Return the indices of all values that equal the largest one, but for rounding."""
-    found = np.flatnonzero(values >= values.max() - TIE * np.abs(values).max())
+    # Another processor rounds them in another order.
+    found = np.flatnonzero(values >= values.max() - 1e-9 * np.abs(values).max())
     return found if len(found) else np.array([values.argmax()])  # inf or NaN
 
 

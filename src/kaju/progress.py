@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from time import monotonic
 
-_PATIENCE = 2.0  # s before the line appears
 _one_of_many = ContextVar("_one_of_many", default=False)
 
 
@@ -23,7 +22,7 @@ def progress_line(shown: bool | None = None) -> Iterator[Callable[[str | Callabl
 
     def report(line: str | Callable[[], str]) -> None:
         nonlocal status
-        if not visible or monotonic() - began < _PATIENCE:
+        if not visible or monotonic() - began < 2.0:
             return
         text = line() if callable(line) else line
         if status is None:

@@ -13,7 +13,6 @@ from typing import Any
 
 _MAPS = ("displacement", "strain", "stress", "von_mises")
 _FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
-_CURVES = {"curves": "view.charts:plot_curves"}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
@@ -72,7 +71,7 @@ KINDS = {
         pictures={
             "agents": "view.face_agents:plot_face_agents",
             "left": "view.face_agents:plot_left",
-            **_CURVES,
+            "curves": "view.charts:plot_curves",
             "deformed": "view.deformed:plot_deformed",
             **_FIELDS,
             "cuts": "view.charts:plot_cuts",

@@ -19,7 +19,6 @@ from kaju.errors import ConvergenceError
 Answer = TypeVar("Answer")
 
 NOTE = "interrupted: what was computed until then, and not the whole answer"  # marks results
-_MESSAGE = b"stopping after this step; Ctrl-C once more ends at once\n"
 _requested: bool | None = None  # None while nothing runs that could keep its answer
 
 
@@ -64,4 +63,5 @@ def _note(number: int, frame: FrameType | None) -> None:
     if _requested:
         signal.default_int_handler(number, frame)
     _requested = True
-    os.write(2, _MESSAGE)  # nothing else is safe while a stream may be half-written
+    # Nothing else is safe while a stream may be half-written.
+    os.write(2, b"stopping after this step; Ctrl-C once more ends at once\n")

@@ -39,7 +39,6 @@ METHODS: dict[Any, tuple[str, ...]] = {
 """Methods of classes that a page makes in another way."""
 CONSTANTS = {
     "MOST_EMISSIONS": own_agents.MOST_EMISSIONS,
-    "NO_EMISSION": own_agents.NO_EMISSION,
     "MOST_REMEMBERED": agent_engine.MOST_REMEMBERED,
     "BOUNDARY_NAMES": transfer.BOUNDARY_NAMES,
 }

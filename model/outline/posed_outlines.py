@@ -202,7 +202,8 @@ class OutlinedBody:
         # Steps of cells are no corners of the body; corners of the array are.
         of_cells = sharp_corners(self.scene) / self.edge
         ends = of_cells[np.isclose(of_cells * (of_cells - shape), 0.0).all(axis=1)]
-        return self.edge * np.concatenate([self.problem.body.without_limit(KINK, shape), ends])
+        own = self.problem.body.without_limit(KINK, self.problem.shape)
+        return self.edge * np.concatenate([own, ends])
 
     def start(self) -> LeafCells:
         """Return the first agents."""

@@ -88,7 +88,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   });
   const here = now === null || now === undefined ? -1 : course ? now : over.findLastIndex((v) => v <= now + 1e-9 * reach), seen = here >= 0 && shown[0]?.[here] !== undefined;
   const px = seen ? X(over[here]) : 0, py = seen ? Y(lists[0][here]) : 0, left = px < x + w / 2, level = Math.max(y + 7, Math.min(y + h - 8, py - 9));
-  const taken = seen && !left ? [level] : [];  // names stand at the ends of their lines, not over each other
+  const taken = seen ? [level] : [];  // names stand at the ends of their lines, not over each other
   shown.forEach((list, i) => {
     if (!names?.[i] || lists.length < 2 || !list.length) return;
     const away = Y(list.at(-1)) > y + h / 2 ? -13 : 13;

@@ -4,7 +4,7 @@ import { button, draw, icon, make, MODES, numberOf, segments, tick } from "./con
 import { inline, rendered } from "./markdown.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, chartsCard, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
-import { quantity } from "./words.js";
+import { local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
 const MOST_LETTERS = 400, SMALL = 4;               // of an answer; so many generations have a small picture
@@ -341,20 +341,23 @@ function paperOf(page) {
 function loadWords({ scene }) {
   return scene?.loads?.length ? [...scene.loads.slice(0, 3).map((l) => quantity(Math.hypot(...l.force), "N")), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
-const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${f.answer} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${f.tolerance})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
+const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(f.answer))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${local(String(f.tolerance))})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = q.kind === "number" ? given?.[q.fields.length] : given, text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.lines ? text ?? lines(q.lines) : [])];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws && !text) return [make("img", { className: "drawn", alt: "", src: page.unmarked }), ...lines(1)];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
   page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });
   return [make("div", { className: "grids" }, grid(page, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(page, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
 }
+
+/** Two axes to draw a curve at. */
+const axes = () => draw("svg", { viewBox: "0 0 420 150", width: 420, height: 150, "aria-hidden": "true" }, draw("path", { d: "M80 148V4M76 12L80 4L84 12M8 134H412M404 130L412 134L404 138", fill: "none", stroke: "#000" }));
 
 /** The part of the body round the loads, with a number in every cell that has one. */
 function grid(page, title, numbers, all) {
@@ -392,6 +395,6 @@ function ruleBox(page) {
   shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P");
   shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P");
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
-  const values = `α₁ = ${a1}, α₂ = ${a2}, α₃ = ${a3}, β = ${rule.beta}, ν = ${nu}, γ = ${quantity(rule.threshold, "N")}`;
+  const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, "ν": nu }).map(([name, v]) => `${name} = ${local(String(v))}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
   return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: t("ruleInWords") }), make("p", { textContent: values })));
 }

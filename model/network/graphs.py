@@ -130,6 +130,7 @@ def _held(
 ) -> Any:
     holds = np.zeros(shape, dtype=bool)
     if isinstance(held, str):
+        _refuse_near(graph, held, "held")
         for name, value in graph.nodes(data=held, default=False):
             try:
                 holds[number[name]] = literal_eval(value) if isinstance(value, str) else value
@@ -153,6 +154,8 @@ def _vectors(
 ) -> Any:
     """Collect vectors per node, or None if there are none: shape (stages, n, dimension)."""
     rows = {}
+    if isinstance(vectors, str):
+        _refuse_near(graph, vectors, key)
     for name, value in _given(graph, vectors).items():
         row = np.atleast_2d(_numbers(value, f"node {name!r}, {key}"))
         if row.ndim != 2 or row.shape[1] != shape[1]:
@@ -174,6 +177,17 @@ def _vectors(
     for node, row in rows.items():
         field[:, node] = row
     return field
+
+
+def _refuse_near(graph: nx.Graph, attribute: str, key: str) -> None:
+    """Refuse nodes none of which has an attribute, but some one that is nearly called so."""
+    names = {str(name) for _, attributes in graph.nodes(data=True) for name in attributes}
+    near = get_close_matches(attribute, names, n=1, cutoff=0.85)
+    if near and near[0] != attribute:
+        raise SceneError(
+            f"{key}: no node has an attribute {attribute!r}, but there is {near[0]!r}; rename it, "
+            f"or pass {key}={near[0]!r}"
+        )
 
 
 def _given(graph: nx.Graph, vectors: Vectors) -> Mapping[Hashable, Any]:

@@ -396,9 +396,9 @@ class SpringNetwork:
         """
         about: dict[str, NDArray[Any]] = {"pos": self.positions, "held": self.held}
         if self.forces.any():
-            about["force"] = np.moveaxis(self.forces, 0, 1)
+            about["force"] = _by_node(self.forces)
         if self.displacements.any():
-            about["given_displacement"] = np.moveaxis(self.displacements, 0, 1)
+            about["given_displacement"] = _by_node(self.displacements)
         edges = {"stiffness": self.stiffness, "rest_length": self.rest_length}
         return graph_of(
             self.names,
@@ -462,6 +462,11 @@ class SpringNetwork:
     @cached_property
     def _numbers(self) -> dict[Hashable, int]:
         return {name: number for number, name in enumerate(self.names)}
+
+
+def _by_node(stages: Floats) -> Floats:
+    """Return the vector of each node, or one for each of several stages."""
+    return stages[0] if len(stages) == 1 else np.moveaxis(stages, 0, 1)
 
 
 def _between(stages: Floats, stage: float) -> Floats:

@@ -214,6 +214,8 @@ class CreepModel(Stepper[AnyTimeResult]):
         notes = []
         if self.scene is not None and self.scene.rule.kind == "prescribed":
             notes.append(NO_EQUILIBRIUM)
+            static = self._system.parts["static"]
+            notes += [] if static.last.generations else [static.outcome]
         if interrupt_requested():
             notes.append(NOTE)
         if at_jumps > 0.01 * work:

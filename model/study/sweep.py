@@ -412,7 +412,8 @@ def _called(
     function: Callable[..., Any], arguments: tuple[Any, ...], options: Mapping[str, Any], seed: int
 ) -> Any:
     takes = signature(function).parameters
-    chance = {"rng": seed} if "rng" in takes and "rng" not in options else {}
+    seeded = "rng" not in takes or not {"rng", "seed"}.isdisjoint(options)
+    chance = {} if seeded else {"rng": seed}
     return function(*arguments, **options, **chance)
 
 

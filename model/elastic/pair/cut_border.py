@@ -23,7 +23,6 @@ from .cut_mesh import CutMesh, joined
 from .leaf_mesh import Entries, coo
 
 ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
-REACH = 0.5  # of the way to other parts of the border
 LEVEL = 1e-9  # sine of the angle to a force below which an edge is along it
 BALANCED = 1e-9
 """Of the sum of all forces: by so much the loads of a part that nothing holds may not balance."""
@@ -192,8 +191,11 @@ class Known:
         owner = np.full((len(mesh.place), 3), -1)
         groups = [np.unique(border.ends[arc]) for arc in free]
         for k, vertices in enumerate(groups):
-            owner[vertices] = 3 * k + np.arange(3)
-            self._plane(k, vertices, vertices)
+            owner[vertices] = own = 3 * k + np.arange(3)
+            x, y = (mesh.place[vertices] - mesh.place[vertices].mean(axis=0)).T
+            one = np.ones(len(vertices), dtype=np.int64)
+            for row, column, value in ((0, 0, 1.0), (0, 1, x), (0, 2, y), (1, 1, 1.0), (2, 2, 1.0)):
+                self._columns.append((3 * vertices + row, one * own[column], value))
         width = 3 * len(free) + len(slips)
         ties, known = [], []
         for k, arc in enumerate(slips, 3 * len(free)):
@@ -226,56 +228,11 @@ class Known:
                     self.fixed[3 * at + k] = True
                 else:
                     given |= group == group[column]
-        self._spread(groups)
         rest, group = np.unique(np.where(given, -1, group), return_inverse=True)
         every = coo(self._columns, (self.count, width))
         merged = np.arange(len(rest)) == group[:, None]
         self.value = self.value + every @ some
         self.free = sp.csr_array(every @ sp.csr_array(merged[:, rest >= 0].astype(np.float64)))
-
-    def _plane(self, k: int, of: Ints, vertices: Ints) -> None:
-        """Give vertices the linear function of a part of the border."""
-        middle = self.mesh.place[of].mean(axis=0)
-        x, y = (self.mesh.place[vertices] - middle).T
-        own = np.full(len(vertices), 3 * k)
-        self._columns += [
-            (3 * vertices, own, 1.0), (3 * vertices, own + 1, x), (3 * vertices, own + 2, y),
-            (3 * vertices + 1, own + 1, 1.0), (3 * vertices + 2, own + 2, 1.0),
-        ]  # fmt: skip
-
-    def _spread(self, groups: list[Ints]) -> None:
-        """Let what is known of φ on a free part of the border hold in agents near to it, too.
-
-        Small agents there would else have all of a plane's fall to bear, in which rounding drowns
-        what they have to say.
-        """
-        if not groups:
-            return
-        mesh, ends = self.mesh, self.border.ends
-        rest = np.setdiff1d(ends.ravel(), np.concatenate(groups))
-        arcs, groups = len(groups), groups + ([rest] if len(rest) else [])
-        inner = np.setdiff1d(np.arange(len(mesh.place)), ends.ravel())
-        inner = inner[~self.fixed[3 * inner]]
-        owner = np.repeat(np.arange(len(groups)), [len(one) for one in groups])
-        every = np.concatenate(groups)
-        if not len(inner):
-            return
-        # the nearest vertices of the border; of another part only if among a few of them
-        few = min(8, len(every))
-        found = cKDTree(mesh.place[every]).query(mesh.place[inner], few)
-        away, near = (np.asarray(one).reshape(len(inner), few) for one in found)
-        mine = owner[near[:, 0]]
-        other = np.where(owner[near] != mine[:, None], away, np.inf).min(axis=1)
-        close = (mine < arcs) & (away[:, 0] < REACH * other)
-        to, of, mine = inner[close], every[near[close, 0]], mine[close]
-        for k in np.unique(mine).tolist():
-            self._plane(k, groups[k], to[mine == k])
-        run = mesh.place[to] - mesh.place[of]
-        field = self.value[3 * of[:, None] + [0, 1, 2]]
-        field[:, 0] += (field[:, 1:] * run).sum(axis=1)
-        for ray in self.rays:
-            field -= ray.passed(mesh.place[of], mesh.place[to])[:, None] * ray.at(mesh.place[to])
-        self.value[3 * to[:, None] + [0, 1, 2]] = field
 
 
 def _beside(ring: Floats, places: Floats) -> Floats:

@@ -51,9 +51,6 @@ def test_lesson_pages_show_the_same(lesson_name, opened, tmp_path):
             page.until("page.run.atRest")
             told = page.js("[page.run.generation, page.run.agents]")
             assert told == [seen.generations(), seen.agents()], name
-    page.press("As it was")
-    page.press("Play")
-    page.until("page.g > 1")
 
 
 def test_a_whole_lesson_by_keyboard(opened, tmp_path):

@@ -250,9 +250,7 @@ export function askElastic(page) {
   clearTimeout(elastic.asking);
   elastic.worker?.terminate();
   elastic.old = true;
-  elastic.asking = setTimeout(() => {
-    elastic.worker = atWork(page, ({ answer, error }) => take(page, answer, error));
-  }, elastic.answer ? 60 : 0);
+  elastic.asking = setTimeout(() => { elastic.worker = atWork(page, ({ answer, error }) => take(page, answer, error)); }, elastic.answer ? 60 : 0);
 }
 /** A worker that answers with elasticity to the scene as it stands. */
 function atWork({ scene, cells, stage }, hear) {

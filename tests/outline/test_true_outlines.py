@@ -430,6 +430,7 @@ def test_slits_far_thinner_than_agents_are_proved(corners, truth) -> None:
     assert answer.agents < 2000
 
 
-def test_small_agents_at_a_hole_keep_the_digits_of_their_stress() -> None:
-    path = Path(__file__).parents[1] / "data" / "failed" / "true_outlines_106.toml"
+@pytest.mark.parametrize("number", [106, 166])  # small agents at a hole, flat triangles
+def test_stresses_keep_their_digits(number: int) -> None:
+    path = Path(__file__).parents[1] / "data" / "failed" / f"true_outlines_{number}.toml"
     assert kaju.solve(path, tolerance=0.04).tolerance_kept == "proved"

@@ -21,14 +21,17 @@ from .cut_elements import middles, quadratic_strain, stress_rows
 from .cut_mesh import CutMesh
 from .leaf_mesh import Entries, coo
 
-SHORT = 0.1  # edges that are shorter, in edges of the agent, join vertices that are near
+SHORT = 0.1
+"""Edges that are shorter, in edges of the agent, join vertices that are near: without them random
+body 33 keeps an error of 0.16, where 0.04 is proved."""
 NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
 MOST_STEPS = 20  # of conjugate gradients
 SHIFT = 1e-14
 """On a diagonal of 1: rounding alone would leave factors of needles indefinite. Conjugate gradients
 take it out again. Energies of bodies with slivers of 3e-9 to 1e-7 are then bounded to 2e-7, where
 they were bounded to 0.1."""
-SETTLED = 1e-10  # share of the energy that the last of them gains at most
+SETTLED = 1e-10
+"""Share of the energy that the last of them gains at most: the second, but for needles."""
 
 
 class CutField:

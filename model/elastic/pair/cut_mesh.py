@@ -16,7 +16,9 @@ from kaju.model.outline.true_shapes import UNIT
 from .cut_elements import slopes
 from .leaves import LeafCells
 
-FLAT = 0.03  # height of a triangle over its shortest side below which it is flat
+FLAT = 0.03
+"""Height of a triangle over its shortest side below which it is flat. Of random bodies 33, 39 and
+166 had some of 1e-3 to 1e-7, with which their stress lost all digits."""
 OTHER = 1e9  # shares by which triangles of another law are farther
 THIRDS = np.array([(0, 1), (1, 2), (2, 0)])  # corners at the ends of a triangle's sides
 

@@ -447,8 +447,9 @@ class AgentEngine:
         row = np.array([place[id(agent)] for agent in self.agents.values()], dtype=np.int64)
         changes = np.array(self.changes[state.name], dtype=np.float64).reshape(-1, 3)
         generation, number = changes[:, :2].T.astype(np.int64)
-        about = state.name, state.meaning or state.name, state.default, len(ordered)
-        return StateCourse(*about, generation, row[number], changes[:, 2])
+        about = state.name, state.meaning or state.name, state.default
+        counts = len(ordered), self.generation
+        return StateCourse(*about, *counts, generation, row[number], changes[:, 2])
 
     def _ordered(self, agents: Iterable[A]) -> list[A]:
         """Sort agents by spawn step and place."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ResultError
 from kaju.model.results.stored import Column
 from kaju.model.scene.cell_types import AIR, DISPLACED
 
@@ -63,12 +64,15 @@ class StateCourse:
     """What it means, in words."""
     default: bool | int | float  # the value of who has no row yet
     agents: Annotated[int, Field(ge=0)]  # how many there are
+    generations: Annotated[int, Field(ge=0)]  # of the stage
     generation: Annotated[Ints, Column("changes", 0)]  # after which the value holds
     agent: Annotated[Ints, Column("changes", 0, "agents")]  # row of `Stage.cells`
     value: Annotated[Floats, Column("changes")]
 
     def values(self, generation: int | None = None) -> NDArray[Any]:
         """Return the value of every agent after a generation, shape (agents,); None: the last."""
+        if generation is not None and not 0 <= generation <= self.generations:
+            raise ResultError(f"generation: must be 0 to {self.generations}, got {generation}")
         found = np.full(self.agents, self.default, dtype=np.float64)
         rows = slice(None) if generation is None else self.generation <= generation
         found[self.agent[rows]] = self.value[rows]  # rows are in order: the last one stands

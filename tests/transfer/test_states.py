@@ -6,7 +6,7 @@ from plates import plate as pressed
 
 import kaju
 from kaju import LoadModel, MaterialAgent
-from kaju.errors import AgentError, ParameterError
+from kaju.errors import AgentError, ParameterError, ResultError
 
 
 class Tired(MaterialAgent):
@@ -48,6 +48,8 @@ def test_states_are_those_of_the_agents_after_every_generation(result):
     assert 0 < broken.values().sum() < len(broken.values())
     np.testing.assert_allclose(burden.values(), result.last.taken.sum(axis=1))
     assert burden.meaning == "loads taken (N)"
+    with pytest.raises(ResultError, match="generation: must be 0 to "):
+        burden.values(model.generation + 1)
 
 
 def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):

@@ -41,12 +41,9 @@ def durations(path: Path) -> list[int]:
         return [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
 
 
-def test_there_is_a_frame_before_and_one_for_each_generation(run, tmp_path, coarse) -> None:
+def test_there_is_a_frame_before_and_one_for_each_moment(run, tmp_path, coarse) -> None:
     shown = durations(kaju.animate(run, tmp_path / "spawning.gif", fps=4.0, hold=2.0))
     assert shown == [250] * run.last.generations + [2250]
-
-
-def test_stages_and_increments_have_a_frame_each(run, tmp_path, coarse) -> None:
     assert len(durations(kaju.animate(run, tmp_path / "stages.gif", "stages"))) == 4
     loaded = solve_network(triangular(3), 5)
     assert len(durations(kaju.animate(loaded, tmp_path / "network.gif"))) == 6

@@ -20,6 +20,7 @@ import lesson_runs  # noqa: E402
 import make_pages  # noqa: E402
 from lesson_texts import HEADINGS, LESSONS, ORDER, lesson  # noqa: E402
 
+from kaju.model.fracture.fracture_model import PARTED  # noqa: E402
 from kaju.view.page.python import header  # noqa: E402
 
 STEPS = ["predict", "step", "explain", "try"]
@@ -181,6 +182,10 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
 
 WORDS = json.loads((Path(kaju.view.page.__file__).parent / "words.json").read_text("utf-8"))
 READY = header({})["python"]["ready"]
+
+
+def test_how_a_net_ended_is_told_in_every_language():
+    assert all(f"told_{PARTED}" in words for words in WORDS.values())
 
 
 @pytest.mark.parametrize("name", ORDER)

@@ -591,7 +591,7 @@ class ElasticResult(BodyResult):
         along = self._outline(name, "outline_traction")
         if not along.met.any():
             raise ResultError(
-                f"outline_traction: along {name!r} no two materials meet; what acts there are loads"
+                f"outline_traction: {name!r} does not part two materials; only loads act along it"
             )
         return along.place * self.found.scales.length, self.found.scales.stress * along.traction
 

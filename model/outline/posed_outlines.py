@@ -335,8 +335,8 @@ def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str
     for other, beside in enumerate(regions):
         if other != which and not keep_apart(regions[which].arcs, beside.arcs):
             raise SceneError(
-                f"{what} meets the outline of regions.{other}; a {borne} is known along outlines "
-                "that are alone: draw both as one path"
+                f"{what} meets the outline of regions.{other}; a {borne} needs an outline "
+                "that meets no other: draw both as one path"
             )
 
 

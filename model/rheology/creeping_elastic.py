@@ -126,7 +126,7 @@ class ElasticCreepResult(BodyTimeResult):
         values: Floats | None = getattr(self, name)
         if values is None:
             raise ResultError(
-                "this run is the answer `static` times a function of time; scale that"
+                "all displacements grow alike here: multiply those of `static` by `growth`"
             )
         return values
 

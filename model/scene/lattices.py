@@ -148,8 +148,8 @@ def lattice_named(name: str) -> type[Lattice]:
     if name not in by_kind:
         raise SceneError(
             f"there is no lattice {name!r}{suggestion(name, by_kind)}; "
-            f"there is {', '.join(BUILT_IN)}, and one of your own once its class exists: import "
-            "it in Python before the scene is read"
+            f"there is {', '.join(BUILT_IN)}; import the class of a lattice of your own before the "
+            "scene is read"
         )
     return by_kind[name]
 

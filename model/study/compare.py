@@ -229,7 +229,7 @@ def _comparable(given: Any) -> Answer:
         )
     if answer.scene.outlined and answer.scene.lattice.dimension == 3:
         raise ResultError(
-            "compare: cells that an outline cuts in space know mean values only; compare "
+            "compare: in space a cell that an outline cuts has mean values only; compare "
             "energies, or values at points in whole cells (displacement_at, stress_at)"
         )
     return answer

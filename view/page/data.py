@@ -55,8 +55,8 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
     lattice = scene.lattice
     if lattice.kind not in BUILT_IN:
         raise SceneError(
-            f"body.lattice: a page runs no {lattice.kind}s, which it does not know; export_page of "
-            "their scene or result shows what their agents did"
+            f"body.lattice: a page cannot run agents of {lattice.kind}s; give export_page a model "
+            "or a result, and it shows what they did"
         )
     if lattice.size > MOST_CELLS:
         raise SceneError(

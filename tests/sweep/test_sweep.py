@@ -86,8 +86,7 @@ def test_seeds_are_independent_and_repeatable():
     first, again = (alone(sweep_work.drawn, points)["value"] for _ in range(2))
     assert first.tolist() == again.tolist()
     assert first.nunique() == 64
-    own = alone(SCENE, {"run.seed": [1, 2]}, "load_taken", run=LoadModel)
-    assert own["error"].tolist() == ["", ""]
+    assert alone(SCENE, {"run.seed": [1]}, "load_taken", run=LoadModel)["error"].tolist() == [""]
     assert alone(sweep_work.drawn, points, seed=1)["value"].nunique() == 64
     assert not set(first) & set(alone(sweep_work.drawn, points, seed=1)["value"])
 

@@ -15,6 +15,7 @@ from kaju import (
     LoadModel,
     MaterialAgent,
     RigidBoundaryAgent,
+    State,
     load_result,
 )
 
@@ -97,8 +98,8 @@ REFUSED = {
     "gives back more than it took": gives(Load(3, 4.0)),
     "gives back many copies": gives(Load(3, 0.1, 1e6)),
     "gives back an unknown direction": gives(Load(9, 0.01)),
-    "gives back a number": gives(0.5),
     "gives back a row": gives((3, 0.01, "push")),
+    "wall remembers": wall(None, type("Wet", (RigidBoundaryAgent,), {"wet": State(0)})),
     "passes rows on": passes(lambda self, load: self.emissions(load)),
     "gives back inside": material(give_back=lambda self, load, arm: load),
     "air gives back more": wall(

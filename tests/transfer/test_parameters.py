@@ -91,7 +91,4 @@ def test_classes_that_cannot_be_agents_are_named():
     for name in ("random", "dropped", "cell_x", "stress"):
         with pytest.raises(ParameterError, match=f"^{name}: "):
             LoadModel(pressed(), material_agent=type("M", (MaterialAgent,), {name: State(0)}))
-    wet = type("Wet", (RigidBoundaryAgent,), {"wet": State(0)})
-    with pytest.raises(ParameterError, match="a State of material agents only"):
-        LoadModel(pressed(), boundary_agents={"rigid": wet})
     assert LoadModel(pressed(), material_agent=Open).run().last.generations > 0

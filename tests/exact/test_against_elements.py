@@ -1,9 +1,7 @@
-"""Random pixel bodies against finite elements: two methods, one truth.
+"""Random pixel bodies lie between finite elements, which are too stiff, and cells.
 
-Finite elements of full integration are too stiff: with given forces their strain energy
-comes from below. The staggered grid comes from above, so the two bracket the truth. Pixel
-bodies have re-entrant corners, where both converge like h^2λ (λ about one half) only. The
-forces press squarely; a drag along the surface has energy in a half cell that is not counted.
+At re-entrant corners both converge like h^2λ, λ about one half. Forces press squarely: a drag
+along the surface has energy in a half cell that is not counted.
 """
 
 from itertools import product

@@ -1,10 +1,7 @@
 """Fields that the grid represents exactly: uniform stress, the patch tests, and a rotation.
 
-MacNeal & Harder (1985) deform a patch of skew elements. Cells of a pixel grid are squares,
-so what remains of their test are its fields, its constants and its two ways to impose them:
-displacements on the whole outline, or tractions. Tractions alone leave three (six) rigid
-motions free, which they stop at single nodes; a face carries its normal displacement only,
-so here tractions act on half of the outline and the other half is held where it belongs.
+Of the patch test of MacNeal & Harder (1985) its fields, its constants, and displacements on the
+whole outline, or tractions on half of it: a face carries its normal displacement only.
 """
 
 from dataclasses import dataclass

@@ -397,16 +397,6 @@ def test_bounds_next_to_incompressible_are_as_wide_as_rounding_takes_them(ratio,
     assert upper < 1.001 * lower
 
 
-ROCK = {"rock": {"youngs_modulus": 30e9, "poissons_ratio": 0.2, "density": 2400.0}}
-
-
-def rocky(regions: list[dict[str, Any]], cells: int, **scene: Any) -> kaju.Scene:
-    """Return a square of rock on a rigid ground."""
-    body = {"size": [1.0, 1.0], "cells": [cells, cells], "material": "rock", "regions": regions}
-    body |= scene.pop("body", {})
-    return kaju.Scene(body=body, materials=ROCK, sides={"bottom": "rigid"}, **scene)
-
-
 # The energies are of quadratic triangles refined towards every corner.
 SLOT = [[0.04, 0.0999], [0.16, 0.0999], [0.16, 0.1001], [0.04, 0.1001]]
 SLIT = [[-0.01, 0.09995], [0.1, 0.09995], [0.1, 0.10005], [-0.01, 0.10005]]

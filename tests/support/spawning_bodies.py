@@ -1,8 +1,4 @@
-"""Bodies on rigid ground, for comparing spawned agents with finite elements.
-
-Their energies and displacements, by finite elements on graded meshes (`exact.graded_elements` and
-bricks alike), are in `tests/data/spawning`.
-"""
+"""Bodies on rigid ground; `tests/data/spawning` has them by graded finite elements."""
 
 import numpy as np
 from scipy.ndimage import label

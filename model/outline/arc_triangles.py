@@ -118,6 +118,26 @@ def keep_apart(one: Floats, other: Floats) -> bool:
         one, other = halved(one, split), halved(other, beside)
 
 
+def touches(arcs: Floats, shape: tuple[int, int], axis: int, upper: int) -> bool:
+    """Tell whether arcs touch a side of an array from within, without crossing it there."""
+    frames = ArcFrames(arcs)
+    sign = -1.0 if upper else 1.0
+    depth = sign * (np.stack([frames.start, frames.end], axis=1)[..., axis] - upper * shape[axis])
+    arcs = arcs[(frames.turn != 0.0) & (depth.max(axis=1) > CLOSE)]
+    while len(arcs):
+        frames = ArcFrames(arcs)
+        level = np.minimum(np.abs(frames.first[:, axis]), np.abs(frames.last[:, axis])) < CLOSE
+        arcs = arcs[level | (frames.first[:, axis] * frames.last[:, axis] < 0.0)]
+        frames = ArcFrames(arcs)
+        if not len(arcs) or frames.length.max() < CLOSE:
+            break
+        arcs = halved(arcs, np.ones(len(arcs), dtype=np.bool_))
+    ends = np.concatenate([frames.start, frames.end])
+    away = np.abs(ends[:, axis] - upper * shape[axis])
+    along = ends[:, 1 - axis]
+    return bool(((away < CLOSE) & (along >= 0.0) & (along <= shape[1 - axis])).any())
+
+
 def kept_apart(lines: list[Floats]) -> list[Floats]:
     """Return arcs of lines, halved until triangles of two lines overlap only where these meet."""
     while len(lines) > 1:

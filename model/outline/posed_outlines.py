@@ -19,7 +19,7 @@ from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 
-from .arc_triangles import ArcFrames, TouchError, keep_apart
+from .arc_triangles import ArcFrames, TouchError, keep_apart, touches
 from .crossed_leaves import NEAR
 from .true_shapes import AIR, KINK, UNIT, Law, TrueBody, TrueRegion, first_leaves
 
@@ -304,6 +304,7 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         weight / strain,
         scales,
     )
+    _check_cusps(scene, problem)
     return problem, edge
 
 
@@ -328,6 +329,29 @@ def _outline_load(
     if not len(along(region, shape)):
         raise SceneError(f"{where}: nothing of {name!r} lies within the array")
     return found
+
+
+def _check_cusps(scene: Scene, problem: OutlineProblem) -> None:
+    """Refuse loads where an outline touches a side from within, both free: they bend a tip there.
+
+    Between the two the body gets as thin as the square of the distance, a load on either bends it
+    as that square too, and its energy, their square over the cube of thickness, has no limit.
+    """
+    pushed = {one.region for one in problem.outlines if one.stress.any()}
+    for number, region in enumerate(problem.body.regions):
+        for side, (axis, upper) in SIDES.items():
+            acting = [one.get(side, np.zeros(2)) for one in (problem.forces, problem.tractions)]
+            if side in problem.held or not (number in pushed or np.any(acting)):
+                continue
+            for line, inward in zip(region.lines, region.inward, strict=True):
+                # The body is round this line, and not within it.
+                if inward == region.solid and touches(line.arcs, problem.shape, axis, upper):
+                    name = scene.body.regions[number].name or f"regions.{number}"
+                    raise SceneError(
+                        f"loads: the outline of {name!r} touches the side {side!r}, where the body "
+                        "gets infinitely thin, and a load acts there, whose energy has no limit; "
+                        "let the outline cross the side, or keep away from it"
+                    )
 
 
 def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str) -> None:

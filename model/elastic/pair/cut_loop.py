@@ -103,6 +103,8 @@ class CutLoop(PairLoop):
         while True:
             try:
                 pair = CutPair(self.body, self.leaves)
+                if pair.bounds.lower > pair.bounds.upper:
+                    raise UnlikeError("a part of the body that bears loads is too thin")
                 break
             except VagueError as vague:
                 codes, why = vague.codes, UnlikeError("they touch themselves, or others")

@@ -103,8 +103,8 @@ def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
     ratios_of_peers = [f"{w} {t / ours:.2g} times as long" for w, t in theirs.items() if ours and t]
     readme = (
         "On that plate, with the load spread over 20 mm, `solve` took "
-        f"{1e3 * (ours or 0.0):.0f} ms for a largest error of 2e-4. Other methods took longer for "
-        f"the same error: {', '.join(ratios_of_peers)} "
+        f"{1e3 * (ours or 0.0):.0f} ms for displacements that are off by 2e-4 of the largest one "
+        f"at most. For the same error others took longer: {'; '.join(ratios_of_peers)} "
         "([how it was measured](docs/work-precision.md))."
     )
     return fill(readme, 100, break_on_hyphens=False), ratios(found)

@@ -167,19 +167,22 @@ class OwnAgents:
 
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
-        checked, row = [], sent
+        checked: list[Any] = []
+        no_emission = "returned {!r:.60}, which is no Emission: (arm, direction, share, sense)"
         try:
-            for row in islice(iter(sent), MOST_EMISSIONS + 1):
+            rows = iter(sent)
+        except TypeError:
+            raise self.wrong(agent, "emissions", no_emission.format(sent)) from None
+        for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
+            try:
                 arm, direction, share, sense = row
-                if not self._fits(agent, arm, direction, sense, share):
-                    what = f"returned {row!r:.120}{self._limits(agent)}"
-                    raise self.wrong(agent, "emissions", what)
-                checked.append((int(arm), int(direction), share, sense))  # True would mask an array
-        except AgentError:
-            raise
-        except (TypeError, ValueError):
-            what = f"returned {row!r:.60}, which is no Emission: (arm, direction, share, sense)"
-            raise self.wrong(agent, "emissions", what) from None
+                fits = self._fits(agent, arm, direction, sense, share)
+            except (TypeError, ValueError):
+                raise self.wrong(agent, "emissions", no_emission.format(row)) from None
+            if not fits:
+                what = f"returned {row!r:.120}{self._limits(agent)}"
+                raise self.wrong(agent, "emissions", what)
+            checked.append((int(arm), int(direction), share, sense))  # True would mask an array
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
         return checked

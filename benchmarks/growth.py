@@ -43,7 +43,7 @@ def ten_steps(model: kaju.GrowthModel) -> None:
 
 
 for name, (beam, volume, radius) in CASES.items():
-    options = {"volume": volume, "filter_radius": radius, "at_rest": 0.0, "keep": False}
+    options = {"volume": volume, "filter_radius": radius, "at_rest": 0.0}
     for kind in ("density", "sensitivity"):
         grown = kaju.GrowthModel(beam.scene(), rule=Compliance(kind), most_steps=60, **options)
         ours = compliances(beam, grown.run(progress=False).density[:, -beam.cells[1] :])

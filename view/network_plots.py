@@ -45,7 +45,7 @@ class NetworkPicture:
             cast(Axes3D, self.ax).computed_zorder = False  # or rims would hide their springs
         moved = float(np.abs(result.displacement).max(initial=0.0))
         self.span = float(np.ptp(self.network.positions, axis=0).max())
-        self.factor = magnification or visible(self.span, moved)
+        self.factor = magnification or max(1.0, visible(self.span, moved))
         most = largest or float(np.abs(result.tension).max(initial=0.0)) or 1.0
         self.norm = Normalize(-most, most)
         mappable = ScalarMappable(self.norm, style.DIVERGING)

@@ -151,9 +151,8 @@ def _plot_in_space(
     lower, upper = scene.bounds()
     cells = np.clip([first - around, last + around], lower, upper - 1)
     box = box_around(scene, cells, hidden if crop is None else crop)
-    space, notes = space_for(
-        ax, scene, box, result.stage, 2
-    )  # few arrows, for they hide what lies below
+    # Few arrows, for they hide what lies below.
+    space, notes = space_for(ax, scene, box, result.stage, 2)
     low, high = box.lower * edge, box.upper * edge
     x, y = (_plane(small[:, axis], float(result.size.min())) for axis in (0, 1))
 

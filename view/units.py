@@ -72,11 +72,10 @@ def times(magnification: float) -> str:
 def visible(span: float, farthest: float, most: float = inf) -> float:
     """Return a factor that makes displacements up to `farthest` (m) visible on a span (m).
 
-    It is 1, 2, 5, 10 ... (or 0.5, 0.2 ...), 1 where they can be seen as they are, at most `most`.
+    It is 1, 2, 5, 10 ... (or 0.2, 0.1 ...), 1 where they can be seen as they are, at most `most`.
     """
-    wanted = min(0.09 * span / farthest, most) if farthest > 0.0 else 1.0
-    if 0.2 < wanted < 1.0:
-        return 1.0
+    wanted = 0.09 * span / farthest if farthest > 0.0 else 1.0
+    wanted = min(max(wanted, 1.0) if wanted > 0.2 else wanted, most)
     power = 10.0 ** floor(log10(wanted))
     leading = wanted / power * (1.0 + 1e-12)
     return power * (5.0 if leading >= 5.0 else 2.0 if leading >= 2.0 else 1.0)

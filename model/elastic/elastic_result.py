@@ -299,6 +299,8 @@ class ElasticResult(BodyResult):
 
     def _bounds_of_cells(self) -> tuple[float, float] | None:
         """Return what agents of two minds prove of the body, None if they cannot stand on it."""
+        if not np.isfinite(self.error_estimate):  # the energy has no limit
+            return None
         try:
             body = PosedBody(self.grid, self.stage)
             agents = PairLoop(body, max(self.error_estimate, CLOSEST))

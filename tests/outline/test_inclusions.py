@@ -249,6 +249,7 @@ def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -
         ):
             assert np.array_equal(one, other)
     assert answer.area.sum() == pytest.approx(1.0)
+    assert all(np.array_equal(ring[0], ring[-1]) for ring, _ in answer.found.rings())
     assert len(kaju.plot(answer).axes) == 2
     kaju.export_page(answer, tmp_path / "grain.html")
     assert answer.to_vtk(tmp_path / "grain.vtu").exists()

@@ -240,13 +240,13 @@ TOUCHES = """(async () => {
 
 
 def test_nothing_reaches_out_of_an_agent(opened, pages):
-    page, why = opened(pages["sides"]), []
-    page.tab.on("requestfailed", lambda request: why.append(request.failure))
+    page = opened(pages["sides"])
     for attack in ATTACKS:
         found = runs(page, f"x = 1\n{attack}\n")
         assert found.get("line") == 2, (attack, found)
-    assert page.js(TOUCHES) == ["undefined"] * 5 + ["shut"]
-    assert why == ["csp"]
+    with page.tab.expect_event("requestfailed") as shut:
+        assert page.js(TOUCHES) == ["undefined"] * 5 + ["shut"]
+    assert shut.value.failure == "csp"
     policy = page.tab.locator("meta[http-equiv]").get_attribute("content")
     assert policy.startswith("default-src 'none'; script-src 'sha256-")
     assert "connect-src" not in policy

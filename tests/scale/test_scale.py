@@ -1,7 +1,6 @@
 """Bodies on PETSc: the answers of `solve`, on one process, two and four.
 
-Needs petsc4py, mpi4py and mpirun; docs/scale.md says how to get them. Without, these tests are
-skipped, or fail where KAJU_NEEDS_PETSC is set, as in CI.
+Without petsc4py, mpi4py, mpirun they are skipped, or fail if KAJU_NEEDS_PETSC is set, as in CI.
 """
 
 import json

@@ -146,6 +146,12 @@ UNBALANCED = {
 }
 
 
+def test_an_error_of_an_agents_own_is_not_hidden():
+    own = material(emissions=lambda self, load: (int(word) for word in ["x"]))
+    with pytest.raises(ValueError, match="invalid literal"):
+        LoadModel(scene(), **own).run(progress=False)
+
+
 @pytest.mark.parametrize("kind", UNBALANCED)
 def test_what_does_not_balance_or_end_is_not_called_at_rest(kind, tmp_path):
     result = LoadModel(scene(), max_generations=60, **UNBALANCED[kind]).run(progress=False)

@@ -21,6 +21,7 @@ from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.scene.sides import SideCondition
 from kaju.model.transfer.deformation import axial_strain
 from kaju.model.transfer.stage import Stage, Totals
+from kaju.model.transfer.transfer import Transfer
 from kaju.result_kinds import KINDS, fetch
 from kaju.view.body_plots import SUPPORTS
 from kaju.view.motion import Motion, chosen_frames
@@ -131,6 +132,9 @@ def _amounts(rows: tuple[Ints, Ints, Floats], last: int, name: str = "") -> Colu
     }
 
 
+LENGTHENED = ("kept", "stretch")
+
+
 class Account:
     """What agents did with the loads they took, noted generation by generation.
 
@@ -185,7 +189,7 @@ class Account:
     def columns(self, last: int) -> Columns:
         """Return the history's columns up to the last generation."""
         columns: Columns = {}
-        names = ["passed", "dropped", *["returned"] * self._returns, "kept", "stretch"]
+        names = ["passed", "dropped", *["returned"] * self._returns, *LENGTHENED]
         none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
         for name in names:
             every = zip(none, *self._rows.get(name, []), strict=True)
@@ -202,17 +206,32 @@ def history_columns(scene: Scene, stage: Stage, account: Account | None = None) 
     states = lattice.directions * (2 if sense else 1)
     state = history.direction + lattice.directions * history.pull
     place, last = key[history.agent] * states + state, stage.generations
-    if account is None:
-        account = Account(scene)
-        account.note(stage.generations, stage, float(stage.returned.sum()))
+    known = account or Account(scene)
+    if account is None:  # then what agents kept is known at the end alone, but by their shares
+        known.note(stage.generations, stage, float(stage.returned.sum()))
+    told = known.columns(last)
+    if account is None and _by_shares(scene, stage):
+        told = {name: one for name, one in told.items() if name.split()[0] not in LENGTHENED}
     return {
         **_amounts((history.generation, place, history.load), last),
         "key": key.astype(np.uint32),
         "spawn": stage.spawn_step.astype(np.uint32),
         "woken": stage.woken_by.astype(np.uint8),
-        **account.columns(last),
+        **told,
         **_state_columns(stage, key),
     }
+
+
+def _by_shares(scene: Scene, stage: Stage) -> bool:
+    """Tell whether agents kept, and yielded by, what the scene's rule says."""
+    transfer, taken = Transfer(scene), stage.taken
+    if transfer.rule.sense:
+        taken = np.concatenate([taken - stage.pulled, stage.pulled], axis=1)
+    kept = transfer.kept(stage.material, taken)
+    modulus = np.array([material.youngs_modulus for material in transfer.materials])
+    shortened = kept / (transfer.cross_section * modulus[stage.material, None])
+    pairs = ((stage.kept, kept), (stage.shortened, shortened))
+    return all(np.allclose(a, b, 1e-9, 1e-12 * np.abs(b).max(initial=0.0)) for a, b in pairs)
 
 
 def _state_columns(stage: Stage, key: Ints) -> Columns:

@@ -13,7 +13,7 @@ export function deformation(run, taken, generation = run.generation, { kept, str
   axes.forEach((d, n) => {
     const o = L.opposite[d];
     for (const { keys } of rows[n]) for (const k of keys) {
-      if (kept) { pressure[n][k] = kept.sum[k * axes.length + n] / area; continue; }   // agents of one's own
+      if (kept) { pressure[n][k] = kept.sum[k * axes.length + n] / area; continue; }   // noted in the run
       let load = taken[k * C + d] + taken[k * C + o];
       if (C > D) load -= taken[k * C + D + d] + taken[k * C + D + o];
       pressure[n][k] = load * agent[kinds[k]].own;

@@ -8,7 +8,7 @@ import { FONT, paintCells, paintLegend, paintNumbers, paintPick, paintWord, View
 import { hand } from "./scene.js";
 import { general, quantity, roundDown } from "./words.js";
 
-const NOTHING = 1 / 400, SHADES = [4, 3];         // of a scale: what looks like nothing; steps of a difference below and above it
+const NOTHING = 1 / 400, SHADES = 4;              // of a scale: what looks like nothing; steps of a difference below and above it
 const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { show: "along", layout: "swipe", split: null, ruler: null, ...look.twin }));   // a lesson names some
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */
@@ -45,10 +45,10 @@ function paintAnswer(page, canvas, name, both) {
 export function stepsOf({ rule, elastic, small }) {
   const gap = rule.map((v, k) => v - elastic[k]), most = gap.reduce((top, d) => (Math.abs(d) > top ? Math.abs(d) : top), small * 2), reach = Math.log(most / small);
   const step = (d, count) => Math.min(count, 1 + Math.floor(count * Math.log(Math.abs(d) / small) / reach));
-  return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : d < 0 ? -step(d, SHADES[0]) : step(d, SHADES[1]))) };
+  return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : Math.sign(d) * step(d, SHADES))) };
 }
 function paintDifference(page, canvas, both) {
-  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), scale = { low: -4.5, high: 3.5, log: false };
+  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), scale = { low: -4.5, high: 4.5, log: false };
   paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), scale, inks, { cut: L.dimension === 3 ? look.cut : null });
   canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
   paintLegend(view, scale, t("less"), "", null, inks, [[scale.low, `${t("ruleLess")} ${quantity(most, both.unit)}`], [0, `± ${quantity(both.small, both.unit)}`], [scale.high, t("ruleMore")]]);

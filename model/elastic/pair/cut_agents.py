@@ -253,7 +253,8 @@ class CutAgents(PairAgents):
         fit, ends = self.opinions.fitting, self.opinions.borders[0].ends
         place = self.ground.edge * fit.mesh.place
         moved = self.scales.displacement * fit.value.reshape(-1, 2)
-        return [(place[ends[loop, 0]], moved[ends[loop, 0]]) for loop in loops_of(*ends.T)]
+        rings = [np.append(ends[loop, 0], ends[loop[0], 0]) for loop in loops_of(*ends.T)]
+        return [(place[ring], moved[ring]) for ring in rings]
 
     @cached_property
     def along(self) -> dict[str, HoopStress]:

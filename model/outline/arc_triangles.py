@@ -120,22 +120,24 @@ def keep_apart(one: Floats, other: Floats) -> bool:
 
 def touches(arcs: Floats, shape: tuple[int, int], axis: int, upper: int) -> bool:
     """Tell whether arcs touch a side of an array from within, without crossing it there."""
+    sign, side = (-1.0 if upper else 1.0), upper * shape[axis]
     frames = ArcFrames(arcs)
-    sign = -1.0 if upper else 1.0
-    depth = sign * (np.stack([frames.start, frames.end], axis=1)[..., axis] - upper * shape[axis])
+    depth = sign * (np.stack([frames.start, frames.end], axis=1)[..., axis] - side)
     arcs = arcs[(frames.turn != 0.0) & (depth.max(axis=1) > CLOSE)]
+    # Halves that are near the side and run along it somewhere, until they are points.
     while len(arcs):
         frames = ArcFrames(arcs)
-        level = np.minimum(np.abs(frames.first[:, axis]), np.abs(frames.last[:, axis])) < CLOSE
-        arcs = arcs[level | (frames.first[:, axis] * frames.last[:, axis] < 0.0)]
-        frames = ArcFrames(arcs)
-        if not len(arcs) or frames.length.max() < CLOSE:
+        if frames.length.max() < CLOSE:
             break
+        first, last = frames.first[:, axis], frames.last[:, axis]
+        level = (np.minimum(np.abs(first), np.abs(last)) < CLOSE) | (first * last < 0.0)
+        near = (sign * (frames.triangles[..., axis] - side)).min(axis=1) < CLOSE
+        arcs = arcs[near & level]
         arcs = halved(arcs, np.ones(len(arcs), dtype=np.bool_))
-    ends = np.concatenate([frames.start, frames.end])
-    away = np.abs(ends[:, axis] - upper * shape[axis])
+    ends = (arcs[:, [0, 3], :2] / arcs[:, [0, 3], 2:]).reshape(-1, 2)
     along = ends[:, 1 - axis]
-    return bool(((away < CLOSE) & (along >= 0.0) & (along <= shape[1 - axis])).any())
+    touching = (np.abs(ends[:, axis] - side) < CLOSE) & (along >= 0.0)
+    return bool((touching & (along <= shape[1 - axis])).any())
 
 
 def kept_apart(lines: list[Floats]) -> list[Floats]:

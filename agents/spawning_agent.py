@@ -12,7 +12,8 @@ from .materials import Material
 class SpawningAgent(Agent):
     """One of the agents of a `SpawningModel`.
 
-    It retires when it spawns children, which then do its work, but it stays their parent.
+    It retires when it spawns children, which then do its work, but it stays their parent; or when
+    it holds nothing of the body.
     """
 
     row: int  # its number in the order of spawning, from 0, as in the model's `family`
@@ -42,7 +43,7 @@ class SpawningAgent(Agent):
 
     @property
     def retired_step(self) -> int | None:
-        """Step in which its children took over; None while it works."""
+        """Step in which its children took over, or it vanished; None while it works."""
         step = int(self.model.family.rows["retired_step"][self.row])
         return None if step < 0 else step
 

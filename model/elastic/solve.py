@@ -18,7 +18,7 @@ from kaju.model.elastic.equal.grid import Grid, grid_of
 from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.supports import is_torn
-from kaju.model.elastic.goals.quantities import AskedFor, Quantity, asked
+from kaju.model.elastic.goals.quantities import AskedFor, asked
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
 from kaju.model.elastic.pair.leaves import corner_ends
@@ -46,10 +46,7 @@ def solve_spawning(
     """
     start = perf_counter()
     tolerance = TOLERANCE if tolerance is None else tolerance
-    goals = peak_asked(scene, goal) if scene.outlined else asked(goal)
-    check_numbers(tolerance, resolution, stage)
-    ground = OutlinedBody(scene) if scene.outlined else PosedBody(scene, stage, resolution)
-    spawner = spawner_of(ground, tolerance, None, goals)
+    spawner = spawner_of(scene, tolerance, resolution, stage, goal)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
     spawning = spawner.outcome()
@@ -68,15 +65,23 @@ def solve_spawning(
 
 
 def spawner_of(
-    ground: PosedBody | OutlinedBody,
+    scene: Scene,
     tolerance: float,
-    most_agents: int | None,
-    goals: tuple[Quantity, ...] = (),
+    resolution: int | None,
+    stage: int | None,
+    goal: AskedFor | None,
+    most_agents: int | None = None,
 ) -> PairLoop:
     """Return the loop that agents spawn in: within cells, or within true outlines."""
-    if isinstance(ground, OutlinedBody):
-        return CutLoop(ground, tolerance, most_agents, goals)
-    return PairLoop(ground, tolerance, most_agents, goals)
+    check_numbers(tolerance, resolution, stage, most_agents)
+    if scene.outlined and scene.lattice.dimension == 2:
+        if resolution is not None or stage not in (None, 1):
+            raise ParameterError(
+                "resolution, stage: are not taken within true outlines, whose agents spawn where "
+                'the tolerance asks for it; leave them out, or take regions with outline = "cells"'
+            )
+        return CutLoop(OutlinedBody(scene), tolerance, most_agents, peak_asked(scene, goal))
+    return PairLoop(PosedBody(scene, stage, resolution), tolerance, most_agents, asked(goal))
 
 
 def answer_of(spawning: PairAgents, tolerance: float, seconds: float) -> ElasticResult:

@@ -5,14 +5,16 @@ from __future__ import annotations
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from kaju.agents.spawning_agent import SpawningAgent
 from kaju.errors import ResultError
-from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.goals.quantities import AskedFor, asked
+from kaju.model.elastic.goals.quantities import AskedFor
 from kaju.model.elastic.pair.family import Family
-from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.solve import answer_of, error_of, missed_note, spawner_of
+from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
 from kaju.stepping import Until, step_to_end
@@ -31,7 +33,7 @@ class SpawningModel(SteppedModel):
     few more do so because neighbours may differ in size by a factor of two only; then all find
     their opinions again. The sum of all differences proves the error, and the model ends when it is
     within the tolerance. In space agents have the first opinion only, 8 children, and an estimated
-    error.
+    error. Within true outlines agents that hold nothing of the body vanish.
 
     Agents are computed on arrays; objects that show them are made when `agents` is read.
 
@@ -93,12 +95,10 @@ class SpawningModel(SteppedModel):
     ) -> None:
         super().__init__(rng, seed)
         scene_needed(scene)
-        check_numbers(tolerance, resolution, stage, most_agents)
         self.scene, self.stage = scene, stage
         self.tolerance, self.resolution = tolerance, resolution
-        self.ground = PosedBody(scene, stage, resolution)
         self.most_agents: int | None = most_agents
-        self._asked, self.goal = goal, asked(goal)
+        self.goal = goal
         self._objects: list[SpawningAgent] = []
         self.reset()
 
@@ -106,25 +106,38 @@ class SpawningModel(SteppedModel):
         """Go back to the first agents, before the first step."""
         began = perf_counter()
         self._start_again()
-        for agent in self._objects:
-            agent.remove()
-        self._objects = []
-        self.spawner = spawner_of(self.ground, self.tolerance, self.most_agents, self.goal)
-        self.most_agents = self.spawner.most_agents
-        metre = self.ground.scene.lattice.cell_size / self.ground.cell
-        self.family = Family(self.ground.dimension, metre)
-        leaves = self.spawner.leaves
-        self.family.grow(leaves.code, leaves.size)
+        asked = self.resolution, self.stage, self.goal, self.most_agents
+        self.spawner = spawner_of(self.scene, self.tolerance, *asked)
+        self.ground, self.most_agents = self.spawner.body, self.spawner.most_agents
+        self._begin(self.spawner.leaves)
         self.running = True
         self.seconds = perf_counter() - began
+
+    def _begin(self, leaves: LeafCells) -> None:
+        """Let these be the first agents."""
+        for agent in self._objects:
+            agent.remove()
+        self._objects, self._kinds = [], np.empty(0, dtype=np.int64)
+        metre = self.ground.scene.lattice.cell_size / self.ground.cell
+        self.family = Family(self.ground.dimension, metre)
+        self._grow(leaves)
+
+    def _grow(self, leaves: LeafCells) -> None:
+        """Add the agents of a generation, and note their materials."""
+        self.family.grow(leaves.code, leaves.size)
+        fresh = len(self.family) - len(self._kinds)
+        self._kinds = np.append(self._kinds, np.full(fresh, -1))
+        self._kinds[self.family.working] = leaves.kind
 
     def step(self) -> None:
         """Let agents spawn, but for the first time, and all of them find their opinions."""
         began = perf_counter()
         self.spawner.step()
-        last = self.history[-1]
+        leaves, last = self.spawner.last.leaves, self.history[-1]
         if self.generation > 1:
-            self.family.grow(last.code, last.size)
+            self._grow(leaves)
+        elif isinstance(self.ground, OutlinedBody):  # only now it is known what they hold
+            self._begin(leaves)
         self.family.settle(last.gap * self.ground.scales.energy, last.chosen)
         self.running = not self.spawner.finished
         self.seconds += perf_counter() - began
@@ -167,26 +180,27 @@ class SpawningModel(SteppedModel):
         if start == len(family):
             return self._objects
         rows, materials = family.rows[start:], self.scene.cell_materials
-        kinds = self.ground.kinds_at(family.corners(start))
         for row, parent, level, lower, size, kind, step, cause in zip(
             range(start, len(family)),
             rows["parent"].tolist(),
             family.level[start:].tolist(),
             (family.corners(start) * family.metre).tolist(),
             family.size[start:].tolist(),
-            kinds.tolist(),
+            self._kinds[start:].tolist(),
             rows["spawn_step"].tolist(),
             rows["cause"].tolist(),
             strict=True,
         ):
+            spawned_by = self._objects[parent] if parent >= 0 else None
             agent = SpawningAgent(
                 self,
                 row=row,
-                parent=self._objects[parent] if parent >= 0 else None,
+                parent=spawned_by,
                 level=level,
                 lower=tuple(lower),
                 size=size,
-                material=materials[kind],
+                # one that never stood is as its parent is
+                material=spawned_by.material if spawned_by and kind < 0 else materials[kind],
                 spawn_step=step,
                 cause=cause,
             )
@@ -209,7 +223,7 @@ class SpawningModel(SteppedModel):
         """Return the model's plain arguments, and classes and functions of your own."""
         names = ("tolerance", "resolution", "stage", "most_agents")
         options = {name: getattr(self, name) for name in names}
-        return options, {"goal": self._asked}
+        return options, {"goal": self.goal}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""

@@ -160,7 +160,7 @@ class Scene(Description):
 
     @property
     def outlined(self) -> bool:
-        """Whether the body has true outlines, which only `kaju.solve` takes."""
+        """Whether the body has true outlines, which only agents of elasticity take."""
         return self.body.outlined
 
     @property
@@ -168,9 +168,9 @@ class Scene(Description):
         """The body of cells; refused where true outlines say what the body is."""
         if self.outlined:
             raise SceneError(
-                'body.regions: only kaju.solve takes outline = "true"; for what needs cells '
-                "(agents that pass loads on, creep, growth, pages of scenes) take "
-                'outline = "cells" and small cells'
+                "body.regions: only kaju.solve, and in the plane SpawningModel, take "
+                'outline = "true"; for what needs cells (agents that pass loads on, creep, growth) '
+                'take outline = "cells" and small cells'
             )
         return self._resolved
 

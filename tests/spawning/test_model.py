@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from spawning_bodies import under_a_patch
+from spawning_bodies import BRASS, STEEL, under_a_patch
 
-from kaju import SpawningModel, load_result, solve
+from kaju import Scene, SpawningModel, load_result, solve
 from kaju.errors import ParameterError, ResultError
 
 
@@ -13,12 +13,28 @@ def assert_same_rows(one, other):
         np.testing.assert_array_equal(one.rows[name], other.rows[name])
 
 
-TOLERANCE = {2: 0.01, 3: 0.25}
+def within_outlines():
+    """A quarter of a steel disk round one of brass, squeezed."""
+    regions = [
+        {"disk": {"centre": at, "radius": size}, "material": name, "name": name, "outline": "true"}
+        for name, at, size in (("steel", [0.0, 0.0], 0.9), ("brass", [0.1, 0.1], 0.5))
+    ]
+    return Scene(
+        body={"size": [1.0, 1.0], "cells": [8, 8], "material": "air", "regions": regions},
+        materials={"steel": STEEL, "brass": BRASS},
+        sides={"left": "roller", "bottom": "rigid"},
+        loads=[{"outline": "steel", "pressure": 1.0}],
+    )
 
 
-@pytest.fixture(scope="module", params=[2, 3])
+BODIES = {"plane": under_a_patch(), "space": under_a_patch(3), "outlines": within_outlines()}
+TOLERANCE = {"plane": 0.01, "space": 0.25, "outlines": 0.03}
+
+
+@pytest.fixture(scope="module", params=BODIES)
 def model(request):
-    model = SpawningModel(under_a_patch(request.param), TOLERANCE[request.param])
+    model = SpawningModel(BODIES[request.param], TOLERANCE[request.param])
+    assert len(model.agents)  # objects that are made early go along
     model.run()
     return model
 
@@ -51,8 +67,10 @@ def test_model_and_solver_give_the_same_numbers(model):
 
 def test_agents_know_parents_children_and_why_they_spawned(model):
     retired = [agent for agent in model.agents if not agent.alive]
-    assert retired
-    for agent in retired:
+    parents = [agent for agent in retired if agent.children]
+    # within outlines agents that hold nothing of the body vanish
+    assert (len(parents) < len(retired)) == model.scene.outlined
+    for agent in parents:
         family = agent.children
         assert len(family) == 2 ** len(agent.lower)
         for child in family:
@@ -69,7 +87,6 @@ def test_agents_know_parents_children_and_why_they_spawned(model):
     first = [agent for agent in model.agents if agent.parent is None]
     assert all(agent.spawn_step == 0 and agent.cause == 0.0 for agent in first)
     assert min(agent.level for agent in first) == 0
-    assert {agent.material.name for agent in model.agents} == {"steel"}
 
 
 def test_working_agents_are_those_of_the_result(model):
@@ -78,6 +95,8 @@ def test_working_agents_are_those_of_the_result(model):
     for name in ("size", "level", "spawn_step", "gap"):
         values = [getattr(agent, name) for agent in working]
         np.testing.assert_array_equal(values, getattr(found, name))
+    names = [material.name for material in model.scene.cell_materials]
+    assert [agent.material.name for agent in working] == [names[k] for k in found.material]
 
 
 def test_those_whose_opinions_differ_most_spawn_for_it(model):

@@ -93,6 +93,7 @@ class CutLoop(PairLoop):
         if not peaks:
             body.check_rounding(tolerance)
         self._peak: _Peak | None = None
+        self._least = inf  # error of the best generation
         for one in peaks:
             assert isinstance(one, Stress)
             self._peak = _Peak(body, str(one.at), tolerance)
@@ -138,12 +139,16 @@ class CutLoop(PairLoop):
         """Note the generation."""
         proved = not self.body.problem.estimated
         self.generations.append(generation_of(self.last, chosen, proved))
+        # polygons of smaller agents are not always better: the best generation is the answer
+        if self.reached or self._peak or self._judged.error <= self._least:
+            self._least = self._judged.error
+            self._answer = len(self.generations), self.last, list(self._judged.found)
 
     def outcome(self) -> CutAgents:
-        """Return the agents as they are."""
-        trees, generations = list(self.trees), list(self.generations)
-        goals, known = list(self._judged.found), (trees, self.last)
-        agents = CutAgents(self.body, goals, generations, self.stopped, [], known)
+        """Return the agents as they are, or were where they knew best."""
+        count, pair, goals = self._answer
+        trees, generations = self.trees[:count], self.generations[:count]
+        agents = CutAgents(self.body, goals, generations, self.stopped, [], (trees, pair))
         agents.notes += agents.remarks(self._peak.name if self._peak else None)
         return agents
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -15,11 +16,11 @@ from kaju.errors import KajuError, ResultError
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.caveats import Caveat, caveats_of, near_steps, no_limit, refuse_singular
 from kaju.model.elastic.corners import sharp_corners
-from kaju.model.elastic.elastic_export import columns, dataset, write_mesh
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
 from kaju.model.elastic.goals.duals import goal_of
 from kaju.model.elastic.goals.quantities import (
+    AXES,
     HOOP,
     Goal,
     Place,
@@ -37,6 +38,7 @@ from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying
+from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import (
     BALANCE,
     BALANCE_OF_ERROR,
@@ -51,10 +53,8 @@ from kaju.stopping import interrupt_requested
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
 
     from kaju.model.elastic.pair.history import Generation
-    from kaju.model.outline.hoop_stress import HoopStress
 
     from .intensity import Intensity
 
@@ -209,11 +209,6 @@ class ElasticResult(BodyResult):
         """Strain tensors of the agents, shape (agents, dimension, dimension)."""
         stress = self.stress / self.found.scales.modulus
         return strain_of(stress, self.found.moduli, self.found.law)
-
-    @cached_property
-    def principal_stress(self) -> Floats:
-        """Principal stresses (Pa) of the agents in the plane (space), smallest first."""
-        return np.asarray(np.linalg.eigvalsh(self.stress))
 
     @cached_property
     def von_mises(self) -> Floats:
@@ -492,7 +487,7 @@ class ElasticResult(BodyResult):
             return self.found.ground.without_limit
         return sharp_corners(self.scene)
 
-    def intensity(self, at: tuple[float, ...], radius: float | None = None) -> Intensity:
+    def intensity(self, at: tuple[float, ...]) -> Intensity:
         """Return the stress intensity factors of a crack or a re-entrant corner of the plane.
 
         Its sides are free, and it is of one material. A crack is a slit of air one cell wide,
@@ -502,9 +497,6 @@ class ElasticResult(BodyResult):
         ----------
         at : tuple of float
             The corner (m), or the middle of the end of the slit.
-        radius : float, optional
-            How far from there displacement and stress are taken (m); by default as far as nothing
-            else is near: edges, loads, materials.
 
         Returns
         -------
@@ -531,7 +523,7 @@ class ElasticResult(BodyResult):
                 "intensity: needs one material all around the tip, and in this answer every "
                 "cell has its own stiffness"
             )
-        return intensity(self, self.error_estimate, at, radius)
+        return intensity(self, self.error_estimate, at)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""
@@ -575,34 +567,12 @@ class ElasticResult(BodyResult):
         >>> places.shape[1], len(places) == len(stress)
         (2, True)
         """
-        along = self._outline(name, "outline_stress")
-        return along.place * self.found.scales.length, self.found.scales.stress * along.moved
-
-    def outline_traction(self, name: str) -> tuple[Floats, Floats]:
-        """Return positions (m) along an outline between two materials, and tractions (Pa) there.
-
-        Those of the stress in balance, from outside on the region: the tension across the
-        outline, and the stress along it, counter-clockwise. Shapes (n, 2). Nothing is proved of
-        them.
-
-        Raises
-        ------
-        ResultError
-            If no region with a true outline has that name, or no two materials meet along it.
-        """
-        along = self._outline(name, "outline_traction")
-        if not along.met.any():
-            raise ResultError(
-                f"outline_traction: {name!r} does not part two materials; only loads act along it"
-            )
-        return along.place * self.found.scales.length, self.found.scales.stress * along.traction
-
-    def _outline(self, name: str, asked: str) -> HoopStress:
         known = self.found.along if isinstance(self.found, CutAgents) else {}
         if name not in known:
             names = ", ".join(known) or "none has a name"
-            raise ResultError(f"{asked}: there is no outline {name!r}; there is {names}")
-        return known[name]
+            raise ResultError(f"outline_stress: there is no outline {name!r}; there is {names}")
+        units, along = self.found.scales, known[name]
+        return units.length * along.place, units.stress * along.moved
 
     @property
     def max_displacement(self) -> float:
@@ -739,27 +709,41 @@ class ElasticResult(BodyResult):
         """Return one row per agent: place, size, material, displacement, strain and stress."""
         import pandas as pd
 
-        return pd.DataFrame(columns(self))
-
-    def to_xarray(self, resolution: int | None = None) -> xarray.Dataset:
-        """Return `cells(resolution)` as labelled arrays with coordinates and units.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-        """
-        return dataset(self, resolution)
+        names = np.array([material.name for material in self.grid.cell_materials])
+        axes = list(enumerate(AXES[: self.scene.lattice.dimension]))
+        found: dict[str, Any] = {f"{axis} (m)": self.middle[:, a] for a, axis in axes}
+        found |= {
+            "size (m)": self.size,
+            "level": self.level,
+            "spawn_step": self.spawn_step,
+            "material": names[self.material],
+        }
+        found |= {f"displacement_{axis} (m)": self.displacement[:, a] for a, axis in axes}
+        for name, unit, tensor in (("strain", "", self.strain), ("stress", " (Pa)", self.stress)):
+            for (a, one), (b, other) in [*zip(axes, axes, strict=True), *combinations(axes, 2)]:
+                found[f"{name}_{one}{other}{unit}"] = tensor[:, a, b]
+        return pd.DataFrame(found | {"von_mises (Pa)": self.von_mises})
 
     def to_vtk(self, path: str | Path) -> Path:
         """Write the agents as an unstructured grid that ParaView reads (.vtu or .vtk).
 
-        Raises
-        ------
-        MissingExtraError
-            If meshlane is not installed.
+        Those within outlines as polygons. Raises `MissingExtraError` if meshlane is not installed.
         """
-        return write_mesh(self, path)
+        found, d = self.found, self.scene.lattice.dimension
+        names = ("size", "level", "spawn_step", "material", "von_mises")
+        values = {name: getattr(self, name) for name in names}
+        values |= {name: getattr(self, name).reshape(-1, d * d) for name in ("stress", "strain")}
+        if isinstance(found, CutAgents):
+            agent, polygons = found.pieces()
+            count = np.array([len(polygon) for polygon in polygons])
+            rows = [np.flatnonzero(count == number) for number in np.unique(count)]
+            agent = agent[np.concatenate(rows)]
+            values = {name: value[agent] for name, value in values.items()} | {"agent": agent}
+            alike = [np.array([polygons[row] for row in of]) for of in rows]
+            near = 1e-8 * found.scales.length
+            return write_vtk(path, alike, near, values, self.displacement_near)
+        corners = self.lower[:, None] + corner_order(d) * self.size[:, None, None]
+        return write_vtk(path, [corners], self.size.min(), values, self.displacement_at)
 
 
 FIELDS = ("displacement", "strain", "stress", "von_mises")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 
 from .true_shapes import nearest_of
 
@@ -29,8 +29,6 @@ class HoopStress:
     balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
     moved: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
-    traction: Floats  # tension across and stress along it that act on the region, (n, 2)
-    met: Flags  # where two materials meet
 
     def apart(self, at: int) -> float:
         """Return by how much the stress at a place may be off.
@@ -48,11 +46,7 @@ class HoopStress:
         """Return the stresses by agents along the outline of a region."""
         line = pair.along[region]
         found = [_ends_of_body(pair, region), _between_materials(pair, line)]
-        met = np.repeat([False, True], [len(one[0]) for one in found])
-        at, own = (
-            np.concatenate([one[0] for one in found]),
-            np.concatenate([one[1] for one in found]),
-        )
+        at, own = (np.concatenate([one[k] for one in found]) for k in (0, 1))
         mesh = pair.balancing.mesh
         leaf, law, middle, run = mesh.leaf[own], mesh.law[own], at.mean(axis=1), at[:, 1] - at[:, 0]
         long = np.hypot(*run.T)
@@ -67,11 +61,11 @@ class HoopStress:
             straight = one[:, 0] * other[:, 0] * xx + one[:, 1] * other[:, 1] * yy
             return np.asarray(straight + mixed * xy)
 
-        tension, shear = turned(stress, n, n), turned(stress, d, n)
+        tension = turned(stress, n, n)
         stretch = turned(strain * [1.0, 1.0, 0.5], d, d)
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
-        values = np.column_stack([middle, d, turned(stress, d, d), moved, tension, shear, met])
+        values = np.column_stack([middle, d, turned(stress, d, d), moved])
         away, whole = _way_along(middle, line)
         order = np.argsort(away)
         if len(order):  # a part beyond the array lies after the end, wherever the line starts
@@ -86,15 +80,8 @@ class HoopStress:
         np.add.at(means, group, (long / total[group])[:, None] * values)
         d = means[:, 2:4] / np.maximum(np.hypot(*means[:, 2:4].T), 1e-300)[:, None]
         first = np.unique(group, return_index=True)[1]
-        return cls(
-            leaf[first],
-            means[:, :2],
-            np.stack([d[:, 1], -d[:, 0]], axis=1),
-            means[:, 4],
-            means[:, 5],
-            means[:, 6:8],
-            means[:, 8] > 0.5,
-        )
+        outward = np.stack([d[:, 1], -d[:, 0]], axis=1)
+        return cls(leaf[first], means[:, :2], outward, *means[:, 4:].T)
 
 
 def _ends_of_body(pair: CutPair, region: int) -> tuple[Floats, Ints]:

@@ -120,6 +120,6 @@ def python(*words):
 
 def test_importing_kaju_stays_light():
     """Also with a scene."""
-    heavy = {"matplotlib", "pandas", "mesa", "numba", "networkx", "scipy", "xarray", "skfem"}
+    heavy = {"matplotlib", "pandas", "mesa", "numba", "networkx", "scipy", "skfem"}
     loaded = python("-c", "import kaju; kaju.Scene; import sys; print(*sys.modules)").split()
     assert heavy.isdisjoint(loaded)

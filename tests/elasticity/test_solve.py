@@ -33,7 +33,6 @@ def test_a_pulled_bar_stretches_as_it_must():
     np.testing.assert_allclose(result.strain[..., 0, 0], 1e-3, rtol=1e-9)
     np.testing.assert_allclose(result.strain[..., 1, 1], -0.25e-3, rtol=1e-9)
     np.testing.assert_allclose(result.von_mises, 1000.0, rtol=1e-9)
-    np.testing.assert_allclose(result.principal_stress, [[0, 1000]] * 32, atol=1e-6)
     assert result.strain_energy == pytest.approx(0.5 * 1000 * 1e-3 * 0.08 * 0.04 * 0.01)
     assert result.reactions["left"][0] == pytest.approx(-1000 * 0.04 * 0.01)
 
@@ -59,7 +58,6 @@ def test_a_pressed_block_shortens_as_it_must():
     np.testing.assert_allclose(result.stress_at(points), tensor, atol=1e-5)
     np.testing.assert_allclose(result.von_mises, 1000.0, rtol=1e-8)
     np.testing.assert_allclose(result.strain[..., 0, 0], 0.25e-3, rtol=1e-8)
-    assert result.to_xarray().sizes["z_face"] == 6
 
 
 def test_gravity_and_a_foundation():

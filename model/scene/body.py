@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from inspect import isabstract
-from math import isclose, prod
+from math import isclose
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import PlainSerializer, PlainValidator, model_validator
 
 from kaju.errors import ParameterError, SceneError
-from kaju.model.scene.validation import Count, Described, Flag, Length, Number, Text, optional
+from kaju.model.scene.validation import (
+    Count,
+    Described,
+    Flag,
+    Length,
+    Number,
+    Text,
+    check_axes,
+    optional,
+)
 
 from .lattice import Lattice
 from .lattices import BUILT_IN, check_lattice, lattice_named
@@ -116,23 +125,17 @@ class Body(Described):
         lattice = self.lattice or ("cube" if len(shape) == 3 else "square")
         if isinstance(lattice, str):
             lattice = BUILT_IN[lattice]
-        if lattice.dimension != len(shape):
-            raise SceneError(
-                f"body.lattice: {lattice.kind!r} has {lattice.dimension} axes, but "
-                f"body.cells names {len(shape)}"
-            )
         for key in ("thickness", "plane"):
             if len(shape) == 3 and getattr(self, key) is not None:
                 raise SceneError(f"body.{key}: belongs to two dimensions; leave it out")
-        if prod(shape) >= 2**62:
-            raise SceneError(
-                f"body.cells: {' x '.join(map(str, shape))} cells are more than can be counted "
-                "(2^62); use larger cells"
-            )
         edge = self.cell_size or self._edge(lattice, shape)
         if not 1e-12 <= edge <= 1e12:
             raise SceneError(f"body.size: cells would be {edge:g} m wide; lengths are in metres")
-        made = lattice(shape, edge)
+        try:
+            made = lattice(shape, edge)
+        except ParameterError as error:
+            told = str(error).removeprefix("shape: ")
+            raise SceneError(f"body.cells: {told}") from None
         if lattice.kind not in BUILT_IN:
             check_lattice(made)
         return made
@@ -145,10 +148,7 @@ class Body(Described):
                 f"body.size: rows of {lattice.kind}s overlap; give cell_size, the length of a cell "
                 "along its axes, such as the distance of two faces of a hexagon"
             )
-        if len(size) != len(shape):
-            raise SceneError(
-                f"body.size: {len(size)} edges are given for {len(shape)} axes of cells"
-            )
+        check_axes(size, len(shape), "body.size", "edges")
         edges = [length / count for length, count in zip(size, shape, strict=True)]
         if not all(isclose(edge, edges[0], rel_tol=1e-9) for edge in edges):
             raise SceneError(

@@ -16,6 +16,7 @@ from .cell_types import NOT_BODY
 from .description import Description
 from .resolved_body import CellBox, ResolvedBody, count, sample, slabs
 from .sides import FREE, unknown_side
+from .validation import check_axes
 
 MOST_EXAMINED = 10_000_000
 """Up to this many cells a body is examined cell by cell, above by samples."""
@@ -248,9 +249,8 @@ def _of_loads(scene: Description, body: ResolvedBody) -> Unproved:
             raise SceneError(
                 f"{where}.outline: loads on outlines are not proved in space; load a side"
             )
-        if load.force is not None and len(load.force) != dimension:
-            needed = f"{dimension} numbers (N) are needed"
-            raise SceneError(f"{where}.force: {needed}, got {list(load.force)}")
+        if load.force is not None:
+            check_axes(load.force, dimension, f"{where}.force")
         if load.side is not None:
             if load.side not in body.lattice.sides:
                 raise unknown_side(load.side, body.lattice.sides, f"{where}.side")

@@ -78,13 +78,13 @@ class Lattice(ABC):
     def __post_init__(self) -> None:
         if len(self.shape) != self.dimension:
             raise ParameterError(
-                f"shape: a lattice of kind {self.kind!r} has {self.dimension} numbers of cells, "
-                f"got {self.shape}"
+                f"shape: {self.kind!r} has {self.dimension} axes, but {self.shape} names "
+                f"{len(self.shape)}"
             )
         if prod(self.shape) >= 2**62:
             raise ParameterError(
-                f"shape: {self.shape} is more than 2**62 cells, which no integer can count; "
-                "use larger cells"
+                f"shape: {' x '.join(map(str, self.shape))} cells are more than can be counted "
+                "(2^62); use larger cells"
             )
 
     # What a lattice says of itself.
@@ -107,7 +107,8 @@ class Lattice(ABC):
     def normals(self) -> Floats:
         """Outward unit normals of the faces of all forms, shape (directions, dimension)."""
         # Whole degrees are taken exactly, so that opposite normals are as opposite as can be.
-        degrees = np.concatenate([_face_angles(self.outline(form)) for form in range(self.forms)])
+        normal = np.concatenate([_edge_normals(self.outline(form)) for form in range(self.forms)])
+        degrees = np.rad2deg(np.arctan2(normal[:, 1], normal[:, 0]))
         whole = np.rint(degrees)
         degrees = np.where(np.abs(degrees - whole) < 1e-7, whole, degrees) % 360.0
         degrees = np.sort(degrees)
@@ -325,32 +326,12 @@ class Lattice(ABC):
         # An irrational shift keeps `floor` clear of the ends of cells, which lie at fractions.
         return line, np.floor(begins - lowest + 1.0 / pi).astype(np.int64)
 
-    @cached_property
-    def _strides(self) -> tuple[Ints, Ints]:
-        """Steps along lines from each form, of 0 to `forms` cells: (forms, axes, forms + 1, dim).
-
-        And from each form the number of cells after which the line repeats: (forms, axes).
-        """
-        strides = np.zeros((self.forms, len(self.axes), self.forms + 1, self.dimension), np.int64)
-        period = np.zeros(strides.shape[:2], dtype=np.int64)
-        for form, axis in np.ndindex(*period.shape):
-            along, cell = self.normals[self.axes[axis]], self._one_of_each[form]
-            for count in range(1, self.forms + 1):
-                here = int(self.form(cell[None])[0])
-                reach = (1.5 - self.within[here, axis]) * self.cell_size  # to the next middle
-                cell = self.locate(self.centres(cell[None]) + reach * along)[0]
-                strides[form, axis, count] = cell - self._one_of_each[form]
-                if period[form, axis] == 0 and self.form(cell[None])[0] == form:
-                    period[form, axis] = count
-        return strides, period
-
     def along(self, cells: Cells, axis: int, count: Ints) -> Cells:
         """Return the cells so many further along an axis, on the same lines; below 0: back."""
-        strides, periods = self._strides
-        form = self.form(cells)
-        whole, rest = np.divmod(count, periods[form, axis])
-        repeat = strides[form, axis, periods[form, axis]]
-        return np.asarray(cells + whole[:, None] * repeat + strides[form, axis, rest])
+        # The middle of a cell between its ends along the axis lies in it.
+        ahead = count + 0.5 - self.within[self.form(cells), axis]
+        way = self.cell_size * ahead[:, None] * self.normals[self.axes[axis]]
+        return self.locate(self.centres(cells) + way)
 
     # The array.
 
@@ -434,8 +415,3 @@ def _edge_normals(corners: Floats) -> Floats:
     edge = np.roll(corners, -1, axis=0) - corners
     normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-
-
-def _face_angles(corners: Floats) -> Floats:
-    normal = _edge_normals(corners)
-    return np.rad2deg(np.arctan2(normal[:, 1], normal[:, 0]))

@@ -55,12 +55,6 @@ class BoxLattice(Lattice):
         foot[:, axis] = 0
         return self.key(foot), cells[:, axis].copy()
 
-    def along(self, cells: Cells, axis: int, count: Ints) -> Cells:
-        """Return the cells so many further along an axis."""
-        reached = cells.copy()
-        reached[:, axis] += count
-        return reached
-
     def coordinates(self, points: Floats) -> Floats:
         """Return points (m) in edges of cells."""
         return points / self.cell_size

@@ -26,6 +26,7 @@ from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
 from .shapes import Points, Relation, Shape
 from .sides import FREE, SideCondition, unknown_side
+from .validation import check_axes
 
 CellBox = tuple[Ints, Ints]
 """Lower corner, included, and upper corner, not included, of a box of cells."""
@@ -337,11 +338,8 @@ def _check_sides(sides: Mapping[str, SideCondition], names: tuple[str, ...]) -> 
     for name, side in sides.items():
         if name not in names:
             raise unknown_side(name, names, f"sides.{name}")
-        if side.displacement is not None and len(side.displacement) != len(axes):
-            raise SceneError(
-                f"sides.{name}.displacement: {len(axes)} numbers are needed, one for each "
-                f"axis, got {list(side.displacement)}"
-            )
+        if side.displacement is not None:
+            check_axes(side.displacement, len(axes), f"sides.{name}.displacement")
         across = names.index(name) // 2
         along = tuple(axis for axis in axes if axis != across)
         if side.free_axes not in ((), along):

@@ -6,7 +6,7 @@ rasterised for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, NamedTuple
@@ -90,6 +90,10 @@ class Selection:
     unless given all."""
     offset: Floats | None = None
     """How far (in cells) from the middle of each a force at a point acts, shape (n, dimension)."""
+
+    def beyond(self, lattice: Lattice) -> Cells:
+        """Return the cells that lie beyond the faces."""
+        return np.asarray(self.cells + lattice.steps[lattice.form(self.cells), self.direction])
 
     @property
     def share(self) -> Floats:
@@ -177,10 +181,8 @@ def select(body: ResolvedBody, load: LoadTable, where: str) -> Selection:
         raise SceneError(f"{where}.couple: {needed} (N m) are needed, got {load.couple}")
     if load.side is not None and load.side not in lattice.sides:
         raise unknown_side(load.side, lattice.sides, f"{where}.side")
-    if load.cell is not None:
-        return _entered(body, _named_cell(body, load.cell, f"{where}.cell"), load, where)
-    if load.point is not None:
-        return _entered(body, _cells_at(body, load.point, f"{where}.point"), load, where)
+    if load.cell is not None or load.point is not None:
+        return _entered(body, load, where)
     if load.region is None:
         assert load.side is not None
         return _faces_on_side(body, load.side, f"{where}.side")
@@ -227,42 +229,44 @@ def _faces_in_shape(body: ResolvedBody, shape: Shape, where: str) -> Selection:
     """Return the body's free, unheld faces whose middles lie in a shape, as round a hole."""
     lattice = body.lattice
     lower, upper = body.cells_of(shape)
-    box = (np.maximum(lower - 1, 0), np.minimum(upper + 1, np.asarray(lattice.shape)))
-    cells = _body_cells(body, box, where)
-    faces = []
-    for direction in range(lattice.directions):
-        middles = lattice.face_middles(cells, np.full(len(cells), direction))
-        beyond = body.kinds(lattice.neighbours(cells, direction))
-        faces.append(cells[(beyond == cell_types.AIR) & shape.contains(middles)])
-    if not any(map(len, faces)):
+    box = np.maximum(lower - 1, 0), np.minimum(upper + 1, lattice.shape)
+    faces = _surface(body, dict.fromkeys(range(lattice.directions), box), where)
+    beyond = body.kinds(faces.beyond(lattice))
+    inside = shape.contains(lattice.face_middles(faces.cells, faces.direction))
+    chosen = (beyond == cell_types.AIR) & inside
+    if not chosen.any():
         raise SceneError(
             f"{where}: no free face of the body has its middle in this shape; around a hole take "
             "a shape that is larger by a cell"
         )
-    return _selected_faces(range(lattice.directions), faces)
+    return Selection(faces.cells[chosen], faces.direction[chosen])
 
 
-def _selected_faces(directions: Iterable[int], faces: Sequence[Cells]) -> Selection:
-    """Return the faces that cells have along directions."""
-    repeats = [len(cells) for cells in faces]
-    return Selection(np.concatenate(faces), np.repeat(np.array([*directions]), repeats))
+def _surface(body: ResolvedBody, boxes: Mapping[int, CellBox], where: str) -> Selection:
+    """Return the surface of the body along directions, each within a box of cells."""
+    cells, repeats = [], []
+    for direction, box in boxes.items():
+        inside = _body_cells(body, box, where)
+        surface = inside[body.kinds(body.lattice.neighbours(inside, direction)) < 0]
+        cells.append(surface)
+        repeats.append(len(surface))
+    return Selection(np.concatenate(cells), np.repeat(np.array([*boxes]), repeats))
 
 
 def _faces_on_side(body: ResolvedBody, side: str, where: str) -> Selection:
     """Return all faces of the body that look out of the array on one of its sides."""
     lattice = body.lattice
     number = lattice.sides.index(side)
-    cells = _body_cells(body, body.layer(body.bounds(), number), where)
-    if len(cells) == 0:
+    layer = body.layer(body.bounds(), number)
+    directions = [number] if lattice.boxes else range(lattice.directions)
+    faces = _surface(body, dict.fromkeys(directions, layer), where)
+    out = lattice.side_beyond(faces.beyond(lattice)) == number
+    if not out.any():
         raise SceneError(
             f"{where}: no cell of the body lies at the {side} of the array; select the surface "
             "by a region = {box = [lower corner, upper corner]} without thickness"
         )
-    directions = [number] if lattice.boxes else list(range(lattice.directions))
-    faces = [
-        cells[lattice.side_beyond(lattice.neighbours(cells, each)) == number] for each in directions
-    ]
-    chosen = _selected_faces(directions, faces)
+    chosen = Selection(faces.cells[out], faces.direction[out])
     _check_free(body, chosen, where)
     return chosen
 
@@ -285,19 +289,12 @@ def _faces_on_plane(body: ResolvedBody, corners: Corners, axis: int, where: str)
     lower[axis], upper[axis] = plane, plane + 1
     if count((lower, upper)) == 0:
         raise SceneError(f"{where}: lies outside the array, which goes from 0 to {lattice.extent}")
-    _check_count((lower, upper), where)
     # Faces of the body below the plane look upwards, those of the body above it downwards.
-    upwards, downwards, covered = [grid(lower, lower)], [grid(lower, lower)], False
-    for above in slabs((lower, upper)):
-        below = above.copy()
-        below[:, axis] -= 1
-        body_above, body_below = body.kinds(above) >= 0, body.kinds(below) >= 0
-        upwards.append(below[body_below & ~body_above])
-        downwards.append(above[body_above & ~body_below])
-        covered = covered or bool(body_above.any())
-    faces = [np.concatenate(cells) for cells in (upwards, downwards)]
-    chosen = _selected_faces((2 * axis + 1, 2 * axis), faces)
+    below = np.where(np.arange(len(lower)) == axis, 1, 0)
+    boxes = {2 * axis + 1: (lower - below, upper - below), 2 * axis: (lower, upper)}
+    chosen = _surface(body, boxes, where)
     if len(chosen.cells) == 0:
+        covered = len(_body_cells(body, (lower, upper), where))
         inside = "inside the body" if covered else "in the air or on the ground"
         raise SceneError(
             f"{where}: no surface of the body lies in this box at {here}; it is {inside}"
@@ -332,80 +329,61 @@ def _body_cells(body: ResolvedBody, box: CellBox, where: str) -> Cells:
     """Return the cells of the body in a box."""
     lower, upper = box
     box = (lower, np.maximum(lower, upper))
-    _check_count(box, where)
-    found = [cells[body.kinds(cells) >= 0] for cells in slabs(box)]
-    return np.concatenate([grid(lower, lower), *found])
-
-
-def _check_count(box: CellBox, where: str) -> None:
     if count(box) > MOST_FACES:
         raise SceneError(
             f"{where}: selects up to {count(box):.3g} cells, more than {MOST_FACES:.0e}; load a "
             "smaller part or take larger cells"
         )
+    found = [cells[body.kinds(cells) >= 0] for cells in slabs(box)]
+    return np.concatenate([grid(lower, lower), *found])
 
 
 def _check_free(body: ResolvedBody, chosen: Selection, where: str) -> None:
     """Refuse to press on faces whose displacement is given: the ground would take it all."""
-    for direction in np.unique(chosen.direction):
-        cells = chosen.cells[chosen.direction == direction]
-        beyond = body.kinds(body.lattice.neighbours(cells, int(direction)))
-        held = (beyond == cell_types.RIGID) | (beyond == cell_types.DISPLACED)
-        if held.any():
-            raise SceneError(
-                f"{where}: {np.count_nonzero(held)} of its faces are held, first that of cell "
-                f"{cells[held][0].tolist()}, where {cell_types.NAMES[int(beyond[held][0])]} lies "
-                "beyond; load the free surface"
-            )
-
-
-def _named_cell(body: ResolvedBody, cell: tuple[int, ...], where: str) -> Cells:
-    lattice = body.lattice
-    check_axes(cell, lattice.dimension, where)
-    cells = np.array([cell], dtype=np.int64)
-    if not lattice.contains(cells)[0]:
+    beyond = body.kinds(chosen.beyond(body.lattice))
+    held = (beyond == cell_types.RIGID) | (beyond == cell_types.DISPLACED)
+    if held.any():
         raise SceneError(
-            f"{where}: {list(cell)} lies outside the array of "
-            f"{' x '.join(map(str, lattice.shape))} cells, which count from 0"
+            f"{where}: {np.count_nonzero(held)} of its faces are held, first that of cell "
+            f"{chosen.cells[held][0].tolist()}, where {cell_types.NAMES[int(beyond[held][0])]} "
+            "lies beyond; load the free surface"
         )
-    kind = int(body.kinds(cells)[0])
-    if kind < 0:
-        raise SceneError(
-            f"{where}: {list(cell)} is {cell_types.NAMES[kind]}, not body; "
-            "choose a cell of material"
-        )
-    return cells
 
 
-def _cells_at(body: ResolvedBody, point: tuple[float, ...], where: str) -> Cells:
-    """Return the body cells that a point lies in or on: several if it lies between them."""
+def _single_cells(body: ResolvedBody, load: LoadTable, where: str) -> Cells:
+    """Return the body's cell that is named, or those that a point lies in or on."""
     lattice = body.lattice
-    check_axes(point, lattice.dimension, where)
-    if not all(
-        -_NEAR <= x / edge <= 1.0 + _NEAR for x, edge in zip(point, lattice.extent, strict=True)
-    ):
+    if load.cell is not None:
+        key, place = "cell", f"{list(load.cell)}"
+        check_axes(load.cell, lattice.dimension, f"{where}.cell")
+        cells = np.array([load.cell], dtype=np.int64)
+    else:
+        assert load.point is not None
+        key, place = "point", f"{list(load.point)} m"
+        check_axes(load.point, lattice.dimension, f"{where}.point")
+        around = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
+        if not lattice.boxes:
+            around = np.concatenate([around, lattice.normals])
+        nearby = np.array(load.point) + _NEAR * lattice.cell_size * around
+        cells = np.unique(lattice.locate(nearby), axis=0)
+    if not lattice.contains(cells).any():
         raise SceneError(
-            f"{where}: {list(point)} m lies outside the array, which goes from 0 to "
+            f"{where}.{key}: {place} lies outside the array of "
+            f"{' x '.join(map(str, lattice.shape))} cells, which goes from 0 to "
             f"{list(lattice.extent)} m"
         )
-    around = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
-    if not lattice.boxes:
-        around = np.concatenate([around, lattice.normals])
-    nearby = np.asarray(point) + _NEAR * lattice.cell_size * around
-    cells = np.unique(lattice.locate(nearby), axis=0)
     found = body.kinds(cells)
     if not np.any(found >= 0):
         named = " and ".join(sorted({cell_types.NAMES[int(kind)] for kind in found}))
         raise SceneError(
-            f"{where}: {list(point)} m lies in cell {cells[0].tolist()}, where there is {named}, "
-            "not body; choose a point in or on the body"
+            f"{where}.{key}: {place} is {named}, not body; choose a place in or on the body"
         )
     return cells[found >= 0]
 
 
-def _entered(body: ResolvedBody, cells: Cells, load: LoadTable, where: str) -> Selection:
+def _entered(body: ResolvedBody, load: LoadTable, where: str) -> Selection:
     """Return the faces by which a load enters single cells."""
-    lattice = body.lattice
+    lattice, cells = body.lattice, _single_cells(body, load, where)
     if load.side is not None:
         faces = [lattice.arms_of_side(load.side, form) for form in lattice.form(cells)]
         direction = np.array([face for some in faces for face in some], dtype=np.int64)
@@ -454,9 +432,7 @@ def at_stage(
     lattice = body.lattice
     no_cells = np.empty((0, lattice.dimension), dtype=np.int64)
     parts = [(no_cells, no_cells[:, 0], np.empty(no_cells.shape), BY_SIDE)]
-    d, first = lattice.dimension, 0
-    none = Uneven(no_cells[:, 0], np.empty((0, 2, d)), np.empty((0, d, d)))
-    uneven = [none] if lattice.boxes and loads else []
+    uneven, first = [], 0
     for load, chosen in zip(loads, selections, strict=True):
         factor = min(1.0, stage / load.steps)
         force = chosen.forces(load, lattice, thickness)
@@ -465,19 +441,19 @@ def at_stage(
             found = chosen.uneven(load, force, lattice, thickness)
             uneven.append(Uneven(found.row + first, found.part, factor * found.growth))
         first += len(force)
+        sense = BY_SURFACE if load.side is None and load.region is None else BY_SIDE
         if load.sense is not None:
             sense = PUSH if load.sense == "push" else PULL
-        else:
-            sense = BY_SURFACE if load.side is None and load.region is None else BY_SIDE
         parts.append((chosen.cells, chosen.direction, factor * force, sense))
     if gravity is not None and any(gravity):
         cells, mass = _masses(body, thickness)
         parts.append((cells, np.full(len(cells), -1), np.outer(mass, gravity), BY_SIDE))
+    places, directions, forces, senses = zip(*parts, strict=True)
     return AppliedLoads(
-        np.concatenate([part[0] for part in parts]),
-        np.concatenate([part[1] for part in parts]),
-        np.concatenate([part[2] for part in parts]),
-        np.concatenate([np.full(len(part[0]), part[3], dtype=np.int8) for part in parts]),
+        np.concatenate(places),
+        np.concatenate(directions),
+        np.concatenate(forces),
+        np.repeat(np.array(senses, dtype=np.int8), [*map(len, places)]),
         Uneven(*map(np.concatenate, zip(*uneven, strict=True))) if uneven else None,
     )
 
@@ -498,11 +474,7 @@ def check_gravity(body: ResolvedBody, gravity: tuple[float, ...] | None) -> None
     """Refuse gravity on a body without density or on one too large to be weighed by cells."""
     if gravity is None:
         return
-    dimension = body.lattice.dimension
-    if len(gravity) != dimension:
-        raise SceneError(
-            f"body.gravity: {dimension} numbers are needed, one for each axis, got {list(gravity)}"
-        )
+    check_axes(gravity, body.lattice.dimension, "body.gravity")
     if not any(gravity):
         return
     for material in body.materials:

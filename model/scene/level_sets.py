@@ -11,12 +11,13 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from contourpy import contour_generator
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SceneFileError
 
-from .curves import Point, conic
+from .curves import polygonal
 from .shapes import Box, Extent, Points, Relation, Shape
 
 EMBEDDED_ARRAY = "data:application/x-npy;base64,"
@@ -25,7 +26,6 @@ EMBEDDED_PIXELS = "data:application/x-npy;samples=middles;base64,"
 """The same, if they lie in the middles of pixels."""
 _LEAST = 1e-6
 """Of the largest sample: those nearer to the level count as this much above it, or below."""
-_EDGE = (("x", 0, 0), ("y", 1, 0), ("x", 0, 1), ("y", 0, 0))
 
 
 def sampled_shape(
@@ -36,7 +36,8 @@ def sampled_shape(
 ) -> dict[str, Any]:
     """Return an `image` for a region: the place where a function is not above 0.
 
-    The body is where samples, bilinear (in space trilinear) between them, are not above 0.
+    The body is where samples, bilinear (in space trilinear) between them, are not above 0. A true
+    outline is straight from one line of samples to the next.
 
     Parameters
     ----------
@@ -200,66 +201,21 @@ class SampledShape(Shape):
         return inside, apart
 
     def outline(self) -> list[Floats]:
-        """Return its closed lines: parts of hyperbolas, and of the sides of its box."""
-        (xs, ys), above = self._grid
-        xs, ys = (np.array([line[0], *line, line[-1]]) for line in (xs, ys))
+        """Return its closed lines, straight from one line of the grid to the next."""
+        places, above = self._grid
+        places = [np.array([line[0], *line, line[-1]]) for line in places]
         above = np.pad(above, 1, constant_values=-np.abs(above).max())  # nothing beyond the box
-        sign = above >= 0.0
-        corners = [sign[:-1, :-1], sign[1:, :-1], sign[1:, 1:], sign[:-1, 1:]]
-        count = np.sum(corners, axis=0)
-        onward = {}
-        for i, j in np.argwhere((count > 0) & (count < 4)).tolist():
-            for first, last, arc in _arcs_between(above[i : i + 2, j : j + 2]):
-                arc = arc * [xs[i + 1] - xs[i], ys[j + 1] - ys[j], 1.0]
-                arc += arc[:, 2:] * [xs[i], ys[j], 0.0]
-                ends = [(kind, i + di, j + dj) for kind, di, dj in (_EDGE[first], _EDGE[last])]
-                onward[ends[0]] = (ends[1], arc)
-        lines = []
-        while onward:
-            here, arcs = next(iter(onward)), []
-            while here in onward:
-                here, arc = onward.pop(here)
-                if (arc[0, :2] * arc[3, 2] != arc[3, :2] * arc[0, 2]).any():
-                    arcs.append(arc)
-            lines.append(np.array(arcs))
+        lines = contour_generator(z=above.T).lines(0.0)
         if not lines:
             raise SceneError(f"level: nothing is above {self.at_least:g}; take another level")
-        return lines
-
-
-def _arcs_between(f: Floats) -> list[tuple[int, int, Floats]]:
-    """Return the curves of 0 in the unit square by its corners: sides they join, and curves.
-
-    f = a + b x + c y + d x y is above 0 to their left.
-    """
-    ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    a, b, c = f[0, 0], f[1, 0] - f[0, 0], f[0, 1] - f[0, 0]
-    d = f[1, 1] - a - b - c
-    outs: list[tuple[int, Point]] = []
-    ins: list[tuple[int, Point]] = []
-    for side in range(4):
-        p, q = ring[side], ring[(side + 1) % 4]
-        here, there = f[p], f[q]
-        if (here >= 0.0) != (there >= 0.0):
-            t = here / (here - there)
-            at = (p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]))
-            (outs if here >= 0.0 else ins).append((side, at))
-    branch = [c + d * ends[0][1][0] > 0.0 for ends in (outs, ins)]
-    if len(outs) == 2 and branch[0] != branch[1]:  # both ends lie on one branch of the hyperbola
-        ins.reverse()
-    found = []
-    for (first, (x0, y0)), (last, (x1, y1)) in zip(outs, ins, strict=True):
-        one, other = c + d * x0, b + d * y1
-        if abs(one) > abs(other):
-            other = c + d * x1
-        else:
-            one, other = other, b + d * y0
-        if one * other <= 0.0:
-            raise SceneError(
-                "level: two outlines cross at this level; take a slightly different one"
+        x, y = places
+        return [
+            polygonal(
+                zip(
+                    np.interp(i, np.arange(len(x)), x),
+                    np.interp(j, np.arange(len(y)), y),
+                    strict=True,
+                )
             )
-        ratio = other / one
-        tip = (x0 + (x1 - x0) / (1.0 + ratio), y0 + (y1 - y0) * ratio / (1.0 + ratio))
-        weight = float(0.5 * (1.0 + ratio) / np.sqrt(ratio))
-        found.append((first, last, conic((x0, y0), tip, (x1, y1), weight)))
-    return found
+            for i, j in (np.asarray(line).T for line in lines)
+        ]

@@ -374,7 +374,7 @@ def _error_of(result: ElasticResult) -> str:
     if result.energy_bounds is None:
         return words
     lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
-    return f"{words}, energy between {lower} and {upper}"
+    return f"{words}, energy " + (lower if lower == upper else f"between {lower} and {upper}")
 
 
 def growth_steps(result: GrowthResult) -> Motion:

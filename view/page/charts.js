@@ -54,7 +54,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log && !(low < top)) low = top / 10 || 0.1;
-  const least = Math.min(...lists.flat()), near = !log && least > 0.7 * top;   // what hardly changes is looked at closely
+  const least = Math.min(...lists.flat()), near = !log && least > 0.7 * top && top - least > 1e-3 * top;   // what hardly changes is looked at closely, but no rounding
   if (near) { low = least - 0.1 * (top - least); top += 0.1 * (top - least); }
   if (!(top > low)) top = low + 1;
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
@@ -99,6 +99,6 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   });
   if (!seen) return;
   ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
-  const told = near && lists.length === 2 ? `${quantity(lists[1][here], unit)} – ${quantity(lists[0][here], unit)}` : quantity(lists[0][here], unit);
+  const told = near && lists.length === 2 ? [...new Set([1, 0].map((i) => quantity(lists[i][here], unit)))].join(" – ") : quantity(lists[0][here], unit);
   paintWord(ctx, told, px + (left ? 6 : -6), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }

@@ -15,24 +15,25 @@ export class Lesson {
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
   }
-  begin() { this.open(0, true); }
+  /** Open where the reader was, in this page or another one of the lesson. */
+  begin() { if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
   get place() { return `kaju:lesson:${this.key}`; }
   read() {                                     // storage fails in private windows and in some files
     try {
       const kept = JSON.parse(localStorage.getItem(this.place) ?? "{}");
       localStorage.setItem(this.place, JSON.stringify(kept));
-      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], kept: Boolean(kept.when) });
+      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], was: kept.at, kept: Boolean(kept.when) });
       this.keeps = true;
     } catch { this.keeps = false; }
   }
   keep() {
-    const { answers, guesses, firsts, done } = this;
-    try { localStorage.setItem(this.place, JSON.stringify({ answers, guesses, firsts, done, when: new Date().toISOString() })); this.keeps = this.kept = true; } catch { this.keeps = false; }
+    const { answers, guesses, firsts, done, at } = this;
+    try { localStorage.setItem(this.place, JSON.stringify({ answers, guesses, firsts, done, at, when: new Date().toISOString() })); this.keeps = this.kept = true; } catch { this.keeps = false; }
     const { saved } = this;
     if (saved) { saved.textContent = this.told; saved.classList.toggle("bad", !this.keeps); }
   }
   get told() { return this.keeps && !this.kept ? "" : this.page.t(this.keeps ? "savedHere" : "notSaved"); }
-  forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.page.seek(0); this.page.rebuild(); }
+  forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
 
   get question() { return this.questions[this.at]; }
   of(step) { return this.questions.filter((q) => q.step === step); }
@@ -53,12 +54,13 @@ export class Lesson {
   /** Open a step that a reader asks for: who has not guessed yet guesses first. */
   enter(n) {
     const open = this.of("predict").find((q) => (q.kind === "cells" ? !this.isDone(q) : !this.answered(q)));
-    if (n && open && !this.teacher) { this.step = "predict"; this.go(this.questions.indexOf(open)); this.page.announce(this.page.t("answerFirst")); } else this.open(n);
+    if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.page.announce(this.page.t("answerFirst")); } else this.open(n);
   }
   go(at, quiet = false) {
     const { page } = this;
-    this.at = at;
+    this.at = at; this.step = this.question?.step ?? this.step;
     page.playing = false;
+    if (this.kept) this.keep();
     const { show, until } = this.question ?? {}, preset = page.presets[show?.preset];
     if (preset && !quiet) page.load({ ...preset, generation: 0 });
     if (show?.look) Object.assign(page.look, show.look);
@@ -82,7 +84,7 @@ export class Lesson {
     if (n > 0) return () => this.go(this.questions.indexOf(own[n - 1]));
     return step >= 0 ? () => this.open(step) : null;
   }
-  /** Whether a question is done: ticked, written, or as in the picture. */
+  /** Whether a question is done: ticked, written, or right. */
   isDone(q) {
     if (q.kind === "cells") return Object.keys(this.guesses[q.key] ?? {}).length > 0;
     return q.kind === "number" && q.step !== "predict" ? q.fields.every((field, i) => isRight(field, numberOf(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
@@ -255,7 +257,7 @@ function questionCards(lesson, q) {
   if (q.note) list.push(rendered(say(q.note)));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
-  if (q.kind === "number") list.push(make("div", { className: "fields" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
+  if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
   else list.push(...textCard(lesson, q), lesson.saved);
   if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
   if (lesson.teacher && q.answer) list.push(make("div", { className: "card answer" }, make("h3", { textContent: t("answers") }), rendered(say(q.answer))));
@@ -277,14 +279,14 @@ function numberCard(lesson, q, field, i) {
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
     const text = input.value.trim(), v = numberOf(text, unit), right = isRight(field, v);
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : q.step === "predict" ? "" : right ? t("asInPicture") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : q.step === "predict" ? "" : right ? t("correct") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
   input.oninput = () => lesson.answer(q, input.value, i);
   input.onchange = judge;
   judge();
-  return make("label", { className: "card" }, make("span", { className: "small soft", textContent: label }), make("span", { className: "typed" }, input, unit), verdict);
+  return make("label", { className: "card" }, make("span", { className: "small soft" }, ...inline(label)), make("span", { className: "typed" }, input, unit), verdict);
 }
 
 function guessCards(lesson, q) {

@@ -1,16 +1,17 @@
 // The little Markdown that lessons and presets are written in, as elements.
 import { make } from "./controls.js";
 
+const NUMBER_AND_UNIT = /(\d) (?=(?:[GMkmµn]?(?:Pa|J|N)|[kcmµn]?m|s|%)(?!\w))/g;   // stay in one line
 const PIECES = /\*\*(.+?)\*\*|\*(.+?)\*|`([^`]+)`|\[([^\]]+)\]\(([^)\s]+)\)/g;
 
 /** Words with **bold**, *emphasis*, `code` and [links](to pages). */
-export function inline(text) {
-  const list = [];
+export function inline(words) {
+  const list = [], text = words.replace(NUMBER_AND_UNIT, "$1\u00a0");
   let at = 0;
   for (const found of text.matchAll(PIECES)) {
-    const [all, bold, emphasis, code, words, to] = found;
+    const [all, bold, emphasis, code, name, to] = found;
     list.push(text.slice(at, found.index));
-    if (words !== undefined) list.push(/^(https?:|[\w./#-]+$)/.test(to) ? make("a", { href: to, textContent: words, target: self === top ? "_blank" : "", rel: "noopener" }) : words);
+    if (name !== undefined) list.push(/^(https?:|[\w./#-]+$)/.test(to) ? make("a", { href: to, textContent: name, target: self === top ? "_blank" : "", rel: "noopener" }) : name);
     else list.push(make(bold ? "strong" : emphasis ? "em" : "code", {}, ...(code ? [code] : inline(bold ?? emphasis))));
     at = found.index + all.length;
   }

@@ -216,32 +216,29 @@ export class MotionPage extends Page {
     }
     ctx.stroke();
   }
-  moment() {
-    const { along, at, g, t } = this, value = at[g];
-    if (along === "s") return `${t("time")} ${quantity(value, "s")}`;
-    return `${t(`along_${along}`)} ${quantity(value, "")}`;
-  }
   words() {
-    const { t, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
-    this.tellTime(text);
+    const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2;
+    const moment = along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")}`;
+    this.tellTime(`${moment} · ${t("moment", { g, n: run.generation })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along !== "share" && g < run.generation) || this.limit < run.generation;   // how it ended is told at the end
     this.tell();
     this.drawCurves();
   }
   tell() {
     const { picked, parts, t } = this;
-    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? "pickRod" : "pickPart") })); return; }
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? "pickRod" : this.born ? "pickAgent" : "pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
     parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners === 2 ? "rod" : "part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
-    const { parts: { charts: canvas }, curveList, inks, at, g, t } = this, named = (of) => t(`curve_${of}`, { otherwise: of });
+    const { parts: { charts: canvas }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
     canvas.hidden = !curveList.length;
     if (!canvas.isConnected || !curveList.length) return;
+    const most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
     paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
-      ({ word: named(title), unit, over, lists: Object.values(lines), names: Object.keys(lines).map(named), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
+      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;

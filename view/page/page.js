@@ -47,7 +47,7 @@ export class Page {
     for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(() => { this.pressed = false; if (this.stale) this.refresh(); }));
     this.lesson?.begin();
     addEventListener("beforeprint", () => laySheet(this));
-    this.seek(this.lesson ? 0 : Infinity);   // a lesson asks first; else what came of it is seen first
+    if (!this.lesson) this.seek(Infinity);   // a lesson asks first; else what came of it is seen first
     if (asked.get("s")) follow(this, asked.get("s"));
     this.draw();
     element.page = this;

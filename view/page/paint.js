@@ -43,7 +43,7 @@ export class View {
   /** In a box {x, y, w, h} of pixels or all of the canvas; `window`: [x, y, columns, rows] in cells; `foot`: room for a legend. */
   constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight, foot = tight ? 0 : bw ? 20 : 40 } = {}) {
     const { w, h } = Object.assign(this, { canvas, ctx: canvas.getContext("2d"), lattice, ...fitted(canvas) });
-    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 36 : Math.min(52, 0.07 * Math.min(w, h) + 16);
+    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 36 : Math.max(34, Math.min(52, 0.07 * Math.min(w, h) + 16));
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
     this.width = nx + (lattice.hexagon && ny > 1 ? 0.5 : 0);
     this.height = lattice.hexagon ? (ny - 1) * ROWS + 1.1547 : ny;
@@ -371,13 +371,13 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks
   const word = (v, text) => {
     const at = x + n * place(v, scale), wide = ctx.measureText(text).width / 2, middle = Math.max(x + wide, Math.min(x + n - wide, at));
     if (middle - wide < free) return;
-    ctx.textAlign = "center"; ctx.fillText(text, middle, y + 13); ctx.fillRect(Math.round(at), y + 10, 1, 3);
+    ctx.textAlign = "center"; ctx.fillText(text, middle, y + 15); ctx.fillRect(Math.round(at), y + 10, 1, 3);
     free = middle + wide + 10;
   };
   if (ticks) { for (const [v, text] of ticks) word(v, text); return; }
   const wideHigh = ctx.measureText(show(high)).width;
   word(low, (log ? "≤ " : "") + show(low));
-  const between = log ? [0.01, 0.1].map((f) => f * high) : low < 0 ? [0] : [(low + high) / 2];
+  const between = log ? [0.01, 0.1].map((f) => f * high) : low < 0 ? [0] : high > 1 && (low + high) % 2 && /^\d+$/.test(show(low) + show(high)) ? [] : [(low + high) / 2];   // of what is counted nothing lies between
   for (const v of between) if (n * place(v, scale) + ctx.measureText(show(v)).width / 2 + 10 < n - wideHigh) word(v, show(v));   // both ends always have theirs
   word(high, show(high));
 }

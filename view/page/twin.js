@@ -36,7 +36,7 @@ function paintAnswer(page, canvas, name, both) {
   paintCells(view, kinds, values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
   if (L.dimension === 2 && view.u >= 9) L.each((k) => { if (values[k] < -small) paintWord(view.ctx, "−", ...view.at(...L.cell(k).map((c) => c + 0.5)), inks.ink, inks, { align: "center" }); });
   if (name === "elastic") canvas.ariaLabel = `${t("elastic")}: ${t(both.quantity)}`;
-  paintLegend(view, scale, `${t(both.quantity)}${unit === "N" && view.w > 430 ? ` (${t("pullMark")})` : ""}`, t(scale.log ? "log" : "linear"), (v) => quantity(v, unit), inks);
+  if (name === "rule" || !page.twin.elastic.classList.contains("over")) paintLegend(view, scale, `${t(both.quantity)}${unit === "N" && view.w > 430 ? ` (${t("pullMark")})` : ""}`, t(scale.log ? "log" : "linear"), (v) => quantity(v, unit), inks);
   page.drawnWith.push({ answer: name, quantity: both.quantity, unit, scale, factor });
   return view;
 }

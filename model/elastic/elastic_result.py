@@ -37,7 +37,7 @@ from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.results.cuts import Carrying
+from kaju.model.results.cuts import Carrying, Cuts
 from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import (
     BALANCE,
@@ -122,8 +122,7 @@ class ElasticResult(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        cuts = () if isinstance(self.found, CutAgents) else ("cuts",)
-        return ("deformed", *FIELDS, *cuts, "agents", "scene")
+        return ("deformed", *FIELDS, "cuts", "agents", "scene")
 
     @property
     def films(self) -> tuple[str, ...]:
@@ -604,10 +603,11 @@ class ElasticResult(BodyResult):
         stress = self.stress_at(points) / self.found.scales.modulus
         return strain_of(stress, self.found.moduli, self.found.law_at(*self.found.located(points)))
 
+    def _cut(self, axis: str | None) -> Cuts:
+        return self.found.cuts(axis) if isinstance(self.found, CutAgents) else super()._cut(axis)
+
     def _carrying(self, axis: int) -> Carrying:
         found, stress, thick = self.found, self.stress, self.size
-        if isinstance(found, CutAgents):
-            raise ResultError("cuts: agents that an outline cuts do not lie in layers")
         if self.scene.lattice.dimension == 2:
             thick = np.full(self.agents, self.scene.thickness)
         if isinstance(found, PairAgents) and found.two_minds:

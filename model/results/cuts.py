@@ -18,6 +18,7 @@ from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import ResultError, require
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.lattice import Lattice
 
 if TYPE_CHECKING:
     import pandas
@@ -53,6 +54,27 @@ class Cuts:
     load: float  # sum of the applied forces along the axis (N)
     sense: Floats  # 1 where the part beyond a cut is free, or bears more of the load; else -1
 
+    @classmethod
+    def of(
+        cls,
+        axis: int,
+        at: Floats,
+        force: Floats,
+        beyond: Floats,
+        total: Floats,
+        held: tuple[Flags, Flags],
+    ) -> Cuts:
+        """Return cuts by the loads beyond each, all loads, and whether supports hold both parts.
+
+        Of every cut and component: what lies beyond, and what lies before.
+        """
+        held_above, held_below = held
+        needed = np.where(held_above, np.where(held_below, np.nan, beyond - total), beyond)
+        free, bound = ~held_above[:, axis], ~held_below[:, axis]
+        loaded = 2.0 * np.abs(beyond[:, axis]) >= abs(total[axis])
+        sense = np.where(free | (~bound & loaded), 1.0, -1.0)
+        return cls("xyz"[axis], at, force, needed, float(total[axis]), sense)
+
     @property
     def carried(self) -> Floats:
         """Force along the axis (N) handed to the held part, above 0 in the sense of the load."""
@@ -80,9 +102,9 @@ class Cuts:
         return pd.DataFrame(columns | {"balance (N)": self.balance, "missing (N)": self.missing})
 
 
-def axis_of_cuts(scene: Scene, axis: str | None, stage: int | None) -> int:
-    """Return the number of an axis to cut across, by default along which the loads press most."""
-    lattice, pressed = scene.lattice, np.abs(scene.applied(stage).force).sum(axis=0)
+def axis_of_cuts(lattice: Lattice, axis: str | None, force: Floats) -> int:
+    """Return the number of an axis to cut across, by default along which forces press most."""
+    pressed = np.abs(force).sum(axis=0)
     names = "xyz"[: lattice.dimension]
     chosen = names[first_largest(pressed) if pressed.any() else -1] if axis is None else axis
     known = isinstance(chosen, str) and chosen in tuple(names)
@@ -107,14 +129,9 @@ def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts
     applied = scene.applied(stage)
     places = scene.lattice.face_middles(applied.cells, applied.direction)[:, axis]
     beyond = np.clip((places - lower[:, None]) / thick[:, None], 0.0, 1.0)
-    above, below = beyond @ applied.force, (beyond - 1.0) @ applied.force
-    held_above, held_below = _held(scene, axis, ends, _NEAR * pitch)
-    needed = np.where(held_above, np.where(held_below, np.nan, below), above)
-    load = float(applied.force[:, axis].sum())
-    free, bound = ~held_above[:, axis], ~held_below[:, axis]
-    loaded = 2.0 * np.abs(beyond @ applied.force)[:, axis] >= abs(load)
-    sense = np.where(free | (~bound & loaded), 1.0, -1.0)
-    return Cuts("xyz"[axis], lower + 0.5 * thick, force, needed, load, sense)
+    total = applied.force.sum(axis=0)
+    held = _held(scene, axis, ends, _NEAR * pitch)
+    return Cuts.of(axis, lower + 0.5 * thick, force, beyond @ applied.force, total, held)
 
 
 def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:

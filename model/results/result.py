@@ -268,8 +268,12 @@ class BodyResult(OnCells, Result):
         array([2., 2.])
 
         """
+        return self._cut(axis)
+
+    def _cut(self, axis: str | None) -> Cuts:
+        """Return the cuts, layer by layer."""
         scene = solved_scene(self)
-        number = axis_of_cuts(scene, axis, self.stage)
+        number = axis_of_cuts(scene.lattice, axis, scene.applied(self.stage).force)
         return cuts_of(scene, self.stage, number, self._carrying(number))
 
     def _carrying(self, axis: int) -> Carrying:

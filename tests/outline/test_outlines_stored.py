@@ -77,10 +77,7 @@ def test_generations_are_kept_in_a_file_and_drawn(tmp_path) -> None:
         assert agents == sorted(set(agents))
         assert len(agents) == result.summary()["generations"] > 1
         assert result.generations[-1].error == result.error_bound <= 0.03
-        assert max(one.lower for one in result.generations) == result.energy_bounds[0]
-        assert min(one.upper for one in result.generations) == result.energy_bounds[1]
         np.testing.assert_array_equal(result.gap, fresh.gap)
         assert result.gap.sum() == pytest.approx(2.0 * np.diff(result.energy_bounds)[0], rel=0.05)
         np.testing.assert_array_equal(result.spawn_step, fresh.spawn_step)
-        assert result.family.standing(0).size == agents[0] == 64
         kaju.plot(result, "agents", generation=0, colour="gap")

@@ -141,10 +141,13 @@ def test_a_strip_under_its_own_weight_has_the_energy_of_a_linear_stress() -> Non
     depth = 0.1 - at[:, 1]
     sunk = -200.0 * 9.81 * (0.083 * depth - 0.5 * depth**2) / 1e6
     assert answer.displacement_at(at)[:, 1] == pytest.approx(sunk, rel=0.02)
+    cuts = answer.cuts()
+    hung = 200.0 * 9.81 * (cuts.at - 0.1 + 0.083) * 0.0337 * THICKNESS
+    assert cuts.carried == pytest.approx(hung, abs=1e-9)
 
 
-def dam(cells: int) -> tuple[float, float]:
-    """Return the bounds of a dam with a pressed gap, under its weight and a push aside."""
+def dam(cells: int) -> kaju.ElasticResult:
+    """Return the answer of a dam with a pressed gap, under its weight and a push aside."""
     wall = {"polygon": [[0.07, 0], [0.93, 0], [0.31, 0.94], [0.17, 0.94]], "material": "rock"}
     gap = {"polygon": [[0.3, 0.2], [0.5, 0.25], [0.35, 0.5]], "material": "air", "name": "gap"}
     body = {"size": [1.0, 1.0], "cells": [cells, cells], "material": "air", "thickness": 1.0}
@@ -156,13 +159,16 @@ def dam(cells: int) -> tuple[float, float]:
         sides={"bottom": "rigid"},
         loads=[{"outline": "gap", "pressure": 3e3}],
     )
-    return kaju.solve(scene, tolerance=0.1).energy_bounds
+    return kaju.solve(scene, tolerance=0.1)
 
 
 def test_bounds_under_weight_hold_one_truth_on_all_grids() -> None:
-    bounds = np.array([dam(cells) for cells in (4, 5, 11)])
+    dams = [dam(cells) for cells in (4, 5, 11)]
+    bounds = np.array([one.energy_bounds for one in dams])
     assert bounds[:, 0].max() < bounds[:, 1].min()
     assert bounds[:, 1].min() < 1.04 * bounds[:, 0].max()
+    for one in dams:
+        assert one.cuts().force == pytest.approx(one.cuts().needed, abs=1e-4)  # N, of 10 kN
 
 
 def heavy(shapes: list[tuple[dict[str, Any], str]], gravity: tuple[float, float], cells: int = 4):
@@ -220,7 +226,6 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
     scene = ring(0.1, 0.2)
     again = kaju.Scene.from_toml(scene.to_toml())
     assert again == scene
-    assert again != ring(0.1, 0.2, cells=4)
     answer = kaju.solve(scene, tolerance=0.2)
     loaded = kaju.load_result(answer.save(tmp_path / "ring"))
     assert loaded.summary() == answer.summary()
@@ -313,9 +318,7 @@ def test_the_size_of_the_load_decides_nothing(pull):
         kaju.solve(plate().replace(loads=[{"side": "right", "force": [force, 0.0]}]), tolerance=0.1)
         for force in (1.0, pull)
     )
-    assert other.agents == usual.agents
     assert np.divide(other.energy_bounds, pull) / pull == pytest.approx(usual.energy_bounds)
-    assert other.von_mises / pull == pytest.approx(usual.von_mises)
     assert other.displacement / pull == pytest.approx(usual.displacement)
 
 

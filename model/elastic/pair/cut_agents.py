@@ -15,6 +15,7 @@ from kaju.model.outline.crossed_leaves import SQUARE
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.true_shapes import UNIT
+from kaju.model.results.cuts import Cuts, axis_of_cuts
 from kaju.model.scene.shapes import Shape
 
 from .airy import loops_of
@@ -37,7 +38,7 @@ class Ends(NamedTuple):
     ends: Floats  # shape (n, 2, 2)
     force: Floats  # of each, shape (n, 2)
     place: Ints  # side, or behind these region, to which each belongs
-    outward: Floats  # unit normals
+    outward: Floats  # normals, times length
 
 
 @dataclass(eq=False)
@@ -110,16 +111,16 @@ class CutAgents(PairAgents):
     def border(self) -> Ends:
         """Where the body ends, and what acts there: of the stress that balances."""
         mesh, border = self.opinions.balancing.mesh, self.opinions.borders[1]
-        long = np.hypot(*border.run.T)[:, None]
-        outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1) / long
+        outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)
         place = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
         ends = mesh.place[border.ends]
         own = mesh.owner[border.edge]
         # along an edge the stress that balances is linear: that in the middle is its mean
         middle = ends.mean(axis=1)
         stress = tensors(self.opinions.balancing.stress_at(mesh.leaf[own], middle, mesh.law[own]))
-        borne = np.where(border.held, np.einsum("nab,nb->na", stress, outward), border.traction)
-        return Ends(ends, borne * long, place, outward)
+        given = border.traction * np.hypot(*border.run.T)[:, None]
+        force = np.where(border.held, np.einsum("nab,nb->na", stress, outward), given)
+        return Ends(ends, force, place, outward)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
@@ -135,6 +136,29 @@ class CutAgents(PairAgents):
         free = np.where(self.opinions.borders[1].held, 0.0, self.border.force)
         weight = self.ground.problem.weight * self.opinions.area[1].sum()
         return np.asarray(self.scales.force * np.vstack([free, weight[None]]))
+
+    def cuts(self, axis: str | None) -> Cuts:
+        """Return the forces through cuts in the middles of the layers of `grid`."""
+        lattice, held = self.grid.lattice, self.opinions.borders[1].held
+        number = axis_of_cuts(lattice, axis, self.applied())
+        first, last = (int(end[number]) for end in self.grid.bounds())
+        at = np.asarray(lattice.cell_size * (np.arange(first, last) + 0.5), dtype=np.float64)
+        ends = self.border.ends[..., number, None] - at / self.ground.edge
+        beyond = np.maximum(ends, 0.0)  # (edges, 2, cuts)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (beyond[:, 1] - beyond[:, 0]) / (ends[:, 1] - ends[:, 0])
+        share = np.where(ends[:, 1] == ends[:, 0], ends[:, 0] > 0.0, share)
+        load = share.T @ np.where(held, 0.0, self.border.force)
+        # what lies beyond a cut is the integral of the way from it along the border, times normals
+        area = self.border.outward[:, number] @ (share * beyond.mean(axis=1))
+        load += area[:, None] * self.ground.problem.weight
+        some = [ends[held[:, k]].reshape(-1, len(at)) for k in (0, 1)]  # held along either axis
+        far = np.stack([(one > 0.0).any(axis=0) for one in some], axis=1)
+        near = np.stack([(one < 0.0).any(axis=0) for one in some], axis=1)
+        unit = self.scales.force
+        force = self.opinions.balancing.through(number, at / self.ground.edge)
+        total = self.applied().sum(axis=0)
+        return Cuts.of(number, at, unit * force, unit * load, total, (far, near))
 
     def arrows(self) -> tuple[Floats, Floats, Flags]:
         """Return few places (m) and forces (N) that stand for the loads, and which of them pull."""

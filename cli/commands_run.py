@@ -53,7 +53,11 @@ class Task(NamedTuple):
 
 
 def written(
-    console: Console, target: Folder, pictures: Drawn, compute: Callable[[], Result]
+    console: Console,
+    target: Folder,
+    pictures: Drawn,
+    compute: Callable[[], Result],
+    page: str = "",
 ) -> Result:
     """Compute a result, print its key figures and write its folder.
 
@@ -76,7 +80,7 @@ def written(
     console.figures(result.summary())
     console.files(target.write(result, pictures))
     if pictures is not Drawn.none:
-        console.say(f"look first at {target.path / result.pictures[0]}.png")
+        console.say(f"look first at {target.path / (page or f'{result.pictures[0]}.png')}")
     return result
 
 
@@ -142,13 +146,14 @@ def demo(
     drawn = Drawn.none if no_pictures else pictures
     scene = Scene.from_toml(worked_plate())
     place = Folder(folder, force)
-    result = written(console, place, drawn, lambda: _run_agents(scene, console))
+    name = "plate.html"
+    result = written(console, place, drawn, lambda: _run_agents(scene, console), name)
     if drawn is not Drawn.none:
         from kaju.view import animate
         from kaju.view.page import export_page
 
-        page = export_page(result, folder / "plate.html", title="A load finds its way")
-        console.say(f"open {page} in a browser; films of it:")
+        export_page(result, folder / name, title="A load finds its way")
+        console.say("it opens in a browser: press Play, click a cell, move the load; films of it:")
         console.say(animate(result, folder / "spawning.gif"))
         low = LoadTransfer(scene.with_overrides(LOW)).reset().run()
         console.say(f"{animate(low, folder / 'ground.gif')} (a plate of a quarter of the height)")

@@ -41,7 +41,7 @@ export function fitted(canvas) {
 /** How a lattice in cells becomes pixels of a canvas. */
 export class View {
   /** In a box {x, y, w, h} of pixels or all of the canvas; `window`: [x, y, columns, rows] in cells; `foot`: room for a legend. */
-  constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight, foot = tight ? 0 : bw ? 20 : 40 } = {}) {
+  constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight, foot = tight ? 0 : bw ? 20 : 48 } = {}) {
     const { w, h } = Object.assign(this, { canvas, ctx: canvas.getContext("2d"), lattice, ...fitted(canvas) });
     const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 36 : Math.max(34, Math.min(52, 0.07 * Math.min(w, h) + 16));
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
@@ -71,9 +71,9 @@ export class View {
     this.towards = this.depth.map((x) => -x);
     const spanX = shape.reduce((sum, n, a) => sum + n * Math.abs(this.axes[a][0]), 0);
     const spanY = shape.reduce((sum, n, a) => sum + n * Math.abs(this.axes[a][1]), 0);
-    this.u = Math.max(0.1, Math.min((this.w - 2 * margin) / spanX, (this.h - 2 * margin - 40) / spanY));
+    this.u = Math.max(0.1, Math.min((this.w - 2 * margin) / spanX, (this.h - 2 * margin - 48) / spanY));
     const [mx, my] = [0, 1].map((i) => shape.reduce((sum, n, a) => sum + n / 2 * this.axes[a][i], 0));
-    this.x0 = this.w / 2 - this.u * mx; this.y0 = (this.h - 40) / 2 + this.u * my;
+    this.x0 = this.w / 2 - this.u * mx; this.y0 = (this.h - 48) / 2 + this.u * my;
   }
   at(x, y) { return [this.x0 + this.u * x, this.y0 - this.u * y]; }
   /** Pixels of a point in cells: two coordinates, or three for cubes. */

@@ -13,12 +13,13 @@ from typing import Annotated, Any
 import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import AfterValidator, PlainSerializer
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, ResultError, SceneError, SupportError
-from kaju.model.results.stored import Coded, Column
+from kaju.model.results.stored import Column
 
 from .graphs import Vectors, graph_of, read_graph
 
@@ -183,14 +184,14 @@ def _encoded_names(name: Any) -> Any:
     if isinstance(name, np.integer | np.floating):
         return name.item()
     raise ResultError(
-        f"the node {name!r} cannot be saved: names must be strings, numbers or tuples of them; "
-        "rename it with networkx.relabel_nodes"
+        f"of the node {name!r}: names must be strings, numbers or tuples of them; rename it with "
+        "networkx.relabel_nodes"
     )
 
 
 def _decoded_names(name: Any) -> Any:
     """Read back what `_encoded_names` wrote."""
-    return tuple(_decoded_names(part) for part in name) if isinstance(name, list) else name
+    return tuple(_decoded_names(part) for part in name) if isinstance(name, list | tuple) else name
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +256,9 @@ class SpringNetwork:
     held: Annotated[Flags, Column("nodes dimension")]
     forces: Annotated[Floats, Column("stages nodes dimension")]
     displacements: Annotated[Floats, Column("stages nodes dimension")]
-    names: Annotated[tuple[Hashable, ...], Coded(_encoded_names, _decoded_names, list[Any])]
+    names: Annotated[
+        tuple[Any, ...], AfterValidator(_decoded_names), PlainSerializer(_encoded_names)
+    ]
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

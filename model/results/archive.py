@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ from kaju.files import atomic_file, file_to_read
 
 from .stored import put_together, taken_apart
 
-FORMAT = 4  # version of the files; others are refused
-PACKED_AT_MOST, SMALL = 200, 1 << 24  # limit of unpacked over packed size, past so many bytes
+FORMAT = 1  # version of the files; others are refused
 
 
 class Stored:
@@ -36,20 +35,14 @@ class Stored:
     def save(self, path: str | Path) -> Path:
         """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads results.
 
-        Raises
-        ------
-        ResultError
-            If agents of your own have left something that no result can hold, such as NaN.
-        ResultFileError
-            If the file cannot be written.
+        Raises `ResultError` if agents of your own have left something that no result can hold, such
+        as NaN; `ResultFileError` if the file cannot be written.
         """
         target = Path(path)
         if target.suffix != ".npz":
             target = target.with_name(target.name + ".npz")
         try:
             arrays, text = taken_apart(self)
-        except ResultFileError:
-            raise
         except ResultError as error:
             raise ResultError(
                 f"save: this result could not be read again, so it is not written: {error}"
@@ -78,22 +71,17 @@ class Stored:
                 f"{path}: holds a result of kind {about['kind']!r}, not of {cls.kind!r}"
             )
         with reading(path):
-            found: Self = put_together(cls, arrays, about)
-        return found
+            return cast(Self, put_together(cls, arrays, about))
 
 
 def open_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return the arrays of a file that `save` wrote, every one read to its end, and the rest."""
-    file = Path(path)
-    try:
+    file = file_to_read(path, ResultFileError)
+    with reading(file):
         arrays = _unpacked(file)
         about = json.loads(arrays.pop("json").tobytes().decode())
-    except ResultFileError:
-        raise
-    except Exception as error:
-        raise ResultFileError(f"{file}: is not a result that kaju has saved ({error})") from error
-    if not isinstance(about, dict) or not isinstance(about.get("kind"), str):
-        raise ResultFileError(f"{file}: is not a result that kaju has saved (it has no kind)")
+        if not isinstance(about, dict) or not isinstance(about.get("kind"), str):
+            raise ResultError("it has no kind")
     if about.get("format") != FORMAT:
         raise ResultFileError(
             f"{file}: was saved by kaju {about.get('kaju_version')} in version "
@@ -105,10 +93,10 @@ def open_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, A
 
 def _unpacked(file: Path) -> dict[str, NDArray[Any]]:
     """Return all arrays, read to where the checksum is."""
-    with zipfile.ZipFile(file_to_read(file, ResultFileError)) as archive:
+    with zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         whole, packed = sum(entry.file_size for entry in entries), file.stat().st_size
-        if whole > SMALL + PACKED_AT_MOST * packed:
+        if whole > (1 << 24) + 200 * packed:
             raise ResultFileError(
                 f"{file}: {packed:,} bytes would unpack to {whole:,}, more than results do; it was "
                 "not read"

@@ -23,8 +23,6 @@ from kaju.model.scene.lattice import Lattice
 if TYPE_CHECKING:
     import pandas
 
-MOST_CELLS = 5_000_000
-"""Larger bodies are not looked through for what holds them."""
 _NEAR = 1e-6  # of a cell: places that are the same but for rounding
 
 
@@ -153,10 +151,8 @@ def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
 def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Flags]:
     """Tell of every layer and component whether a support holds what lies beyond, or before."""
     lattice = scene.lattice
-    if lattice.size > MOST_CELLS:
-        raise ResultError(
-            f"cuts: bodies of up to {MOST_CELLS:.0e} cells are cut, got {lattice.size:.3g}"
-        )
+    if lattice.size > 5_000_000:  # larger ones are not looked through for what holds them
+        raise ResultError(f"cuts: bodies of up to 5e6 cells are cut, got {lattice.size:.3g}")
     cells = np.argwhere(scene.rasterise() >= 0)
     highest = np.full(lattice.dimension, -np.inf)
     lowest = np.full(lattice.dimension, np.inf)

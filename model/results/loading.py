@@ -10,8 +10,9 @@ from kaju.files import is_there
 from kaju.model.scene import load_scene
 from kaju.result_kinds import KINDS, fetch
 
-from .archive import open_archive
+from .archive import open_archive, reading
 from .result import Result
+from .stored import put_together
 
 
 def load_result(path: str | Path) -> Result:
@@ -34,10 +35,12 @@ def load_result(path: str | Path) -> Result:
         return cast(Result, fetch(KINDS["elasticity in pieces"].result).load(file))
     if is_there(file) and file.is_dir():
         file = file / "result.npz"
-    kind = open_archive(file)[1]["kind"]
-    if kind in KINDS:
-        return cast(Result, fetch(KINDS[kind].result).load(file))
-    raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
+    arrays, about = open_archive(file)
+    if about["kind"] not in KINDS:
+        told = f"holds a result of kind {about['kind']!r}, which this kaju cannot read"
+        raise ResultFileError(f"{file}: {told}")
+    with reading(file):
+        return cast(Result, put_together(fetch(KINDS[about["kind"]].result), arrays, about))
 
 
 def from_file(subject: Any) -> Any:

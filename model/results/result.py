@@ -103,7 +103,6 @@ class Result(Stored):
         >>> answer = kaju.solve(kaju.load_scene("plate.toml"))
         >>> [(check.what, check.holds) for check in answer.checks()]
         [('supports bear the loads', True)]
-
         """
         return []
 
@@ -248,17 +247,11 @@ class BodyResult(OnCells, Result):
         prescribed rule keep does not hold up what lies on them; elasticity is in equilibrium at
         every cut, as far as its equations are solved.
 
-        Parameters
-        ----------
-        axis : {"x", "y", "z"}, optional
-            Across which the body is cut; the one along which the loads press most unless given.
+        `axis`: "x", "y" or "z", across which the body is cut; unless given the one along which the
+        loads press most.
 
-        Raises
-        ------
-        ParameterError
-            If there is no such axis, or cells do not lie in layers across it (hexagons: only y).
-        ResultError
-            If the body has more than five million cells.
+        Raises `ParameterError` if there is no such axis, or cells do not lie in layers across it
+        (hexagons: only y); `ResultError` if the body has more than five million cells.
 
         Examples
         --------
@@ -266,7 +259,6 @@ class BodyResult(OnCells, Result):
         >>> cuts = kaju.solve(kaju.load_scene("plate.toml")).cuts()
         >>> cuts.carried[[0, -1]].round(9)  # N: what lies on them is held up
         array([2., 2.])
-
         """
         return self._cut(axis)
 

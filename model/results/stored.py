@@ -5,11 +5,10 @@ To store a result, annotate the fields of its dataclass, in the order in which t
 - an array: ``cells: Annotated[Ints, Column("agents dimension", 0, "cells")]``. The sizes of axes
   go by name: the first array that uses a name decides it, later ones must agree. A scene that was
   read before gives the names of `sizes_of`. ``high="cells"`` means indices into that size.
-- a `Scene`, another dataclass, ``tuple[X, ...]``, ``list[X]``, ``Mapping[str, X]`` of such, or
-  ``X | None``: each by its own fields. Where a field may hold one of several dataclasses
-  (``Scene | SpringNetwork``), the file keeps the name of the class.
-- anything else must be what JSON can hold, of the type that is annotated: numbers, texts, lists,
-  `Literal`, `NamedTuple`; ``Annotated[X, Coded(encode, decode, form)]`` turns others into that.
+- a `Scene`, another dataclass, ``tuple[X, ...]`` or ``list[X]`` of such, or ``X | None``: each by
+  its own fields. Where a field may hold one of several dataclasses (``Scene | SpringNetwork``), the
+  file keeps the name of the class.
+- anything else must be what pydantic turns into JSON and back, of the type that is annotated.
 
 Only what the constructor takes is stored; what holds between fields is checked by the class in
 ``__post_init__`` (raise `ResultError`). What is known when a result is made, and found again when
@@ -23,17 +22,20 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import UnionType
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import PydanticSerializationError
 
 from kaju.errors import ResultError
 from kaju.model.scene import Scene
 
 Arrays = dict[str, NDArray[Any]]
 Sizes = dict[str, Any]
+_is_record: Callable[[Any], bool] = is_dataclass
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 @dataclass(frozen=True)
@@ -72,30 +74,19 @@ class Column:
 
     def text(self, dtype: np.dtype[Any]) -> str:
         """Return the same in words."""
-        words = [f"({', '.join(self.shape.split())}) {dtype}"]
-        if self.high is not None:
-            below = isinstance(self.high, str) and dtype.kind != "f"
-            upper = self.high if isinstance(self.high, str) else f"{self.high:g}"
-            low = "(-inf" if self.low is None else f"[{self.low:g}"
-            words += [f"in {low}, {upper}{')' if below else ']'}"]
-        elif self.low is not None:
-            words += [f"≥ {self.low:g}"]
-        return " ".join([*words, *([] if self.finite else ["or NaN"]), self.order]).strip()
-
-
-class Coded(NamedTuple):
-    """How a value that JSON cannot hold is turned into one of a form that it can, and back."""
-
-    encode: Callable[[Any], Any]
-    decode: Callable[[Any], Any]
-    form: Any
+        below = "<" if isinstance(self.high, str) and dtype.kind != "f" else "≤"
+        words = [
+            f"({', '.join(self.shape.split())}) {dtype}",
+            "" if self.low is None else f"≥ {self.low:g}",
+            "" if self.high is None else f"{below} {self.high}",
+            "" if self.finite else "or NaN",
+            self.order,
+        ]
+        return " ".join(filter(None, words))
 
 
 def taken_apart(value: Any) -> tuple[Arrays, Any]:
-    """Return the arrays in a dataclass, by where they stand, and the rest as JSON can hold it.
-
-    A field with what could not be read again is refused, as `put_together` refuses it.
-    """
+    """Return the arrays in a dataclass, by where they stand, and the rest as JSON can hold it."""
     arrays: Arrays = {}
     return arrays, _write(type(value), value, "", arrays, {})
 
@@ -107,17 +98,17 @@ def put_together(kind: type, arrays: Mapping[str, NDArray[Any]], plain: Any) -> 
 
 def described(form: Any, name: str = "") -> Iterator[tuple[str, str]]:
     """Yield the arrays of a dataclass, by where they stand, each with what it must be."""
-    mark = _mark(form)
-    if isinstance(mark, Column):
-        yield name, mark.text(_dtype(form))
+    column = _column(form)
+    if column is not None:
+        yield name, column.text(_dtype(form))
     elif _is_record(form) and form is not Scene:
         for field, inner in fields_of(form).items():
             yield from described(inner, _inside(name, field))
     elif get_origin(form) in (Union, UnionType):
         for each in get_args(form):
             yield from described(each, name)
-    elif get_args(form) and mark is None:
-        yield from described(get_args(form)[-1 if _is_mapping(form) else 0], f"{name}.*")
+    elif _has_parts(form):
+        yield from described(get_args(form)[0], f"{name}.*")
 
 
 def sizes_of(scene: Scene) -> Sizes:
@@ -134,9 +125,6 @@ def sizes_of(scene: Scene) -> Sizes:
     }
 
 
-# What a form is.
-
-
 @cache
 def fields_of(kind: type) -> dict[str, Any]:
     """Return what the fields of a dataclass that its constructor takes hold."""
@@ -144,9 +132,9 @@ def fields_of(kind: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in fields(kind) if field.init}
 
 
-def _mark(form: Any) -> Column | Coded | None:
+def _column(form: Any) -> Column | None:
     marks = get_args(form)[1:] if get_origin(form) is Annotated else ()
-    return next((mark for mark in marks if isinstance(mark, Column | Coded)), None)
+    return next((mark for mark in marks if isinstance(mark, Column)), None)
 
 
 def _dtype(form: Any) -> np.dtype[Any]:
@@ -155,40 +143,24 @@ def _dtype(form: Any) -> np.dtype[Any]:
     return number
 
 
-def _is_mapping(form: Any) -> bool:
-    origin = get_origin(form)
-    return isinstance(origin, type) and issubclass(origin, Mapping)
-
-
-def _is_record(form: Any) -> bool:
-    return isinstance(form, type) and is_dataclass(form)
-
-
 @cache
 def _has_parts(form: Any) -> bool:
-    """Tell whether a form is a dataclass, an array or a `Coded` value, or holds any."""
-    if form is Scene or _is_record(form) or _mark(form) is not None:
+    """Tell whether a form is a dataclass or an array, or holds any."""
+    if form is Scene or _is_record(form) or _column(form) is not None:
         return True
     return get_origin(form) not in (None, Annotated, Literal) and any(
         map(_has_parts, get_args(form))
     )
 
 
-@cache
-def _adapter(form: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(form)
-
-
 def _inside(name: str, part: object) -> str:
     return f"{name}.{part}" if name else str(part)
 
 
-def _choices(form: Any, name: str) -> dict[str, Any]:
+def _choices(form: Any) -> dict[str, Any]:
     """Return the forms with parts that a union names, by the names of their classes."""
-    choices = {getattr(each, "__name__", ""): each for each in get_args(form) if _has_parts(each)}
-    if len(choices) > 1 and "" in choices:
-        raise TypeError(f"{name}: only one array, or several dataclasses, may be stored here")
-    return choices
+    parts = filter(_has_parts, get_args(form))
+    return {"array" if _column(each) else each.__name__: each for each in parts}
 
 
 # The writer and the reader go through the same forms.
@@ -196,53 +168,46 @@ def _choices(form: Any, name: str) -> dict[str, Any]:
 
 def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> Any:
     """Put arrays where they belong, and return the plain rest of a value."""
-    mark, origin = _mark(form), get_origin(form)
-    if isinstance(mark, Column):
+    column = _column(form)
+    if column is not None:
         arrays[name] = np.ascontiguousarray(value).reshape(np.shape(value))
-        mark.check(name, arrays[name], _dtype(form), sizes)
-        return None
-    if isinstance(mark, Coded):
-        return mark.encode(value)
+        return column.check(name, arrays[name], _dtype(form), sizes)
     if form is Scene:
         text, own_arrays = value.to_archive()
         arrays |= {_inside(name, key): array for key, array in own_arrays.items()}
         sizes |= sizes_of(value)
         return text
     if not _has_parts(form):
-        return _adapter(form).dump_python(value, mode="json")
+        try:
+            return _adapter(form).dump_python(value, mode="json")
+        except PydanticSerializationError as error:
+            raise _wrong(name, f"cannot be saved: {error.__cause__ or error}") from error
     if _is_record(form):
         return {
             field: _write(inner, getattr(value, field), _inside(name, field), arrays, sizes)
             for field, inner in fields_of(form).items()
         }
-    if origin in (Union, UnionType):
+    if get_origin(form) in (Union, UnionType):
         if value is None:
             return None
-        choices = _choices(form, name)
-        if len(choices) == 1:
-            return _write(next(iter(choices.values())), value, name, arrays, sizes)
-        kind = type(value).__name__
-        return {kind: _write(choices[kind], value, name, arrays, sizes)}
-    parts: dict[Any, Any] = dict(value) if _is_mapping(form) else dict(enumerate(value))
-    plain = {  # each part has sizes of its own
-        str(key): _write(inner, parts[key], _inside(name, key), arrays, dict(sizes))
-        for key, inner in _forms_of_parts(form, parts, name)
-    }
-    return plain if _is_mapping(form) else list(plain.values())
+        kind = "array" if isinstance(value, np.ndarray) else type(value).__name__
+        return {kind: _write(_choices(form)[kind], value, name, arrays, sizes)}
+    return [  # each part has sizes of its own
+        _write(get_args(form)[0], part, _inside(name, number), arrays, dict(sizes))
+        for number, part in enumerate(value)
+    ]
 
 
 def _read(
     form: Any, plain: Any, name: str, arrays: Mapping[str, NDArray[Any]], sizes: Sizes
 ) -> Any:
     """Return a value from its plain part and the arrays below its name."""
-    mark, origin = _mark(form), get_origin(form)
-    if isinstance(mark, Column):
+    column, origin = _column(form), get_origin(form)
+    if column is not None:
         if name not in arrays:
             raise _wrong(name, "is missing")
-        mark.check(name, arrays[name], _dtype(form), sizes)
+        column.check(name, arrays[name], _dtype(form), sizes)
         return arrays[name]
-    if isinstance(mark, Coded):
-        return mark.decode(_plain(mark.form, plain, name))
     if form is Scene:
         start = _inside(name, "")
         own = {key.removeprefix(start): a for key, a in arrays.items() if key.startswith(start)}
@@ -260,33 +225,18 @@ def _read(
             made[field] = _read(inner, table[field], where, arrays, sizes)
         return form(**made)
     if origin in (Union, UnionType):
-        choices = _choices(form, name)
-        if type(None) in get_args(form) and plain is None and name not in arrays:
+        choices = _choices(form)
+        if plain is None and type(None) in get_args(form):
             return None
-        if len(choices) == 1:
-            return _read(next(iter(choices.values())), plain, name, arrays, sizes)
         kind = next(iter(_holding(dict, plain, name)), "")
         if kind not in choices:
             raise _wrong(name, f"must be of one of the classes {sorted(choices)}, and is {kind!r}")
         return _read(choices[kind], plain[kind], name, arrays, sizes)
-    mapping = _is_mapping(form)
-    held = _holding(dict if mapping else list, plain, name)
-    parts = held if mapping else dict(enumerate(held))
-    read = {
-        key: _read(inner, parts[key], _inside(name, key), arrays, dict(sizes))
-        for key, inner in _forms_of_parts(form, parts, name)
-    }
-    return read if mapping else (origin or list)(read.values())
-
-
-def _forms_of_parts(form: Any, parts: dict[Any, Any], name: str) -> Iterator[tuple[Any, Any]]:
-    """Return the keys of the parts of a mapping, list or tuple, each with its form."""
-    forms = list(get_args(form))
-    if _is_mapping(form) or get_origin(form) is list or forms[-1] is Ellipsis:
-        forms = [forms[-1] if _is_mapping(form) else forms[0]] * len(parts)
-    if len(forms) != len(parts):
-        raise _wrong(name, f"must have {len(forms)} parts, and has {len(parts)}")
-    return zip(parts, forms, strict=True)
+    parts: Any = origin  # a tuple or a list
+    return parts(
+        _read(get_args(form)[0], part, _inside(name, number), arrays, dict(sizes))
+        for number, part in enumerate(_holding(list, plain, name))
+    )
 
 
 def _holding(kind: type, plain: Any, name: str) -> Any:

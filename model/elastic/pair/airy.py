@@ -19,6 +19,7 @@ from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import (
     EDGES,
     airy_of_tractions,
+    edge_tractions,
     forms,
     gauss,
     on_sides,
@@ -32,7 +33,7 @@ from kaju.model.elastic.pair.leaf_mesh import (
     followed,
     on_cubic,
 )
-from kaju.model.elastic.pair.levels import Blocks
+from kaju.model.elastic.pair.levels import Blocks, summed
 
 LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
 """Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""
@@ -129,26 +130,12 @@ class Airy:
             (agents, np.einsum("kij,k->ij", forms(True), compliance(own[:, None])[:, 0]))
             for agents, own in laws
         ]
-        beds = None
-        if len(self.sides.beds):
-            rows = self.on_beds()
-            beds = sp.csr_array(rows.T @ rows)
+        beds, rows = None, bed_rows(self.mesh, self.sides, size)
+        if len(rows):
+            owner = self.mesh.owner[self.sides.beds]
+            rows = rows * scale[owner, None]
+            beds = summed(np.einsum("bpi,bpj->bij", rows, rows), dof[owner], self.size)
         return Blocks(dof, matrices, size**-2.0, scale, self.size, beds, without_plane)
-
-    def on_beds(self) -> sp.csr_array:
-        """Return how far beds yield by phi, at two points each: a root of their energy."""
-        # A traction is the second derivative of phi along a bed, of Hermite's cubic linear.
-        beds, row = self.sides.beds, 2 * np.arange(len(self.sides.beds))
-        length = self.mesh.length[self.mesh.border[beds]] / self.cell
-        slope, root = 2 - self.mesh.side[beds] // 2, np.sqrt(0.5 * length / self.sides.bed[beds])
-        entries: Entries = []
-        for point, place in enumerate(gauss(2, 1)[0].ravel().tolist()):
-            for end, other in ((0, 1.0), (1, -1.0)):
-                own, value = 3 * self.seen(beds, end), other * (12.0 * place - 6.0)
-                entries.append((row + point, own, root * value / length**2))
-                bent = 6.0 * place - (4.0 if end == 0 else 2.0)
-                entries.append((row + point, own + slope, root * bent / length))
-        return coo(entries, (2 * len(beds), self.size))
 
     def seen(self, rows: Ints, end: int | Ints) -> Ints:
         """Return the vertices or copies at the ends of border edges, as their agents see them."""
@@ -271,36 +258,21 @@ class Airy:
         return entries
 
 
-def first_stress(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
-    """Return phi of each agent, shape (n, 16), of a stress that balances the loads."""
+def bed_rows(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
+    """Return a root of the energy of beds, at four points each, by phi of agents: (beds, 4, 16)."""
+    owner, side = mesh.owner[sides.beds], mesh.side[sides.beds]
+    points, weight = gauss(4, 1)
+    force, moment = np.moveaxis(edge_tractions()[side, :, side // 2], 1, 0)[:, :, None]
+    root = np.sqrt(weight / (size[owner] ** 3 * sides.bed[sides.beds])[:, None])
+    return np.asarray(root[..., None] * (force + 12.0 * (points - 0.5) * moment))
+
+
+def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size: Floats) -> Floats:
+    """Return phi of each agent, (n, 16), of a stress that balances loads of agents."""
     # Unknown are force and couple of each edge, but where the traction is given.
     free = np.ones((mesh.edges, 3), dtype=np.bool_)
     free[mesh.border, :2] = ~sides.given
     free[mesh.border, 2] = ~sides.given[np.arange(len(mesh.border)), mesh.side // 2]
-    alone = np.zeros(len(size), dtype=np.bool_)
-    return _handed_on(mesh, sides.load, sides.body, size, free, alone)
-
-
-def stress_within(mesh: PlaneMesh, load: Floats, size: Floats, parent: Ints) -> Floats:
-    """Return phi of a stress that balances loads on children, which each parent's have in sum."""
-    low, high = np.full(mesh.edges, len(mesh.leaves)), np.full(mesh.edges, -1)
-    for edge in mesh.edge.T:
-        np.minimum.at(low, edge, parent)
-        np.maximum.at(high, edge, parent)
-    low[mesh.whole] = np.minimum(low[mesh.whole], low[mesh.halves].min(axis=0))
-    high[mesh.whole] = np.maximum(high[mesh.whole], high[mesh.halves].max(axis=0))
-    within = low == high
-    within[mesh.border] = False
-    # Of every family the first agent stands still, for which no force is needed.
-    stands = np.diff(parent, prepend=-1) > 0
-    body = np.zeros((len(size), 2))
-    return _handed_on(mesh, load, body, size, np.repeat(within[:, None], 3, axis=1), stands)
-
-
-def _handed_on(
-    mesh: PlaneMesh, load: Floats, body: Floats, size: Floats, free: Flags, stands: Flags
-) -> Floats:
-    """Return phi of agents that as rigid blocks hand on loads by the free forces of edges."""
     # The least squares of the tractions: a row of `matrix` is a force on an agent, or its couple
     # over h. Halves follow the whole edge.
     n, edges = len(mesh.leaves), mesh.edges
@@ -328,8 +300,7 @@ def _handed_on(
     weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[chosen]
     balance = sp.csr_array(matrix @ way)
     wanted = -_resultants(load, body)
-    normal = balance @ sp.diags_array(weight) @ balance.T
-    normal = sp.csc_array(normal + sp.diags_array(np.repeat(stands.astype(np.float64), 3)))
+    normal = sp.csc_array(balance @ sp.diags_array(weight) @ balance.T)
     factors = factors_of(normal)
     found = factors.solve(wanted)
     found = found + factors.solve(wanted - normal @ found)

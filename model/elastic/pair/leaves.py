@@ -125,40 +125,23 @@ class LeafCells:
         """Return in which of some larger leaves each lies."""
         return np.asarray(np.searchsorted(before.code, self.code, "right") - 1)
 
-    def _too_large_beside(self, young: Ints) -> tuple[Flags, Flags]:
-        """Mark leaves that are too large beside some `young` ones, and these young ones."""
-        chosen, crowded = np.zeros(len(self), dtype=np.bool_), np.zeros(len(young), dtype=np.bool_)
-        lower, size, kind = self.lower[young], self.size[young], self.kind[young]
-        for offset in product((-1, 0, 1), repeat=self.dimension):
-            if not any(offset):
-                continue
-            other = self.find(lower + np.array(offset, dtype=np.int64) * size[:, None])
-            too_large = self.size[other] > 2 * size
-            if np.abs(offset).sum() == 1:  # across a face, where materials may meet
-                too_large |= (self.size[other] > size) & (self.kind[other] != kind)
-            large = (other >= 0) & too_large
-            chosen[other[large]] = True
-            crowded |= large
-        return chosen, crowded
-
-    def balanced(self, young: Flags | None = None) -> LeafCells:
+    def balanced(self) -> LeafCells:
         """Return the leaves refined until neighbours differ at most by a factor of two (2:1)."""
         # Where two materials meet at a face, the leaves on both sides have the same size: hanging
-        # faces of a stiff large leaf would be held by its soft neighbours only. If `young` leaves
-        # are given, all others are balanced already.
-        leaves = self
-        unchecked = np.arange(len(leaves)) if young is None else np.flatnonzero(young)
-        while len(unchecked):
-            chosen, crowded = leaves._too_large_beside(unchecked)
+        # faces of a stiff large leaf would be held by its soft neighbours only.
+        leaves, largest = self, int(self.size.max())
+        while True:
+            asking = np.flatnonzero(leaves.size <= largest)
+            lower, size, kind = (a[asking] for a in (leaves.lower, leaves.size, leaves.kind))
+            chosen = np.zeros(len(leaves), dtype=np.bool_)
+            for offset in product((-1, 0, 1), repeat=self.dimension):
+                other = leaves.find(lower + np.array(offset) * size[:, None])
+                too_large = leaves.size[other] > 2 * size
+                if np.abs(offset).sum() == 1:  # across a face, where materials may meet
+                    too_large |= (leaves.size[other] > size) & (leaves.kind[other] != kind)
+                chosen[other[(other >= 0) & too_large]] = True
             if not chosen.any():
-                break
-            parent, crowded_code = leaves.code[chosen], leaves.code[unchecked[crowded]]
-            ends = parent + leaves.size[chosen] ** self.dimension
+                return leaves
+            # Next only those can ask that are as small as the new ones.
+            largest = int(leaves.size[chosen].max()) // 2
             leaves = leaves.split(chosen)
-            # Children have codes from their parent's up to its end.
-            at = np.searchsorted(parent, leaves.code, side="right") - 1
-            again = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])
-            # A leaf may have been more than one halving too large for those beside it.
-            again[np.searchsorted(leaves.code, crowded_code)] = True
-            unchecked = np.flatnonzero(again)
-        return leaves

@@ -9,8 +9,8 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import is_rubber
-from kaju.model.elastic.pair.airy import Airy, compliance, first_stress, stress_within
-from kaju.model.elastic.pair.border import Sides, support_names
+from kaju.model.elastic.pair.airy import Airy, bed_rows, compliance, first_stress
+from kaju.model.elastic.pair.border import support_names
 from kaju.model.elastic.pair.displacement import Fitting
 from kaju.model.elastic.pair.elements import (
     CORNERS,
@@ -33,7 +33,7 @@ from kaju.model.elastic.pair.gap import (
     scaled,
     stress_of,
 )
-from kaju.model.elastic.pair.leaf_mesh import PlaneMesh, backwards
+from kaju.model.elastic.pair.leaf_mesh import PlaneMesh
 from kaju.model.elastic.pair.levels import FieldLevel, handed_down, level_of
 
 
@@ -156,11 +156,11 @@ class Opinions(Fitting):
         """Return the work of what supports bear on how they move, shape (m, 2)."""
         return float(np.vdot(self.on_border()[:, 0], moved))
 
-    def on_beds(self, count: int = 4) -> Floats:
-        """Return what beds bear by both opinions at some points, scaled; shape (2, beds, count)."""
+    def on_beds(self) -> Floats:
+        """Return what beds bear by both opinions at four points, scaled; shape (2, beds, 4)."""
         mesh, beds, stiffness = self.mesh, self.sides.beds, self.sides.bed[self.sides.beds, None]
         owner, side = mesh.owner[beds], mesh.side[beds]
-        points, weight = gauss(count, 1)
+        points, weight = gauss(4, 1)
         length, line = self.size[owner, None], points.ravel() - 0.5
         u = self.fit.reshape(-1, 8, 2)[owner[:, None], on_sides(2)[side], side[:, None] // 2]
         fitted = -stiffness * (u @ quadratic_values(points).T)
@@ -190,33 +190,25 @@ def balance(
     level = level_of(blocks, airy.way(), before, family, child_maps(True), direct)
     for own, (old, gap) in zip(fields, earlier, strict=True):
         own.phi = _begun(own, old, family)
-        rest = -blocks.gather(blocks.times(own.phi) + _of_stress_beside(own))
-        rest += _of_moved(airy, own.sides)
-        if len(own.sides.beds):
-            # A traction outwards is the normal stress on upper and on lower sides alike, but the
-            # force on a lower side points to lower coordinates.
-            sign = 2.0 * (own.mesh.side[own.sides.beds, None] % 2) - 1.0
-            rest -= airy.on_beds().T @ (sign * own.on_beds(2)[0]).ravel()
+        rest = -blocks.gather(blocks.times(own.phi) + _of_stress_beside(own) + _at_border(own))
         own.phi += without_plane(blocks.own(level.solve(rest, gap)))
     return level
 
 
 def _begun(new: Opinions, before: Opinions | None, family: tuple[Ints, Ints] | None) -> Floats:
     """Return a stress that balances, any."""
-    sides, size = new.sides, new.size
-    if before is None or family is None:
-        if sides.load.any() or sides.body.any():
-            return without_plane(first_stress(new.mesh, sides, size))
-        return np.zeros((len(size), 16))
-    phi = handed_down(before.phi, family, child_maps(True))
-    new.phi = without_plane(phi + _of_body_forces(before, family[0], new))
-    if new.body.ends_within:
-        # What children take of loads that end within sides, not their parents: on a parent's side
-        # force and couple of the rest are none.
-        mesh, rest = new.mesh, np.zeros_like(sides.load)
-        load = sides.load[mesh.owner, mesh.side] - new.on_border()
-        rest[mesh.owner, mesh.side] = np.where(sides.given[:, None], load, 0.0)
-        new.phi += without_plane(stress_within(mesh, rest, size, family[0]))
+    mesh, sides, size = new.mesh, new.sides, new.size
+    new.phi, load, body = np.zeros((len(size), 16)), sides.load, sides.body
+    if before is not None and family is not None:
+        phi = handed_down(before.phi, family, child_maps(True))
+        new.phi = without_plane(phi + _of_body_forces(before, family[0], new))
+        # What children take of loads that end within sides, and their parents did not.
+        body, load, own = np.zeros_like(body), np.zeros_like(load), load[mesh.owner, mesh.side]
+        if len(before.sides.ragged):
+            more = np.where(sides.given[:, None], own - new.on_border(), 0.0)
+            load[mesh.owner, mesh.side] = more
+    if load.any() or body.any():
+        new.phi += without_plane(first_stress(mesh, sides, load, body, size))
     return new.phi
 
 
@@ -243,12 +235,11 @@ def _of_stress_beside(generation: Opinions) -> Floats:
     return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses(), rule()[1]))
 
 
-def _of_moved(airy: Airy, sides: Sides) -> Floats:
-    """Return what moved supports put on phi: the work of the forces by its slopes at both ends."""
-    out, rows = np.zeros(airy.size), np.flatnonzero(sides.moved.any(axis=1))
-    back = np.where(backwards(airy.mesh.side[rows]), -1.0, 1.0)
-    for end, sign in ((0, -1.0), (1, 1.0)):
-        vertex = airy.seen(rows, end)
-        np.add.at(out, 3 * vertex + 2, sign * back * sides.moved[rows, 0])
-        np.add.at(out, 3 * vertex + 1, -sign * back * sides.moved[rows, 1])
+def _at_border(own: Opinions) -> Floats:
+    """Return what beds put on phi, less what supports that move do: the work of their forces."""
+    mesh, sides, out = own.mesh, own.sides, np.zeros_like(own.phi)
+    force = np.einsum("nj,njl->nl", sides.moved, edge_tractions()[mesh.side, 0])
+    np.add.at(out, mesh.owner, -force / own.size[mesh.owner, None])
+    rows = bed_rows(mesh, sides, own.size)
+    np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", own.on_beds()[0], rows))
     return out

@@ -20,7 +20,6 @@ from kaju.model.elastic.pair.elements import (
     EDGES,
     airy_of_tractions,
     edge_tractions,
-    forms,
     gauss,
     on_sides,
     without_plane,
@@ -37,13 +36,6 @@ from kaju.model.elastic.pair.levels import Blocks, summed
 
 LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
 """Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""
-
-
-def compliance(law: Floats) -> Floats:
-    """Return the compliances of like and unlike normal stresses, and of shear; shape (3, n)."""
-    stretch, lateral, shear = law
-    area = (stretch - lateral) * (stretch + lateral)
-    return np.stack([stretch / area, -lateral / area, 1.0 / shear])
 
 
 def loops_of(start: Ints, end: Ints) -> list[Ints]:
@@ -120,16 +112,12 @@ class Airy:
             beyond[len(table) :, cut] += 1
         self.corner, self.base, self.beyond = corner, base, beyond
 
-    def blocks(self, laws: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
+    def blocks(self, matrices: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
         """Return the compliance of the agents and of the beds."""
         corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
         dof = np.concatenate([corner, 3 * self.points + self.mesh.edge], axis=1)
         one, h = np.ones_like(size), size
         scale = np.stack([*[one, h, h] * 4, *[h] * 4], axis=1)
-        matrices = [
-            (agents, np.einsum("kij,k->ij", forms(True), compliance(own[:, None])[:, 0]))
-            for agents, own in laws
-        ]
         beds, rows = None, bed_rows(self.mesh, self.sides, size)
         if len(rows):
             owner = self.mesh.owner[self.sides.beds]

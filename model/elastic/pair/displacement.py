@@ -10,10 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.moduli import by_law
 from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import (
-    forms,
     means,
     on_sides,
     quadratic_values,
@@ -22,6 +20,7 @@ from kaju.model.elastic.pair.elements import (
     side_masses,
     strains,
 )
+from kaju.model.elastic.pair.gap import at_points, roots_of
 from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.levels import Blocks, FieldLevel, summed
@@ -36,6 +35,7 @@ class Fitting:
     mesh: Mesh
     sides: Sides
     law: Floats  # C11, C12 and mu of the agents; shape (3, n)
+    laws: list[tuple[Ints | slice, Floats]]  # The agents of each law, and that law
     fit: Floats = field(init=False)
     """Unknowns of the displacement of each agent; shape (n, unknowns)."""
     parts: tuple[Any, ...] = field(default=(), init=False)
@@ -56,9 +56,12 @@ class Fitting:
         return np.asarray(self.leaves.size / self.body.cell)
 
     @cached_property
-    def laws(self) -> list[tuple[Ints | slice, Floats]]:
-        """The agents of each law, and that law."""
-        return by_law(self.law)
+    def roots(self) -> list[tuple[Ints | slice, Floats]]:
+        """The agents of each law, and a root of their energy by their unknowns."""
+        d = self.body.dimension
+        return [
+            (agents, at_points(roots_of(law, d)[0], strains(d), d)) for agents, law in self.laws
+        ]
 
     @property
     def cases(self) -> tuple[Any, ...]:
@@ -71,9 +74,7 @@ class Fitting:
         d, sides, mesh = self.body.dimension, self.sides, self.mesh
         dof = (d * mesh.node[:, :, None] + np.arange(d)).reshape(len(mesh.node), -1)
         size = d * (mesh.vertices + mesh.edges)
-        matrices = [
-            (agents, np.einsum("kij,k->ij", forms(False, d), one)) for agents, one in self.laws
-        ]
+        matrices = [(agents, root.T @ root) for agents, root in self.roots]
         beds, extra = sides.beds, None
         if len(beds):
             unknown = d * mesh.on_border[beds] + (mesh.side[beds] // 2)[:, None]

@@ -206,21 +206,14 @@ def strains(d: int = 2) -> Floats:
 
 @lru_cache(maxsize=1)
 def stresses() -> Floats:
-    """Return the stresses of phi at the points of the rule, shape (28, 3, 16)."""
+    """Return the stresses of phi, even ones and those of forces within: shape (28, 3, 16 + 3 + 2).
+
+    At the points of the rule; forces are met by stresses that grow along each axis.
+    """
     points, _, triangle = rule()
-    return airy_stress(points, triangle)
-
-
-@lru_cache(maxsize=3)
-def forms(balances: bool, d: int = 2) -> Floats:
-    """Return the products of stresses (or strains): like normals, unlike ones, shear."""
-    rows, weights = stresses() if balances else strains(d), rule(d)[1]
-    normal, shear = rows[:, :d], rows[:, d:]
-    like = np.einsum("pki,pkj,p->ij", normal, normal, weights, optimize=True)
-    all_ = np.einsum("pi,pj,p->ij", normal.sum(axis=1), normal.sum(axis=1), weights, optimize=True)
-    return np.stack(
-        [like, all_ - like, np.einsum("pki,pkj,p->ij", shear, shear, weights, optimize=True)]
-    )
+    even = np.tile(np.eye(3), (len(points), 1, 1))
+    growing = (0.5 - points)[:, None] * np.eye(3, 2)
+    return np.concatenate([airy_stress(points, triangle), even, growing], axis=2)
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,6 @@ from math import inf, sqrt
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import rule
 
 ROUNDING = 0.1
@@ -26,31 +25,24 @@ agents, with stiff inclusions and rubber, the value told was 4.3 times off at mo
 well, the middle 13.6 times."""
 
 
-def beside_phi(sides: Sides, size: Floats) -> Floats | None:
-    """Return the stress that agents have besides that of phi, (n, 28, 3), None if there is none."""
-    if not (sides.body.any() or sides.even.any()):
-        return None
-    own = np.repeat((sides.even / size[:, None])[:, None], len(rule()[0]), axis=1)
-    own[..., :2] -= (sides.body / size[:, None])[:, None] * (rule()[0] - 0.5)
-    return own
-
-
 def stress_of(strain: Floats, law: Floats) -> Floats:
-    """Return stresses (xx, yy, xy) by strains (xx, yy, twice xy), along the last axis."""
-    stretch, lateral, shear = (modulus.reshape(-1, *[1] * (strain.ndim - 2)) for modulus in law)
-    xx, yy, xy = np.moveaxis(strain, -1, 0)
-    return np.stack([stretch * xx + lateral * yy, lateral * xx + stretch * yy, shear * xy], axis=-1)
+    """Return stresses by strains, along the last axis: normal ones, then shear (strains twice)."""
+    d = {3: 2, 6: 3}[strain.shape[-1]]
+    stretch, lateral, shear = (modulus.reshape(-1, *[1] * (strain.ndim - 1)) for modulus in law)
+    normal = (stretch - lateral) * strain[..., :d]
+    normal += lateral * strain[..., :d].sum(axis=-1, keepdims=True)
+    return np.concatenate([normal, shear * strain[..., d:]], axis=-1)
 
 
-def scaled(stress: Floats, law: Floats, size: Floats) -> Floats:
-    """Return stresses at the points of the rule so that products of two add up to s : C^-1 : t."""
-    stretch, lateral, shear = (modulus[:, None] for modulus in law)
-    xx, yy, xy = np.moveaxis(stress, -1, 0)
-    root = size[:, None] * np.sqrt(rule()[1])
-    # By sum and difference of the normal stresses, which rubber keeps apart.
-    total, apart = np.sqrt(2.0 * (stretch + lateral)), np.sqrt(2.0 * (stretch - lateral))
-    parts = (xx + yy) / total, (xx - yy) / apart, xy / np.sqrt(shear)
-    return np.concatenate([root * part for part in parts], axis=1)
+def roots_of(law: Floats, d: int) -> tuple[Floats, Floats]:
+    """Return roots of a law and of its inverse: squares of root times strain, or stress, add up."""
+    value, vector = np.linalg.eigh(stress_of(np.eye(d * (d + 1) // 2), law[:, None]))
+    return (vector * np.sqrt(value)).T, (vector / np.sqrt(value)).T
+
+
+def at_points(root: Floats, rows: Floats, d: int) -> Floats:
+    """Return a root of the energy of a unit square or cube by its unknowns: rows for points."""
+    return (np.sqrt(rule(d)[1])[:, None, None] * (root @ rows)).reshape(-1, rows.shape[2])
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from kaju.model.elastic.goals.duals import (
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.border import Sides, torn
-from kaju.model.elastic.pair.gap import ROUNDING
+from kaju.model.elastic.pair.gap import ROUNDING, stress_of
 from kaju.model.elastic.pair.history import Aim, Settled
 from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
@@ -221,11 +221,7 @@ def sides_under(load: DualLoad, mesh: Mesh, sides: Sides, size: Floats, law: Flo
         own = none.load[mesh.owner, mesh.side]
         none.load[mesh.owner, mesh.side] = np.where(sides.held[:, None], 0.0, own)
     elif isinstance(load, Strained):
-        like, unlike, shear = law[:, load.agent, None]
-        strain = np.broadcast_to(load.strain, (len(load.agent), len(load.strain)))
-        stress = shear * strain
-        normal = strain[:, :d]
-        stress[:, :d] = (like - unlike) * normal + unlike * normal.sum(axis=1, keepdims=True)
+        stress = stress_of(np.tile(load.strain, (len(load.agent), 1)), law[:, load.agent])
         none.even[load.agent] = (load.share / size[load.agent])[:, None] * stress
     else:
         here = sides.support == load.support

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.elastic.moduli import equivalent_stress
+from kaju.model.elastic.moduli import by_law, equivalent_stress
 from kaju.model.elastic.pair.border import Sides, check_held, sides_of
 from kaju.model.elastic.pair.displacement import moved_by, way_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
@@ -42,6 +42,7 @@ def settled(
     d, mesh = body.dimension, mesh_of(leaves)
     sides, maps = sides_of(body, mesh), child_maps(False, d)
     law = np.stack([modulus[leaves.kind] for modulus in body.moduli])
+    laws = by_law(law)
     family = None
     if before is None:
         check_held(body, mesh, sides)
@@ -53,12 +54,12 @@ def settled(
     size = leaves.size / body.cell
     loads = [sides, *(aim(mesh, sides, size, law) for aim in aims)]
     olds: list[Any] = [before, *before.duals] if before else [None] * len(loads)
-    found: list[Any] = [kind(body, mesh, own, law) for own in loads]
+    found: list[Any] = [kind(body, mesh, own, law, laws) for own in loads]
     blocks = found[0].blocks
     fields, earlier = [], []
     for own, old in zip(found, olds, strict=True):
         acts = own.sides.cases
-        own.parts = tuple(kind(body, mesh, one, law) for one in acts) if len(acts) > 1 else ()
+        own.parts = tuple(kind(body, mesh, one, law, laws) for one in acts) if len(acts) > 1 else ()
         own.blocks = blocks
         for case, one in zip(own.cases, old.cases if old else [None] * len(acts), strict=True):
             case.blocks = blocks

@@ -9,7 +9,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import is_rubber
-from kaju.model.elastic.pair.airy import Airy, bed_rows, compliance, first_stress
+from kaju.model.elastic.pair.airy import Airy, bed_rows, first_stress
 from kaju.model.elastic.pair.border import support_names
 from kaju.model.elastic.pair.displacement import Fitting
 from kaju.model.elastic.pair.elements import (
@@ -26,13 +26,7 @@ from kaju.model.elastic.pair.elements import (
     stresses,
     without_plane,
 )
-from kaju.model.elastic.pair.gap import (
-    Bounds,
-    beside_phi,
-    bounds_of,
-    scaled,
-    stress_of,
-)
+from kaju.model.elastic.pair.gap import Bounds, at_points, bounds_of, roots_of, stress_of
 from kaju.model.elastic.pair.leaf_mesh import PlaneMesh
 from kaju.model.elastic.pair.levels import FieldLevel, handed_down, level_of
 
@@ -60,18 +54,28 @@ class Opinions(Fitting):
         out[row, 0, side // 2] -= 0.5 * self.sides.body[owner, side // 2]
         return np.asarray(out)
 
+    @cached_property
+    def soft_roots(self) -> list[tuple[Ints | slice, Floats]]:
+        """The agents of each law, and a root of their complementary energy by `stresses`."""
+        return [
+            (agents, at_points(roots_of(law, 2)[1], stresses(), 2)) for agents, law in self.laws
+        ]
+
+    def stress_field(self) -> Floats:
+        """Return the stress that balances, scaled so that squares add up to twice the energy."""
+        out, size = np.empty((len(self.size), 84)), self.size[:, None]
+        own = np.concatenate([self.phi / size, self.sides.even, self.sides.body], axis=1)
+        for agents, root in self.soft_roots:
+            out[agents] = own[agents] @ root.T
+        return out
+
     def fields(self) -> tuple[Floats, Floats]:
         """Return both opinions as vectors whose products are energies: of agents, then of beds."""
-        n, size = len(self.size), self.size[:, None, None]
-        strain = (self.fit @ strains().reshape(84, 16).T).reshape(n, 28, 3) / size
-        stress = (self.phi @ stresses().reshape(84, 16).T).reshape(n, 28, 3) / size**2
-        own = beside_phi(self.sides, self.size)
-        both = (stress if own is None else stress + own), stress_of(strain, self.law)
-        one, other = (
-            np.append(scaled(stress, self.law, self.size), beds)
-            for stress, beds in zip(both, self.on_beds(), strict=True)
-        )
-        return one, other
+        balanced, fitted = self.stress_field(), np.empty((len(self.size), 84))
+        for agents, root in self.roots:
+            fitted[agents] = self.fit[agents] @ root.T
+        beds = self.on_beds()
+        return np.append(balanced, beds[0]), np.append(fitted, beds[1])
 
     def by_agent(self, products: Floats, with_beds: bool = True) -> Floats:
         """Return sums over each agent, and the beds it lies on, of products of fields."""
@@ -137,7 +141,7 @@ class Opinions(Fitting):
     def means(self) -> tuple[Floats, Floats]:
         """Mean tensors over agents: of the stress that balances, of the strain that fits."""
         weights, size = rule()[1], self.size[:, None]
-        balanced = self.phi @ np.einsum("p,pki->ik", weights, stresses()) / size**2
+        balanced = self.phi @ np.einsum("p,pki->ik", weights, stresses()[..., :16]) / size**2
         strain = self.fit @ np.einsum("p,pki->ik", weights, strains()) / size
         return tensors(balanced), tensors(stress_of(strain, self.law))
 
@@ -186,11 +190,12 @@ def balance(
     """Give agents under each set of loads the stress that balances, of least energy."""
     found = fields[0]
     airy = Airy(found.mesh, found.sides, found.body.cell)
-    blocks = airy.blocks(found.laws, found.size)
+    matrices = [(agents, root[:, :16].T @ root[:, :16]) for agents, root in found.soft_roots]
+    blocks = airy.blocks(matrices, found.size)
     level = level_of(blocks, airy.way(), before, family, child_maps(True), direct)
     for own, (old, gap) in zip(fields, earlier, strict=True):
         own.phi = _begun(own, old, family)
-        rest = -blocks.gather(blocks.times(own.phi) + _of_stress_beside(own) + _at_border(own))
+        rest = -blocks.gather(_pull(own))
         own.phi += without_plane(blocks.own(level.solve(rest, gap)))
     return level
 
@@ -224,22 +229,16 @@ def _of_body_forces(before: Opinions, parent: Ints, new: Opinions) -> Floats:
     return np.asarray((even * new.size[:, None] ** 2) @ phi)
 
 
-def _of_stress_beside(generation: Opinions) -> Floats:
-    """Return what stress besides that of phi puts on phi, shape (n, 16)."""
-    own = beside_phi(generation.sides, generation.size)
-    if own is None:
-        return np.zeros((len(generation.size), 16))
-    like, unlike, shear = (one[:, None] for one in compliance(generation.law))
-    xx, yy, xy = np.moveaxis(own, -1, 0)
-    strain = np.stack([like * xx + unlike * yy, unlike * xx + like * yy, shear * xy], axis=-1)
-    return np.asarray(np.einsum("npk,pki,p->ni", strain, stresses(), rule()[1]))
-
-
-def _at_border(own: Opinions) -> Floats:
-    """Return what beds put on phi, less what supports that move do: the work of their forces."""
-    mesh, sides, out = own.mesh, own.sides, np.zeros_like(own.phi)
+def _pull(own: Opinions) -> Floats:
+    """Return the slopes of the complementary energy by phi of agents, shape (n, 16)."""
+    mesh, sides, size = own.mesh, own.sides, own.size
+    out, stress = np.empty_like(own.phi), own.stress_field()
+    for agents, root in own.soft_roots:
+        out[agents] = stress[agents] @ root[:, :16]
+    # Supports that move take the work of their forces.
     force = np.einsum("nj,njl->nl", sides.moved, edge_tractions()[mesh.side, 0])
-    np.add.at(out, mesh.owner, -force / own.size[mesh.owner, None])
-    rows = bed_rows(mesh, sides, own.size)
+    np.subtract.at(out, mesh.owner, force)
+    out /= size[:, None]
+    rows = bed_rows(mesh, sides, size)
     np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", own.on_beds()[0], rows))
     return out

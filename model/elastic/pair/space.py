@@ -27,7 +27,7 @@ from kaju.model.elastic.pair.elements import (
     side_loads,
     strain_rows,
 )
-from kaju.model.elastic.pair.gap import Bounds
+from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
 from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.levels import ENOUGH, summed
 from kaju.model.elastic.posed_body import PosedBody
@@ -61,15 +61,11 @@ class Bricks(Fitting):
 
     def _stresses(self, places: Floats) -> Floats:
         """Return the stresses at places from 0 to 1 in all agents, shape (n, places, 6)."""
-        lateral, shear = self.law[1:, :, None]
-        strain = np.tensordot(self.fit, strain_rows(places), (1, 2))
-        strain /= self.size[:, None, None]
-        volume = lateral * strain[..., :3].sum(axis=2)
-        strain *= shear[..., None]
-        strain[..., :3] *= 2.0
-        strain[..., :3] += volume[..., None]
+        strain = np.tensordot(self.fit, strain_rows(places), (1, 2)) / self.size[:, None, None]
         # What is left beside the even stress of a goal's load hands on forces.
-        return np.asarray(strain - (self.sides.even / self.size[:, None] ** 2)[:, None])
+        return np.asarray(
+            stress_of(strain, self.law) - (self.sides.even / self.size[:, None] ** 2)[:, None]
+        )
 
     @cached_property
     def _corners(self) -> tuple[Ints, Ints]:
@@ -112,11 +108,9 @@ class Bricks(Fitting):
         """Estimated squared error of every agent in the energy norm."""
         points, weights = gauss(3, 3)
         off = trilinear(points) @ self.corner_stress - self._stresses(points)
-        lateral, shear = self.law[1:, :, None]
-        square = (off[..., :3] ** 2).sum(axis=2) + 2.0 * (off[..., 3:] ** 2).sum(axis=2)
-        trace = off[..., :3].sum(axis=2)
-        density = (square - lateral / (3.0 * lateral + 2.0 * shear) * trace**2) / (2.0 * shear)
-        return np.asarray((density @ weights) * self.size**3)
+        for agents, law in self.laws:
+            off[agents] = off[agents] @ roots_of(law, 3)[1].T
+        return np.asarray(((off**2).sum(axis=2) @ weights) * self.size**3)
 
     @cached_property
     def wanting(self) -> float:

@@ -135,7 +135,7 @@ class LeafCells:
             lower, size, kind = (a[asking] for a in (leaves.lower, leaves.size, leaves.kind))
             chosen = np.zeros(len(leaves), dtype=np.bool_)
             for offset in product((-1, 0, 1), repeat=self.dimension):
-                other = leaves.find(lower + np.array(offset) * size[:, None])
+                other = leaves.find(lower + np.array(offset, dtype=np.int64) * size[:, None])
                 too_large = leaves.size[other] > 2 * size
                 if np.abs(offset).sum() == 1:  # across a face, where materials may meet
                     too_large |= (leaves.size[other] > size) & (leaves.kind[other] != kind)

@@ -34,8 +34,9 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.scene import Region, Scene, body_cells
-from kaju.model.scene.shapes import Box, Shape
+from kaju.model.scene import Scene, body_cells
+from kaju.model.scene.regions import LoadRegion
+from kaju.model.scene.validation import check_axes
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
@@ -48,9 +49,6 @@ NEAREST = (
 PARTED = {2: 16, 3: 2}
 """Agents can end at multiples of this part of a cell, should a goal ask for it."""
 RULE = 3  # Points along an axis of an agent: exact for quadratics
-SAMPLES = {2: 8, 3: 4}
-"""Points along an axis by which round shapes are measured in an agent: a disk of the radius of an
-agent's edge is 3 % off at most, a ball 4 % (of 40 places)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +60,6 @@ class Where:
     lower: Floats
     upper: Floats
     flat: int | None = None  # The axis along which a box has no thickness
-    shape: Shape | None = None  # Of what is no box
     cell: Ints | None = None  # That a point lies in
 
     def points(self, lower: Floats, size: Floats) -> tuple[Floats, Ints, Floats]:
@@ -75,21 +72,14 @@ class Where:
         span = np.minimum(lower[agent] + size[agent, None], self.upper) - first
         d = len(self.lower)
         line, share = np.polynomial.legendre.leggauss(RULE)
-        line, share = 0.5 + 0.5 * line, 0.5 * share
-        if self.shape is not None:
-            line = (np.arange(SAMPLES[d]) + 0.5) / SAMPLES[d]
-            share = np.full(len(line), 1.0 / len(line))
         across = [axis for axis in range(d) if axis != self.flat]
         inside = np.full((len(line) ** len(across), d), 0.5)
-        inside[:, across] = list(product(line, repeat=len(across)))
+        inside[:, across] = 0.5 + 0.5 * np.array([*product(line, repeat=len(across))])
         weight = span[:, across].prod(axis=1)[:, None] * np.prod(
             list(product(share, repeat=len(across))), axis=1
         )
         place = (first[:, None] + inside * span[:, None]).reshape(-1, d)
         agent, weight = np.repeat(agent, len(inside)), weight.ravel()
-        if self.shape is not None:
-            within = self.shape.contains(place * h)
-            place, agent, weight = place[within], agent[within], weight[within]
         if not len(agent):
             raise ParameterError(f"goal: there is no body at {self.name}")
         low, high = np.floor(lower[agent]), np.ceil(lower[agent] + size[agent, None]) - 1
@@ -131,7 +121,7 @@ class GoalBox:
         if axis is not None:
             first[axis] = last[axis] = np.rint(low[axis])
         exact = bool(np.all(np.abs(first - low) <= near) and np.all(np.abs(last - high) <= near))
-        exact = exact and where.cell is None and where.shape is None and where.flat == axis
+        exact = exact and where.cell is None and where.flat == axis
         for along in range(len(first)):
             if along == axis or last[along] > first[along]:
                 continue
@@ -182,7 +172,7 @@ def where_of(at: Place, scene: Scene) -> Where:
     if isinstance(at, str):
         return _side(at, scene)
     if isinstance(at, dict):
-        return _region(at, scene)
+        return _box(at, scene)
     d = scene.lattice.dimension
     if len(at) != d:
         raise ParameterError(
@@ -213,38 +203,29 @@ def _side(name: str, scene: Scene) -> Where:
     return Where(scene, f"{name!r}", low, high, axis)
 
 
-def _region(region: dict[str, Any], scene: Scene) -> Where:
+def _box(region: dict[str, Any], scene: Scene) -> Where:
     lattice = scene.lattice
-    flat = _flat_axis(region.get("box"), lattice.cell_size) if len(region) == 1 else None
-    if flat is not None:
-        low, high = (np.asarray(c, dtype=np.float64) / lattice.cell_size for c in region["box"])
-        face = np.rint(low[flat])
-        if abs(low[flat] - face) < ON_EDGE:
-            low[flat] = high[flat] = face
-        return Where(scene, f"{region}", low, high, flat)
+    if set(region) != {"box"}:
+        raise ParameterError(
+            "goal: a place is a point, a side, or a box such as "
+            f'{{"box": [[0, 0], [0.1, 0.2]]}}, got {region}'
+        )
     try:
-        shape = Region(material="air", **region).shape_in(lattice, "goal")
+        box = LoadRegion(**region)
+        for corner in box.box or ():
+            check_axes(corner, lattice.dimension, "goal.box", "coordinates")
+        flat = box.flat_axis(lattice.cell_size, "goal.box")
     except KajuError as error:
         message = str(error)
         raise ParameterError(
             message if message.startswith("goal") else f"goal: {message}"
         ) from None
-    lower, upper = (
-        np.clip(np.asarray(corner) / lattice.cell_size, 0.0, lattice.shape)
-        for corner in shape.extent
-    )
-    return Where(scene, f"{region}", lower, upper, shape=None if isinstance(shape, Box) else shape)
-
-
-def _flat_axis(box: Any, cell_size: float) -> int | None:
-    """Return the one axis along which a box has no thickness."""
-    try:
-        lower, upper = np.asarray(box, dtype=np.float64)
-    except (TypeError, ValueError):
-        return None
-    spans = np.atleast_1d(upper - lower)
-    flat = np.flatnonzero(np.abs(spans) <= ON_EDGE * cell_size)
-    return int(flat[0]) if len(flat) == 1 and np.all(np.delete(spans, flat) > 0.0) else None
+    low, high = np.asarray(box.box) / lattice.cell_size
+    if flat is not None and abs(low[flat] - np.rint(low[flat])) < ON_EDGE:
+        low[flat] = high[flat] = np.rint(low[flat])
+    elif flat is None:
+        low, high = np.clip((low, high), 0.0, lattice.shape)
+    return Where(scene, f"{region}", low, high, flat)
 
 
 Found: TypeAlias = "CellAgents | PairAgents"

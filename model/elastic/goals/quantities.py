@@ -1,9 +1,8 @@
 """What a tolerance can be about: the deflection here, the stress there.
 
-A place is a point, (x, y) or (x, y, z) in metres; a region in the form of a scene's regions, such
-as ``{"box": [[0, 0], [0.1, 0.2]]}`` or ``{"disk": {"centre": [0.1, 0.1], "radius": 0.02}}``, over
-which the mean counts (a box without thickness along one axis is a section, or a surface); or
-the name of a side, such as ``"top"``: all of the body's surface there.
+A place is a point, (x, y) or (x, y, z) in metres; a box, such as ``{"box": [[0, 0], [0.1, 0.2]]}``,
+over which the mean counts (without thickness along one axis it is a section, or a surface); or the
+name of a side, such as ``"top"``: all of the body's surface there.
 """
 
 from __future__ import annotations

@@ -47,6 +47,7 @@ def scale_for(values: ArrayLike, unit: str) -> Scale:
 
 def quantity(value: float, unit: str) -> str:
     """Return a value with its unit, such as ``"5.04 nm"`` or ``"0.01 N"``."""
+    value = float(f"{value:.4g}")  # 9999.99 N are 10 kN
     everyday = unit == "N" and 1e-4 <= abs(value) < 1e4
     scale = Scale(1.0, unit) if everyday else scale_for(value, unit)
     between = " · " if not unit and scale.unit else " "

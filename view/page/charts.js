@@ -60,7 +60,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), 0) || 1;
   const X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
-  const [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => local(String(Number((v / factor).toPrecision(near ? 3 : 2))));
+  const [unitAt, prefixAt] = prefixOf(first + reach, axis), [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => local(String(Number((v / factor).toPrecision(near ? 3 : 2))));
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft;
   ctx.textAlign = "right"; ctx.textBaseline = "middle";
   const ticks = log ? Array.from({ length: Math.floor(map(top)) - Math.ceil(from) + 1 }, (_, i) => 10 ** (Math.ceil(from) + i)) : ticksOf(low, top, 3);
@@ -72,7 +72,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   ctx.textBaseline = "top";
   const whole = over.every(Number.isInteger);
   ticksOf(first, first + reach, Math.max(2, Math.min(5, w / (axis ? 45 : 30)))).filter((v) => !whole || Number.isInteger(v)).forEach((at, n, { length }) => {
-    const text = local(axis && n === length - 1 ? `${at} ${axis}` : String(at)), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
+    const text = local(`${Number((at / unitAt).toPrecision(6))}${axis && n === length - 1 ? ` ${prefixAt}${axis}` : ""}`), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
     ctx.textAlign = close ? "right" : "center"; ctx.fillText(text, close ? x + w : X(at), y + h + 4);
   });
   ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillStyle = inks.soft;

@@ -7,8 +7,6 @@ import { entering } from "./rule.js";
 import { largestForce } from "./scene.js";
 import { quantity } from "./words.js";
 
-const LABELLED = 12, GRIP = 22;               // so many arrows carry numbers; half of 44 px
-
 export class Loads {
   constructor(page) { this.page = page; this.chosen = -1; this.spots = []; }
   get list() { return this.page.scene?.loads ?? this.page.forces ?? []; }
@@ -40,15 +38,14 @@ export class Loads {
     }
     return found;
   }
-  ends(view, { cell, force }, length, aside = 0) {
+  ends(view, { cell, force, out }, length, aside = 0) {
     const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
-    const [dx, dy] = view.way(unit), away = this.pulls(cell, unit) ? view.u / 2 + 3 + length : -view.u / 2 - 3;   // outside of the body either way
+    const [dx, dy] = view.way(unit), away = (out ?? this.pulls(cell, unit)) ? view.u / 2 + 3 + length : -view.u / 2 - 3;   // outside of the body either way
     const [cx, cy] = view.point(view.centre(cell)), x = cx + dx * away - dy * aside, y = cy + dy * away + dx * aside;
     return { dx, dy, head: [x, y], tail: [x - dx * length, y - dy * length], length };
   }
   /** Whether a force points out of the body at its cell, from a neighbour in the body. */
   pulls(cell, unit) {
-    if (this.page.outward) return this.page.outward(cell, unit);
     const { lattice: L, kinds } = this.page.run, arm = L.normals.findIndex((n) => n.reduce((sum, x, a) => sum + x * unit[a], 0) > 0.9), beyond = (a) => kinds[L.neighbour(L.key(cell), a)];
     return arm >= 0 && beyond(arm) === AIR && beyond(L.opposite[arm]) >= 0;
   }
@@ -67,7 +64,7 @@ export class Loads {
       ctx.beginPath(); ctx.arc(x, y, 5, 0, 7); ctx.fill(); ctx.stroke();
     }
     this.said = [];
-    if (spots.length <= LABELLED) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
+    if (spots.length <= 12) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
     if (hold?.ghost) this.paintGhost(view, hold);
   }
   label(view, size, [x, y], dx, dy, length, n) {
@@ -95,7 +92,7 @@ export class Loads {
   // ------------------------------------------------------------------------------ by the hand
   /** What of an arrow is under the pointer: its tail or shaft, or its head, where the body is not. */
   grip({ offsetX: x, offsetY: y, pointerType }) {
-    const reach = pointerType === "touch" ? GRIP : 14, inBody = Boolean(this.cellAt(x, y));
+    const reach = pointerType === "touch" ? 22 : 14, inBody = Boolean(this.cellAt(x, y));
     let best = null, least = Infinity;
     for (const spot of this.spots) {
       const along = Math.max(0, Math.min(spot.length, (x - spot.tail[0]) * spot.dx + (y - spot.tail[1]) * spot.dy));

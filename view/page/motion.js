@@ -25,11 +25,19 @@ export class MotionPage extends Page {
     this.frame();
     if (lesson && born) this.look.deformed = false;
     this.shares = shares;                         // of the forces, by frame; none: all act throughout
-    this.whole = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));
+    this.whole = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force, near: this.nearest(place) }));
+    for (const load of this.whole) load.out = load.force.some((x, a) => (x > 0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 < this.edge + 0.01));   // out of the box round the body
   }
   get forces() {
-    const share = this.shares.length ? this.shares[this.g] : 1;
-    return this.whole.map(({ cell, force }) => ({ cell, force: force.map((x) => share * x) }));
+    const share = this.shares.length ? this.shares[this.g] : 1, { points, low, unit, dimension: d } = this;   // they go with what they act on
+    return this.whole.map(({ cell, force, near, out }) => ({ out, cell: this.where(near).map((x, a) => cell[a] + x - (points[near * d + a] - low[a]) / unit), force: force.map((x) => share * x) }));
+  }
+  /** The point at rest that is nearest to a place. */
+  nearest(place) {
+    const { dimension: d, points } = this;
+    let best = 0, least = Infinity;
+    for (let i = 0; i * d < points.length; i++) { let far = 0; for (let a = 0; a < d; a++) far += (points[i * d + a] - place[a]) ** 2; if (far < least) { least = far; best = i; } }
+    return best;
   }
   /** An answer at rest is told once: its frames are shares of it. */
   framesOf(column, size) {
@@ -52,10 +60,6 @@ export class MotionPage extends Page {
     return far > 0.01 * extent || !far ? 1 : roundDown(SHOWN * extent / far);
   }
   get touchable() { return false; }
-  /** Whether a force at the edge of the box round the body points out of it. */
-  outward(cell, unit) {
-    return unit.some((x, a) => (x > 0.9 && cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 && cell[a] + 0.5 < this.edge + 0.01));
-  }
   get deformable() { return Boolean(this.moved); }
   get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }

@@ -1,8 +1,6 @@
 // What a reader has made of a page, as plain data: undone and done again, and handed on as a link.
 import { bytesOf, through } from "./history.js";
 
-const MOST = 60;                               // states that can be gone back to
-
 /** The states of a page one after another. A gesture (one drag, one key) is one step back. */
 export class Past {
   constructor(page) { this.page = page; this.list = [stateOf(page)]; this.at = 0; this.gesture = 0; this.noted = -1; }
@@ -12,7 +10,7 @@ export class Past {
     if (this.noted === this.gesture && this.at > 0) this.at--;
     this.noted = this.gesture;
     this.list.splice(this.at + 1, Infinity, stateOf(this.page));
-    if (this.list.length > MOST) this.list.shift();
+    if (this.list.length > 60) this.list.shift();   // so far back one can go
     this.at = this.list.length - 1;
     this.tell();
   }

@@ -27,7 +27,6 @@ from .opinions import tensors
 
 EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
 APART = 0.02  # share of a peak by which it may be off both fields there without a note
-ARROWS = 16  # that stand for a traction along an outline, or a third as many along a side
 NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
 OUTSIDE = "points: ({}) m lies outside the body"
 
@@ -161,7 +160,10 @@ class CutAgents(PairAgents):
         return Cuts.of(number, at, unit * force, unit * load, total, (far, near))
 
     def arrows(self) -> tuple[Floats, Floats, Flags]:
-        """Return few places (m) and forces (N) that stand for the loads, and which of them pull."""
+        """Return few places (m) and forces (N) that stand for the loads, and which of them pull.
+
+        One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
+        """
         border, held = self.border, self.opinions.borders[1].held
         force = np.where(held, 0.0, border.force)
         found = []
@@ -169,21 +171,28 @@ class CutAgents(PairAgents):
             rows = np.flatnonzero((border.place == place) & force.any(axis=1))
             at = border.ends[rows].mean(axis=1)
             long = np.hypot(*np.diff(border.ends[rows], axis=1)[:, 0].T)
-            if place < len(SIDES):
-                along = at[:, 1 - list(SIDES.values())[place][0]]
-            else:
-                along = np.arctan2(*(at - at.mean(axis=0)).T[::-1])
+            side = place < len(SIDES)
+            axis = 1 - list(SIDES.values())[place][0] if side else 0
+            along = at[:, axis] if side else np.arctan2(*(at - at.mean(axis=0)).T[::-1])
             order = np.argsort(along)
-            if place >= len(SIDES):  # what is not loaded all round begins after the widest gap
+            if not side:  # what is not loaded all round begins after the widest gap
                 gap = np.diff(along[order], append=along[order[0]] + 2.0 * np.pi)
                 order = np.roll(order, -1 - int(gap.argmax()))
             rows, at, long = rows[order], at[order], long[order]
-            count = ARROWS if place >= len(SIDES) else ARROWS // 3
-            group = np.floor(count * (np.cumsum(long) - 0.5 * long) / long.sum()).astype(np.int64)
-            for one in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(group)) + 1):
-                own = force[rows[one]].sum(axis=0)
-                pull = own @ border.outward[rows[one[len(one) // 2]]] > 0.0
-                found.append((np.average(at[one], axis=0, weights=long[one]), own, pull))
+            unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
+            one_way = np.ptp(unit, axis=0).max() < 1e-6  # they would lie over each other
+            along_it = abs(float((unit * border.outward[rows]).sum(axis=1).mean())) < 0.5
+            few = one_way and (along_it or not side)
+            stops = np.linspace(0.0, long.sum(), 3 if few else 11 if side else 33)
+            way = np.append(0.0, np.cumsum(long))
+            row = np.searchsorted(way, stops[1::2]) - 1
+            middle = at[row]
+            if side:
+                middle[:, axis] += stops[1::2] - way[row] - 0.5 * long[row]
+            sums = np.vstack([np.zeros(2), np.cumsum(force[rows], axis=0)]).T
+            own = np.diff([np.interp(stops[::2], way, total) for total in sums]).T
+            pull = (own * border.outward[rows[row]]).sum(axis=1) > 0.0
+            found += zip(middle, own, pull, strict=True)
         if self.ground.problem.weight.any():
             area = self.opinions.area[1]
             centre = (area[:, None] * self._middles_of).sum(axis=0) / area.sum()

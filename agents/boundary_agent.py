@@ -98,18 +98,7 @@ class FreeBoundaryAgent(BoundaryAgent):
 
 
 class RigidBoundaryAgent(BoundaryAgent):
-    """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed.
-
-    Examples
-    --------
-    >>> import kaju
-    >>> scene = kaju.load_scene("plate.toml").replace(sides={"top": "rigid"})
-    >>> model = kaju.LoadModel(scene)
-    >>> result = model.run()
-    >>> walls = model.agents_by_type[kaju.RigidBoundaryAgent]
-    >>> round(sum(wall.returned for wall in walls), 3)  # N
-    0.135
-    """
+    """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed."""
 
     name = "rigid"
 
@@ -119,18 +108,7 @@ class RigidBoundaryAgent(BoundaryAgent):
 
 
 class RollerBoundaryAgent(BoundaryAgent):
-    """A smooth wall: it reverses the part of a load across it, and leaves the part along it.
-
-    Examples
-    --------
-    >>> import kaju
-    >>> scene = kaju.load_scene("plate.toml").replace(sides={"top": "roller"})
-    >>> model = kaju.LoadModel(scene)
-    >>> result = model.run()
-    >>> walls = model.agents_by_type[kaju.RollerBoundaryAgent]
-    >>> round(sum(wall.returned for wall in walls), 3)  # N
-    0.135
-    """
+    """A smooth wall: it reverses the part of a load across it, and leaves the part along it."""
 
     name = "roller"
 

@@ -25,7 +25,6 @@ from kaju.arrays import Floats
 from kaju.errors import require
 
 from .materials import Material
-from .rules import PrescribedRule, check_threshold
 from .shares import Shares
 
 Plane = Literal["stress", "strain"]
@@ -50,57 +49,17 @@ def moduli_of(youngs_modulus: ArrayLike, poissons_ratio: ArrayLike, plane: Plane
     youngs = np.asarray(youngs_modulus, dtype=np.float64)
     ratio = np.asarray(poissons_ratio, dtype=np.float64)
     held = plane == "stress" or bool(np.all(ratio < 0.5))
-    require(held, "poissons_ratio: must be below 0.5 but in plane stress; for rubber take 0.4999")
+    require(
+        held,
+        f"poissons_ratio: must be below 0.5 but in plane stress, got {ratio}: what is "
+        "incompressible has no finite stiffness there; for rubber take 0.4999",
+    )
     shear = youngs / (2 * (1 + ratio))
     if plane == "stress":
         stretch = youngs / (1 - ratio**2)
         return Moduli(stretch, ratio * stretch, shear)
     lateral = youngs * ratio / ((1 + ratio) * (1 - 2 * ratio))
     return Moduli(lateral + 2 * shear, lateral, shear)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DerivedShares(Shares):
-    """The elastic shares of one material; `print` shows them beside the prescribed ones.
-
-    The own share means the same as α₁: the cells beside the face are strained by
-    own·P/(A E). The Poisson share goes outwards to the faces round the cell ahead, and
-    inwards, with the opposite sign, to those round the cell behind.
-    """
-
-    material: Material
-    """What the shares were derived from."""
-    plane: Plane | None
-    """Two-dimensional state; None in three dimensions. One of "stress", "strain"."""
-    growth: float
-    """λmax(D⁻¹K) of an endless body: if all agents yield by ω P/k at once, the sharpest pattern of
-    loads is multiplied by 1 − ω·growth in a wave."""
-
-    def __str__(self) -> str:
-        dimension = 2 if self.plane else 3
-        # The prescribed rule has no load that pulls neighbours beside.
-        rule = PrescribedRule(beta=0.5 if self.material.poissons_ratio >= 0.0 else 1.0)
-        chosen = rule.shares(self.material, dimension)
-        rows = [
-            ("own", "α₁", chosen.own, "E/k", self.own),
-            ("forward", "α₂", chosen.forward, "C₁₁/k", self.forward),
-            ("backward", "none", chosen.backward, "C₁₁/k", self.backward),
-            ("friction, each side", "α₃", chosen.friction, "μ/k", self.friction),
-            ("Poisson, each", "(1−β)να₁", chosen.poisson, "±(C₁₂+μ)/k", self.poisson),
-        ]
-        state = f"plane {self.plane}" if self.plane else "three dimensions"
-        sides = 2 * (dimension - 1)
-        table = [
-            f"{self.material.name}, ν = {self.material.poissons_ratio:g}, {state}",
-            f"{'share of each newton':22}{'prescribed':25}elastic",
-            *(
-                f"{name:22}{symbol:12}{a:10.4f}   {formula:14}{b:10.4f}"
-                for name, symbol, a, formula, b in rows
-            ),
-            f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.",
-            f"In an endless body all may yield at once by less than {2.0 / self.growth:.4f} of P/k",
-        ]
-        return "\n".join(table)
 
 
 @dataclass(frozen=True)
@@ -137,54 +96,36 @@ class ElasticRule:
 
     def __post_init__(self) -> None:
         if self.threshold is not None:
-            check_threshold(self.threshold, "leave it out to have it chosen from the tolerance")
-        known = ", ".join(map(repr, get_args(Order)))
-        right = self.order in get_args(Order)
-        require(right, f"order: must be one of {known}, got {self.order!r}")
-        if self.share is not None:
-            require(
-                self.order == "wave",
-                f"share: belongs to the order 'wave'; in the order {self.order!r} an agent takes "
-                "all of its load, so leave share out",
-            )
-            some = 0.0 < self.share < inf
-            require(some, f"share: must be a number above 0, got {self.share}")
+            told = f"threshold: must be a load above 0 N, got {self.threshold}; leave it out"
+            require(0.0 < self.threshold < inf, f"{told} to have it chosen from the tolerance")
+        known = get_args(Order)
+        told = f"order: must be one of {', '.join(map(repr, known))}, got {self.order!r}"
+        require(self.order in known, told)
+        told = f"share: belongs to the order 'wave'; in the order {self.order!r} an agent takes"
+        wave = self.share is None or self.order == "wave"
+        require(wave, f"{told} all of its load, so leave share out")
+        some = self.share is None or 0.0 < self.share < inf
+        require(some, f"share: must be a number above 0, got {self.share}")
         rule = f"tolerance: must lie between 0 and 1, got {self.tolerance}"
         require(0.0 < self.tolerance < 1.0, f"{rule}; 1e-4 is one part in ten thousand")
 
     @staticmethod
-    def shares(material: Material, dimension: int = 2, plane: Plane | None = None) -> DerivedShares:
+    def shares(material: Material, dimension: int = 2, plane: Plane | None = None) -> Shares:
         """Return what an agent inside a body of a material passes on.
 
         Only Poisson's ratio counts. `plane`: "stress" (unless given) or "strain" in two
-        dimensions, none in three.
+        dimensions, none in three. The own share means the same as α₁: the cells beside the face are
+        strained by own·P/(A E). The Poisson share goes outwards to the faces round the cell ahead,
+        and inwards, with the opposite sign, to those round the cell behind.
         """
         require(
             dimension == 2 or (dimension == 3 and plane is None),
             f"dimension: must be 2 (with a plane) or 3 (without one), got {dimension} and plane "
             f"{plane!r}",
         )
-        if dimension == 2 and plane is None:
-            plane = "stress"
-        require(
-            plane == "stress" or material.poissons_ratio < 0.5,
-            f"poissons_ratio of {material.name!r}: {material.poissons_ratio} is incompressible, so "
-            "the stiffness would be infinite in plane strain and in space; take 0.4999",
-        )
-        moduli = moduli_of(material.youngs_modulus, material.poissons_ratio, plane)
-        stretch, lateral, shear = (float(modulus) for modulus in moduli)
-        stiffness = 2.0 * stretch + 2.0 * (dimension - 1) * shear
-        diagonal = (lateral + shear) / stiffness
-        return DerivedShares(
-            own=material.youngs_modulus / stiffness,
-            forward=stretch / stiffness,
-            backward=stretch / stiffness,
-            friction=shear / stiffness,
-            poisson=diagonal,
-            material=material,
-            plane=plane,
-            # The sharpest pattern alternates from face to face along every axis: there an
-            # agent's neighbours of its own axis double its load, and four Poisson shares
-            # come from each other axis.
-            growth=2.0 + 4.0 * (dimension - 1) * diagonal,
-        )
+        state = (plane or "stress") if dimension == 2 else None
+        law = moduli_of(material.youngs_modulus, material.poissons_ratio, state)
+        stretch, lateral, shear = map(float, law)
+        k = 2.0 * stretch + 2.0 * (dimension - 1) * shear
+        own, straight, poisson = material.youngs_modulus / k, stretch / k, (lateral + shear) / k
+        return Shares(own, straight, straight, friction=shear / k, poisson=poisson)

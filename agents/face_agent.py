@@ -38,11 +38,6 @@ class Place:
     open_to: tuple[Link, ...] = ()  # shares that air beside the face gives back
 
 
-def _own(column: str) -> Any:
-    """Return an attribute that is the agent's own number of a column of all faces."""
-    return property(lambda agent: float(getattr(agent.faces, column)[agent.place.number]))
-
-
 class FaceAgent(FixedAgent):
     """A face between two cells, or two blocks of cells, that a load has woken.
 
@@ -72,16 +67,13 @@ class FaceAgent(FixedAgent):
         self.spawn_step = model.generation + 1
         """Step in which the agent spawned, counted from 1."""
 
-    @property
-    def level(self) -> int:
-        """0 for faces of cells, above for parents."""
-        return self.place.level
-
-    left = _own("left")
+    level = property(lambda agent: agent.place.level)
+    """0 for faces of cells, above for parents."""
+    left = property(lambda agent: float(agent.faces.left[agent.place.number]))
     """Load that is left on the agent (N); positive along the axis."""
-    displacement = _own("displacement")
+    displacement = property(lambda agent: float(agent.faces.displacement[agent.place.number]))
     """How far the face has moved (m), of a parent in its current visit; along the axis."""
-    taken = _own("taken")
+    taken = property(lambda agent: float(agent.faces.taken[agent.place.number]))
     """Sum of the sizes of the loads that the agent has taken (N)."""
 
     def act(self, asked: float) -> None:

@@ -65,11 +65,8 @@ class PlacedAgent(FixedAgent):
         self.cell = cell
         self.pos = cell.coordinate
 
-    @property
-    def index(self) -> tuple[int, ...]:
-        """The scene's cell."""
-        at: tuple[int, ...] = self.cell.coordinate
-        return at
+    index = property(lambda agent: agent.cell.coordinate)
+    """The scene's cell."""
 
     @property
     def position(self) -> Floats:
@@ -174,7 +171,9 @@ class MaterialAgent(PlacedAgent):
         """Return the loads to take in the next step, pushes before pulls."""
         new = tuple.__new__  # takes a third of the time of Load(...), and there are thousands
         loads = [new(Load, (d, size, copies, s)) for (d, size, s), copies in self.inbox.items()]
-        return sorted(loads, key=_is_pull) if self.engine.two_senses else loads
+        if self.engine.two_senses:
+            loads.sort(key=lambda load: load[3] == "pull")
+        return loads
 
     def take(self, load: Load) -> None:
         """Keep the own share of a load."""
@@ -215,7 +214,3 @@ class MaterialAgent(PlacedAgent):
         """Return by which part of its length the cell is shortened along an axis (1)."""
         area: float = self.model.cross_section
         return self.squeezed.get(axis, 0.0) / (area * self.material.youngs_modulus)
-
-
-def _is_pull(load: Load) -> bool:
-    return load.sense == "pull"

@@ -24,7 +24,7 @@ from .boundary_agent import (
 )
 from .material_agent import MaterialAgent, PlacedAgent
 from .materials import Material, suggestion
-from .parameter import Parameter, State, declared
+from .parameter import Declaration, State, declared
 from .shares import Load, Sense, Shares
 
 BOUNDARIES: dict[str, type[BoundaryAgent]] = {
@@ -35,11 +35,8 @@ HOOKS = {
     BoundaryAgent: ("give_back", "turn"),
 }
 """What a subclass may override, by its base."""
-MUST_STAY: dict[str, type] = {
-    "material": Material,
-    "shares": Shares,
-    **dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict),
-}
+MUST_STAY: dict[str, type] = dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict)
+MUST_STAY |= {"material": Material, "shares": Shares}
 """Attributes of a material agent that results are made of."""
 MOST_EMISSIONS = 1_000
 """An agent that sends out more for one load is taken to never end."""
@@ -93,12 +90,12 @@ def _check_names(name: str, agent: type, base: type) -> None:
     for begin in (vars(each).get("__init__") for each in base.__mro__):
         steps = get_instructions(begin) if isinstance(begin, FunctionType) else ()
         has |= {step.argval for step in steps if step.opname == "STORE_ATTR"}
-    states = declared([agent], State)
-    for key in declared([agent], Parameter) | states:
+    for key in declared([agent], Declaration):
         told = f"{key}: every {base.__name__} has it already; give what {agent.__name__} declares"
         require(key not in has, f"{told} another name")
     told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
-    require(base is MaterialAgent or not states, f"{told} plain attribute, seen in model.agents")
+    fits = base is MaterialAgent or not declared([agent], State)
+    require(fits, f"{told} plain attribute, seen in model.agents")
 
 
 def _check_hooks(name: str, agent: type, base: type) -> None:
@@ -137,6 +134,7 @@ class OwnAgents:
     ) -> None:
         self.model, self.arms = model, arms
         self.directions, self.senses = directions, senses
+        self.names: dict[type, list[str]] = {}  # of attributes that agents of a class wake with
         every = range(directions)  # a boundary, which has no form, may give back over any
         arms_of: dict[int | None, Sequence[int]] = {None: every, **dict(enumerate(arms))}
         self.possible = {
@@ -158,21 +156,26 @@ class OwnAgents:
                 f"__init__: {type(agent).__name__} at cell {place} in generation "
                 f"{self.model.generation} must call super().__init__ with all of its arguments"
             )
+        if type(agent) not in self.names:
+            self.names[type(agent)] = [*vars(agent), *declared([type(agent)], Declaration)]
 
     def check_books(self, agent: MaterialAgent) -> None:
         """Refuse an agent whose books are not what results are made of."""
         for name, kind in MUST_STAY.items():
             if not isinstance(getattr(agent, name), kind):
                 raise self.wrong(agent, name, f"has become {getattr(agent, name)!r:.60}")
+        known = self.names.get(type(agent), ())
+        for name in [name for name in vars(agent) if known and not hasattr(type(agent), name)]:
+            near = [] if name in known else get_close_matches(name, known, n=1, cutoff=0.85)
+            if near and not name.startswith((near[0], "_")):
+                told = f"has this attribute; did you mean {near[0]!r}? If not, begin it in __init__"
+                raise self.wrong(agent, name, told)
 
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
         checked: list[Any] = []
         no_emission = "returned {!r:.60}, which is no Emission: (arm, direction, share, sense)"
-        try:
-            rows = iter(sent)
-        except TypeError:
-            raise self.wrong(agent, "emissions", no_emission.format(sent)) from None
+        rows = sent if hasattr(sent, "__iter__") else [sent]
         for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
             try:
                 arm, direction, share, sense = row

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import isfinite
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
+from typing import Any, TypeVar
 
 import numpy as np
 
 from kaju.errors import ParameterError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 
 class Declaration:
@@ -19,18 +17,24 @@ class Declaration:
 
     name = ""
 
+    def __init__(self, default: Any, low: Any = None, high: Any = None) -> None:
+        self.default, self.is_bool = default, isinstance(default, bool | np.bool_)
+        bounds: tuple[Any, Any] = (None, None) if self.is_bool else (low, high)
+        self.low, self.high = bounds
+        ends = [default] if self.low is None else [default, low, high]
+        self.whole = not self.is_bool and all(isinstance(each, Integral) for each in ends)
+        number = "whole number" if self.whole else "finite number"
+        self.kind = "bool (True or False)" if self.is_bool else number
+
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
-    @overload
-    def __get__(self, agent: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, agent: object, owner: type) -> Any: ...
-    def __get__(self, agent: Any, owner: type) -> Any:
-        return self if agent is None else self.of(agent)
-
-    def of(self, agent: Any) -> Any:
-        """Return its value for an agent."""
+    def allows(self, value: Any) -> bool:
+        """Tell whether a value is of this kind, and within the bounds."""
+        if not is_number(value) or isinstance(value, bool | np.bool_) != self.is_bool:
+            return False
+        within = self.low is None or self.low <= value <= self.high
+        return within and (not self.whole or value == int(value))
 
 
 class Parameter(Declaration):
@@ -66,20 +70,17 @@ class Parameter(Declaration):
     def __init__(
         self, default: float, low: float | None = None, high: float | None = None, text: str = ""
     ) -> None:
-        self.default, self.text = default, text
-        self.low, self.high = (None, None) if isinstance(default, bool) else (low, high)
-        if isinstance(default, bool):
-            return
-        if low is None or high is None:
+        super().__init__(default, low, high)
+        self.text = text
+        if not self.is_bool and (low is None or high is None):
             raise ParameterError(
                 f"low, high: a Parameter needs both bounds, as in Parameter({default!r}, 0, 10, "
                 f'"what it means"), got {low!r} and {high!r}'
             )
         self.checked(default)
 
-    def of(self, agent: Any) -> Any:
-        """Return the model's number."""
-        return agent.model.parameters[self.name]
+    def __get__(self, agent: Any, owner: type) -> Any:
+        return self if agent is None else agent.model.parameters[self.name]
 
     def __set__(self, agent: object, value: object) -> None:
         raise ParameterError(
@@ -88,36 +89,24 @@ class Parameter(Declaration):
             "another name for the value of a single agent"
         )
 
-    @property
-    def whole(self) -> bool:
-        """Whether only whole numbers will do."""
-        return all(isinstance(value, Integral) for value in (self.default, self.low, self.high))
-
     def checked(self, value: Any) -> Any:
         """Return a value that the rule allows; refuse any other."""
-        if self.low is None or self.high is None:
-            if not isinstance(value, bool):
-                raise ParameterError(f"{self.name}: must be True or False, got {value!r}")
-            return value
-        kind = "whole number" if self.whole else "number"
-        number = isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
-        fits = number and (not self.whole or value == int(value)) and self.low <= value <= self.high
-        if not fits:
+        if not self.allows(value):
+            within = "" if self.low is None else f" from {self.low} to {self.high}"
             raise ParameterError(
-                f"{self.name}: must be a {kind} from {self.low} to {self.high}"
+                f"{self.name}: must be a {self.kind}{within}"
                 f"{f' ({self.text})' if self.text else ''}, got {value!r}"
             )
-        return int(value) if self.whole else float(value)
+        return bool(value) if self.is_bool else int(value) if self.whole else float(value)
 
     def slider(self) -> dict[str, Any]:
         """Return what Mesa's SolaraViz takes for it among its `model_params`."""
-        label = self.text or self.name
-        if self.low is None or self.high is None:
-            return {"type": "Checkbox", "value": self.default, "label": label}
+        told = {"value": self.default, "label": self.text or self.name}
+        if self.is_bool:
+            return {"type": "Checkbox", **told}
         step = 1 if self.whole else (self.high - self.low) / 100.0 or 1.0
         ends = {"min": self.low, "max": self.high, "step": step}
-        kind = "SliderInt" if self.whole else "SliderFloat"
-        return {"type": kind, "value": self.default, "label": label, **ends}
+        return {"type": "SliderInt" if self.whole else "SliderFloat", **told, **ends}
 
 
 class State(Declaration):
@@ -151,28 +140,17 @@ class State(Declaration):
     """
 
     def __init__(self, default: Any, meaning: str = "") -> None:
-        self.default, self.meaning = default, meaning
+        super().__init__(default)
+        self.meaning = meaning
+        if self.whole:
+            self.kind += " (State(0.0) takes any)"
         if not is_number(default):
             raise ParameterError(
                 f"State: its default must be a number, True or False, got {default!r:.60}"
             )
 
-    def of(self, agent: Any) -> Any:
-        """Return the default; an agent's own value stands before it."""
-        return self.default
-
-    @property
-    def kind(self) -> str:
-        """What its values are."""
-        if isinstance(self.default, bool | np.bool_):
-            return "bool"
-        whole = isinstance(self.default, Integral)
-        return "whole number (State(0.0) takes any)" if whole else "finite number"
-
-    def allows(self, value: Any) -> bool:
-        """Tell whether a value is of the kind of the default."""
-        fits = is_number(value) and isinstance(value, bool | np.bool_) == (self.kind == "bool")
-        return fits and (not isinstance(self.default, Integral) or value == int(value))
+    def __get__(self, agent: Any, owner: type) -> Any:
+        return self if agent is None else self.default  # an agent's own value stands before it
 
 
 def is_number(value: object) -> bool:
@@ -180,11 +158,11 @@ def is_number(value: object) -> bool:
     return isinstance(value, Real | np.bool_) and isfinite(value)
 
 
-Declared = TypeVar("Declared", Parameter, State)
+Declared = TypeVar("Declared", bound=Declaration)
 
 
 def declared(classes: Iterable[type], kind: type[Declared]) -> dict[str, Declared]:
-    """Return the parameters or states that classes of agents and their bases declare, by name."""
+    """Return what classes of agents and their bases declare, by name."""
     found: dict[str, Declared] = {}
     for agent in classes:
         for name in dir(agent):

@@ -1,8 +1,7 @@
 """By which rule an agent passes load on: which shares of a load it keeps and hands over.
 
-`PrescribedRule` takes the shares from the user, `ElasticRule` (`elastic_rule.py`) derives them from
-the material. A `MaterialAgent` works by the former, or by any other `ShareRule`; a `FaceAgent` by
-the latter, face by face where materials meet and at surfaces.
+A `MaterialAgent` works by a `PrescribedRule`, or by any other `ShareRule`; a `FaceAgent` by an
+`ElasticRule` (`elastic_rule.py`), face by face where materials meet and at surfaces.
 """
 
 from __future__ import annotations
@@ -16,11 +15,6 @@ from kaju.errors import ParameterError, require
 
 from .materials import Material
 from .shares import Shares
-
-
-def check_threshold(value: float, remedy: str) -> None:
-    """Refuse a threshold that is no load above 0."""
-    require(0.0 < value < inf, f"threshold: must be a load above 0 N, got {value}; {remedy}")
 
 
 class ShareRule(Protocol):
@@ -124,13 +118,12 @@ class PrescribedRule(Coefficients):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_threshold(self.threshold, "without a threshold loads would be halved for ever")
-
-    def coefficients(self, material: Material) -> Coefficients:
-        """Return the coefficients that hold for a material."""
-        return self.materials.get(material.name, self)
+        told = f"threshold: must be a load above 0 N, got {self.threshold}"
+        right = 0.0 < self.threshold < inf
+        require(right, f"{told}; without a threshold loads would be halved for ever")
 
     def shares(self, material: Material, dimension: int, sense: bool | None = None) -> Shares:
         """Return what an agent of `material` keeps and passes on."""
         sense = self.sense if sense is None else sense
-        return Coefficients.shares(self.coefficients(material), material, dimension, sense)
+        own = self.materials.get(material.name, self)
+        return Coefficients.shares(own, material, dimension, sense)

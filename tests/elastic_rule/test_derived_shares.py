@@ -16,7 +16,6 @@ def test_steel_in_plane_stress():
     assert isinstance(shares, Shares)
     numbers = shares.forward, shares.backward, shares.friction, shares.poisson
     assert numbers == pytest.approx((0.3704, 0.3704, 0.1296, 0.2407), abs=5e-5)
-    assert shares.growth == pytest.approx(2.963, abs=5e-4)
 
 
 @given(ratio=ratios, shape=st.sampled_from([(2, "stress"), (2, "strain"), (3, None)]))
@@ -26,7 +25,6 @@ def test_what_is_taken_is_passed_on_whole(ratio, shape):
     passed = shares.forward + shares.backward + 2 * (dimension - 1) * shares.friction
     assert passed == pytest.approx(1.0, rel=1e-14)
     assert 0.0 < shares.poisson < 0.5
-    assert 2.0 < shares.growth <= 2.0 * dimension
 
 
 @pytest.mark.parametrize(
@@ -45,7 +43,7 @@ def test_a_rule_out_of_range_is_refused(arguments, message):
 def test_incompressible_material_is_refused_where_it_has_no_stiffness():
     water = Material("gel", 1e4, 0.5)
     assert ElasticRule.shares(water).forward == pytest.approx(0.4)
-    with pytest.raises(ParameterError, match=r"'gel': 0\.5 is incompressible"):
+    with pytest.raises(ParameterError, match=r"poissons_ratio: must be below 0\.5 .* got 0\.5"):
         ElasticRule.shares(water, 3)
     with pytest.raises(ParameterError, match="dimension: "):
         ElasticRule.shares(water, 3, "stress")

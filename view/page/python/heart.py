@@ -21,7 +21,6 @@ WHOLE: tuple[Any, ...] = (
     shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
     parameter.Declaration, parameter.Parameter, parameter.State, material_agent.Amounts,
     material_agent.LoadBox, material_agent.PlacedAgent, material_agent.MaterialAgent,
-    material_agent._is_pull,
     boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
     boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,
     own_agents.OwnAgents, own_agents._is_amount, transfer.check_shares,

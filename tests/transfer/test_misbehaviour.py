@@ -76,7 +76,7 @@ REFUSED = {
     "arm too large": each(lambda a, d, s, t: (9, d, s, t)),
     "direction a float": each(lambda a, d, s, t: (a, float(d), s, t)),
     "emission of three": each(lambda a, d, s, t: (a, d, s)),
-    "State misspelt": after_take(lambda self, load: setattr(self, "keptt", 1.0)),
+    "attribute misspelt": after_take(lambda self, load: setattr(self, "squezed", 1.0)),
     "emissions None": material(emissions=lambda self, load: None),
     "emissions without end": material(emissions=lambda self, load: repeat(AHEAD)),
     "hands NaN": hands(0, Load(0, nan)),

@@ -35,9 +35,6 @@ HOOKS = {
     BoundaryAgent: ("give_back", "turn"),
 }
 """What a subclass may override, by its base."""
-MUST_STAY: dict[str, type] = dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict)
-MUST_STAY |= {"material": Material, "shares": Shares}
-"""Attributes of a material agent that results are made of."""
 MOST_EMISSIONS = 1_000
 """An agent that sends out more for one load is taken to never end."""
 
@@ -161,7 +158,8 @@ class OwnAgents:
 
     def check_books(self, agent: MaterialAgent) -> None:
         """Refuse an agent whose books are not what results are made of."""
-        for name, kind in MUST_STAY.items():
+        books: dict[str, type] = dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict)
+        for name, kind in {"material": Material, "shares": Shares, **books}.items():
             if not isinstance(getattr(agent, name), kind):
                 raise self.wrong(agent, name, f"has become {getattr(agent, name)!r:.60}")
         known = self.names.get(type(agent), ())

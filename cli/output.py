@@ -14,8 +14,6 @@ from kaju.view import PICTURES
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
 
-OURS = ("summary.json", "result.npz", *PICTURES)
-
 
 class Folder:
     """A place for results, made or replaced (`force`) when these are there; other files stay."""
@@ -48,7 +46,7 @@ class Folder:
             if self.force and is_there(self.path):
                 for name in names:
                     (scratch / name).replace(self.path / name)
-                for name in set(OURS).difference(names):
+                for name in {"summary.json", "result.npz", *PICTURES}.difference(names):
                     (self.path / name).unlink(missing_ok=True)
             else:
                 move_into_place(scratch, self.path)

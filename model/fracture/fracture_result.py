@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 COLUMNS = ("broken", "load_factor", "displacement", "force", "stored", "released", "work")
 
 
-_CELL_SIZE = (
-    "the strength is one of cells of this size: where stress is singular, cells break at a load "
-    "that falls as the root of their size"
-)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class FractureResult(Result):
     """Which springs of a network, or cells of a body, broke, in which order, and at which loads.
@@ -221,7 +215,11 @@ class FractureResult(Result):
         notes = self.subject.notes if isinstance(self.subject, SpringNetwork) else ()
         if isinstance(self.subject, Scene):
             farthest = float(np.abs(self.displacement).max(initial=0.0))
-            notes = (*self.subject.notes_on(farthest), _CELL_SIZE)
+            size = (
+                "the strength is one of cells of this size: where stress is singular, cells break "
+                "at a load that falls as the root of their size"
+            )
+            notes = (*self.subject.notes_on(farthest), size)
         return {
             "model": "fracture",
             "kaju_version": __version__,

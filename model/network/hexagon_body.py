@@ -24,8 +24,6 @@ from kaju.model.scene.lattice import Cells
 
 from .springs import SpringNetwork
 
-_MOST_CELLS = 20_000_000
-
 
 def hexagon_body(scene: Scene) -> SpringNetwork:
     """Return the spring network of a hexagon-celled body; its stages are the scene's.
@@ -82,10 +80,10 @@ class _Contacts(NamedTuple):
 def _body_cells(scene: Scene) -> tuple[Cells, Ints]:
     lower, upper = scene.bounds()
     count = int(np.prod(upper - lower))
-    if count > _MOST_CELLS:
+    if count > 20_000_000:
         raise SceneError(
             f"body.cells: {count} cells are too many for a spring network, which holds them all "
-            f"at once; take up to {_MOST_CELLS}"
+            f"at once; take up to 20000000"
         )
     columns, rows = np.meshgrid(*map(np.arange, lower, upper))
     cells = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int64)

@@ -17,9 +17,6 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Floats
 from kaju.errors import require
 
-_MOST_CYCLES = 10_000
-"""Each takes some 50 steps: so many of a spring network of 23 nodes take minutes."""
-
 
 class Corner(NamedTuple):
     """A moment at which a history jumps or changes its slope."""
@@ -94,8 +91,9 @@ class History:
 
     def cycles(self, count: int, period: float, high: float = 1.0, low: float = 0.0) -> History:
         """Rise to `high` and fall to `low`, `count` times, half a period each way."""
-        few = 1 <= count <= _MOST_CYCLES
-        require(few, f"cycles: from 1 to {_MOST_CYCLES:,} can be followed, got {count}")
+        # Each takes some 50 steps: so many of a spring network of 23 nodes take minutes.
+        few = 1 <= count <= 10_000
+        require(few, f"cycles: from 1 to 10,000 can be followed, got {count}")
         lasts = isfinite(period) and period >= 0.0
         require(lasts, f"period: must be a time from 0 s upwards, got {period}")
         turns = self.duration + 0.5 * period * np.arange(1, 2 * count + 1)

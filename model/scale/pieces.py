@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer")
 Fields = dict[str, NDArray[Any]]
 
-INDEX, SCENE = "result.xdmf", "scene.npz"
+SCENE = "scene.npz"
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class PiecedResult(BodyResult):
     def _finish(self, place: Path, target: Path, boxes: list[Any]) -> None:
         """Write what all pieces have in common, and give the folder its name."""
         try:
-            (place / INDEX).write_text(_index(place, boxes, self.grid), encoding="utf-8")
+            (place / "result.xdmf").write_text(_index(place, boxes, self.grid), encoding="utf-8")
             Whole(self.scene, self.stage, self.figures, boxes).save(place / SCENE)
             move_into_place(place, target)
         except OSError as error:

@@ -39,8 +39,6 @@ from .partition import Index, PetscLevel, Window, body_box, levels_of, window_of
 from .pieces import Piece, PiecedResult, together
 
 MOST_ITERATIONS = 500  # of which nearly incompressible bodies, without a mixed form, take too many
-MOST_EXAMINED = 1_000_000
-"""Up to so many cells one process looks whether the body is held and wide enough."""
 
 
 def solve_petsc(
@@ -205,8 +203,8 @@ def _examined(
     scene: Scene, stage: int | None, resolution: int | None, first: bool
 ) -> tuple[int, list[str]]:
     """Let the first process look whether a small body is held and wide enough."""
-    if scene.lattice.size > MOST_EXAMINED:
-        note = f"more than {MOST_EXAMINED:,} cells: not examined for loose or slender parts"
+    if scene.lattice.size > 1_000_000:
+        note = "more than 1,000,000 cells: not examined for loose or slender parts"
         return resolution or 1, [note]
     if not first:
         return 1, []

@@ -42,8 +42,6 @@ FIGURES = {
     "load_waiting": "engine.pending",
 }
 """What a model notes after every step, and where it has it."""
-COLUMNS = re.compile("(cell|displacement)_[xyz]|(strain|stress)_[xyz]{2}")
-"""Columns of `TransferResult.to_dataframe` that are not attributes of agents, too."""
 
 
 class LoadModel(SteppedModel):
@@ -278,8 +276,9 @@ def keywords_into(
     parameters = declared(classes, Parameter)
     for name in declared(classes, State):
         drawn = name in KINDS["load transfer"].pictures or name in KINDS["load transfer"].films
+        column = re.fullmatch("(cell|displacement)_[xyz]|(strain|stress)_[xyz]{2}", name)
         require(
-            not (drawn or COLUMNS.fullmatch(name)),
+            not (drawn or column),
             f"{name}: a picture, a film or a column of results has this name; give the State "
             "another name",
         )

@@ -27,11 +27,6 @@ if TYPE_CHECKING:
     import pandas
 
 
-IDLE_GENERATIONS = 10_000
-"""More generations than this, in which hardly a load was taken, are no run that anybody waits for:
-pictures and films go through all of them. It is what `LoadModel` makes unless it is told more."""
-
-
 NO_EQUILIBRIUM = (
     "the prescribed rule keeps no equilibrium: forces do not balance, and its displacements may be "
     'hardly better than no answer at all; rule = { kind = "elastic" } gives those of the body'
@@ -73,10 +68,11 @@ class TransferResult(BodyResult):
             rows = stage.history.generation
             if len(rows) and rows.max() > stage.generations:
                 raise ResultError("loads were taken after its last generation")
-            if stage.generations > max(IDLE_GENERATIONS, len(rows)):
+            # Nobody waits for more in which hardly a load is taken; pictures go through all.
+            if stage.generations > max(10_000, len(rows)):
                 raise ResultError(
-                    f"its {stage.generations} generations are more than {IDLE_GENERATIONS}, and "
-                    f"only {len(rows)} loads were taken in them"
+                    f"its {stage.generations} generations are more than 10000, and only "
+                    f"{len(rows)} loads were taken in them"
                 )
             if len(np.unique(self.scene.lattice.key(stage.cells))) < len(stage.cells):
                 raise ResultError("two agents are in one cell")

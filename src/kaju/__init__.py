@@ -74,8 +74,12 @@ if TYPE_CHECKING:
     from kaju.view import plot as plot
     from kaju.view.page import export_page as export_page
 
-_LISTED = re.findall(r"^    from (\S+) import (\w+) as", Path(__file__).read_text("utf-8"), re.M)
-_HOME = {name: module for module, name in _LISTED}
+_HOME = {
+    name: module
+    for module, name in re.findall(
+        r"^    from (\S+) import (\w+) as", Path(__file__).read_text("utf-8"), re.M
+    )
+}
 
 __all__ = sorted([*_HOME, "__version__"])
 

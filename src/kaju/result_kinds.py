@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
-_MAPS = ("displacement", "strain", "stress", "von_mises")
-_FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
+_FIELDS = {
+    name: f"view.maps:plot_{name}" for name in ("displacement", "strain", "stress", "von_mises")
+}
 _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}

@@ -163,6 +163,20 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert "Every load ends" in page.text(".verdict")
 
 
+def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp_path):
+    page = opened(*make_pages.make_lesson(lesson("write-the-rule"), tmp_path), language="de-DE")
+    page.js("page.lesson.open(3)")
+    page.tab.get_by_label("Beginne mit").select_option("breaking")
+    page.tab.get_by_label("Festigkeit (N): Zahl").fill("1,15")
+    for key, broken in (("Enter", 1), ("ArrowUp", 1), ("ArrowUp", 0)):
+        page.tab.get_by_label("Festigkeit (N): Zahl").press(key)
+        page.until("!page.studio.pending")
+        assert f", {broken} gebrochen; der Boden bekam 0 N" in page.text("aside .flow")
+        assert page.js("page.look.colour = 'state broken', page.scale().high") == 1
+        assert page.js("page.values().filter((v) => v === 1).length") == broken
+    assert page.js("page.studio.values") == {"strength": 1.17}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", lesson_runs.PAGES)
 def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):

@@ -79,13 +79,14 @@ def in_kaju(code, scene):
     return LoadModel(scene, seed=1, engine="agents", max_generations=4000, **given).run().last
 
 
-def as_page_says(stage):
-    ledger = stage.ledger
+def as_page_says(scene, stage):
+    ledger, kinds = stage.ledger, scene.kinds(stage.boundary_cells)
+    walls = {"air": -1, "ground": -2, "rollers": -3}
     return {
         "agents": len(stage.cells),
         "generations": stage.generations,
         "passed": float(stage.passed.sum()),
-        "arrived": float(stage.arrived.sum()),
+        **{name: float(stage.arrived[kinds == kind].sum()) for name, kind in walls.items()},
     } | {
         n: getattr(ledger, n)
         for n in ("taken", "kept", "returned", "dropped", "absorbed", "pending")
@@ -127,7 +128,7 @@ def check_alike(page, name, title, code):
     """The page's run is kaju's: its sums, and every cell of it."""
     found, stage = runs(page, code), in_kaju(code, SCENES[name])
     assert "error" not in found, (title, found)
-    for what, value in as_page_says(stage).items():
+    for what, value in as_page_says(SCENES[name], stage).items():
         assert found[what] == pytest.approx(value, rel=1e-12, abs=1e-12), (title, what)
     np.testing.assert_allclose(
         page.js(CELLS), cells_of(SCENES[name], stage), rtol=1e-12, atol=1e-12, err_msg=title
@@ -168,7 +169,7 @@ CLASS = "from kaju import MaterialAgent, Parameter, State\nclass Mine(MaterialAg
 KIND, VALUE, PYTHON, INDENT = "dieser Art passt", "dieser Wert passt", "kein Python", "Leerzeichen"
 MISTAKES = [  # what comes before, what is written, the line, and words of the sentence
     (TAKE, "self.kept += load.magnitud", 7, "kein `magnitud`; meinst du `magnitude`?"),
-    (TAKE, "self.kep += 1", 7, "kein `kep`; meinst du `kept`?"),
+    (SEND, "super().emission(load)", 7, "kein `emission`; meinst du `emissions`?"),
     (TAKE, "self.model.treshold", 7, "meinst du `threshold`?"),
     (TAKE, "x == 1", 7, "`x` ist nicht bekannt"),
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
@@ -268,7 +269,7 @@ def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
     page = opened(path)
     code = "from kaju import MaterialAgent\nclass A(MaterialAgent): pass\nprint('has run')\n"
     page.js(f"page.studio.code = {code!r}")
-    page.js("page.studio.best = 0.25")
+    page.js("page.studio.best = 0.25, page.studio.values = {strength: 1.16}")  # of another agent
     page.press("Copy link")
     page.until("location.hash.includes('s=')")
     page.tab.get_by_role("tab", name="Agent").click()
@@ -276,6 +277,7 @@ def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
         page.press("Save as Python")
     download.value.save_as(tmp_path / "agent.py")
     tree = ast.parse((tmp_path / "agent.py").read_text())
+    assert ast.unparse(tree.body[-1]).count("material_agent=A, seed=1)") == 1
     kinds = [type(node) for node in tree.body]
     assert kinds == [ast.ImportFrom, ast.ClassDef, ast.Expr, ast.Assign, ast.If]
     assert tree.body[2].value.args[0].value == "has run"  # the pupil's own line, not the name's

@@ -3,7 +3,7 @@ import { button, choice, make, slider, tick } from "./controls.js";
 import { Recorded } from "./history.js";
 import { appliedLoads } from "./rule.js";
 import { hand, tomlOf } from "./scene.js";
-import { general } from "./words.js";
+import { general, roundDown } from "./words.js";
 
 const SILENCE = 2000, CELLS = 40000, PRINTED = 200, MOST_PRINTED = 1000, LINES = 5;   // ms without a word; at most so many cells, and lines that are shown
 
@@ -37,7 +37,8 @@ function distance(a, b) {
   return row[b.length];
 }
 const NAMES = "MaterialAgent FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent Load Emission Shares Parameter State direction magnitude copies sense total arm share kept taken passed dropped squeezed index model material shares threshold generation emissions take pass_on shortening give_back turn spawn_step woken_by random super self load True False None return import range print super append hand_over uniform choice random own forward friction poisson".split(" ");
-const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word)).sort((a, b) => distance(a, word) - distance(b, word))[0];
+/** The name that is meant: small letters stay small. */
+const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
 
 /** What a guard of kaju says, in the reader's language; in English as it is. */
 function guarded(t, text) {
@@ -64,7 +65,7 @@ export function told(t, { error, args = [], line }, code) {
 
 export class Workshop {
   constructor(page, { code, needs, ready, blob, licence }) {
-    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, states: [], parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -79,9 +80,9 @@ export class Workshop {
   given(code) { const { page: { scene, cells, stage } } = this; return { code, scene, cells, stage, parameters: this.values }; }
   /** Run a code on the page's scene: {agents, generations, taken} or {error, line}. */
   run(code = this.code, lines = false) {
-    this.stop();
+    if (this.busy) this.drop();
     if (code !== this.code) { this.code = code; if (this.field) { this.field.value = code; this.number(); } }
-    Object.assign(this, { active: true, foreign: false, printed: "", problem: null, line: 0, shown: 0, retried: lines });
+    Object.assign(this, { active: true, foreign: false, printed: "", problem: null, again: false, line: 0, shown: 0, retried: lines });
     const { page } = this, no = refused(code), result = this.pending ?? Promise.withResolvers?.() ?? {};
     if (!result.promise) result.promise = new Promise((resolve) => { result.resolve = resolve; });
     this.pending = result;
@@ -99,14 +100,12 @@ export class Workshop {
   wait() {
     clearTimeout(this.watch);
     this.watch = setTimeout(() => {
-      const { line } = this;
       this.drop();
-      if (!line && !this.retried) { this.run(this.code, true); return; }   // once more, to see in which line
-      this.end({ error: this.page.t("atLine", { n: line || 1, e: this.page.t("silent") }), line: line || 1 });
+      if (!this.line && !this.retried) { this.run(this.code, true); return; }   // once more, to see in which line
+      this.end({ error: this.page.t("atLine", { n: this.line || 1, e: this.page.t("silent") }), line: this.line || 1 });
     }, SILENCE);
   }
   drop() { this.worker?.terminate(); this.worker = null; this.busy = false; clearTimeout(this.watch); }
-  stop() { if (this.busy) this.drop(); }
   hear({ line, steps, print, at, error, args, declares, run, end, grew }) {
     if (!this.busy) return;
     if (steps !== undefined) { this.line = line; if (steps !== this.steps) { this.steps = steps; this.wait(); } return; }
@@ -121,9 +120,12 @@ export class Workshop {
     if (this.shown++ < PRINTED) this.printed += text;
     if (this.shown > MOST_PRINTED) { this.drop(); this.end({ error: this.page.t("atLine", { n: at, e: this.page.t("printed", { n: MOST_PRINTED }) }), line: at }); }
   }
+  /** What a class calls a number of it; of the ready ones in every language. */
+  called(label) { return this.words[label] ?? label; }
   /** The page shows what came of it. */
   show(run) {
     const { page } = this;
+    run.states.forEach((state) => { state[1] = this.called(state[1]); });
     page.kind = "runnable"; page.own = { names: this.names, source: this.code };
     page.adopt(Object.assign(new Recorded(page.scene, page.cells, page.stage), run));
     page.goTo(page.goal ?? Infinity); page.goal = null;
@@ -131,72 +133,68 @@ export class Workshop {
   }
   end(result) {
     clearTimeout(this.watch);
-    this.problem = result.error ? result : null;
-    if (result.error) this.active = false;
-    this.result = result;
-    const { pending } = this;
+    if (this.again) { this.run(); return; }
+    Object.assign(this, { result, problem: result.error ? result : null, active: !result.error });
+    this.tell();
+    this.pending?.resolve(result.error ? { error: result.error, line: result.line } : result);
     this.pending = null;
-    this.page.rebuild();
-    if (result.error && this.field?.isConnected) this.mark(result.line);
-    pending?.resolve(result.error ? { error: result.error, line: result.line } : result);
+  }
+  /** Say how it went; but what a finger draws stays under it. */
+  tell() {
+    if (this.page.pressed) setTimeout(() => this.tell(), 50);
+    else { this.page.rebuild(); if (this.problem && this.field?.isConnected) this.mark(this.problem.line); }
   }
   /** Back to the standard rule. */
-  leave() { this.stop(); this.active = false; this.states = []; this.problem = null; this.page.own = null; this.page.look.colour = "taken"; this.page.renew(Infinity); this.page.rebuild(); }
+  leave() { if (this.busy) this.drop(); this.active = false; this.problem = null; this.page.look.colour = "taken"; this.page.renew(Infinity); this.page.rebuild(); }
   /** Code that came with a link or a file is shown, and runs when somebody says so. */
   offer(code) { this.code = code; this.foreign = true; this.page.tab = "code"; if (this.field) this.field.value = code; this.page.rebuild(); }
 
   // ------------------------------------------------------------------------------ the editor
   panel() {
     const { page, page: { t } } = this;
-    this.field ??= make("textarea", { className: "code", spellcheck: false, autocapitalize: "off", autocomplete: "off", wrap: "off", rows: 18, value: this.code,
-      oninput: () => { this.code = this.field.value; this.number(); }, onkeydown: (event) => this.key(event), onscroll: () => { this.gutter.scrollTop = this.field.scrollTop; } });
+    this.field ??= make("textarea", { className: "code", spellcheck: false, autocapitalize: "off", autocomplete: "off", value: this.code,
+      oninput: () => { this.code = this.field.value; this.number(); }, onkeydown: (event) => this.key(event) });
     this.field.ariaLabel = t("codeField");
-    this.gutter ??= make("pre", { className: "gutter", ariaHidden: "true" });
+    this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
     const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; this.code = this.field.value = this.ready[n].code; this.run(); } });
     const asks = this.ready[this.chosen] && this.ready[this.chosen].code === this.code ? [make("p", { className: "soft", textContent: page.say(this.ready[this.chosen].question) })] : [];
-    const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(p.label, p.value, (on) => this.turn(p, on))
-      : slider(p.label, { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : (p.high - p.low) / 100, show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
+    const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
+      : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
     const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
     const out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
-    const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) });
+    const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => this.run(), { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
-      out, ...bars, game, ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
+      out, ...bars, game, score, ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
-    const { agents, generations, taken, arrived } = this.result, n = (x) => general(x, 4);
-    const { grew } = this.result;
-    return grew ? this.page.t("atLine", { n: grew, e: this.page.t("grew") }) : this.page.t("codeScore", { a: agents, g: generations, t: n(taken), r: n(arrived), f: n(this.foot()) });
+    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, grew } = this.result, n = (x) => general(x, 4);
+    if (grew) return t("atLine", { n: grew, e: t("grew") });
+    const states = (run.states ?? []).filter(([, , whether]) => whether).map(([name, meaning]) => `, ${run[`state ${name}`].value.reduce((a, b) => a + b, 0)} ${page.say(meaning)}`);
+    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join(""), r: n(ground), f: n(this.foot()) }) + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "");
   }
-  /** The challenge, for the header: with five lines most of the load to the left foot, nearly all of it to the ground. */
+  /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {
-    const { page: { t }, result, code } = this, n = (x) => general(x, 3);
-    let why = "";
-    if (this.active && result?.agents) {
-      const lines = bare(code).split("\n").filter((line) => line.trim() && !/^\s*(from|import|class|def|@)/.test(line)).length, foot = this.foot(), least = 0.95 * this.applied();
-      why = `${t("leftFoot", { f: n(foot) })}${lines > LINES ? t("tooLong", { n: lines }) : result.arrived < least ? t("tooLittle", { r: n(result.arrived), w: n(least) }) : ""}`;
-      if (lines <= LINES && result.arrived >= least) this.best = Math.max(foot, this.best ?? 0);
-    }
-    return [why, this.best ? t("classBest", { b: n(this.best) }) : ""].filter(Boolean).join(" · ");
+    const { page: { t }, result, code } = this, n = (x) => general(x, 3), least = 0.95 * this.applied(), foot = this.foot(), ran = this.active && result?.agents;
+    const lines = bare(code).split("\n").filter((line) => line.trim() && !/^\s*(from|import|class|def|@)/.test(line)).length;
+    const why = !ran ? "" : lines > LINES ? t("tooLong", { n: lines }) : result.ground < least ? t("tooLittle", { r: n(result.ground), w: n(least) }) : "";
+    if (ran && !why) this.best = Math.max(foot, this.best ?? 0);
+    return [[ran && t("leftFoot", { f: n(foot) }), this.best && t("classBest", { b: n(this.best) })].filter(Boolean).join(" · "), why];
   }
   /** All that is applied (N). */
   applied() { const { scene, run, stage } = this.page; return appliedLoads(scene, run.lattice, run.kinds, stage).reduce((sum, [, , load]) => sum + load, 0); }
   /** What has reached the ground below the left half (N). */
   foot() {
-    const { run } = this.page, { lattice: L, kinds } = run, last = run.passed;
-    let sum = 0;
-    for (let i = 0; i < (last?.n ?? 0); i++) {
-      const k = Math.floor(last.index[i] / L.D), arm = last.index[i] % L.D;
-      if (kinds[L.neighbour(k, arm)] === -2 && L.cell(k)[0] < L.shape[0] / 2) sum += last.value[i];
-    }
-    return sum;
+    const { lattice: L, kinds, passed } = this.page.run, below = (k, arm) => kinds[L.neighbour(k, arm)] === -2 && L.cell(k)[0] < L.shape[0] / 2;
+    return passed?.value.reduce((sum, x, n) => sum + (x && below(Math.floor(passed.index[n] / L.D), passed.index[n] % L.D) ? x : 0), 0) ?? 0;
   }
-  turn(parameter, value) { this.values = { ...this.values, [parameter.name]: value }; this.run(); }
+  /** Run with another number: at once, or when the worker is free. */
+  turn(parameter, value) { this.values = { ...this.values, [parameter.name]: value }; this.again = this.busy; if (!this.busy) this.run(); }
+  /** The lines once more behind the field, unseen: they hold the numbers, and the height of lines that wrap. */
   number() {
-    const lines = this.field.value.split("\n").length, bad = this.problem?.line;
-    this.gutter.textContent = Array.from({ length: lines }, (_, n) => (n + 1 === bad ? `▸${n + 1}` : n + 1)).join("\n");
+    this.gutter.replaceChildren(...this.field.value.split("\n").map((text, n) => make("div", { className: n + 1 === this.problem?.line ? "bad" : "", textContent: text || " " })));
   }
   mark(line) {
     const start = this.field.value.split("\n").slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0), end = this.field.value.indexOf("\n", start);
@@ -215,11 +213,12 @@ export class Workshop {
   }
   /** The agent, its scene and six lines that run it, as a Python file. */
   save() {
-    const { page, code, names, values } = this, toml = tomlOf(page.scene, page.cells).replaceAll("\\", "\\\\").replaceAll('"""', "'''");
-    const given = Object.entries(values).map(([n, v]) => `, ${n}=${v === true ? "True" : v === false ? "False" : v}`).join("");
-    const cls = [...code.matchAll(/^class (\w+)\((\w+)/gm)].map(([, n, base]) => [n, base]), kind = { FreeBoundaryAgent: "free", RigidBoundaryAgent: "rigid", RollerBoundaryAgent: "roller" };
-    const material = cls.filter(([n, base]) => !kind[base] && (names.includes(n) || !names.length)).at(-1)?.[0], walls = cls.filter(([, base]) => kind[base]).map(([n, base]) => `"${kind[base]}": ${n}`);
-    const how = `${material ? `, material_agent=${material}` : ""}${walls.length ? `, boundary_agents={${walls.join(", ")}}` : ""}${given}, seed=1`;
+    const { page, code, values } = this, toml = tomlOf(page.scene, page.cells).replaceAll("\\", "\\\\").replaceAll('"""', "'''"), plain = bare(code);
+    const bases = Object.fromEntries([...plain.matchAll(/^class (\w+)\((?:kaju\.)?(\w+)/gm)].map(([, n, base]) => [n, base])), root = (n) => (bases[n] ? root(bases[n]) : n);
+    const last = (base) => Object.keys(bases).findLast((n) => root(n) === base), kinds = { free: "FreeBoundaryAgent", rigid: "RigidBoundaryAgent", roller: "RollerBoundaryAgent" };
+    const walls = Object.entries(kinds).filter(([, base]) => last(base)).map(([kind, base]) => `"${kind}": ${last(base)}`).join(", "), order = [...plain.matchAll(/^def (\w+)\(waiting\b/gm)].at(-1)?.[1];
+    const given = Object.entries(values).filter(([n]) => new RegExp(`^ +${n}\\b.*= *Parameter\\b`, "m").test(plain)).map(([n, v]) => [n, v === true ? "True" : v === false ? "False" : String(v)]);
+    const how = [["material_agent", last("MaterialAgent")], ["boundary_agents", walls && `{${walls}}`], ["order", order], ...given, ["seed", 1]].filter(([, v]) => v).map(([n, v]) => `, ${n}=${v}`).join("");
     return hand("agent.py", new Blob([`${code.trimEnd()}\n\n\nSCENE = """\n${toml}"""\n\nif __name__ == "__main__":\n    from kaju import LoadModel, Scene\n\n    model = LoadModel(Scene.from_toml(SCENE)${how})\n    last = model.run().last\n    print(len(last.cells), last.generations, last.ledger.taken)\n`], { type: "text/x-python" }));
   }
 }

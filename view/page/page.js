@@ -70,7 +70,7 @@ export class Page {
   get limit() { return this.lesson?.limit ?? Infinity; }
   get touchable() { return this.kind === "runnable"; }
   get solid() { return this.run.lattice.dimension === 3; }
-  word(key) { return key.startsWith("state ") ? this.run.states.find(([name]) => `state ${name}` === key)?.[1] ?? "" : this.t(key); }
+  word(key) { return key.startsWith("state ") ? this.say(this.run.states.find(([name]) => `state ${name}` === key)?.[1] ?? "") : this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
   get deformable() { return this.scene.rule.kind === "prescribed"; }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.run.states ?? []).map(([name]) => `state ${name}`)]; }
@@ -119,6 +119,7 @@ export class Page {
     this.due = null;
     if (this.studio?.active) { this.goal = goal; this.studio.run(); return; }
     this.goal = null;
+    if (this.studio) this.own = null;
     this.adopt(this.compute());
     this.seek(goal);
   }
@@ -154,7 +155,7 @@ export class Page {
     const { verdict, stable } = this.given, { kind } = this.scene.rule;
     clearTimeout(this.judging);
     this.judging = null;
-    if (this.studio?.active) { this.tellVerdict("", true); return; }
+    if (this.studio && this.own && this.touchable) { this.tellVerdict("", true); return; }
     if (kind !== "prescribed" || (verdict && !this.touchable)) { this.tellVerdict(verdict ?? "", stable); return; }
     const steps = certifying(this.scene, this.cells), go = (budget) => {
       const until = performance.now() + budget;
@@ -371,7 +372,7 @@ export class Page {
   }
   raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
   /** Whose picture it is, and who made it. */
-  get whose() { return [this.t(this.changed ? "changed" : this.kind), ...(this.own ? [this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
+  get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.changed ? "changed" : this.kind)]), ...(this.own ? [this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
   header() {
     this.parts.mode.textContent = this.whose;
     const scene = JSON.stringify(this.scene), same = (preset) => JSON.stringify(preset.scene) === scene && (preset.cells ?? this.start.cells).every((c, i) => c === this.cells[i]);

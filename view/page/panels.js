@@ -18,7 +18,7 @@ export function buildHeader(page) {
   parts.undo = iconButton("undo", t("undo"), () => page.past.undo(), { disabled: !page.past?.can(-1) });
   parts.redo = iconButton("redo", t("redo"), () => page.past.redo(), { disabled: !page.past?.can(1) });
   parts.mode = make("span", { className: page.own ? "mode own" : "mode", textContent: page.whose });
-  const score = page.studio ? [make("output", { className: "mode", textContent: page.studio.challenge() })] : [];
+  const score = page.studio ? [make("output", { className: "score", textContent: page.studio.challenge()[0] })] : [];
   const right = make("div", { className: "right" }, ...(page.touchable || lesson ? [parts.undo, parts.redo] : []),
     labelled("link", t("copyLink"), () => copyLink(page)), menu, language,
     iconButton("theme", t("theme"), () => page.dress(!page.dark), { className: "icon theme", ariaPressed: String(page.dark) }));

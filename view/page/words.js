@@ -1,5 +1,5 @@
 // Words and numbers as readers see them. The words stand in words.json: a language is one more
-// entry there, {n} is filled in.
+// entry there, {n} is filled in, {n|agent|agents} with its noun.
 import WORDS from "./words.json" with { type: "json" };
 
 export const LANGUAGES = { en: "English", de: "Deutsch", ja: "日本語" };
@@ -13,7 +13,7 @@ export const say = (language) => {
   return (key, values = {}) => {
     const text = WORDS[language]?.[key] ?? WORDS.en[key] ?? values.otherwise;
     if (text === undefined) throw new Error(`no word for ${key}`);
-    return text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
+    return text.replace(/\{(\w+)(?:\|(.*?)\|(.*?))?\}/g, (_, name, one, more) => `${values[name]}${more ? ` ${String(values[name]) === "1" ? one : more}` : ""}`);
   };
 };
 
@@ -37,7 +37,7 @@ export const prefixOf = (size, unit) => (unit && unit !== "%" ? PREFIXES.find(([
 export function quantity(v, unit) {
   if (!Number.isFinite(v)) return "–";
   const sign = v < 0 ? "−" : "", size = Math.abs(v);
-  if (!unit || unit === "%") return `${sign}${size >= 1e5 || (size && size < 1e-3) ? power(size) : general(size, 4)}${unit && " %"}`;
+  if (!unit || unit === "%") return `${sign}${size >= 1e5 || (size && size < 1e-3) ? power(size) : general(size, 4)}${unit ? " %" : ""}`;
   if (size === 0) return `0 ${unit}`;
   const [factor, prefix] = prefixOf(size, unit), shown = size / factor;
   return `${sign}${shown >= 1e4 || shown < 1e-2 ? power(shown) : general(shown, 4)} ${prefix}${unit}`;

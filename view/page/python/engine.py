@@ -157,7 +157,7 @@ def begin(names, told):
     engine = PageEngine(Model(told, values), classes.pop("", MaterialAgent), classes)
     return [
         [[n, p.text or n, p.low, p.high, engine.model.parameters[n], p.whole] for n, p in numbers.items()],
-        [[n, s.meaning or n] for n, s in engine.states.items()], named,
+        [[n, s.meaning or n, isinstance(s.default, bool)] for n, s in engine.states.items()], named,
     ]
 
 def generation():
@@ -185,11 +185,11 @@ def generation():
     return [born, taken, back, done, states, engine.pending]
 
 def totals():
-    """What all have done so far."""
+    """What all have done so far, and what came to each kind of boundary."""
     agents, walls = engine.agents.values(), engine.boundaries.values()
     kept, dropped = sum([a.kept for a in agents]), engine.dropped + sum([a.dropped for a in agents])
-    arrived, absorbed = sum([sum(w.taken.values()) for w in walls]), sum([w.kept for w in walls])
-    return [kept, dropped, arrived, engine.returned, absorbed]
+    arrived = [sum([sum(w.taken.values()) for w in walls if isinstance(w, of)]) for of in BOUNDARIES.values()]
+    return [kept, dropped, arrived, engine.returned, sum([w.kept for w in walls])]
 
 def show(*values, sep=" ", end="\n", **rest):
     _page.tell(sep.join([str(value) for value in values]) + end)

@@ -196,12 +196,6 @@ class CellAgents(OnCells):
         places = self.corner_displacement, self.moved
         return max(float(np.nanmax(np.linalg.norm(u, axis=-1))) for u in places)
 
-    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
-        """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
-        place, inside = self._within(points, cells)
-        number = np.cumsum(self.body.ravel()) - 1
-        return number[np.ravel_multi_index(tuple(place.T), self.body.shape)], inside
-
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
         u = self.solution.displacement

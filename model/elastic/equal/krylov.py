@@ -1,4 +1,4 @@
-"""Conjugate gradients and minimal residuals, with the history that a result reports."""
+"""Conjugate gradients, with the history that a result reports."""
 
 from __future__ import annotations
 
@@ -105,50 +105,4 @@ def conjugate_gradients(
         r -= q
         x += np.multiply(p, length, out=q)
         square = dot(r, r)
-    return run
-
-
-def minimal_residuals(
-    apply: Operator, precondition: Operator, load: Floats, tolerance: float, most: int = 300
-) -> Iteration:
-    """Solve a symmetric indefinite system with a positive definite preconditioner."""
-    # Preconditioned MINRES (Paige & Saunders 1975) in the form of Elman, Silvester & Wathen, Finite
-    # Elements and Fast Iterative Solvers, algorithm 4.1. The residual is measured in the
-    # preconditioner's norm.
-    x = np.zeros_like(load)
-    v_old, v = np.zeros_like(load), load.copy()
-    w_old, w = np.zeros_like(load), np.zeros_like(load)
-    z = precondition(v)
-    gamma_old, gamma = 1.0, float(np.sqrt(v @ z))
-    eta = start = gamma
-    s_old = s = 0.0
-    c_old = c = 1.0
-    run = Iteration(x, [1.0], [1.0])
-    if start == 0.0:
-        run.converged = True
-        return run
-    for _ in range(most):
-        z /= gamma
-        az = apply(z)
-        delta = float(az @ z)
-        v_new = az - (delta / gamma) * v - (gamma / gamma_old) * v_old
-        z_new = precondition(v_new)
-        gamma_new = float(np.sqrt(max(float(v_new @ z_new), 0.0)))
-        a0 = c * delta - c_old * s * gamma
-        a1 = float(np.hypot(a0, gamma_new))
-        a2 = s * delta + c_old * c * gamma
-        a3 = s_old * gamma
-        c_old, c, s_old, s = c, a0 / a1, s, gamma_new / a1
-        w_old, w = w, (z - a3 * w_old - a2 * w) / a1
-        x += c * eta * w
-        eta = -s * eta
-        run.residuals.append(abs(eta) / start)
-        run.errors.append(run.residuals[-1])
-        if run.residuals[-1] <= tolerance:
-            run.converged = True
-            return run
-        if gamma_new == 0.0 or interrupt_requested():
-            return run
-        v_old, v, z = v, v_new, z_new
-        gamma_old, gamma = gamma, gamma_new
     return run

@@ -237,10 +237,7 @@ class ElasticResult(BodyResult):
         agent's stiffness, it is the derivative of that energy by this stiffness at given
         displacements; of the compliance F·u under given forces the derivative is minus twice that.
 
-        Raises
-        ------
-        ResultError
-            Of agents that spawned in space.
+        Raises `ResultError` of agents that spawned in space.
         """
         energies = getattr(self.found, "energies", None)
         if energies is None:
@@ -258,10 +255,7 @@ class ElasticResult(BodyResult):
         over all agents it is twice the distance of `energy_bounds`, where loads act alone. In
         space, where agents have one opinion, it is their estimated squared error.
 
-        Raises
-        ------
-        ResultError
-            If agents did not spawn.
+        Raises `ResultError` if agents did not spawn.
         """
         if not self.spawned:
             raise ResultError("gap: equal cells have only one stress; solve with a tolerance")
@@ -357,10 +351,8 @@ class ElasticResult(BodyResult):
         `stress_at` is the mean of it and of `fitted_stress_at`. Of points on a side between two
         agents either may be taken.
 
-        Raises
-        ------
-        ResultError
-            If agents did not spawn in the plane, or points lie outside of the body.
+        Raises `ResultError` if agents did not spawn in the plane, or points lie outside of the
+        body.
 
         Examples
         --------
@@ -436,23 +428,20 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided, what is not proved of the tolerance, and the `caveats`."""
-        ours = (*self.found.solution.notes, *self._unproved, *self.caveats)
+        caveats = (one.full for one in self.caveats)
+        ours = (*self.found.solution.notes, *self._unproved, *caveats)
         return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
 
     @cached_property
-    def caveats(self) -> tuple[str, ...]:
+    def caveats(self) -> tuple[Caveat, ...]:
         """What is approximate, apart from the error on the cells: outlines, loads, corners."""
-        return tuple(full for _, full in self._caveats)
+        return caveats_of(self)
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
         """The `caveats`, and a tolerance that was missed, in a few words each."""
         missed = ("tolerance missed",) if self.tolerance_kept == "missed" else ()
-        return (*missed, *(brief for brief, _ in self._caveats))
-
-    @cached_property
-    def _caveats(self) -> tuple[Caveat, ...]:
-        return caveats_of(self)
+        return (*missed, *(one.brief for one in self.caveats))
 
     @cached_property
     def near_steps(self) -> Flags:
@@ -545,10 +534,7 @@ class ElasticResult(BodyResult):
         `notes` tell by how much the stress in balance differs. Where two materials meet
         along the outline the stress is that of the material outside: the one inside has another.
 
-        Raises
-        ------
-        ResultError
-            If no region with a true outline in the plane has that name.
+        Raises `ResultError` if no region with a true outline in the plane has that name.
 
         Examples
         --------
@@ -660,7 +646,7 @@ class ElasticResult(BodyResult):
             If there would be too many cells.
         """
         check_numbers(None, resolution)
-        return EqualArrays(self.found, self.subdivision, int(resolution or self.subdivision))
+        return EqualArrays(self, int(resolution or self.subdivision))
 
     def tiles(self, value: Floats) -> Tiles:
         """Return the agents with a value each, as they are drawn."""

@@ -82,7 +82,6 @@ def test_arrays_leave_out_what_is_no_body():
         assert cells.material[10, 10] == -1
         assert np.isnan(cells.stress[10, 10]).all()
         assert np.isfinite(cells.stress[cells.body]).all()
-        assert np.isnan(cells.corner_displacement[10, 10]).all()
 
 
 def test_space_offers_the_same():

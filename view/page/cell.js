@@ -6,8 +6,6 @@ import { storyCard } from "./panels.js";
 import { sharesOf, Twin } from "./rule.js";
 import { quantity } from "./words.js";
 
-const MOST_LOOKED = 3e6;                         // loads that are looked through for those of one cell
-
 /** Every load that reached a cell up to a generation: {generation, channel, each, copies, from, arm, ends}; null if too many travel. */
 export function arrivals({ scene, cells, stage }, k, until) {
   const run = new Twin(scene, cells, stage), { lattice: L, transfer: T, kinds, C } = run, { D } = L, { accumulate, threshold } = scene.rule;
@@ -23,7 +21,7 @@ export function arrivals({ scene, cells, stage }, k, until) {
   }
   for (let g = 1; g < until && !run.atRest; g++) {
     const { n, state, magnitude, copies } = run.waiting;
-    if ((seen += n) > MOST_LOOKED) return null;
+    if ((seen += n) > 3e6) return null;        // so many loads are looked through for those of one cell
     for (let i = 0; i < n; i++) {
       const from = Math.floor(state[i] / C);
       if (!near.has(from) || kinds[from] < 0) continue;
@@ -130,7 +128,7 @@ function cellCards(page) {
   const parts = kinds.flatMap((kind) => {
     const some = list.filter((e) => e.kind === kind), [first] = some;
     if (!first) return [];
-    const to = kind === "ahead" ? `${t("ahead")}, ${cellName(L, L.neighbour(k, first.arm))}` : t(kind);
+    const to = kind === "ahead" ? `${t("ahead")}, ${cellName(L, L.neighbour(k, first.arm))}` : t(kind === "along" ? "sideways" : kind);
     return [make("tr", { className: first.ends ? "faint" : "" }, ...cells(to, FORMULA[kind], `${some.length > 1 ? `${some.length} × ` : ""}${newtons(first.load)}${first.ends ? `, ${t("ends_")}` : ""}`))];
   });
   const mine = Array.from({ length: L.D }, (_, arm) => L.neighbour(k, arm)).filter((n) => Array.from({ length: L.D }, (_, arm) => arm).some((arm) => run.woken[n] >> arm & 1 && L.neighbour(n, arm) === k));

@@ -100,5 +100,6 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   if (!seen) return;
   ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
   const told = near && lists.length === 2 ? [...new Set([1, 0].map((i) => quantity(lists[i][here], unit)))].join(" – ") : quantity(lists[0][here], unit);
-  paintWord(ctx, told, px + (left ? 6 : -6), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
+  ctx.font = `600 ${FONT}`;                    // over no number of the axis
+  paintWord(ctx, told, left ? px + 6 : Math.max(px - 6, x + 2 + ctx.measureText(told).width), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }

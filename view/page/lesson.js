@@ -87,7 +87,7 @@ export class Lesson {
   /** Whether a question is done: ticked, written, or right. */
   isDone(q) {
     if (q.kind === "cells") return Object.keys(this.guesses[q.key] ?? {}).length > 0;
-    return q.kind === "number" && q.step !== "predict" ? q.fields.every((field, i) => isRight(field, numberOf(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
+    return q.kind === "number" && q.step !== "predict" ? q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
   }
   finish(step) {
     this.done = this.done.filter((name) => name !== this.step);
@@ -120,6 +120,8 @@ export class Lesson {
     const high = [0, 1].map((a) => Math.min(L.shape[a], Math.max(...cells.map((c) => c[a])) + 3));
     return [low[0], low[1], high[0] - low[0], high[1] - low[1]];
   }
+  /** On a phone the part of the body where something happens, as large as it goes. */
+  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < L.shape[1] ? { window: this.window() } : {}; }
   mark(cell, on) {
     const { page, guess, pen } = this, { lattice: L, kinds } = page.run, k = cell && L.key(cell);
     if (!cell || kinds[k] < 0 || (on && guess[k] === pen) || (!on && !(k in guess))) return;
@@ -146,6 +148,8 @@ export class Lesson {
   }
 }
 
+/** What was typed as a number in a unit; of what is counted a word may say what it is. */
+const numberIn = (text, unit) => numberOf(unit ? text.replace(/newtons?$/i, "N") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit);
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
@@ -190,20 +194,19 @@ MODES.push({
   },
   play(page) { if (page.lesson.shown === "guess") page.lesson.show("both"); },
   draw(page) {
-    const { lesson, run, inks, canvas } = page, narrow = canvas.clientWidth < 520 && run.lattice.shape[0] > 12;
-    const view = page.view = new View(canvas, run.lattice, null, { foot: 16, ...(narrow ? { window: lesson.window() } : {}) });
+    const { lesson, run, inks, canvas } = page, view = page.view = new View(canvas, run.lattice, null, { foot: 16, ...lesson.part() });
     if (page.g > 0 && lesson.shown === "guess" && lesson.at >= 0) { lesson.show("both"); return; }
     paintGuess(lesson, view, page.g, inks, lesson.shown);
     paintNumbers(view, inks); page.loads.paint(view);
     if (page.picked >= 0) paintPick(view, run.lattice.cell(page.picked), inks);
     page.parts.cap.textContent = page.told || "";
   },
-  press(page, { offsetX, offsetY }) {
-    const { lesson } = page, cell = page.view.cellAt(offsetX, offsetY);
+  press(page, event) {
+    const { lesson } = page, cell = page.view.cellAt(event.offsetX, event.offsetY);
     page.hold = { on: lesson.guess[cell ? page.run.lattice.key(cell) : -1] !== lesson.pen };
     if (cell) { page.picked = page.run.lattice.key(cell); page.later(); }
     if (lesson.shown === "guess") lesson.mark(cell, page.hold.on);
-    return true;
+    return this.move(page, event);
   },
   move(page, event) {
     const cell = page.view?.cellAt(event.offsetX, event.offsetY), { lesson } = page;
@@ -245,7 +248,7 @@ export function lessonSide(page) {
   const notes = lesson.teacher && lesson.notes ? [make("div", { className: "card answer" }, rendered(page.say(lesson.notes)))] : [];
   const { back, next } = lesson, foot = [make("div", { className: "ends" }, ...(back ? [button(t("backOne"), back)] : []),
     button("", () => worksheet(page), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
-    ...(next ? [button(t(next.word, { step: next.step ? t(`step_${STEPS[next.step]}`) : "" }), next.go, { className: "main" })] : []))];
+    ...(next ? [button(t(next.word, { step: next.step ? t(`step_${STEPS[next.step]}`) : "" }), next.go, { className: "main" })] : lesson.index ? [button(t("lessons"), () => { location.href = lesson.index; }, { className: "main" })] : []))];
   foot[0].querySelector(".icon").append(icon("print"), make("span", { className: "wide", textContent: t("worksheet") }));
   return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher, button(t("forget"), () => lesson.forget(), { className: "small" }))], foot };
 }
@@ -278,7 +281,7 @@ function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberOf(text, unit), right = isRight(field, v);
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v);
     verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : q.step === "predict" ? "" : right ? t("correct") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
@@ -306,10 +309,11 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => lesson.load(preset)));
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  if (lesson.step === "step") return [...tries, ...about, ...code, ...(lesson.question?.show.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
+  const near = lesson.question?.show?.rule ? [fold(t("rule"), rulePanel(page, true), true), ...charts.splice(0)] : [];   // what is typed and read
+  if (lesson.step === "step") return [...tries, ...about, ...code, ...(lesson.question?.show?.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
   if (lesson.step === "explain") return [...tries, ...about, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
-  const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
-  return [...tries, ...about, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
+  const rest = ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]()));
+  return [...near, ...tries, ...about, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
 }
 
 // ----------------------------------------------------------------------------------- on paper

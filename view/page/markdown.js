@@ -1,12 +1,11 @@
 // The little Markdown that lessons and presets are written in, as elements.
 import { make } from "./controls.js";
 
-const NUMBER_AND_UNIT = /(\d) (?=(?:[GMkmµn]?(?:Pa|J|N)|[kcmµn]?m|s|%)(?!\w))/g;   // stay in one line
 const PIECES = /\*\*(.+?)\*\*|\*(.+?)\*|`([^`]+)`|\[([^\]]+)\]\(([^)\s]+)\)/g;
 
 /** Words with **bold**, *emphasis*, `code` and [links](to pages). */
 export function inline(words) {
-  const list = [], text = words.replace(NUMBER_AND_UNIT, "$1\u00a0");
+  const list = [], text = words.replace(/(\d) (?=(?:[GMkmµn]?(?:Pa|J|N)|[kcmµn]?m|s|%)(?!\w))/g, "$1\u00a0");   // a number and its unit stay in one line
   let at = 0;
   for (const found of text.matchAll(PIECES)) {
     const [all, bold, emphasis, code, name, to] = found;

@@ -221,33 +221,34 @@ export class MotionPage extends Page {
     ctx.stroke();
   }
   words() {
-    const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2;
-    const moment = along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")}`;
-    this.tellTime(`${moment} · ${t("moment", { g, n: run.generation })}`);
+    const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
+    const moment = counts ? t(`along_${along}`) : along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")}`;
+    this.tellTime(`${moment}${counts ? "" : " ·"} ${t("moment", { g, n: run.generation })}`);   // of what is counted once is enough
     this.parts.verdict.hidden = !this.outcome || (this.along !== "share" && g < run.generation) || this.limit < run.generation;   // how it ended is told at the end
     this.tell();
     this.drawCurves();
   }
   tell() {
     const { picked, parts, t } = this;
-    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? "pickRod" : this.born ? "pickAgent" : "pickPart") })); return; }
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
-    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners === 2 ? "rod" : "part", { n: picked }) }), make("dl", {}, ...rows));
+    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
     const { parts: { charts: canvas }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
     canvas.hidden = !curveList.length;
+    if (curveList.length > 4) canvas.parentElement.style.height = "375px";   // three rows
     if (!canvas.isConnected || !curveList.length) return;
     const most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
+    paintGrid(canvas, curveList.slice(0, 6).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;
     if (!curveList.length || curveList[0].place) return;
-    const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(4, curveList.length), x) * (over.at(-1) - over[0]);
+    const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(6, curveList.length), x) * (over.at(-1) - over[0]);
     this.seek(at.reduce((best, v, i) => (Math.abs(v - wanted) < Math.abs(at[best] - wanted) ? i : best), 0));
   }
   press(event) {

@@ -14,7 +14,6 @@ import { LANGUAGES, quantity, roundDown, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", density: "" };
-const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
 const MOST_GENERATIONS = 4000, MOST_ROWS = 2e7, PLAYED = 30;   // more than that no page holds; computed ahead of what is played
 const PATIENCE = 24;              // ms of computing at a time: input must not wait
 
@@ -259,7 +258,7 @@ export class Page {
         for (const x of this.values(colour)) if (x > high) high = x;
         this.goTo(keep);
       }
-      const log = LOGARITHMIC.has(colour);
+      const log = ["taken", "now", "kept", "stress"].includes(colour);
       this.scales.set(colour, { high: high || 1, low: log ? (high || 1) * 1e-4 : colour === "spawn" ? 1 : 0, log });
     }
     return this.scales.get(colour);
@@ -294,7 +293,7 @@ export class Page {
     const { run, look, inks, t } = this, { lattice: L } = run;
     const moved = look.deformed && this.deformable ? this.deformed() : null, factor = moved ? this.magnification() : 0;
     const cut = L.dimension === 3 ? look.cut : null;
-    const view = this.view = new View(this.canvas, L, look.camera, this.lesson && !box.w ? { foot: 60 } : box);
+    const part = this.lesson && this.limit === Infinity && !moved && !box.w ? this.lesson.part() : {}, view = this.view = new View(this.canvas, L, look.camera, this.lesson && !box.w ? { foot: 60, ...part } : box);
     paintCells(view, run.kinds, values, scale, inks, { moved, factor, cut });
     const shown = (k, cell) => !cut || cut.axis < 0 || cell[cut.axis] === cut.at;
     if (look.path && run.passed) paintPath(view, this.sums.passed.sum, inks, shown);
@@ -305,6 +304,7 @@ export class Page {
     if (this.lesson) paintNumbers(view, inks);
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
+    if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
     const ruled = this.deformable && !box.w && (moved || !this.lesson) ? t("keepsNone") : "";   // beside cuts a card says so

@@ -108,7 +108,8 @@ export function panelsOf(page) {
   panels.look = () => lookPanel(page);
   if (page.touchable && page.run.lattice.dimension === 2) panels.draw = () => drawPanel(page);
   if (page.text || page.studio) panels.about = () => [...(page.text ? [rendered(page.say(page.text))] : []), ...(page.studio ? [make("p", { className: "soft small", textContent: page.studio.licence })] : [])];
-  if (page.own && !page.studio) panels.source = () => [...(page.touchable ? [] : parameterRows(page)), make("pre", { tabIndex: 0, textContent: page.own.source })];
+  const declared = page.touchable ? [] : page.own?.parameters ?? [];   // as they were in the run
+  if (page.own && !page.studio) panels.source = () => [...declared.map(({ label, value }) => make("div", { className: "row" }, make("span", { textContent: label }), make("data", { value: String(value), textContent: String(value) }))), make("pre", { tabIndex: 0, textContent: page.own.source })];
   return panels;
 }
 
@@ -149,9 +150,6 @@ export function buildTries(page) {
 }
 
 const two = (v) => general(Number(v.toFixed(3)), 4);
-
-/** Numbers that agents of one's own declare, as they were in the run. */
-const parameterRows = (page) => (page.own?.parameters ?? []).map(({ label, value }) => make("div", { className: "row" }, make("span", { textContent: label }), make("data", { value: String(value), textContent: String(value) })));
 
 /** What keys do; those of one letter can be turned off. */
 export function showKeys(page) {

@@ -51,7 +51,7 @@ function paintDifference(page, canvas, both) {
   const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), scale = { low: -4.5, high: 4.5, log: false };
   paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), scale, inks, { cut: L.dimension === 3 ? look.cut : null });
   canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
-  paintLegend(view, scale, t("less"), "", null, inks, [[scale.low, `${t("ruleLess")} ${quantity(most, both.unit)}`], [0, `± ${quantity(both.small, both.unit)}`], [scale.high, t("ruleMore")]]);
+  paintLegend(view, scale, t("less"), t("log"), null, inks, [[scale.low, quantity(-most, both.unit)], [0, `± ${quantity(both.small, both.unit)}`], [scale.high, quantity(most, both.unit)]]);
   return view;
 }
 

@@ -180,11 +180,12 @@ class Balancing(CutField):
         entries += [(3 * child, 3 * above + 1 + axis, away[:, axis]) for axis in (0, 1)]
         near = _summed(entries, known.count)
         strip = self._stripped(dof, known.count)
-        way = strip @ sp.hstack([near[:, np.flatnonzero(~known.fixed)], known.free], format="csr")
+        free_ones = near[:, np.flatnonzero(~known.fixed)]
+        way = strip @ sp.hstack([free_ones, near @ known.free], format="csr")
         way.data[np.abs(way.data) < NOTHING] = 0.0
         way.eliminate_zeros()
         self.unknowns = way.shape[1]
-        self.settle(way, (strip @ known.value).reshape(-1, 12) + self._across(known))
+        self.settle(way, (strip @ (near @ known.value)).reshape(-1, 12) + self._across(known))
 
     def _stripped(self, dof: Ints, count: int) -> sp.csr_array:
         """Return triangles' unknowns by the shared ones, less linear functions, which bear none."""

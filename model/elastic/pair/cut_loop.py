@@ -133,7 +133,10 @@ class CutLoop(PairLoop):
     def _judge(self, pair: CutPair) -> Judged:
         error = pair.bounds.error
         wanted = min((AIM * self.tolerance / error) ** 2, 1.0) if np.isfinite(error) else 0.0
-        return Judged((), error, pair.shares, False, wanted, coarse_along(pair, self.tolerance))
+        often = coarse_along(pair, self.tolerance)
+        if error <= self.tolerance:
+            often = np.where(often > 1, often, 0)
+        return Judged((), error, pair.shares, False, wanted, often)
 
     def _keep(self, chosen: Flags) -> None:
         """Note the generation."""

@@ -379,8 +379,10 @@ def leaf_polygons(
 
     def numbers_at(points: Floats, leaf: int) -> Ints:
         """Return the numbers of laws at points of a leaf that several regions cut."""
-        own = np.repeat(cut[:, [leaf]], len(points), axis=1)
-        return _laws_at(body, laws, _holding(lines, points), own, most)
+        own, there = (np.repeat(one[:, [leaf]], len(points), axis=1) for one in (cut, holds))
+        here = np.flatnonzero(cut[:, leaf])
+        there[here] = _holding([lines[k] for k in here.tolist()], points)
+        return _laws_at(body, laws, there, own, most)
 
     both = np.stack([pieces.start, pieces.end], axis=1)
     for leaf in np.flatnonzero(several & held).tolist():
@@ -425,11 +427,11 @@ def _laws_at(body: TrueBody, laws: list[Law], held: Flags, cut: Flags, most: boo
     Near an outline of a law neither stiffer nor softer than that below it is one of both kinds.
     """
     found = np.full(held.shape[1], _number(laws, body.law))
-    for k, region in enumerate(body.regions):
-        below, law = found, _number(laws, region.law)
+    for k in np.flatnonzero(held.any(axis=1) | cut.any(axis=1)).tolist():
+        below, law = found, _number(laws, body.regions[k].law)
         found = np.where(held[k], law, below)
         near = cut[k] & (held[k] == most) & (below >= 0)
-        for one in np.unique(below[near]).tolist() if body.mixed(k) else ():
+        for one in np.unique(below[near]).tolist() if near.any() and body.mixed(k) else ():
             either = _number(laws, laws[law].with_other(laws[one], most))
             found[near & (below == one)] = either
     return found

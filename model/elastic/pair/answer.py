@@ -29,7 +29,7 @@ from kaju.model.elastic.pair.history import (
 )
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
-from kaju.model.elastic.pair.space import NO_BOUND, Bricks
+from kaju.model.elastic.pair.space import NO_BOUND
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import Scales
 from kaju.model.results.result import OnCells
@@ -66,12 +66,6 @@ class PairAgents(OnCells):
         found = self._last
         for leaves in self.trees if found is None else ():
             found = settled(self.ground, leaves, found)
-        if (
-            self._last is None
-            and isinstance(found, Bricks)
-            and not self.generations[-1].chosen.any()
-        ):
-            found.finish()
         assert found is not None
         return found
 

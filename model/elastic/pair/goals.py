@@ -112,15 +112,6 @@ class Goals:
         """Return the share of an error that a generation is aimed at."""
         return SPARE[self.body.dimension] * tolerance / error if 0.0 < error < inf else 0.0
 
-    def read_again(self, found: Settled, judged: Judged) -> Judged:
-        """Return the same with the values of agents that have settled further."""
-        agents = agents_of(found)
-        told = [
-            replace(told, components=tuple(goal.read(agents).tolist()))
-            for goal, told in zip(self.goals, judged.found, strict=True)
-        ]
-        return replace(judged, found=tuple(told))
-
 
 def _estimated(found: Bricks, goal: DualGoal, duals: list[Bricks]) -> tuple[Goal, Floats, float]:
     """Return the answer in space, and what agents add to its relative error."""

@@ -18,7 +18,7 @@ from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.leaves import BITS, LeafCells, corners
 from kaju.model.elastic.pair.levels import FieldLevel, descent, handed_down, level_of
 from kaju.model.elastic.pair.opinions import Opinions, balance
-from kaju.model.elastic.pair.space import MOST_FACTORED, Bricks, Hats
+from kaju.model.elastic.pair.space import MOST_FACTORED, SETTLED, Bricks, Hats
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
 
@@ -79,7 +79,7 @@ def settled(
     else:
         level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)
     for case, (_, gap) in zip(fields, earlier, strict=True):
-        case.settle(level, gap)
+        case.settle(level, gap if d == 2 else SETTLED * gap)
     levels = [level]
     if d == 2:
         above = before.levels[1] if before else None

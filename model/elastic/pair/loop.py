@@ -17,7 +17,7 @@ from kaju.model.elastic.pair.elements import DEEPEST_STEP
 from kaju.model.elastic.pair.goals import Goals
 from kaju.model.elastic.pair.history import Generation, generation_of, settled
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.space import Bricks, refuse_rubber
+from kaju.model.elastic.pair.space import refuse_rubber
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 
@@ -107,9 +107,6 @@ class PairLoop:
 
     def _keep(self, chosen: Flags) -> None:
         """Note the generation."""
-        if self.finished and isinstance(self.last, Bricks):
-            self.last.finish()
-            self._judged = self.goals.read_again(self.last, self._judged)
         self.generations.append(generation_of(self.last, chosen, self.body.dimension == 2))
 
     def outcome(self) -> PairAgents:

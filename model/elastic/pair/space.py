@@ -29,12 +29,13 @@ from kaju.model.elastic.pair.elements import (
 )
 from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
 from kaju.model.elastic.pair.leaves import corner_ends
-from kaju.model.elastic.pair.levels import ENOUGH, summed
+from kaju.model.elastic.pair.levels import summed
 from kaju.model.elastic.posed_body import PosedBody
 
 NO_BOUND = "in space errors are estimated, not proved"
 MOST_RATIO = 0.499  # At 0.4999 the true error of a cube was 1.9 times its estimate
-LAST = 1e-10  # Of the energy: the last generation's steps gain no more
+SETTLED = 1e-6
+"""Of what suffices in the plane: no bound takes what is left, and forces that are read balance."""
 MOST_FACTORED = 6_000
 """Unknowns of a matrix that is factorised: 8,000 take half a second, and grow with the power 2."""
 
@@ -156,18 +157,6 @@ class Bricks(Fitting):
         borne = sides.bed[sides.beds] * self.size[owner] ** 2 * moved
         np.subtract.at(total, (sides.support[sides.beds], side // 2), borne)
         return {names[k]: total[k] for k in np.unique(sides.support[(~sides.given).any(axis=1)])}
-
-    def finish(self) -> None:
-        """Bring forces into balance, as is read; the next generation would not need it."""
-        (level,) = self.levels
-        if level.before is None:
-            return
-        gap = LAST * abs(self.energy) / ENOUGH
-        for name in ("energy", "shares", "corner_stress", "_read_stress", "means", "wanting"):
-            self.__dict__.pop(name, None)
-        for case in self.cases:
-            case.settle(level, gap)
-        self.add_up()
 
 
 class Hats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -39,7 +40,7 @@ class Fitting:
     fit: Floats = field(init=False)
     """Unknowns of the displacement of each agent; shape (n, unknowns)."""
     parts: tuple[Any, ...] = field(default=(), init=False)
-    """The same under loads, and under supports that move, if both act: what is solved for."""
+    """The same under loads, and under supports that move, if both act."""
     levels: tuple[FieldLevel, ...] = field(default=(), init=False)
     """Equations of the displacement, in the plane also those of phi."""
     duals: tuple[Any, ...] = field(default=(), init=False)
@@ -83,10 +84,10 @@ class Fitting:
             extra = summed(value, unknown, size)
         return Blocks(dof, matrices, self.size ** (d - 2), None, size, extra)
 
-    def add_up(self) -> None:
-        """Become the sum of the parts."""
-        if self.parts:
-            self.fit = np.sum([part.fit for part in self.parts], axis=0)
+    def become_sum(self, parts: Sequence[Any]) -> None:
+        """Become what acts together, of parts that are solved for by themselves."""
+        self.parts, self.blocks = tuple(parts), parts[0].blocks
+        self.fit = np.sum([part.fit for part in parts], axis=0)
 
     def settle(self, level: FieldLevel, gap: float) -> None:
         """Take off what is left of the forces, until steps gain little of a gap."""

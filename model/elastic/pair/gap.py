@@ -58,21 +58,13 @@ class Bounds:
     """The best value: the middle of both energies, or of energies far apart that which fits."""
 
 
-def bounds_of(
-    cases: list[tuple[float, float, bool, float]], gap: float, rest: float, locks: bool = False
-) -> Bounds:
-    """Return what the energies of both opinions prove, case by case."""
-    # A case is a potential energy, a complementary one less the work of moved supports, whether
-    # loads act (else supports move), and its gap. What fits locks where a material hardly yields.
-    # Work of the loads in one case is none on what the other moves: their energies add up.
-    lower = upper = fits = whole = miss = 0.0
-    for potential, complementary, loaded, own in cases:
-        # Of loads the energy is minus the least potential energy, of moved supports that itself.
-        low, high = (-potential, complementary) if loaded else (-complementary, potential)
-        lower, upper = lower + low, upper + high
-        fits += low if loaded else high
-        whole += abs(potential) + abs(complementary)
-        miss += abs(high - low - 0.5 * own)
+def bounds_of(cases: Floats, gap: float, rest: float, locks: bool = False) -> Bounds:
+    """Return what the energies of both opinions prove, case by case: loads, and moved supports."""
+    # A case has a lower bound of its energy, an upper one, that of what fits, and its gap. Work of
+    # the loads in one case is none on what the other moves: their energies add up.
+    lower, upper, fits, _ = cases.sum(axis=1).tolist()
+    whole = float(np.abs(cases[:2]).sum())
+    miss = float(np.abs(cases[1] - cases[0] - 0.5 * cases[3]).sum())
     energy = 0.5 * (lower + upper)
     if upper > FAR * lower:
         # One opinion knows next to nothing: that which balances, or that which fits if it locks.

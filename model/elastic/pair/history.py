@@ -49,47 +49,39 @@ def settled(
     else:
         family = descent(before.leaves, leaves)
         mesh.part = before.mesh.part[family[0]]
-    # The body's own loads, then those of the goals: all have the same equations.
+    # Loads and supports that move, each by themselves, then loads of goals: of the same equations.
     kind: Any = Opinions if d == 2 else Bricks
-    size = leaves.size / body.cell
-    loads = [sides, *(aim(mesh, sides, size, law) for aim in aims)]
-    olds: list[Any] = [before, *before.duals] if before else [None] * len(loads)
-    found: list[Any] = [kind(body, mesh, own, law, laws) for own in loads]
-    blocks = found[0].blocks
-    fields, earlier = [], []
-    for own, old in zip(found, olds, strict=True):
-        acts = own.sides.cases
-        own.parts = tuple(kind(body, mesh, one, law, laws) for one in acts) if len(acts) > 1 else ()
-        own.blocks = blocks
-        for case, one in zip(own.cases, old.cases if old else [None] * len(acts), strict=True):
-            case.blocks = blocks
-            case.fit = np.zeros((len(leaves), d * maps.shape[1]))
-            if one is not None and family is not None:
-                case.fit = handed_down(one.fit, family, maps)
-            if case.sides.moved.any():
-                case.fit = moved_by(mesh, case.sides, blocks.shared(case.fit))
-            fields.append(case)
-            earlier.append((one, 0.5 * float(old.shares.sum()) if old else 0.0))
+    acts, size = sides.cases, leaves.size / body.cell
+    loads = [*acts, *(aim(mesh, sides, size, law) for aim in aims)]
+    fields: list[Any] = [kind(body, mesh, one, law, laws) for one in loads]
+    olds: list[Any] = [*before.cases, *before.duals] if before else [None] * len(loads)
+    blocks, gaps = fields[0].blocks, [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]
     direct, free = DIRECT[d], way_of(mesh, sides)
     if d == 2 and np.any(law[1] > INCOMPRESSIBLE * law[2]):
         direct = DIRECT_RUBBER
     if d == 3 and before is None and len(free[1]) > MOST_FACTORED:
-        hats: Any = Hats(found[0], free[1])
+        hats: Any = Hats(fields[0], free[1])
         level = FieldLevel(blocks, free[0], hats, hats.rise)
     else:
         level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)
-    for case, (_, gap) in zip(fields, earlier, strict=True):
-        case.settle(level, gap if d == 2 else SETTLED * gap)
+    for field, old, gap in zip(fields, olds, gaps, strict=True):
+        field.blocks, field.fit = blocks, np.zeros((len(leaves), d * maps.shape[1]))
+        if old is not None and family is not None:
+            field.fit = handed_down(old.fit, family, maps)
+        if field.sides.moved.any():
+            field.fit = moved_by(mesh, field.sides, blocks.shared(field.fit))
+        field.settle(level, gap if d == 2 else SETTLED * gap)
     levels = [level]
     if d == 2:
         above = before.levels[1] if before else None
-        levels.append(balance(fields, earlier, family, above, direct))
-    for own, old in zip(found, olds, strict=True):
-        own.add_up()
-        if d == 3:
-            own.earlier = (float(old.shares.sum()), old.energy) if old else None
-    answer: Settled = found[0]
-    answer.levels, answer.duals = tuple(levels), tuple(found[1:])
+        levels.append(balance(fields, olds, gaps, family, above, direct))
+    answer: Settled = fields[0]
+    if len(acts) > 1:
+        answer = kind(body, mesh, sides, law, laws)
+        answer.become_sum(fields[:2])
+    if before is not None and isinstance(before, Bricks):
+        answer.earlier = float(before.shares.sum()), before.energy
+    answer.levels, answer.duals = tuple(levels), tuple(fields[len(acts) :])
     return answer
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -39,11 +41,10 @@ class Opinions(Fitting):
     phi: Floats = field(init=False)
     """Unknowns of Airy's function, without its linear part; shape (n, 16)."""
 
-    def add_up(self) -> None:
-        """Become the sum of the parts."""
-        super().add_up()
-        if self.parts:
-            self.phi = np.sum([part.phi for part in self.parts], axis=0)
+    def become_sum(self, parts: Sequence[Any]) -> None:
+        """Become what acts together, of parts that are solved for by themselves."""
+        super().become_sum(parts)
+        self.phi = np.sum([part.phi for part in parts], axis=0)
 
     def on_border(self) -> Floats:
         """Return forces and first moments on the body at the sides of its border, (m, 2, 2)."""
@@ -98,21 +99,20 @@ class Opinions(Fitting):
         for case in self.cases:
             balanced, fitted = case.fields()
             apart.append(balanced - fitted)
-            complementary, potential, gap = (
-                float(self.by_agent(one**2).sum()) for one in (balanced, fitted, apart[-1])
-            )
-            loaded = not case.sides.moved.any()
-            if loaded:
-                potential -= 2.0 * case.work_on(case.fit)
+            upper, lower, gap = (float(one @ one) for one in (balanced, fitted, apart[-1]))
+            fits = lower
+            if case.sides.moved.any():
+                # The energy is the least potential one; if loads act, minus that.
+                upper, lower = fits, 2.0 * case.borne(case.sides.moved) - upper
             else:
-                complementary -= 2.0 * case.borne(case.sides.moved)
-            told.append((0.5 * potential, 0.5 * complementary, loaded, gap))
+                lower = fits = 2.0 * case.work_on(case.fit) - lower
+            told.append((0.5 * lower, 0.5 * upper, 0.5 * fits, gap))
         shares = np.sum([self.by_agent(one**2) for one in apart], axis=0)
         if self.parts:
             # The error of both together, should it be larger than that of each.
             shares = np.maximum(shares, self.by_agent(np.sum(apart, axis=0) ** 2))
         locks = is_rubber(self.body.moduli, self.body.scene.plane)
-        return bounds_of(told, float(shares.sum()), self.sides.rest, locks), shares
+        return bounds_of(np.transpose(told), float(shares.sum()), self.sides.rest, locks), shares
 
     @property
     def bounds(self) -> Bounds:
@@ -182,7 +182,8 @@ def tensors(three: Floats) -> Floats:
 
 def balance(
     fields: list[Opinions],
-    earlier: list[tuple[Opinions | None, float]],
+    earlier: list[Opinions | None],
+    gaps: list[float],
     family: tuple[Ints, Ints] | None,
     before: FieldLevel | None,
     direct: int,
@@ -193,7 +194,7 @@ def balance(
     matrices = [(agents, root[:, :16].T @ root[:, :16]) for agents, root in found.soft_roots]
     blocks = airy.blocks(matrices, found.size)
     level = level_of(blocks, airy.way(), before, family, child_maps(True), direct)
-    for own, (old, gap) in zip(fields, earlier, strict=True):
+    for own, old, gap in zip(fields, earlier, gaps, strict=True):
         own.phi = _begun(own, old, family)
         rest = -blocks.gather(_pull(own))
         own.phi += without_plane(blocks.own(level.solve(rest, gap)))

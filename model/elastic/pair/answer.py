@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Goal
-from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.pair.elements import quadratic_values
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.history import (
@@ -31,7 +30,6 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.space import NO_BOUND
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.scales import Scales
 from kaju.model.results.result import OnCells
 from kaju.model.scene import Scene
 
@@ -51,13 +49,23 @@ class PairAgents(OnCells):
     # The agents of every generation, and the opinions of the last
     known: InitVar[tuple[list[LeafCells], Any] | None] = None
 
+    whole: ClassVar[bool] = True
+    """Whether agents fill the first ones: those within outlines need not."""
+
     def __post_init__(self, known: tuple[list[LeafCells], Any] | None) -> None:
+        body, first = self.ground, self.ground.start
         self._last: Any = known and known[1]
         if known is not None:
             self.trees = known[0]
+        elif self.whole:
+            goals = [goal_of(goal.quantity, body) for goal in self.goals]
+            self.trees = trees_of(aligned(goals, first()), self.generations)
         else:
-            goals = [goal_of(goal.quantity, self.ground) for goal in self.goals]
-            self.trees = trees_of(aligned(goals, self.ground.start()), self.generations)
+            self.trees = trees_of(first(), self.generations, whole=False)
+        self.scene, self.stage = body.asked, body.stage
+        self.scales, self.moduli = body.scales, body.moduli
+        self.leaves = self.trees[-1]
+        self.count = len(self.leaves)
 
     @cached_property
     def opinions(self) -> Any:
@@ -90,39 +98,9 @@ class PairAgents(OnCells):
         return self
 
     @property
-    def scene(self) -> Scene:
-        """What was asked."""
-        return self.ground.asked
-
-    @property
-    def stage(self) -> int | None:
-        """Stage of loading; None is the last."""
-        return self.ground.stage
-
-    @property
     def grid(self) -> Scene:
         """The scene on the cells that say where the body is."""
         return self.ground.scene
-
-    @property
-    def scales(self) -> Scales:
-        """Units of the scaled values."""
-        return self.ground.scales
-
-    @property
-    def moduli(self) -> Moduli:
-        """Scaled moduli of every material."""
-        return self.ground.moduli
-
-    @property
-    def leaves(self) -> LeafCells:
-        """The agents."""
-        return self.trees[-1]
-
-    @property
-    def count(self) -> int:
-        """Number of agents."""
-        return len(self.leaves)
 
     @property
     def lower(self) -> Floats:

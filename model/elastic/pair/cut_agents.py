@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import InitVar, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,8 +21,6 @@ from kaju.model.scene.shapes import Shape
 from .airy import loops_of
 from .answer import PairAgents
 from .cut_pair import CutPair
-from .history import trees_of
-from .leaves import LeafCells
 from .opinions import tensors
 
 EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
@@ -45,12 +43,7 @@ class CutAgents(PairAgents):
     """Agents of a plane body within true outlines, whole or cut."""
 
     ground: OutlinedBody  # type: ignore[assignment]
-    known: InitVar[tuple[list[LeafCells], CutPair] | None] = None
-
-    def __post_init__(self, known: tuple[list[LeafCells], CutPair] | None) -> None:
-        self._last = known and known[1]
-        start, history = self.ground.start(), self.generations
-        self.trees = known[0] if known else trees_of(start, history, whole=False)
+    whole: ClassVar[bool] = False
 
     @cached_property
     def opinions(self) -> CutPair:

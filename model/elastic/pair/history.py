@@ -79,7 +79,7 @@ def settled(
     if len(acts) > 1:
         answer = kind(body, mesh, sides, law, laws)
         answer.become_sum(fields[:2])
-    if before is not None and isinstance(before, Bricks):
+    if isinstance(before, Bricks) and isinstance(answer, Bricks):
         answer.earlier = float(before.shares.sum()), before.energy
     answer.levels, answer.duals = tuple(levels), tuple(fields[len(acts) :])
     return answer

@@ -14,6 +14,7 @@ from kaju.arrays import Floats
 
 from .boundary_agent import BoundaryAgent
 from .materials import Material
+from .parameter import is_number
 
 
 class Link(NamedTuple):
@@ -42,7 +43,8 @@ class FaceAgent(FixedAgent):
     """A face between two cells, or two blocks of cells, that a load has woken.
 
     Subclass it to try a rule of your own: `due` says how much of its load the agent takes
-    when its turn comes, `take` what it does with it, `pass_on` whom it hands how much.
+    when its turn comes, `take` what it does with it, `pass_on` whom it hands how much. What is no
+    number, or no neighbour, is an `AgentError`.
 
     Examples
     --------
@@ -78,9 +80,12 @@ class FaceAgent(FixedAgent):
 
     def act(self, asked: float) -> None:
         """Take a load (N) and pass it on, when the order of work asks for it."""
-        load = self.due(asked)
+        wrong, load = self.model.engine.guard.wrong, self.due(asked)
+        if not is_number(load):
+            raise wrong(self, "due", f"must return a load (N), got {load!r:.60}")
         self.take(load)
-        self.pass_on(load)
+        if self.pass_on(load) is not None:  # type: ignore[func-returns-value]
+            raise wrong(self, "pass_on", "must return nothing: self.model.hand_over hands over")
 
     def due(self, asked: float) -> float:
         """Return the load to take (N) when the order asks for `asked`: ωP in a wave, or all."""

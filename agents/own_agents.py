@@ -22,9 +22,10 @@ from .boundary_agent import (
     RigidBoundaryAgent,
     RollerBoundaryAgent,
 )
+from .face_agent import FaceAgent
 from .material_agent import MaterialAgent, PlacedAgent
 from .materials import Material, suggestion
-from .parameter import Declaration, State, declared
+from .parameter import Declaration, Parameter, State, declared
 from .shares import Load, Sense, Shares
 
 BOUNDARIES: dict[str, type[BoundaryAgent]] = {
@@ -33,6 +34,7 @@ BOUNDARIES: dict[str, type[BoundaryAgent]] = {
 HOOKS = {
     MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
     BoundaryAgent: ("give_back", "turn"),
+    FaceAgent: ("due", "take", "pass_on"),
 }
 """What a subclass may override, by its base."""
 MOST_EMISSIONS = 1_000
@@ -46,7 +48,7 @@ def own_classes(
     material_agent: object, boundary_agents: Mapping[str, object] | None
 ) -> tuple[type, ...]:
     """Return the classes of agents that a model is given; refuse what it cannot use."""
-    _check_class("material_agent", material_agent, MaterialAgent)
+    check_class("material_agent", material_agent, MaterialAgent)
     rule = 'boundary_agents: must be a mapping such as {"rigid": MyWall}'
     require(isinstance(boundary_agents, Mapping | None), f"{rule}, got {boundary_agents!r:.80}")
     for name, agent in (boundary_agents or {}).items():
@@ -55,12 +57,12 @@ def own_classes(
             f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), BOUNDARIES)}; "
             f"there is {', '.join(BOUNDARIES)}",
         )
-        _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
+        check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
     given: Any = (material_agent, *(boundary_agents or {}).values())
     return tuple(agent for agent in dict.fromkeys(given) if agent is not MaterialAgent)
 
 
-def _check_class(name: str, agent: object, base: type) -> None:
+def check_class(name: str, agent: object, base: type) -> None:
     """Refuse what is no class of agents, or one whose constructor takes other arguments."""
     if agent is base:
         return
@@ -93,6 +95,8 @@ def _check_names(name: str, agent: type, base: type) -> None:
     told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
     fits = base is MaterialAgent or not declared([agent], State)
     require(fits, f"{told} plain attribute, seen in model.agents")
+    told = f"{name}: ElasticModel takes no Parameter; let {agent.__name__} have a plain number"
+    require(base is not FaceAgent or not declared([agent], Parameter), told)
 
 
 def _check_hooks(name: str, agent: type, base: type) -> None:
@@ -103,10 +107,11 @@ def _check_hooks(name: str, agent: type, base: type) -> None:
         for key, value in vars(each).items()
         if not key.startswith("_") and isinstance(value, FunctionType)
     }
-    for key in own.keys() - set(dir(base)):
-        near = get_close_matches(key, HOOKS[base], n=1, cutoff=0.8)
+    never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
+    for key in own.keys() - (set(dir(base)) - never):
+        near = get_close_matches(key.lower(), HOOKS[base], n=1, cutoff=0.81)  # intake is no slip
         other = [other.__name__ for other in HOOKS if key in HOOKS[other]]
-        meant = f"did you mean {near[0]!r}" if near else f"should it be a {''.join(other)}"
+        meant = f"did you mean {near[0]!r}" if near else f"should it be a {' or '.join(other)}"
         require(
             not (near or other),
             f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; {meant}? If "
@@ -139,16 +144,19 @@ class OwnAgents:
             for form, own in arms_of.items()
         }
 
-    def wrong(self, agent: PlacedAgent, hook: str, what: str) -> AgentError:
+    def wrong(self, agent: PlacedAgent | FaceAgent, hook: str, what: str) -> AgentError:
         """Return the error of a wrong answer."""
-        return AgentError(
-            f"{hook}: {type(agent).__name__} at cell {agent.index} in generation "
-            f"{self.model.generation} {what}"
-        )
+        if isinstance(agent, PlacedAgent):
+            where = f"cell {agent.index} in generation {self.model.generation}"
+        else:
+            level, axis, index = agent.level, "xyz"[agent.place.axis], agent.place.index
+            kind = f"block {index} of level {level}" if level else f"cell {index}"
+            where = f"the lower {axis} face of {kind} in step {self.model.generation + 1}"
+        return AgentError(f"{hook}: {type(agent).__name__} at {where} {what}")
 
-    def check_begun(self, agent: PlacedAgent, place: tuple[int, ...]) -> None:
+    def check_begun(self, agent: PlacedAgent | FaceAgent, place: tuple[int, ...]) -> None:
         """Refuse an agent whose `__init__` has not called that of its base."""
-        if not hasattr(agent, "around" if isinstance(agent, MaterialAgent) else "passed"):
+        if not hasattr(agent, "spawn_step"):
             raise AgentError(
                 f"__init__: {type(agent).__name__} at cell {place} in generation "
                 f"{self.model.generation} must call super().__init__ with all of its arguments"
@@ -234,6 +242,14 @@ class OwnAgents:
             f"; it has {arms}a direction from 0 to {self.directions - 1}, an amount that "
             f"is finite and not negative, and the sense {senses}"
         )
+
+
+def not_balanced(after: str, off: float) -> str:
+    """Return how agents ended that lost or made loads: a share of all loads."""
+    return (
+        f"ended after {after} with a ledger that does not balance: {off:.1e} of all loads are not "
+        "accounted for; let a take or pass_on of your own call super(), or book all that it does"
+    )
 
 
 def _is_amount(value: Any) -> bool:

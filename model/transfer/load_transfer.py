@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Self
 
+from kaju.agents.own_agents import not_balanced
 from kaju.agents.rules import ShareRule
 from kaju.errors import StabilityError
 from kaju.model.scene import Scene
@@ -116,10 +117,7 @@ class LoadTransfer(Stepper[TransferResult]):
     def _outcome(self, ledger: Ledger) -> str:
         """Return how the current stage ended, in words; empty while loads travel."""
         if self.engine.pending == 0.0 and not ledger.imbalance <= 1e-9:
-            return (
-                f"ended after {self.engine.generation} generations with a ledger that does not "
-                f"balance: {ledger.imbalance:.1e} of all loads are not accounted for"
-            )
+            return not_balanced(f"{self.engine.generation} generations", ledger.imbalance)
         return self._end()
 
     @property

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from kaju import __version__
+from kaju.agents.own_agents import not_balanced
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
@@ -165,6 +166,11 @@ class TransferResult(BodyResult):
     def _caveats(self) -> list[tuple[str, str]]:
         """What is approximate, in a few words and in full."""
         found = [("keeps no equilibrium", NO_EQUILIBRIUM)]
+        for stage in self.stages:
+            if not stage.ledger.imbalance <= BOOKS:
+                after = f"{stage.generations} generations"
+                said = not_balanced(after, stage.ledger.imbalance)
+                found.append(("loads are not accounted for", said))
         found += [("materials do not creep here", note) for note in idle_rheology(self.scene)]
         rule = self.scene.rule
         if isinstance(rule, PrescribedRule) and not rule.sense:

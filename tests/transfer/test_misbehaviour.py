@@ -8,12 +8,15 @@ import pytest
 from plates import plate
 
 from kaju import (
+    ElasticModel,
     Emission,
+    FaceAgent,
     FreeBoundaryAgent,
     KajuError,
     Load,
     LoadModel,
     MaterialAgent,
+    Parameter,
     RigidBoundaryAgent,
     State,
     load_result,
@@ -30,6 +33,10 @@ def material(**methods):
 
 def wall(give_back, base=RigidBoundaryAgent, name="rigid"):
     return {"boundary_agents": {name: type("Wall", (base,), {"give_back": give_back})}}
+
+
+def face(**methods):
+    return {"face_agent": type("Face", (FaceAgent,), methods)}
 
 
 def each(change):
@@ -64,6 +71,13 @@ def sets(**values):
 
 def gives(back):
     return wall(lambda self, load, arm: back)
+
+
+def run(own, order="wave", **limits):
+    rule = {"kind": "elastic", "threshold": 0.05, "order": order}
+    if "face_agent" in own:
+        return ElasticModel(scene().replace(rule=rule), **own).run()
+    return LoadModel(scene(), **own, **limits).run(progress=False)
 
 
 AHEAD = Emission(0, 0, 0.1, "push")
@@ -109,6 +123,18 @@ REFUSED = {
     "order chooses nobody": {"order": lambda agents: []},
     "order chooses others": {"order": lambda agents: [object()]},
     "order without end": {"order": lambda agents: repeat(agents[0])},
+    "face due NaN": face(due=lambda self, asked: nan),
+    "face due nothing": face(due=lambda self, asked: None),
+    "face takes NaN": face(take=lambda self, load: FaceAgent.take(self, nan)),
+    "face passes to nobody": face(pass_on=lambda self, load: self.model.hand_over(self, -1, load)),
+    "face passes NaN": face(pass_on=lambda self, load: self.model.hand_over(self, 0, nan)),
+    "face returns shares": face(pass_on=lambda self, load: self.place.links),
+    "face begins without super": face(__init__=lambda self, *start: None),
+    "face hook misspelt": face(dues=lambda self, asked: asked),
+    "face Parameter": face(relax=Parameter(1.4, 1, 2)),
+    "face State": face(worn=State(0.0)),
+    "face steps": face(step=lambda self: None),
+    "material hook in camel case": material(passOn=lambda self, load: None),
 }
 
 
@@ -119,10 +145,10 @@ if not hasattr(LoadModel, "scenario"):  # from 3.5 on Mesa itself takes no step 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_is_no_answer_is_refused_by_name(kind):
     with pytest.raises(KajuError) as told:
-        LoadModel(scene(), **REFUSED[kind]).run(progress=False)
-    names = {"material_agent": "Mine", "boundary_agents": "Wall", "order": "order"}
+        run(REFUSED[kind])
+    names = {"boundary_agents": "Wall", "order": "order", "face_agent": "Face"}
     name = {"steps its model": "step:", "hands over for nobody": "hand_over:"}.get(kind)
-    assert (name or names[next(iter(REFUSED[kind]))]) in str(told.value)
+    assert (name or names.get(next(iter(REFUSED[kind])), "Mine")) in str(told.value)
 
 
 def forgets(agent, load):
@@ -144,6 +170,8 @@ UNBALANCED = {
     "puts loads into boxes": passes(puts),
     "grows": each(lambda a, d, s, t: (a, d, 3.0 * s, t)),
     "goes round for ever": each(lambda a, d, s, t: (a, d, 1.0 if a == d else 0.0, t)),
+    "face keeps all": face(pass_on=lambda self, load: None),
+    "face takes nothing": face(take=lambda self, load: None),
 }
 
 
@@ -155,11 +183,21 @@ def test_an_error_of_an_agents_own_is_not_hidden():
 
 @pytest.mark.parametrize("kind", UNBALANCED)
 def test_what_does_not_balance_or_end_is_not_called_at_rest(kind, tmp_path):
-    result = LoadModel(scene(), max_generations=60, **UNBALANCED[kind]).run(progress=False)
-    assert "at rest" not in result.last.outcome
-    assert "does not balance" in result.last.outcome or "stopped" in result.last.outcome
+    result = run(UNBALANCED[kind], max_generations=60)
+    lost = "does not balance" in result.outcome
+    assert lost or "stopped" in result.outcome
     again = load_result(result.save(tmp_path / "result.npz"))
-    assert again.last.outcome == result.last.outcome
+    assert again.outcome == result.outcome
+    told = any("does not balance" in note for note in again.summary().get("notes", []))
+    assert told or (not lost and again.checks()[0].holds)
+
+
+@pytest.mark.parametrize("order", ["largest first", "multilevel"])
+def test_faces_that_lose_loads_are_never_at_rest(order):
+    lost = run(face(pass_on=lambda self, load: FaceAgent.pass_on(self, 0.5 * load)), order)
+    assert "does not balance" in lost.outcome
+    with pytest.raises(KajuError, match="due: Face at the lower"):
+        run(face(due=lambda self, asked: nan), order)
 
 
 @pytest.mark.parametrize("number", [nan, inf, -inf])

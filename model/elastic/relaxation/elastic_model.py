@@ -7,12 +7,13 @@ from typing import Any, Literal
 
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
+from kaju.agents.own_agents import check_class, not_balanced
 from kaju.errors import ParameterError, StabilityError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.staggered import strain_energy
 from kaju.model.elastic.equal.system import Solution
-from kaju.model.elastic.relaxation.elastic_run import ElasticRun
+from kaju.model.elastic.relaxation.elastic_run import ElasticRun, books
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
 from kaju.model.elastic.relaxation.push_state import (
     PushEngine,
@@ -137,6 +138,7 @@ class ElasticModel(SteppedModel):
         order: Order[FaceAgent] | None = None,
     ) -> None:
         super().__init__(rng, seed)
+        check_class("face_agent", face_agent, FaceAgent)
         if pushes_per_step < 1:
             raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
         self.scene = scene
@@ -250,6 +252,9 @@ class ElasticModel(SteppedModel):
         unit = {"wave": "waves", "multilevel": "visits"}.get(self.table.order, "pushes")
         count = self.state.pushes if unit == "pushes" else self.generation
         if self.at_rest:
+            ledger = PushLedger.of(self.state)
+            if not books(ledger, self.scene, self.generation).holds:
+                return not_balanced(f"{count} {unit}", ledger.imbalance)
             if self.generation == 0:
                 return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
             return f"at rest after {count} {unit}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 
 from kaju import __version__
+from kaju.agents.own_agents import not_balanced
 from kaju.arrays import Floats
 from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -98,7 +99,9 @@ class ElasticRun(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the figures should know, in words."""
-        return tuple(idle_rheology(self.scene))
+        lost = not_balanced(f"{len(self.history)} steps", self.ledger.imbalance)
+        kept = all(check.holds for check in self.checks())
+        return (*([] if kept else [lost]), *idle_rheology(self.scene))
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
@@ -128,12 +131,7 @@ class ElasticRun(BodyResult):
 
     def checks(self) -> list[Check]:
         """Return whether every newton is accounted for, as far as rounding allows."""
-        # What moves along passes loads on that cancel, larger than their sum by as much as the
-        # stiffest stretch is beside the softest shear; every visit rounds them.
-        moduli = scene_moduli(self.scene)
-        cancelling = np.finfo(float).eps * moduli.stretch.max() / moduli.shear.min()
-        allowed = max(BALANCE, float(cancelling * len(self.history)))
-        return [Check("every newton is accounted for", self.ledger.imbalance, allowed)]
+        return [books(self.ledger, self.scene, len(self.history))]
 
     def curves(self) -> list[Curves]:
         """Return energy, largest load left, and the error meter after every step."""
@@ -160,6 +158,16 @@ class ElasticRun(BodyResult):
         for axis, values in enumerate(position.T):  # after the axis of the normal
             table.insert(4 + axis, f"position_{'xyz'[axis]}", values)
         return table
+
+
+def books(ledger: PushLedger, scene: Scene, steps: int) -> Check:
+    """Return whether every newton is accounted for, as far as the rounding of steps allows."""
+    # What moves along passes loads on that cancel, larger than their sum by as much as the
+    # stiffest stretch is beside the softest shear; every visit rounds them.
+    moduli = scene_moduli(scene)
+    cancelling = np.finfo(float).eps * moduli.stretch.max() / moduli.shear.min()
+    allowed = max(BALANCE, float(cancelling * steps))
+    return Check("every newton is accounted for", ledger.imbalance, allowed)
 
 
 def curves_of(history: Sequence[StepRecord], before: int, threshold: float) -> list[Curves]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
 
 import networkx
@@ -11,6 +12,8 @@ import scipy.sparse as sp
 from kaju._mesa import Cell, FixedAgent, Network
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
+from kaju.agents.own_agents import OwnAgents
+from kaju.agents.parameter import is_number
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.relaxation.push_state import PushEngine
 from kaju.model.elastic.relaxation.push_table import PushTable, cells_beside
@@ -27,6 +30,7 @@ class AgentPushEngine(PushEngine):
 
     def __init__(self, model: Any, table: PushTable, face_agent: type[FaceAgent]) -> None:
         self.model, self.face_agent = model, face_agent
+        self.guard = OwnAgents(model, (), 0, ())
         self.agents: list[dict[int, FaceAgent]] = []
         self.air: dict[int, FreeBoundaryAgent] = {}
         self.supports: dict[int, SupportAgent] = {}
@@ -53,7 +57,7 @@ class AgentPushEngine(PushEngine):
         left, moved = faces.left[acting], faces.displacement[acting]
         outbox = self.outbox = []
         for agent, load in zip(agents, loads.tolist(), strict=True):
-            agent.act(load)
+            self._act(agent, load)
         self.outbox = None
         for target, load in outbox:
             faces.left[target] += load
@@ -93,14 +97,25 @@ class AgentPushEngine(PushEngine):
         faces = self.state.levels[level]
         before, moved = faces.left[number], faces.displacement[number]
         agent = self.agent(level, number)
-        agent.act(agent.left)
+        self._act(agent, agent.left)
         yielded = faces.displacement[number] - moved
         self.state.energy -= 0.5 * float(yielded * (before + faces.left[number]))
         self.state.pushes += 1
         return agent
 
+    def _act(self, agent: FaceAgent, load: float) -> None:
+        """Let an agent act; what it leaves must be numbers."""
+        agent.act(load)
+        if not (isfinite(agent.left) and isfinite(agent.displacement)):
+            what = f"has left {agent.left} N and moved by {agent.displacement} m"
+            raise self.guard.wrong(agent, "take", what)
+
     def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
         """Bring a load to a face or support: at once, or when all agents of a wave have acted."""
+        places = range(len(self.state.levels[sender.level].left))
+        if not (is_number(load) and target in places):
+            what = f"hands over {load!r:.60} N to {target!r:.60}; its neighbours are `place.links`"
+            raise self.guard.wrong(sender, "hand_over", what)
         if self.outbox is not None:
             self.outbox.append((target, load))
         else:
@@ -113,6 +128,7 @@ class AgentPushEngine(PushEngine):
             place, faces = self._place(level, number), self.state.levels[level]
             cell = self._cell("face", level, place.axis, *place.index)
             agents[number] = self.face_agent(self.model, cell, place, faces)
+            self.guard.check_begun(agents[number], place.index)
             faces.spawn_step[number] = agents[number].spawn_step
             for link in place.links:
                 if link.target in agents:

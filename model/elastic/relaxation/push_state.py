@@ -101,17 +101,17 @@ class PushState:
         # Of all levels, as if loads were restricted without a push; the estimate is √(Σ P²/k) over
         # √(load · displacement), the error in energy as a share.
         left = self.levels[0].left[: self.table.levels[0].size]
-        loudest = total = 0.0
+        loudest, total = [0.0], 0.0
         for level, faces in zip(self.table.levels, self.levels, strict=True):
             measured = np.abs(left) * faces.weight
-            loudest = max(loudest, float(measured.max(initial=0.0)))
+            loudest.append(float(measured.max(initial=0.0)))
             total += float(measured @ measured) / self.table.reference
             if level.prolong is not None:
                 left = level.restrict @ left
+        work, most = -2.0 * self.energy, float(np.max(loudest))  # or NaN
         if total == 0.0:
-            return loudest, 0.0
-        work = -2.0 * self.energy
-        return loudest, sqrt(total / work) if work > 0.0 else float("inf")
+            return most, 0.0
+        return most, sqrt(total / work) if work > 0.0 else float("inf")
 
 
 class PushEngine(ABC):

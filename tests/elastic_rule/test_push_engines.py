@@ -63,8 +63,6 @@ def test_agents_of_ones_own_are_objects_and_do_as_they_like():
     assert slow.pushes > eager.pushes
     assert np.all(np.diff(slow.energy) < 0.0)
     assert slow.ledger.imbalance < 1e-12
-    with pytest.raises(ParameterError, match="'arrays' knows no StubbornAgent"):
-        ElasticModel(scene, engine="arrays", face_agent=StubbornAgent)
 
 
 def largest(agents):

@@ -48,6 +48,7 @@ def test_a_declared_number_acts_and_is_told_in_summary_file_and_columns(tmp_path
     ("numbers", "told"),
     [
         ({"thresold": 1.0}, "thresold: .*did you mean 'threshold'"),
+        ({"gamma": 1.0}, "gamma: .* 'threshold'"),
         ({"loads": 11}, "loads: .*from 1 to 10"),
         ({"loads": 2.5}, "loads: .*whole number"),
         ({"threshold": "much"}, "threshold: must be a number"),

@@ -97,7 +97,7 @@ def test_agents_live_on_and_what_a_step_adds_is_added(engine):
     [
         ({"step": lambda self: None}, r"Mine\.step never calls super\(\)\.step\(\)"),
         ({"emission": lambda self, load: ()}, "did you mean 'emissions'"),
-        ({"passon": lambda self, load: None}, "did you mean 'pass_on'"),
+        ({"passOn": lambda self, load: None}, "did you mean 'pass_on'"),
     ],
 )
 def test_a_hook_that_nobody_calls_is_refused_by_name(body, told):

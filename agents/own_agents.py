@@ -244,14 +244,6 @@ class OwnAgents:
         )
 
 
-def not_balanced(after: str, off: float) -> str:
-    """Return how agents ended that lost or made loads: a share of all loads."""
-    return (
-        f"ended after {after} with a ledger that does not balance: {off:.1e} of all loads are not "
-        "accounted for; let a take or pass_on of your own call super(), or book all that it does"
-    )
-
-
 def _is_amount(value: Any) -> bool:
     """Tell whether a value is a number that is finite and not negative."""
     real = type(value) is float or isinstance(value, Real)  # the latter takes ten times as long

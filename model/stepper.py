@@ -1,6 +1,6 @@
-"""What models without agents have in common: steps, a run to the end, and a line of progress.
+"""What models that step have in common, with agents or without: steps, and how they end.
 
-Their steps are not taken back: a result holds all records, so look back there.
+Steps of a `Stepper` are not taken back: a result holds all records, so look back there.
 """
 
 from __future__ import annotations
@@ -53,3 +53,11 @@ class Stepper(ABC, Generic[R]):
         """
         with progress_line(progress) as report:
             return step_to_end(self, until, self.result, lambda: report(self.progress))
+
+
+def not_balanced(after: str, off: float) -> str:
+    """Return how agents ended that lost or made loads: a share of all loads."""
+    return (
+        f"ended after {after} with a ledger that does not balance: {off:.1e} of all loads are not "
+        "accounted for; let a take or pass_on of your own call super(), or book all that it does"
+    )

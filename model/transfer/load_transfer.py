@@ -7,11 +7,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Self
 
-from kaju.agents.own_agents import not_balanced
 from kaju.agents.rules import ShareRule
 from kaju.errors import StabilityError
 from kaju.model.scene import Scene
-from kaju.model.stepper import Stepper
+from kaju.model.stepper import Stepper, not_balanced
 
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify, not_known

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from kaju import __version__
-from kaju.agents.own_agents import not_balanced
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
@@ -18,6 +17,7 @@ from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BOOKS, BodyResult, Check, idle_rheology
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
+from kaju.model.stepper import not_balanced
 
 from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
-from kaju.agents.own_agents import check_class, not_balanced
+from kaju.agents.own_agents import check_class
 from kaju.errors import ParameterError, StabilityError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
@@ -34,6 +34,7 @@ from kaju.model.elastic.relaxation.records import (
 )
 from kaju.model.scene import Scene
 from kaju.model.stepped_model import SteppedModel
+from kaju.model.stepper import not_balanced
 from kaju.stepping import Order, Until, step_to_end, takes_objects
 
 EngineName = Literal["auto", "agents", "arrays"]

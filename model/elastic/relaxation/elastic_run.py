@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 
 from kaju import __version__
-from kaju.agents.own_agents import not_balanced
 from kaju.arrays import Floats
 from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -26,6 +25,7 @@ from kaju.model.elastic.relaxation.records import (
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
 from kaju.model.scene import Scene
+from kaju.model.stepper import not_balanced
 
 if TYPE_CHECKING:
     import pandas

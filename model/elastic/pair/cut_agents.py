@@ -159,7 +159,7 @@ class CutAgents(PairAgents):
         """
         border, held = self.border, self.opinions.borders[1].held
         force = np.where(held, 0.0, border.force)
-        found = []
+        found: list[tuple[Floats, Floats, bool]] = []
         for place in np.unique(border.place[force.any(axis=1)]).tolist():
             rows = np.flatnonzero((border.place == place) & force.any(axis=1))
             at = border.ends[rows].mean(axis=1)
@@ -174,7 +174,8 @@ class CutAgents(PairAgents):
             rows, at, long = rows[order], at[order], long[order]
             unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
             one_way = np.ptp(unit, axis=0).max() < 1e-6  # they would lie over each other
-            along_it = abs(float((unit * border.outward[rows]).sum(axis=1).mean())) < 0.5
+            across = (unit * border.outward[rows]).sum(axis=1) / long
+            along_it = abs(float(across.mean())) < 0.5
             few = one_way and (along_it or not side)
             stops = np.linspace(0.0, long.sum(), 3 if few else 11 if side else 33)
             way = np.append(0.0, np.cumsum(long))

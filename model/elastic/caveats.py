@@ -15,14 +15,13 @@ import numpy as np
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
-from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import Cells, Lattice
 from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.shapes import Box
 
-from .corners import sharp_corners, singular_at
+from .corners import sharp_corners, singular_at, singular_round
 
 if TYPE_CHECKING:
     from kaju.model.scene.description import LoadTable
@@ -35,7 +34,6 @@ STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
 SAMPLES = 3  # Points along the edge of a cell by which an outline is found in it
-STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on its steps are a caveat: a choice
 
 
 class Caveat(NamedTuple):
@@ -45,7 +43,7 @@ class Caveat(NamedTuple):
     full: str
 
 
-def refuse_singular(scene: Scene, goal: AskedFor, stage: int | None, name: str = "goal") -> None:
+def refuse_singular(scene: Scene, goal: AskedFor, name: str = "goal") -> None:
     """Refuse to look for a stress at a point where it has no limit."""
     h = scene.lattice.cell_size
     for quantity in quantities_of(goal):
@@ -53,7 +51,7 @@ def refuse_singular(scene: Scene, goal: AskedFor, stage: int | None, name: str =
             continue
         point = np.asarray(quantity.at)
         fits = len(point) == scene.lattice.dimension
-        if fits and (reason := singular_at(scene, point, stage)):
+        if fits and (reason := singular_at(scene, point)):
             box = [(point - 2 * h).tolist(), (point + 2 * h).tolist()]
             raise SingularPlaceError(
                 f"{name}: the stress at {_point(point)} m has no limit, because there {reason}; "
@@ -103,11 +101,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
         return "a sharp corner, or the end of a support" if near.any() else ""
     if result.near_steps[agent]:
         return "a step of an outline that is not along the axes"
-    for corner in corner_ends(result.scene.lattice.dimension):
-        at = result.lower[agent] + result.size[agent] * corner
-        if reason := singular_at(result.scene, at, result.stage):
-            return reason
-    return ""
+    return singular_round(result.scene, result.lower[agent], float(result.size[agent]))[1]
 
 
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
@@ -145,16 +139,12 @@ def _rough(result: ElasticResult) -> list[Caveat]:
 
 def _loads(result: ElasticResult) -> list[Caveat]:
     """Say which loads do not act just where they are described, and how far off they are."""
-    grid, found = result.grid, []
-    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-        if off := _off_place(load, chosen, grid):
-            found.append(Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}"))
-    uneven = None if result.spawned else grid.applied(result.stage).uneven
-    if uneven is not None and np.any(uneven.part % 1.0):
-        said = "loads end within faces, which take their force and moments alone; smaller cells, "
-        said += "or a tolerance, take them as they are"
-        found.append(Caveat("loads end within faces", said))
-    return found
+    grid = result.grid
+    return [
+        Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}")
+        for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True))
+        if (off := _off_place(load, chosen, grid))
+    ]
 
 
 def _steps(result: ElasticResult, near: Flags) -> Caveat:
@@ -197,29 +187,22 @@ def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
     h, inside = grid.lattice.cell_size, bool(np.all(chosen.direction < 0))
     shaped = load.region is not None and load.region.box is None
     edge = f"which moves the edge of its region by up to {0.5 * h:.3g} m"
-    said = []
     if load.point is not None:
         how = "with its moment" if chosen.offset is not None else "round its middle"
-        said.append(
+        return (
             f"a force at a point would have infinite energy, so it is spread over the {h:.3g} m "
             f"of its cell, {how}; smaller cells make it sharper"
         )
-    elif shaped and inside:
-        said.append(f"takes whole cells, {edge}")
-    elif shaped and _ends_on_surface(grid, chosen):
-        said.append(f"takes whole faces, {edge}; a box without thickness ends within them")
-    elif inside and chosen.part is not None:
-        said.append(
+    if shaped and inside:
+        return f"takes whole cells, {edge}"
+    if shaped and _ends_on_surface(grid, chosen):
+        return f"takes whole faces, {edge}; a box without thickness ends within them"
+    if inside and chosen.part is not None:
+        return (
             "its region ends inside cells, and the load acts on the whole of each, which moves "
             f"its edge by up to {h:.3g} m; take smaller cells or a larger resolution"
         )
-    steps = chosen.steps_of_couple(grid.lattice) if load.couple is not None else 0.0
-    if steps > STEPS_OF_COUPLE:
-        said.append(
-            "a couple acts evenly on each face, although its traction changes across a face: "
-            f"the difference is {steps:.2g} of its moment; take smaller cells"
-        )
-    return "; ".join(said)
+    return ""
 
 
 def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:

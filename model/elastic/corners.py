@@ -47,55 +47,15 @@ def sharp_corners(scene: Scene) -> Floats:
     return np.asarray(np.stack(corner, axis=1) * lattice.cell_size, dtype=np.float64)
 
 
-def singular_at(scene: Scene, point: Floats, stage: int | None = None) -> str:
+def singular_at(scene: Scene, point: Floats) -> str:
     """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
-    if not scene.lattice.boxes:
-        return ""
-    return _by_shape(scene, point) or _by_loads(scene, point, stage)
-
-
-def _by_loads(scene: Scene, point: Floats, stage: int | None) -> str:
-    """Tell of forces at points, and of loads along a straight surface of the plane that end."""
     lattice = scene.lattice
-    h = lattice.cell_size
-    for load in scene.loads:
-        if load.point is not None and np.abs(point - np.array(load.point)).max() < h:
-            return "a force acts at a point, and is spread over a cell"
-    if lattice.dimension == 3:
+    if not lattice.boxes:
         return ""
-    applied, place = scene.applied(stage), np.asarray(point) / h
-    part = np.tile(np.array([[0.0], [1.0]]), (len(applied.force), 1, 2))
-    growth = np.zeros((len(part), 2, 2))
-    if applied.uneven is not None:
-        part[applied.uneven.row], growth[applied.uneven.row] = applied.uneven[1:]
-    for side in range(4):
-        normal, upper = divmod(side, 2)
-        along = 1 - normal
-        level = applied.cells[:, normal] + upper
-        on = (applied.direction == side) & (np.abs(level - place[normal]) <= ON_EDGE)
-        ends = applied.cells[:, along, None] + part[:, :, along]
-        away, jump = place[along] - ends.mean(axis=1), 0.0
-        drag = applied.force[:, along] / np.diff(ends)[:, 0] + growth[:, along, along] * away
-        for step in (-1.0, 1.0):  # just before the point, and just after it
-            at = place[along] + step * ON_EDGE
-            jump += step * float(drag[on & (ends[:, 0] < at) & (at < ends[:, 1])].sum())
-        if abs(jump) <= ON_EDGE * np.abs(applied.force).max(initial=0.0):
-            continue
-        beside = np.repeat(place[None], 2, axis=0)
-        beside[:, along] += (-0.5, 0.5)
-        beside[:, normal] = np.rint(place[normal]) - upper
-        cells = np.floor(beside + ON_EDGE * (np.arange(2) == normal)).astype(np.int64)
-        if np.all(_known_kinds(scene, cells) >= 0):
-            return "a load along the surface ends"
-    return ""
-
-
-def _by_shape(scene: Scene, point: Floats) -> str:
-    """Return why stresses have no limit by the cells round a point."""
-    lattice = scene.lattice
     place = np.asarray(point, dtype=np.float64) / lattice.cell_size
     on_line = np.abs(place - np.rint(place)) <= ON_EDGE
     corner = np.where(on_line, np.rint(place), np.floor(place)).astype(np.int64)
+    last = np.asarray(lattice.shape)
     for along in range(lattice.dimension) if lattice.dimension == 3 else [None]:
         across = [axis for axis in range(lattice.dimension) if axis != along]
         if not on_line[across].all():
@@ -106,15 +66,25 @@ def _by_shape(scene: Scene, point: Floats) -> str:
             cells[:, across] += ROUND
             if along is not None:
                 cells[:, along] += step
-            reason = _reason(_sides(scene, _known_kinds(scene, cells)))
-            if reason:
+            # Those farther than one beyond the array are as the nearest.
+            if reason := _reason(_sides(scene, scene.kinds(np.clip(cells, -1, last)))):
                 return reason
+    for load in scene.loads:
+        if (
+            load.point is not None
+            and np.abs(point - np.array(load.point)).max() < lattice.cell_size
+        ):
+            return "a force acts at a point, and is spread over a cell"
     return ""
 
 
-def _known_kinds(scene: Scene, cells: Ints) -> Ints:
-    """Return the kinds of cells; those farther than one beyond the array are as the nearest."""
-    return scene.kinds(np.clip(cells, -1, np.asarray(scene.lattice.shape)))
+def singular_round(scene: Scene, lower: Floats, size: float) -> tuple[Floats, str]:
+    """Return a corner of a box (m) where stresses have no limit, and why; or its middle."""
+    for end in product((0.0, 1.0), repeat=len(lower)):
+        corner = lower + size * np.array(end)
+        if reason := singular_at(scene, corner):
+            return corner, reason
+    return lower + 0.5 * size, ""
 
 
 def _sides(scene: Scene, kinds: Ints) -> tuple[int, ...]:

@@ -621,7 +621,7 @@ class ElasticResult(BodyResult):
             stress = self.outline_stress(str(asked.at))[1]
             return float(stress[np.abs(stress).argmax()])
         if not self.scene.outlined:
-            refuse_singular(self.scene, asked, self.stage, "value_of")
+            refuse_singular(self.scene, asked, "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
 
     def cells(self, resolution: int | None = None) -> EqualArrays:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
-from kaju.model.elastic.corners import singular_at
+from kaju.model.elastic.corners import singular_round
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, grid_of
@@ -21,7 +21,6 @@ from kaju.model.elastic.equal.supports import is_torn
 from kaju.model.elastic.goals.quantities import AskedFor, asked
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
-from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -93,7 +92,7 @@ def answer_of(spawning: PairAgents, tolerance: float, seconds: float) -> Elastic
 
 def missed_note(spawning: PairAgents, tolerance: float) -> str:
     """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
-    error, stopped = error_of(spawning), spawning.stopped
+    error, stopped, ground = error_of(spawning), spawning.stopped, spawning.ground
     if error <= tolerance or stopped == "agents":
         return ""
     proved = not (spawning.no_bound or any(goal.no_bound for goal in spawning.goals))
@@ -103,35 +102,29 @@ def missed_note(spawning: PairAgents, tolerance: float) -> str:
         return f"after {len(spawning.generations)} steps, which leave {above}"
     if stopped == "rounding":
         return f"rounding hides the difference between the two stresses, and leaves {above}"
-    if spawning.ground.resolution is not None:
+    if ground.resolution is not None:
         return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
-    where = most_at(spawning)
+    agent, scene = first_largest(spawning.generations[-1].gap), ground.scene
+    metre = scene.lattice.cell_size / ground.cell
+    lower, size = metre * spawning.leaves.lower[agent], metre * spawning.leaves.size[agent]
+    place, reason = lower + 0.5 * size, ""
+    if not isinstance(ground, OutlinedBody):
+        place, reason = singular_round(scene, lower, size)
+    most = f"most of it lies at ({', '.join(f'{x:.4g}' for x in place)}) m"
+    most += f", where {reason}" if reason else ""
     if stopped == "corners":
         return (
             f"agents would be too small to be counted before they agree where stress grows without "
-            f"limit: they leave {above}; most of it lies {where}"
+            f"limit: they leave {above}; {most}"
         )
     if stopped == "stalled":
-        return f"more agents do not lower the error: they leave {above}; most of it lies {where}"
-    return f"the smallest agents that can be counted leave {above}; most of it lies {where}"
+        return f"more agents do not lower the error: they leave {above}; {most}"
+    return f"the smallest agents that can be counted leave {above}; {most}"
 
 
 def error_of(spawning: PairAgents) -> float:
     """Return the error that the tolerance limits."""
     return max((one.relative_error for one in spawning.goals), default=spawning.error)
-
-
-def most_at(spawning: PairAgents) -> str:
-    """Say where most of the error lies, and why."""
-    leaves, ground = spawning.leaves, spawning.ground
-    agent, scene = first_largest(spawning.generations[-1].gap), spawning.ground.scene
-    metre, reason = scene.lattice.cell_size / ground.cell, ""
-    for corner in corner_ends(ground.dimension):
-        point = (leaves.lower[agent] + corner * leaves.size[agent]) * metre
-        if not isinstance(ground, OutlinedBody) and (reason := singular_at(scene, point)):
-            break
-    place = ", ".join(f"{x:.4g}" for x in point)
-    return f"at ({place}) m" + (f", where {reason}" if reason else "")
 
 
 def solve_cells(

@@ -144,15 +144,6 @@ class Selection:
         middles = self._middles(lattice)
         return np.asarray(middles - self.share @ middles / self.share.sum())
 
-    def steps_of_couple(self, lattice: Lattice) -> float:
-        """Return the share of a couple's moment that even forces on faces take from within them."""
-        lever = self._levers(lattice)
-        edge = np.ones_like(lever) if self.part is None else self.part[:, 1] - self.part[:, 0]
-        edge[np.arange(len(lever)), self.direction // 2] = 0.0
-        between = float(self.share @ (lever * lever).sum(axis=1))
-        within = float(self.share @ (edge * edge).sum(axis=1)) * lattice.cell_size**2 / 12.0
-        return within / (between + within)
-
     def _couple(self, moment: Floats, lattice: Lattice) -> Floats:
         """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
         lever = self._levers(lattice)

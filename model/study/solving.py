@@ -189,5 +189,5 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
             "tolerance and goal out (equal cells start from the previous answer)"
         )
     if goal is not None:
-        refuse_singular(scene, goal, stage)
+        refuse_singular(scene, goal)
     return solve_spawning(scene, tolerance, resolution, goal=goal, stage=stage)

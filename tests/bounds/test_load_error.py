@@ -129,10 +129,3 @@ def test_what_is_certain_of_a_goal_holds_for_the_load_described(seed):
         (goal,) = answer.goals
         assert abs(goal.value - top[:, 1].mean()) <= goal.error_bound
         assert (answer.tolerance_kept == "proved") == (goal.relative_error <= 0.1)
-
-
-def test_that_loads_end_within_faces_of_equal_cells_is_told():
-    load = {"region": {"box": [[0.083, EDGE], [0.117, EDGE]]}, "force": [0.0, -2.0]}
-    coarse, spawned = solve(square(load, 5)), solve(square(load, 5), tolerance=0.05)
-    assert any("end within faces" in note for note in coarse.notes)
-    assert not any("within" in note for note in spawned.notes)

@@ -10,7 +10,6 @@ from kaju.errors import SupportError
 
 ROUND = {"disk": {"centre": [0.0, 0.0], "radius": 0.043}, "material": "air"}
 CORNER = {"box": [[0.04, 0.04], [0.08, 0.08]], "material": "air"}
-PRESSED = {"region": {"box": [[0.033, 0.08], [0.058, 0.08]]}, "force": [0.0, -2.0]}
 PULLED = {"cell": [4, 7], "force": [0.0, 2.0]}
 RULE = {"kind": "prescribed", "threshold": 0.1}
 CREEPS = {"m": {"base": "steel", "rheology": {"K_f": 1.0, "D_f": 1.0, "D_d": 1.0}}}
@@ -18,7 +17,6 @@ SCENES = {
     "rough": ({"loads": [{"cell": [6, 7], "force": [0.0, -2.0]}]}, "error about"),
     "round": ({"regions": [ROUND]}, "outlines are steps"),
     "corner": ({"regions": [CORNER]}, "no limit of stress"),
-    "within faces": ({"loads": [PRESSED]}, "loads end within faces"),
     "pulled": ({"loads": [PULLED], "rule": RULE}, "pulls squeeze, too"),
     "idle": ({"material": "m", "materials": CREEPS, "rule": RULE}, "materials do not creep here"),
 }

@@ -35,7 +35,7 @@ FRACTIONS = (
 NO_BOUND = "within true outlines in space errors are estimated, not proved"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SolidAgents(CellAgents):
     """Agents of one size, whole or cut by outlines."""
 
@@ -45,7 +45,7 @@ class SolidAgents(CellAgents):
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""
         posed, share = grid_of_solid(self.scene, self.division)
-        object.__setattr__(self, "factor", share)
+        self.factor = share
         self._check(posed)
         return posed
 

@@ -2,36 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.scales import Scales
 from kaju.model.results.result import OnCells
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 from . import fields
 from .fields import reactions
-from .grid import Grid, Origin, problem_of_scene, repeated
-from .problem import ABSENT, ElasticProblem, FaceFields
+from .grid import Grid, problem_of_scene, repeated
+from .problem import ABSENT, FaceFields
 from .staggered import Strains, energy_of_cells
 from .system import Solution
 
 FINEST = 1 << 20  # A stored grid has no more cells per cell of the scene
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class CellAgents(OnCells):
     """Agents of one size, as arrays over the box around the body; scaled.
 
-    Lengths are in cells, and agents row by row.
+    Lengths are in cells, and agents row by row. `body` tells which cells of the box they are,
+    `origin` the cell of the grid that is its first.
     """
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
@@ -41,7 +40,6 @@ class CellAgents(OnCells):
     )
     goals: ClassVar[tuple[()]] = ()
     generations: ClassVar[tuple[()]] = ()
-    posed: Grid = field(init=False, repr=False)
     scene: Scene  # What was asked
     stage: int | None
     division: int
@@ -51,7 +49,11 @@ class CellAgents(OnCells):
     known: InitVar[Grid | None] = None
 
     def __post_init__(self, known: Grid | None) -> None:
-        object.__setattr__(self, "posed", known or self._posed())
+        self.posed = posed = known or self._posed()
+        self.grid, self.problem, self.origin = posed.scene, posed.problem, posed.origin
+        self.scales, self.moduli = posed.problem.scales, posed.problem.moduli
+        self.body = np.asarray(posed.problem.kinds[posed.problem.inner] >= 0)
+        self.count = int(np.count_nonzero(self.body))
 
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""
@@ -75,39 +77,9 @@ class CellAgents(OnCells):
         if shapes != needed:
             raise ResultError(f"'displacement' must be of the shapes {needed}, and is of {shapes}")
 
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that were solved."""
-        return self.posed.scene
-
-    @property
-    def problem(self) -> ElasticProblem:
-        """The scaled arrays that were solved."""
-        return self.posed.problem
-
-    @property
-    def origin(self) -> Origin:
-        """The grid's cell that is the arrays' first."""
-        return self.posed.origin
-
-    @property
-    def scales(self) -> Scales:
-        """Units of the scaled values."""
-        return self.problem.scales
-
-    @property
-    def moduli(self) -> Moduli:
-        """Scaled moduli of every material."""
-        return self.problem.moduli
-
     def history(self) -> dict[str, Any]:
         """Return the figures of their generations: one."""
         return {"generations": 1}
-
-    @cached_property
-    def body(self) -> Flags:
-        """Which cells of the box are of a material."""
-        return np.asarray(self._kinds >= 0)
 
     @property
     def _kinds(self) -> NDArray[np.int32]:
@@ -122,11 +94,6 @@ class CellAgents(OnCells):
     def lower(self) -> Floats:
         """Lower corners of the agents."""
         return self.cells.astype(np.float64)
-
-    @cached_property
-    def count(self) -> int:
-        """Number of agents."""
-        return int(np.count_nonzero(self.body))
 
     @property
     def size(self) -> Floats:

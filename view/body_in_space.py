@@ -16,7 +16,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.results.mesh import CUBE_FACES, corner_order
 from kaju.model.scene import Scene
 
-from .body_plots import SIDE_BY_SIDE, applied_text, force_arrows
+from .body_plots import applied_text, force_arrows
 from .style import BODY, FAINT, FORCE, INK, caption, label_axis, legend, new_axes
 from .units import grouped
 
@@ -99,7 +99,7 @@ def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3
 
 
 def space_for(
-    ax: Axes | None, scene: Scene, box: DrawnBox, stage: int | None, most: int = SIDE_BY_SIDE
+    ax: Axes | None, scene: Scene, box: DrawnBox, stage: int | None, most: int = 5
 ) -> tuple[Axes3D, list[str]]:
     """Return axes with a box's frame and up to `most` forces, and a note on these."""
     space = cast(Axes3D, new_axes(ax, (6.8, 6.2), "3d"))

@@ -21,13 +21,8 @@ from .section import Arrows, How, Section
 from .style import BODY, BODY_HATCHES, FORCE, INK, LINE
 from .units import counted, quantity
 
-SIDE_BY_SIDE = 5
-"""A load along a side, or a weight, becomes at most so many arrows beside each other."""
 
-
-def force_arrows(
-    scene: Scene, applied: AppliedLoads, rows: Ints, most: int = SIDE_BY_SIDE
-) -> Arrows:
+def force_arrows(scene: Scene, applied: AppliedLoads, rows: Ints, most: int = 5) -> Arrows:
     """Gather the applied forces of some rows in arrows, few enough to be seen one by one.
 
     Forces of one direction on faces of one direction that lie beside each other become a few
@@ -57,8 +52,10 @@ def force_arrows(
             along = face[one[0]] >= 0 and abs(outwards) < 0.5
             for part in _parts(place[one], 1 if along else most):
                 inside = one[part]
-                nearest = np.linalg.norm(place[inside] - place[inside].mean(axis=0), axis=1)
-                places.append(place[inside[nearest.argmin()]])
+                middle = place[inside].mean(axis=0)
+                if np.ptp((place[inside] - middle) @ normal[one[0]]) > 1e-9 or face[one[0]] < 0:
+                    middle = place[inside[np.linalg.norm(place[inside] - middle, axis=1).argmin()]]
+                places.append(middle)  # of faces in one plane, so that arrows stand evenly
                 sums.append(force[inside].sum(axis=0))
                 pulls.append(outwards > 1e-9 or (face[one[0]] < 0 and not few))
     shape = (-1, lattice.dimension)

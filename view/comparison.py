@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
     from kaju.model.study.rule_study import RuleStudy, StraightWay
 
-ROOM = 2.0
-"""Of the reference's range: what lies further outside of it would make a line of all others."""
 BELIEVED = "elasticity"
 TITLE: Any = {"loc": "left", "fontsize": 10, "fontweight": "bold", "color": INK}
 Shown = tuple[str, str, str]
@@ -76,7 +74,7 @@ def _draw_along(
 def _keep_to(ax: Axes, axis: str, reference: Floats, judged: Sequence[Floats]) -> None:
     """Keep an axis near the reference, and say so where what is judged leaves the picture."""
     low, high = min(0.0, float(np.nanmin(reference))), max(0.0, float(np.nanmax(reference)))
-    least, most = low - ROOM * (high - low), high + ROOM * (high - low)
+    least, most = 3.0 * low - 2.0 * high, 3.0 * high - 2.0 * low  # farther out is not shown
     values = np.concatenate(judged)
     values = values[np.isfinite(values)]
     if len(values) == 0 or (least <= values.min() and values.max() <= most):

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 MovedAt = Callable[["Floats"], "Floats"]
 """Displacements (m) at points (m)."""
 
-_SAME = 180.0
-"""Corners nearer to each other than this part of a cell are one; rounding is far less."""
-
 
 class Joined(NamedTuple):
     """Cells that share corners, and how to find the displacement of these."""
@@ -57,7 +54,7 @@ class Joined(NamedTuple):
 def join(corners: Floats, apart: Floats) -> Joined:
     """Join cells of a size (m), corners of shape (n, corners, dimension), where they touch."""
     flat = corners.reshape(-1, corners.shape[2])
-    first, number = same_points(flat, apart / _SAME)
+    first, number = same_points(flat, apart / 180.0)  # rounding is far less
     middles = np.repeat(corners.mean(axis=1), corners.shape[1], axis=0)
     inside = flat + 1e-6 * (middles - flat)  # where a corner belongs to no other cell
     return Joined(flat[first], number.reshape(corners.shape[:2]), inside)

@@ -29,7 +29,6 @@ Cut: TypeAlias = Mapping[str, float] | None
 """Axis and place (m) of a plane; an empty one is a plane through the agents."""
 How: TypeAlias = Literal["min", "max", "sum", "farthest"]
 """How the values of the cells of one tile become one."""
-_PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
 
 
 def check_number(key: str, value: float, last: float) -> None:
@@ -58,7 +57,9 @@ def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDA
         low, high = (pairing.reduceat(values, starts) for pairing in (np.minimum, np.maximum))
         values = np.where(-low > high, low, high)
     elif len(starts):
-        values = _PAIRING[how].reduceat(values, starts, axis=0)
+        values = {"min": np.minimum, "max": np.maximum, "sum": np.add}[how].reduceat(
+            values, starts, axis=0
+        )
     return places[starts], values
 
 
@@ -261,8 +262,6 @@ class Section:
         return ["; ".join(words) for words in (shown, self.caveats) if words]
 
 
-MOST_ACROSS = 240
-"""At most this many tiles lie side by side."""
 WHOLE_UP_TO = 64
 """Bodies of up to this many cells across are never cropped."""
 
@@ -272,7 +271,7 @@ def section_of(
     cells: Ints | None = None,
     cut: Cut = None,
     crop: bool | None = None,
-    most_across: int = MOST_ACROSS,
+    most_across: int = 240,
     whole_up_to: int = WHOLE_UP_TO,
     caveats: tuple[str, ...] = (),
 ) -> Section:

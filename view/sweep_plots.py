@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     import pandas
 
 
-MOST_LEVELS = 12
-"""With more values than this, means are taken over bins of equally many runs."""
-
-
 def plot_effects(table: pandas.DataFrame, measure: str) -> Figure:
     """Draw a measure against each varied quantity: every run, and the means, in a common scale.
 
@@ -116,8 +112,8 @@ def _places(column: Any) -> tuple[Floats, list[str]]:
 
 def _means(place: Floats, value: Floats) -> tuple[Floats, Floats]:
     levels, at = np.unique(place, return_inverse=True)
-    if len(levels) > MOST_LEVELS:
-        at = np.argsort(np.argsort(place, kind="stable")) * MOST_LEVELS // len(place)
+    if len(levels) > 12:  # bins of equally many runs
+        at = np.argsort(np.argsort(place, kind="stable")) * 12 // len(place)
     count = np.bincount(at)
     return np.bincount(at, place) / count, np.bincount(at, value) / count
 

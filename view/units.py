@@ -13,7 +13,6 @@ _PREFIXES = {
     0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P", 18: "E",
 }  # fmt: skip
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_GAP = "\u202f"  # a narrow space that no line breaks at
 
 
 class Scale(NamedTuple):
@@ -56,7 +55,7 @@ def quantity(value: float, unit: str) -> str:
 
 def grouped(number: float) -> str:
     """Return a whole number with its thousands set apart: ``"10 000"``."""
-    return f"{round(number):,}".replace(",", _GAP)
+    return f"{round(number):,}".replace(",", "\u202f")  # narrow, and no line breaks there
 
 
 def counted(number: int, thing: str) -> str:

@@ -373,10 +373,6 @@ def page_html(packed: bytes, title: str, python: bool = False) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], template)
 
 
-HEIGHT = 640
-"""Of a page in a notebook (pixels)."""
-
-
 def html_of(of: Any) -> str:
     """Return what a notebook shows: of a scene a picture, of all else a page, or a picture."""
     if isinstance(of, Scene):
@@ -390,7 +386,7 @@ def html_of(of: Any) -> str:
         return _picture(of)
     return (
         f'<iframe title="kaju" sandbox="allow-scripts allow-downloads" srcdoc="{escape(page)}" '
-        f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+        f'style="width:100%;height:640px;border:0"></iframe>'
     )
 
 

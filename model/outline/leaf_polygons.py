@@ -16,7 +16,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
 
 from .crossed_leaves import SQUARE, crossed
-from .true_shapes import AIR, UNIT, Law, TrueBody, leaf_at, snapped
+from .true_shapes import AIR, UNIT, Law, TrueBody, holding, leaf_at, snapped
 
 NUDGE = 2.0**-34  # less than the grid of corners: tells the sides of a line that leaves meet along
 MOST_CORNERS = 10  # of one polygon; leaves with more, or with holes, are halved first
@@ -296,38 +296,6 @@ def _closed(pieces: _Pieces, place: Ints, leaf_of: Ints, leaves: LeafCells) -> t
     return rings.without_repeats(), np.concatenate(vague)
 
 
-def _holding(rings: list[list[Floats]], points: Floats) -> Flags:
-    """Tell which regions hold which points, shape (regions, points): how often a ray meets them."""
-    out = np.zeros((len(rings), len(points)), dtype=np.int64)
-    ring = [(k, one) for k, lines in enumerate(rings) for one in lines]
-    if not ring:
-        return out > 0
-    start = np.concatenate([one for _, one in ring])
-    end = np.concatenate([np.roll(one, -1, axis=0) for _, one in ring])
-    region = np.repeat([k for k, _ in ring], [len(one) for _, one in ring])
-    low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
-    # lines by the bands that they cross, as many bands as lines
-    least, most = min(low.min(), points[:, 1].min()), max(high.max(), points[:, 1].max())
-    bands = max(len(start), 16)
-    scale = bands / max(most - least, 1e-300)
-    first, last = (np.floor((at - least) * scale).astype(np.int64) for at in (low, high))
-    row = np.repeat(np.arange(len(start)), last - first + 1)
-    band = np.arange(len(row)) - np.repeat(np.cumsum(last - first + 1) - last - 1, last - first + 1)
-    order = np.argsort(band, kind="stable")
-    row, band = row[order], band[order]
-    own = np.floor((points[:, 1] - least) * scale).astype(np.int64)
-    begin, stop = np.searchsorted(band, own), np.searchsorted(band, own, "right")
-    point = np.repeat(np.arange(len(points)), stop - begin)
-    at = np.arange(len(point)) - np.repeat(np.cumsum(stop - begin) - stop, stop - begin)
-    line = row[at]
-    (x0, y0), (x1, y1), (x, y) = start[line].T, end[line].T, points[point].T
-    crosses = (y0 > y) != (y1 > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crosses &= x0 + (y - y0) / (y1 - y0) * (x1 - x0) > x
-    np.add.at(out, (region[line[crosses]], point[crosses]), 1)
-    return out % 2 > 0
-
-
 class VagueError(Exception):
     """Leaves, by their codes, that have to be halved before it is known what they hold."""
 
@@ -358,7 +326,7 @@ def leaf_polygons(
     cut = np.zeros((len(body.regions), len(leaves)), dtype=np.bool_)
     cut[region[pieces.leaf >= 0], pieces.leaf[pieces.leaf >= 0]] = True
     middle = (leaves.lower + 0.5 * leaves.size[:, None]) * UNIT
-    holds = _holding(lines, middle) & ~cut
+    holds = holding(lines, middle) & ~cut
     several = cut.sum(axis=0) > 1
     laws = [*body.laws]
     # where one region cuts a leaf the law within it, and beyond
@@ -379,10 +347,8 @@ def leaf_polygons(
 
     def numbers_at(points: Floats, leaf: int) -> Ints:
         """Return the numbers of laws at points of a leaf that several regions cut."""
-        own, there = (np.repeat(one[:, [leaf]], len(points), axis=1) for one in (cut, holds))
-        here = np.flatnonzero(cut[:, leaf])
-        there[here] = _holding([lines[k] for k in here.tolist()], points)
-        return _laws_at(body, laws, there, own, most)
+        own = np.repeat(cut[:, [leaf]], len(points), axis=1)
+        return _laws_at(body, laws, holding(lines, points), own, most)
 
     both = np.stack([pieces.start, pieces.end], axis=1)
     for leaf in np.flatnonzero(several & held).tolist():
@@ -427,11 +393,11 @@ def _laws_at(body: TrueBody, laws: list[Law], held: Flags, cut: Flags, most: boo
     Near an outline of a law neither stiffer nor softer than that below it is one of both kinds.
     """
     found = np.full(held.shape[1], _number(laws, body.law))
-    for k in np.flatnonzero(held.any(axis=1) | cut.any(axis=1)).tolist():
-        below, law = found, _number(laws, body.regions[k].law)
+    for k, region in enumerate(body.regions):
+        below, law = found, _number(laws, region.law)
         found = np.where(held[k], law, below)
         near = cut[k] & (held[k] == most) & (below >= 0)
-        for one in np.unique(below[near]).tolist() if near.any() and body.mixed(k) else ():
+        for one in np.unique(below[near]).tolist() if body.mixed(k) else ():
             either = _number(laws, laws[law].with_other(laws[one], most))
             found[near & (below == one)] = either
     return found

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
+from kaju.model.scene.curves import Point, cross, crossings, parted_at
+from kaju.model.scene.lattice import area_of
 
 from .arc_triangles import (
     ArcFrames,
@@ -144,20 +145,15 @@ class ClosedLine:
 
     def part_along(self, direction: Point) -> None:
         """Part arcs where they run along a direction."""
-        frames = ArcFrames(self.arcs)
-        sides = np.sign([cross(at, np.array(direction)) for at in (frames.first, frames.last)])
-        turning = (sides[0] * sides[1] < 0.0) & (frames.turn != 0.0)
-        parts = []
-        for arc, side, turns in zip(self.arcs, sides[0], turning, strict=True):
-            low, high = 0.0, 1.0
-            for _ in range(60 if turns else 0):
-                middle = 0.5 * (low + high)
-                tangent = ArcFrames(parted(arc[None], middle)[1:]).first[0]
-                if cross(tangent, np.array(direction)) * side > 0.0:
-                    low = middle
-                else:
-                    high = middle
-            parts += parted_at(arc, np.array([low]))
+        parts, along = [], np.array(direction)
+        # From control points to the polynomial's coefficients, that of the last power first.
+        powers = np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 3, 0, 0], [1, 0, 0, 0]])
+        for arc, turn in zip(self.arcs, ArcFrames(self.arcs).turn, strict=True):
+            # How far the arc is off a line along the direction is off / weight.
+            off, weight = powers @ cross(arc[:, :2], along), powers @ arc[:, 2]
+            rise, less = np.polymul(np.polyder(off), weight), np.polymul(off, np.polyder(weight))
+            level = np.roots(np.polysub(rise, less))
+            parts += parted_at(arc, level[level.imag == 0.0].real) if turn else [arc]
         self.arcs = np.array(parts)
 
     def ring(self, outer: bool) -> Floats:
@@ -183,12 +179,6 @@ def _parted_on(arc: Floats, axis: int, side: float) -> list[Floats]:
     return parts
 
 
-def area_of(corners: Floats) -> float:
-    """Return the area of a polygon, negative if it runs clockwise."""
-    x, y = (corners - corners[0]).T
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-
-
 @dataclass(frozen=True, eq=False)
 class TrueRegion:
     """What is within an odd number of closed lines that keep apart, and what it is filled with."""
@@ -205,12 +195,10 @@ class TrueRegion:
             if not keep_apart(one.arcs, other.arcs):
                 raise TouchError
         rings = [ArcFrames(one.arcs).start for one in lines]
-        size = [area_of(ring) for ring in rings]
-        depth = [
-            sum(size[k] > size[one] and _holds(rings[k], rings[one][0]) for k in range(len(rings)))
-            for one in range(len(rings))
-        ]
-        return cls(tuple(lines), tuple(d % 2 == 1 for d in depth), law)
+        size = np.array([area_of(ring) for ring in rings])
+        inside = holding([[ring] for ring in rings], np.array([ring[0] for ring in rings]))
+        depth = (inside & (size[:, None] > size)).sum(axis=0)
+        return cls(tuple(lines), tuple((depth % 2 == 1).tolist()), law)
 
     @property
     def solid(self) -> bool:
@@ -230,13 +218,25 @@ class TrueRegion:
         ]
 
 
-def _holds(ring: Floats, point: Floats) -> bool:
-    """Tell whether a point lies within a polygon (even-odd rule)."""
-    x, y = (ring - point).T
-    u, v = np.roll(x, -1), np.roll(y, -1)
-    crosses = (y > 0.0) != (v > 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return bool((crosses & (x - y * (u - x) / (v - y) > 0.0)).sum() % 2)
+def holding(rings: list[list[Floats]], points: Floats) -> Flags:
+    """Tell which regions hold which points, shape (regions, points): how often a ray meets them."""
+    out = np.zeros((len(rings), len(points)), dtype=np.int64)
+    ring = [(k, one) for k, lines in enumerate(rings) for one in lines]
+    if not ring:
+        return out > 0
+    start = np.concatenate([one for _, one in ring])
+    end = np.concatenate([np.roll(one, -1, axis=0) for _, one in ring])
+    region = np.repeat([k for k, _ in ring], [len(one) for _, one in ring])
+    # Of points in the order of y those that lie level with a line follow one another.
+    order = np.argsort(points[:, 1])
+    ends = np.searchsorted(points[order, 1], np.sort([start[:, 1], end[:, 1]], axis=0))
+    count = ends[1] - ends[0]
+    line = np.repeat(np.arange(len(start)), count)
+    point = order[np.arange(len(line)) - np.repeat(np.cumsum(count) - ends[1], count)]
+    (x0, y0), (x1, y1), (x, y) = start[line].T, end[line].T, points[point].T
+    crosses = x0 + (y - y0) / (y1 - y0) * (x1 - x0) > x
+    np.add.at(out, (region[line[crosses]], point[crosses]), 1)
+    return out % 2 > 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 
 from .arc_triangles import ArcFrames, TouchError, keep_apart, touches
-from .crossed_leaves import NEAR
+from .triangulation import NEAR
 from .true_shapes import AIR, KINK, UNIT, Law, TrueBody, TrueRegion, first_leaves
 
 FINE = 64  # cells along the longer side, by which pictures and comparisons know the body

@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.outline.crossed_leaves import SQUARE
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
+from kaju.model.outline.triangulation import SQUARE
 from kaju.model.outline.true_shapes import UNIT
 from kaju.model.results.cuts import Cuts, axis_of_cuts
 from kaju.model.scene.shapes import Shape

@@ -20,7 +20,7 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.outline.arc_triangles import ArcFrames
 from kaju.model.outline.hoop_stress import HoopStress
-from kaju.model.outline.leaf_polygons import VagueError, leaf_polygons
+from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, along, check_alone
 from kaju.model.outline.true_shapes import UNIT, covering, leaf_at
 from kaju.model.scene import Scene
@@ -127,8 +127,8 @@ class CutLoop(PairLoop):
         """Return the codes of the agents that outlines cut."""
         every = covering(self.leaves, self.body.problem.shape)
         held = np.isin(every.code, self.leaves.code)
-        rings = leaf_polygons(self.body.problem.body, every, held, False)[1]
-        return every.code[rings.place[rings.area < (every.size[rings.place] * UNIT) ** 2]]
+        share = leaf_triangles(self.body.problem.body, every, held, False)[1].shares(every)
+        return every.code[((share > 0.0) & (share < 1.0 - 1e-12)).any(axis=1)]
 
     def _judge(self, pair: CutPair) -> Judged:
         error = pair.bounds.error

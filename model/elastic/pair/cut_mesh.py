@@ -10,11 +10,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Floats, Ints
-from kaju.model.outline.leaf_polygons import Rings, VagueError, filled
-from kaju.model.outline.true_shapes import UNIT
+from kaju.model.outline.leaf_triangles import Filled, named
 
 from .cut_elements import slopes
-from .leaves import LeafCells
 
 FLAT = 0.03
 """Height of a triangle over its shortest side below which it is flat. Of random bodies 33, 39 and
@@ -183,49 +181,9 @@ def joined(pairs: Ints, count: int) -> Ints:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def named(points: Floats) -> np.ndarray:
-    """Return points as numbers that sort by x, then y."""
-    return points[..., 0] + 1j * points[..., 1]
-
-
-def mesh_of(rings: Rings, leaves: LeafCells) -> CutMesh:
-    """Return triangles for polygons, side to side.
-
-    Raises
-    ------
-    VagueError
-        Of polygons that cut themselves by rounding.
-    """
-    rings = _with_vertices(rings, leaves)
-    of, triangles = filled(rings)
-    at = rings.points[triangles]
-    three = (at != np.roll(at, -1, axis=1)).any(axis=2).all(axis=1)
-    of, triangles, at = of[three], triangles[three], at[three]
-    bad = np.unique(rings.place[of[slopes(at)[1] <= 0.0]])
-    if len(bad):
-        raise VagueError(leaves.code[bad])
-    _, first, number = np.unique(named(rings.points), return_index=True, return_inverse=True)
-    place, law = rings.place[of], rings.law[of]
-    return CutMesh(rings.points[first], number[triangles], place, law).torn().flipped()
-
-
-def _with_vertices(rings: Rings, leaves: LeafCells) -> Rings:
-    """Return polygons with the vertices of others that lie on the sides of their leaves."""
-    start, end = rings.points, rings.points[rings.following]
-    of = rings.place[rings.row]
-    low, high = leaves.lower[of] * UNIT, leaves.upper[of] * UNIT
-    rows, points = [np.arange(len(start))], [start]
-    for axis in (0, 1):
-        lines = np.unique(named(np.roll(start, axis, axis=1)))  # of vertices along the other axis
-        on = start[:, axis] == end[:, axis]
-        on &= (start[:, axis] == low[:, axis]) | (start[:, axis] == high[:, axis])
-        ends = named(np.roll(np.stack([start[on], end[on]]), axis, axis=2))
-        first = np.searchsorted(lines, np.minimum(*ends), "right")
-        many = np.maximum(np.searchsorted(lines, np.maximum(*ends)) - first, 0)
-        at = lines[np.arange(many.sum()) - np.repeat(np.cumsum(many) - many - first, many)]
-        rows.append(np.repeat(np.flatnonzero(on), many))
-        points.append(np.roll(np.column_stack([at.real, at.imag]), axis, axis=1))
-    row, place = np.concatenate(rows), np.concatenate(points)
-    order = np.lexsort((np.abs(place - start[row]).sum(axis=1), row))
-    count = np.bincount(rings.row[row], minlength=len(rings.count))
-    return Rings(rings.place, rings.law, count, place[order])
+def mesh_of(filled: Filled) -> CutMesh:
+    """Return the mesh of triangles that lie side to side."""
+    names = named(filled.corners.reshape(-1, 2))
+    _, first, number = np.unique(names, return_index=True, return_inverse=True)
+    place = filled.corners.reshape(-1, 2)[first]
+    return CutMesh(place, number.reshape(-1, 3), filled.leaf, filled.law).torn().flipped()

@@ -15,7 +15,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats
 from kaju.errors import SupportError
 from kaju.model.elastic.free_motion import free_motion
-from kaju.model.outline.leaf_polygons import leaf_polygons
+from kaju.model.outline.leaf_triangles import Filled, leaf_triangles
 from kaju.model.outline.posed_outlines import OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
 
@@ -67,21 +67,21 @@ class CutPair:
         problem.body.refine(every)
         at = every.find(leaves.lower)
         held = np.isin(np.arange(len(every)), at)
-        polygons = [leaf_polygons(problem.body, every, held, most) for most in (True, False)]
+        bodies = [leaf_triangles(problem.body, every, held, most) for most in (True, False)]
         # agents that hold nothing of the body are none
-        filled = np.isin(at, polygons[0][1].place)
+        filled = np.isin(at, bodies[0][1].leaf)
         leaves, at = leaves.only(filled), at[filled]
         row = np.full(len(every), -1)
         row[at] = np.arange(len(at))
         meshes, edges = [], []
-        for _, rings, along in polygons:
-            kept = rings.only(row[rings.place] >= 0)
-            meshes.append(mesh_of(kept.with_law(row[kept.place], kept.law), leaves))
+        for _, triangles, along in bodies:
+            kept = [column[row[triangles.leaf] >= 0] for column in triangles]
+            meshes.append(mesh_of(Filled(row[kept[0]], *kept[1:])))
             if not len(meshes[-1].place):
                 raise UnlikeError("they leave nothing of the body")
             edges.append(Border.of(meshes[-1], problem, along))
         self.borders = edges[0], edges[1]
-        (laws, others), self.along = (one[0] for one in polygons), polygons[1][2]
+        (laws, others), self.along = (one[0] for one in bodies), bodies[1][2]
         self.laws = laws, others
         n, size = len(leaves), np.asarray(leaves.size * UNIT, dtype=np.float64)
         loose = loose_parts(meshes[0], edges[0], problem.weight)

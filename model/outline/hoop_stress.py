@@ -9,7 +9,7 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 
-from .true_shapes import nearest_of
+from .true_shapes import UNIT, nearest_of
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_pair import CutPair
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
 _ON = 1e-7  # edges this near to an outline (in edges of the first agents) are on it
 BESIDE = 2  # agents on either side over which both are compared
+SHORT = 1e-3  # of an agent: shorter pieces run along its sides, or anywhere, by rounding
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,8 @@ class HoopStress:
         if len(order):  # a part beyond the array lies after the end, wherever the line starts
             gaps = np.diff(away[order], append=away[order[0]] + whole)
             order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-        order = order[np.isfinite(values[order]).all(axis=1)]
+        known = np.isfinite(values).all(axis=1) & (long > SHORT * UNIT * pair.leaves.size[leaf])
+        order = order[known[order]]
         leaf, long, values = leaf[order], long[order], values[order]
         # one place for each agent that the outline comes through
         group = np.cumsum(np.diff(leaf, prepend=-1) != 0) - 1

@@ -408,3 +408,17 @@ def test_slits_far_thinner_than_agents_are_proved(corners, truth) -> None:
 def test_stresses_keep_their_digits(number: int) -> None:
     path = Path(__file__).parents[1] / "data" / "failed" / f"true_outlines_{number}.toml"
     assert kaju.solve(path, tolerance=0.04).tolerance_kept == "proved"
+
+
+@pytest.mark.parametrize("at", ["right", {"box": [[0.02, 0.0], [0.1, 0.05]]}])
+def test_means_are_of_what_outlines_leave_of_a_place(at: Any) -> None:
+    box = {"box": [[0.03, 0.03], [0.13, 0.13]], "material": "air"}
+    whole = plate().replace(sides={"left": "rigid"})
+    cells, outlined = (
+        kaju.solve(
+            whole.replace(body={"size": [0.1, 0.1], "cells": [10, 10], "material": "steel"} | more),
+            tolerance=0.005,
+        ).value_of(at)
+        for more in ({"regions": [box]}, {"regions": [box | {"outline": "true"}]})
+    )
+    np.testing.assert_allclose(outlined, cells, rtol=0.01)

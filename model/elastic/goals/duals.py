@@ -62,9 +62,9 @@ class Where:
     flat: int | None = None  # The axis along which a box has no thickness
     cell: Ints | None = None  # That a point lies in
 
-    def points(self, lower: Floats, size: Floats) -> tuple[Floats, Ints, Floats]:
-        """Return points (m) of agents (corners and edges in cells), their cells and weights."""
-        h = self.scene.lattice.cell_size
+    def points(self, found: Found) -> tuple[Floats, Ints, Floats]:
+        """Return points (m) of agents, the cells they lie in, and weights."""
+        h, lower, size = self.scene.lattice.cell_size, found.lower, found.size
         if self.cell is not None:
             return h * self.lower[None], self.cell[None], np.ones(1)
         agent = np.flatnonzero(self._met(lower, size))
@@ -79,7 +79,10 @@ class Where:
             list(product(share, repeat=len(across))), axis=1
         )
         place = (first[:, None] + inside * span[:, None]).reshape(-1, d)
-        agent, weight = np.repeat(agent, len(inside)), weight.ravel()
+        # An outline may leave a part of an agent only.
+        held = found.holds(h * place)
+        place, weight = place[held], weight.ravel()[held]
+        agent = np.repeat(agent, len(inside))[held]
         if not len(agent):
             raise ParameterError(f"goal: there is no body at {self.name}")
         low, high = np.floor(lower[agent]), np.ceil(lower[agent] + size[agent, None]) - 1
@@ -92,8 +95,9 @@ class Where:
         met = (lower < self.upper) & (upper > self.lower)
         if self.flat is not None:
             axis, plane = self.flat, self.lower[self.flat]
-            met[:, axis] = (lower[:, axis] < plane) & (plane <= upper[:, axis])
-            top = lower[:, axis] == plane
+            # Within outlines edges of agents are fractions of cells, and rounded.
+            met[:, axis] = (lower[:, axis] < plane - ON_EDGE) & (plane <= upper[:, axis] + ON_EDGE)
+            top = np.abs(lower[:, axis] - plane) <= ON_EDGE
             below = np.floor(np.maximum(lower, self.lower)).astype(np.int64)
             below[:, axis] = np.ceil(plane) - 1
             met[:, axis] |= top & (self.scene.kinds(below) < 0)
@@ -309,7 +313,7 @@ class Displaced(DualGoal):
 
     def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
-        place, cell, weight = self.where.points(found.lower, found.size)
+        place, cell, weight = self.where.points(found)
         return np.asarray(self.directions @ (weight @ found.displacement_at(place, cell)))
 
 
@@ -334,7 +338,7 @@ class Stressed(DualGoal):
 
     def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
-        place, cell, weight = self.where.points(found.lower, found.size)
+        place, cell, weight = self.where.points(found)
         stress, law = found.stress_at(place, cell), found.law_at(place, cell)
         return np.array([weight @ self._measured(stress, law, found.moduli)])
 
@@ -345,7 +349,7 @@ class Stressed(DualGoal):
 
     def _slope(self, found: Found) -> Floats:
         """Return the slopes of the equivalent stress by the components of the mean stress."""
-        place, cell, weight = self.where.points(found.lower, found.size)
+        place, cell, weight = self.where.points(found)
         mean = np.tensordot(weight, found.stress_at(place, cell), 1)
         step = 1e-4 * float(np.abs(mean).max()) or 1.0
         law, slopes = found.law_at(place, cell)[:1], []

@@ -215,7 +215,8 @@ class CutAgents(PairAgents):
             shape, of = region.shape_in(scene.lattice, f"body.regions.{k}"), region.material
             inside = shape.contains(points) if of in number else _within(shape, points)
             found[inside] = number.get(of, -1)
-        within = ((points >= 0.0) & (points <= scene.lattice.extent)).all(axis=1)
+        extent, off = np.asarray(scene.lattice.extent), EDGE * min(scene.lattice.extent)
+        within = ((points >= -off) & (points <= extent + off)).all(axis=1)
         return np.where(within & (self._leaf(points) >= 0), found, -1)
 
     def displacement_at(self, points: Floats, cells: Ints | None = None) -> Floats:

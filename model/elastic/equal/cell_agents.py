@@ -50,7 +50,7 @@ class CellAgents(OnCells):
 
     def __post_init__(self, known: Grid | None) -> None:
         self.posed = posed = known or self._posed()
-        self.grid, self.problem, self.origin = posed.scene, posed.problem, posed.origin
+        self.problem, self.origin = posed.problem, posed.origin
         self.scales, self.moduli = posed.problem.scales, posed.problem.moduli
         self.body = np.asarray(posed.problem.kinds[posed.problem.inner] >= 0)
         self.count = int(np.count_nonzero(self.body))
@@ -76,6 +76,11 @@ class CellAgents(OnCells):
         needed = [posed.problem.face_shape(axis) for axis in range(posed.problem.dimension)]
         if shapes != needed:
             raise ResultError(f"'displacement' must be of the shapes {needed}, and is of {shapes}")
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that were solved."""
+        return self.posed.scene
 
     def history(self) -> dict[str, Any]:
         """Return the figures of their generations: one."""

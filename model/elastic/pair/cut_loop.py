@@ -214,7 +214,8 @@ class _Peak:
             axis, upper = SIDES[side]
             if len(axes) > 1 and (ends[..., axis] == upper * problem.shape[axis]).any():
                 raise SingularPlaceError(
-                    f"{no_limit} meets the rigid side {side!r}; a roller leaves it one"
+                    f"{no_limit} meets the rigid side {side!r}; let that be a roller, or draw "
+                    "the fillet or hole that is meant as a region of air with a name of its own"
                 )
 
     def judge(self, pair: CutPair) -> Judged:

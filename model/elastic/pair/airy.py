@@ -30,7 +30,6 @@ from kaju.model.elastic.pair.leaf_mesh import (
     backwards,
     coo,
     followed,
-    on_cubic,
 )
 from kaju.model.elastic.pair.levels import Blocks, summed
 
@@ -181,23 +180,26 @@ class Airy:
         def seen(edge: Ints, end: int) -> Ints:
             return np.asarray(corner[owner[edge], EDGES[number[edge], end]])
 
-        # Ends and middle as they are seen from one sheet: that of the smaller agents, or, where
-        # a cut runs between these, that of the whole edge and of the half that sees its end.
-        first, second = mesh.halves
-        middle, axis = mesh.middle, mesh.axis[mesh.whole]
-        view = seen(first, 1)
-        torn = view != seen(second, 0)
-        start = np.where(torn, seen(mesh.whole, 0), seen(first, 0))
-        end = np.where(torn, seen(mesh.whole, 1), seen(second, 1))
-        view = np.where(torn & (seen(first, 0) != start), seen(second, 0), view)
+        # Ends and middle as the agent of the whole edge sees them: between it and that of a half
+        # the sheet changes by as much in the middle as at the end of both.
+        half, middle, axis = mesh.halves[0], mesh.middle, mesh.axis[mesh.whole]
+        start, last = seen(mesh.whole, 0), seen(mesh.whole, 1)
+        times = self.beyond[seen(half, 1)] + self.beyond[start] - self.beyond[seen(half, 0)]
         length, bulge = mesh.length[mesh.whole] / self.cell, 3 * self.points + mesh.whole
-        return [
-            *on_cubic(middle, start, 1.0, axis, length),
-            *on_cubic(middle, end, -1.0, axis, length),
-            (3 * middle + 2 - axis, bulge, 1.0),
-            *((3 * self.points + half, bulge, 0.25) for half in mesh.halves),
-            *self._jumps(middle, -self.beyond[view]),
-        ]
+        along, across = 1 + axis, 2 - axis
+        entries = self._jumps(middle, -times)
+        # Along the edge phi is Hermite's cubic, its slope across that of the ends but for the
+        # bulge.
+        for end, sign in ((3 * start, 1.0), (3 * last, -1.0)):
+            entries += [
+                (3 * middle, end, 0.5),
+                (3 * middle, end + along, sign * length / 8.0),
+                (3 * middle + along, end, -sign * 1.5 / length),
+                (3 * middle + along, end + along, -0.25),
+                (3 * middle + across, end + across, 0.5),
+            ]
+        entries.append((3 * middle + across, bulge, 1.0))
+        return entries + [(3 * self.points + one, bulge, 0.25) for one in mesh.halves]
 
     def _border(self, fixed: Flags) -> Entries:
         """Say what tractions along the border are none, walking along its loops."""

@@ -18,7 +18,7 @@ from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.leaves import BITS, LeafCells, corners
 from kaju.model.elastic.pair.levels import FieldLevel, descent, handed_down, level_of
 from kaju.model.elastic.pair.opinions import Opinions, balance
-from kaju.model.elastic.pair.space import MOST_FACTORED, SETTLED, Bricks, Hats
+from kaju.model.elastic.pair.space import MOST_FACTORED, SETTLED, Bricks, hats_of
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
 
@@ -60,8 +60,7 @@ def settled(
     if d == 2 and np.any(law[1] > INCOMPRESSIBLE * law[2]):
         direct = DIRECT_RUBBER
     if d == 3 and before is None and len(free[1]) > MOST_FACTORED:
-        hats: Any = Hats(fields[0], free[1])
-        level = FieldLevel(blocks, free[0], hats, hats.rise)
+        level = FieldLevel(blocks, free[0], *hats_of(fields[0], *free[:2]))
     else:
         level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)
     for field, old, gap in zip(fields, olds, gaps, strict=True):

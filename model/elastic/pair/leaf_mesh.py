@@ -146,7 +146,11 @@ class PlaneMesh(Mesh):
     @cached_property
     def _tied(self) -> tuple[sp.csr_array, Flags]:
         n, ends = self.vertices, self.ends[self.whole]
-        entries = on_parabola(self.middle, ends, n + self.whole, n + self.halves)
+        # The middle is the value of the whole edge's parabola there, the bulge of each half is a
+        # quarter of its bulge.
+        entries: Entries = [(self.middle, end, 0.5) for end in ends.T]
+        entries.append((self.middle, n + self.whole, 1.0))
+        entries += [(n + half, n + self.whole, 0.25) for half in self.halves]
         return followed(entries, n + self.edges)
 
 
@@ -217,30 +221,6 @@ def _largest(leaves: LeafCells, points: Ints) -> Ints:
     found = np.stack([leaves.find(points - np.array(o)) for o in product((0, 1), repeat=3)])
     size = np.where(found >= 0, leaves.size[found], 0)
     return np.asarray(found[np.argmax(size, axis=0), np.arange(len(points))])
-
-
-def on_parabola(middle: Ints, ends: Ints, whole: Ints, halves: Ints) -> Entries:
-    """Return what the middles of hanging edges and the bulges of both halves are, by quadratics."""
-    # The middle is the value of the whole edge's parabola there, the bulge of each half is a
-    # quarter of its bulge.
-    return [
-        *((middle, end, 0.5) for end in ends.T),
-        (middle, whole, 1.0),
-        *((half, whole, 0.25) for half in halves),
-    ]
-
-
-def on_cubic(middle: Ints, end: Ints, sign: float, axis: Ints, length: Floats) -> Entries:
-    """Return what phi and its slopes in the middles of edges are by one end: first 1, last -1."""
-    # Along the edge phi is Hermite's cubic, its slope across that of the ends, but for the bulge.
-    along, across = 1 + axis, 2 - axis
-    return [
-        (3 * middle, 3 * end, 0.5),
-        (3 * middle, 3 * end + along, sign * length / 8.0),
-        (3 * middle + along, 3 * end, -sign * 1.5 / length),
-        (3 * middle + along, 3 * end + along, -0.25),
-        (3 * middle + across, 3 * end + across, 0.5),
-    ]
 
 
 def coo(entries: Entries, shape: tuple[int, int]) -> sp.csr_array:

@@ -17,7 +17,6 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.factors import factors_of
 from kaju.model.elastic.pair.border import support_names
 from kaju.model.elastic.pair.displacement import Fitting, held_by
 from kaju.model.elastic.pair.elements import (
@@ -29,11 +28,12 @@ from kaju.model.elastic.pair.elements import (
 )
 from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
 from kaju.model.elastic.pair.leaves import corner_ends
-from kaju.model.elastic.pair.levels import summed
+from kaju.model.elastic.pair.levels import Blocks, FieldLevel
 from kaju.model.elastic.posed_body import PosedBody
 
 NO_BOUND = "in space errors are estimated, not proved"
 MOST_RATIO = 0.499  # At 0.4999 the true error of a cube was 1.9 times its estimate
+TINY = 1e-10
 SETTLED = 1e-6
 """Of what suffices in the plane: no bound takes what is left, and forces that are read balance."""
 MOST_FACTORED = 6_000
@@ -159,54 +159,41 @@ class Bricks(Fitting):
         return {names[k]: total[k] for k in np.unique(sides.support[(~sides.given).any(axis=1)])}
 
 
-class Hats:
-    """Trilinear functions on boxes larger than the agents of a fine first generation: its level.
+def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, sp.csr_array]:
+    """Return a level of trilinear functions on large boxes, and the free unknowns by them.
 
-    They know nothing of the body's shape but what the agents in each box say: enough to carry what
-    is smooth.
+    For small first agents. They know nothing of the body's shape but what the agents in each box
+    say: enough to carry what is smooth.
     """
-
-    def __init__(self, found: Bricks, free: Ints) -> None:
-        leaves, mesh, corners = found.leaves, found.mesh, corner_ends(3)
-        box = int(leaves.size.max())
-        while True:
-            corner = (leaves.lower // box)[:, None] + corners
-            key, hat = np.unique(corner @ (1 << np.array([42, 21, 0])), return_inverse=True)
-            if 3 * len(key) <= MOST_FACTORED:
-                break
-            box *= 2
-        hat, size = hat.reshape(-1, 8), 3 * len(key)
-        place = leaves.lower[:, None] + corners * leaves.size[:, None, None]
-        inside = place / box - (leaves.lower // box)[:, None]
-        weight = trilinear(inside.reshape(-1, 3)).reshape(-1, 8, 8)
-        # Corners that are held take nothing.
-        open_ = np.asarray(1.0 - held_by(mesh, found.sides).any(axis=0))
-        down = np.einsum("nch,nca,ab->ncahb", weight, open_[mesh.corner], np.eye(3))
-        down = down.reshape(-1, 24, 24)
-        blocks = np.empty((len(hat), 24, 24))
-        for agents, matrix in found.blocks.laws:
-            blocks[agents] = matrix[:24, :24]
-        blocks = down.transpose(0, 2, 1) @ (blocks * found.size[:, None, None]) @ down
-        unknown = (3 * hat[:, :, None] + np.arange(3)).reshape(-1, 24)
-        whole = summed(blocks, unknown, size)
-        diagonal = whole.diagonal()
-        # A little on the diagonal: hats that hardly touch the body must not be divided by.
-        more = np.where(diagonal > 0.0, 1e-10 * diagonal, 1.0)
-        self.factors = factors_of(sp.csc_array(whole + sp.diags_array(more)))
-        self.scale, self.way = np.ones(size), sp.eye_array(size, format="csr")
-        self.back = self.way
-        # Free unknowns of vertices by hats, read off in one agent; bulges take nothing.
-        first = np.empty(mesh.vertices, dtype=np.int64)
-        first[mesh.corner.ravel()[::-1]] = np.arange(mesh.corner.size)[::-1]
-        row = np.flatnonzero(free < 3 * mesh.vertices)
-        agent, own = np.divmod(first[free[row] // 3], 8)
-        columns = 3 * hat[agent] + (free[row] % 3)[:, None]
-        entries = weight[agent, own].ravel(), (np.repeat(row, 8), columns.ravel())
-        self.rise = sp.csr_array(entries, shape=(len(free), size))
-
-    def cycle(self, rest: Floats) -> Floats:
-        """Return the exact answer."""
-        return np.asarray(self.factors.solve(rest))
+    leaves, mesh, box = found.leaves, found.mesh, int(found.leaves.size.max())
+    # Vertices take their values from the box of one of their agents; bulges take nothing.
+    agent = np.empty(mesh.vertices, dtype=np.int64)
+    agent[mesh.corner] = np.arange(len(leaves))[:, None]
+    while True:
+        lower = leaves.lower[agent] // box
+        corner = (lower[:, None] + corner_ends(3)) @ (1 << np.array([42, 21, 0]))
+        key, hat = np.unique(corner, return_inverse=True)
+        if 3 * len(key) <= MOST_FACTORED:
+            break
+        box *= 2
+    weight, row = trilinear(mesh.place / box - lower), np.repeat(np.arange(mesh.vertices), 8)
+    shape = (mesh.vertices + mesh.edges, len(key))
+    values = sp.csr_array((weight.ravel(), (row, hat.ravel())), shape=shape)
+    rise = sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[free])
+    # What agents' corners are by them makes their matrix of those of the agents.
+    n, size = len(leaves), rise.shape[1]
+    blocks = np.empty((n, 24, 24))
+    for agents, matrix in found.blocks.laws:
+        blocks[agents] = matrix[:24, :24]
+    blocks *= found.blocks.weight[:, None, None]
+    own = sp.csr_array((way @ rise)[found.blocks.dof[:, :24].ravel()])
+    whole = own.T @ (sp.bsr_array((blocks, np.arange(n), np.arange(n + 1))) @ own)
+    # A little on the diagonal: hats that hardly touch the body must not be divided by.
+    diagonal = whole.diagonal()
+    more = sp.diags_array(np.where(diagonal > 0.0, TINY * diagonal, 1.0))
+    none = np.zeros((0, 1), dtype=np.int64)
+    matrix = Blocks(none, [], np.zeros(0), None, size, sp.csr_array(whole + more))
+    return FieldLevel(matrix, sp.eye_array(size, format="csr")), rise
 
 
 def refuse_rubber(body: PosedBody) -> None:

@@ -25,10 +25,10 @@ from .checks import check_body, check_no_outlines, check_outlines
 from .description import LONGEST, Description, LoadTable, check_rule, with_shared
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_size
-from .regions import Region
+from .regions import PathFile, Region, SurfaceFile
 from .resolved_body import BoxKinds, CellBox, ResolvedBody, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball
+from .shapes import Ball, Shape
 from .sides import FREE, SideCondition, unknown_side
 from .surfaces import ClosedSurface
 from .text import located, overridden, save, table_from, table_of, written
@@ -40,6 +40,8 @@ SOFT, WIDE = 5e5, 10.0
 """Pa and m: no body so large is so soft, but one in millimetres and MPa looks like that."""
 LARGE = 0.05
 """Of a body's size: displacements above it are hardly small, and mostly wrong units."""
+MILLIMETRES = 100.0
+"""So many times the array's size: a part of millimetres that are taken for metres."""
 FEW_CELLS = 5.0
 """A disk of fewer cells along its radius is told: of 2.4 it is a square, of 5 off by 10 %."""
 
@@ -198,6 +200,12 @@ class Scene(Description):
     def notes(self) -> tuple[str, ...]:
         """What a reader should know about the body, in words."""
         found, h = [], self.lattice.cell_size
+        moved = any(any(side.displacement or ()) for side in self.sides.values())
+        if not (self.loads or moved or any(self.body.gravity or ())):
+            found.append(
+                "nothing is applied, so all is 0: the scene has no loads, no gravity and no side "
+                "that is moved; describe [[loads]]"
+            )
         for material in self.cell_materials:
             modulus, wide = material.youngs_modulus, max(self.lattice.extent)
             soft = f"materials.{material.name}: youngs_modulus = {modulus:g} Pa is "
@@ -215,6 +223,10 @@ class Scene(Description):
                     f"{where}.surface: a shell within another looks outwards, too; it was taken "
                     "for a cavity. If it is a part of its own, give it a region of its own"
                 )
+            given = self.body.regions[number]
+            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
+                beyond = _beyond(shape, self.lattice, given.material == "air")
+                found += [f"{where}: {beyond}"] if beyond else []
             if not self.outlined and isinstance(shape, Ball) and shape.radius < FEW_CELLS * h:
                 found.append(
                     f"{where}: its radius of {shape.radius:g} m is {shape.radius / h:.2g} cells, "
@@ -405,6 +417,20 @@ def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
         cells[place] = moved[inside]
         outside[place] = False
     return cells, ~outside
+
+
+def _beyond(shape: Shape, lattice: Lattice, cuts: bool) -> str:
+    """Say how a shape of a file, that fills or `cuts`, reaches beyond the array; or nothing."""
+    size, (low, high) = np.asarray(lattice.extent), shape.extent
+    surface = isinstance(shape, ClosedSurface)
+    if surface and np.any(high - low >= MILLIMETRES * size):
+        remedy = "is it in mm? give scale = 0.001"
+    elif cuts or np.all((low > -lattice.cell_size) & (high < size + lattice.cell_size)):
+        return ""
+    else:
+        remedy = "what lies beyond is cut off"
+    start, reach, end = (", ".join(f"{x:.4g}" for x in corner) for corner in (low, high, size))
+    return f"reaches from ({start}) to ({reach}) m, the array to ({end}) m; {remedy}"
 
 
 def _refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:

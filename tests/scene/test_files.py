@@ -143,6 +143,13 @@ def test_shells_of_an_stl_are_one_body(tmp_path, boxes, volume, guessed):
     assert np.array_equal(again.rasterise(), scene.rasterise())
 
 
+@pytest.mark.parametrize(("edge", "told"), [(4.0, "scale = 0.001"), (0.03, "is cut off")])
+def test_a_part_larger_than_the_array_is_told(tmp_path, edge, told):
+    surface = {"file": stl(tmp_path / "part.stl", ((0.0, 0.0, 0.0), edge, False))}
+    scene = plate({"surface": surface, "material": "steel"}, cells=(4, 4, 4), size=5e-3)
+    assert told in scene.notes[-1]
+
+
 # Drawings.
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" {} >{}</svg>'

@@ -77,9 +77,6 @@ def test_above_a_large_threshold_the_load_rests_before_it_reaches_the_ground():
     assert parents.reaction[1] == pytest.approx(2.0, abs=0.3)
 
 
-ORDERS = ["wave", "largest first", "multilevel"]
-
-
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("make", [ragged, block])
 def test_the_books_of_energy_agree_with_the_field(make, order):

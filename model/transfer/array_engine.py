@@ -297,10 +297,13 @@ class ArrayEngine:
     def _look_round(self, cells: Ints) -> None:
         """See the blocks that cells and their neighbours are in, and number their cells."""
         lattice, edges = self.lattice, self.edges
-        near = cells[:, None] + lattice.steps[lattice.form(cells)]
-        near = np.concatenate([cells, near.reshape(-1, lattice.dimension)])
-        corner = lattice.key((near + 1) // edges * edges - 1)  # from -1 on: the rim is seen, too
-        blocks = np.setdiff1d(corner, self.blocks)
+        if (edges > lattice.shape).all():  # one block, which is seen once
+            blocks = lattice.key(np.full((1 - len(self.blocks), lattice.dimension), -1))
+        else:
+            near = cells[:, None] + lattice.steps[lattice.form(cells)]
+            near = np.concatenate([cells, near.reshape(-1, lattice.dimension)])
+            corner = (near + 1) // edges * edges - 1  # from -1 on: the rim is seen, too
+            blocks = np.setdiff1d(lattice.key(corner), self.blocks)
         self.blocks = np.append(self.blocks, blocks)
         for part in _slices(len(blocks), len(self.block)):
             seen = lattice.cells(blocks[part])[:, None] + self.block

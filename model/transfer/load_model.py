@@ -42,6 +42,7 @@ FIGURES = {
     "load_waiting": "engine.pending",
 }
 """What a model notes after every step, and where it has it."""
+_NOTED = attrgetter(*FIGURES.values())
 
 
 class LoadModel(SteppedModel):
@@ -204,7 +205,7 @@ class LoadModel(SteppedModel):
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step; loads (N) are those of the current stage."""
-        return {name: attrgetter(where)(self) for name, where in FIGURES.items()} | self.parameters
+        return dict(zip(FIGURES, _NOTED(self), strict=True)) | self.parameters
 
     @staticmethod
     def sliders(*agents: type[MaterialAgent | BoundaryAgent]) -> dict[str, dict[str, Any]]:

@@ -11,7 +11,8 @@ copies are newtons. `AgentEngine` does the same with objects.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import pairwise, product
+from itertools import groupby, pairwise, product
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -248,6 +249,8 @@ class ArrayEngine:
         table = np.zeros(size)
         for where, copies in came:
             np.add.at(table, where, copies)
+        none = np.empty(0, dtype=np.int64)
+        self.waiting = Waits(none, none, np.empty(0))  # all are taken: they need no memory
         if names is None:
             table[: self.states * count] = table[count - 1 :: count] = 0.0
         else:
@@ -422,20 +425,27 @@ class ArrayEngine:
         """Return what was taken, by generation, then by place in the body and state."""
         row = np.empty(len(self.key), dtype=np.int32)
         row[agents] = np.arange(len(agents))
-        start = 0, self.waiting.place[:0], self.books[:0, 0]
-        when, places, loads = zip(start, *self.record, strict=True)
+        start = 0, np.empty(0, dtype=np.int32), np.empty(0)
+        when, places, loads = map(list, zip(start, *self._record(), strict=True))
         generation = np.repeat(when, list(map(len, places)))
-        place, load = np.concatenate(places).astype(np.int32), np.concatenate(loads)
-        if (self.key[1:] < self.key[:-1]).any():  # not all cells were seen at once
-            rank = np.empty_like(self.key)
-            rank[np.argsort(self.key)] = np.arange(len(rank))
-            acted = generation * len(rank) + rank[place // self.states]
-            order = np.argsort(acted, kind="stable")
-            generation, place, load = generation[order], place[order], load[order]
-        state = place % self.states
+        place, load = np.concatenate(places), np.concatenate(loads)
+        del places, loads
+        cell, state = np.divmod(place, np.int32(self.states))
         direction = (state % self.directions).astype(np.int8)
-        agent = row[place // self.states]
-        return TakenHistory(generation, agent, direction, load, state >= self.directions)
+        return TakenHistory(generation, row[cell], direction, load, state >= self.directions)
+
+    def _record(self) -> Iterable[tuple[int, NDArray[np.int32], Floats]]:
+        """Return what was taken, of each generation by place in the body."""
+        if (self.key[1:] > self.key[:-1]).all():  # all cells were seen at once
+            return self.record
+        rank = np.empty_like(self.key)
+        rank[np.argsort(self.key)] = np.arange(len(rank))
+        record = []
+        for when, parts in groupby(self.record, itemgetter(0)):
+            place, load = map(np.concatenate, list(zip(*parts, strict=True))[1:])
+            order = np.argsort(rank[place // self.states], kind="stable")
+            record.append((when, place[order], load[order]))
+        return record
 
 
 def _parts(first: Ints, rows: int) -> Iterator[Ints]:

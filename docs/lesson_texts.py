@@ -71,21 +71,27 @@ class Text:
         named = dict(zip(HEADINGS["en"], HEADINGS[self.language], strict=True))
         return "\n\n".join(f"# {named[h]}\n\n{plain(self.sections[h])}" for h in headings)
 
+    def calls(self, page: str) -> str:
+        """Return the words that lead to a page beside the lesson's own."""
+        return re.findall(
+            rf"\[([^]]+)\]\([./]*pages/{re.escape(page)}\)", self.sections["Things to try"]
+        )[0]
+
 
 @dataclass(frozen=True)
 class Lesson:
     """A lesson in all its languages, with what they share.
 
     `scenes` belong to the presets, the start first; there are none where the page shows a
-    recorded run. With `python` agents are written in the page. `shown` is the picture in the
-    index: of which preset or page, and which of `kaju.plot`. `kinds` says of each question what
-    the page has to know.
+    recorded run. With `python` agents are written in the page. `shown` is what the picture in
+    the index has besides the body: "near" the load only, a "cut", a "rule". `kinds` says of each
+    question what the page has to know.
     """
 
     name: str
     age: int
     python: bool
-    shown: tuple[str, str]
+    shown: str
     texts: dict[str, Text]
     scenes: tuple[kaju.Scene, ...]
     kinds: tuple[dict[str, Any], ...]
@@ -115,7 +121,7 @@ def lesson(name: str) -> Lesson:
             scenes.append(scene.with_overrides(changes) if changes else scene)
     kinds = tomllib.loads(blocks["toml questions"])["question"]
     told = tomllib.loads(blocks["toml lesson"])
-    python, shown = told.get("python", False), (told["shown"][0], told["shown"][1])
+    python, shown = told.get("python", False), told.get("shown", "")
     return Lesson(name, told["age"], python, shown, texts, tuple(scenes), tuple(kinds))
 
 

@@ -11,18 +11,27 @@ from __future__ import annotations
 import html
 import sys
 from base64 import b64encode
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import lesson_runs
+import numpy as np
 from lesson_measures import answers
 from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson
+from matplotlib.figure import Figure
 
-from kaju import FractureModel, GrowthModel, LoadModel, export_page, load_scene, plot
+from kaju import FractureModel, GrowthModel, export_page, load_scene, plot
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
+CODE = """
+class Mine(MaterialAgent):
+
+    def emissions(self, load):
+        return ...
+"""
 
 
 def page_lesson(of: Lesson) -> dict[str, Any]:
@@ -95,7 +104,7 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
         return float(kind["tolerance"])
     if value == int(value):
         return 0.0
-    return 5e-4 if kind.get("exact") else max(0.02 * abs(value), 0.005)
+    return 5e-4 if kind.get("exact") else max(float(f"{0.02 * abs(value):.2g}"), 0.005)
 
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:
@@ -115,12 +124,20 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
         return [export_page(first, target, title=title, text=words, **options)]
     made = []
     for name in lesson_runs.PAGES[of.name]:
-        part = f": {name.replace('-', ' ')}" if name else ""
-        headline = {k: f"{text}{part}" for k, text in title.items()}
         target = folder / f"{'-'.join(filter(None, (of.name, name)))}.html"
+        if name:
+            title = {k: f"{text.calls(target.name)} · {text.title}" for k, text in of.texts.items()}
+            told["opens"] = asked_for(of, target.name)
         run = lesson_runs.run(of.name, name)
-        made.append(export_page(run, target, title=headline, text=words, lesson=told))
+        made.append(export_page(run, target, title=title, text=words, lesson=told))
     return made
+
+
+def asked_for(of: Lesson, page: str) -> int:
+    """Return the first question that links to a page, or the first that lets readers try."""
+    asked = (f"{q.asks}{q.note}{q.hint}" for q in of.texts["en"].questions)
+    tries = [kind["step"] for kind in of.kinds].index("try")
+    return next((n for n, text in enumerate(asked) if f"({page})" in text), tries)
 
 
 def make_gallery(folder: Path) -> list[Path]:
@@ -168,29 +185,47 @@ def _in_all(texts: dict[str, str], tag: str) -> str:
 
 
 def picture(of: Lesson) -> str:
-    """Return what will be seen in a lesson, without words and scales."""
-    which, what = of.shown
-    if of.scenes:
-        result = LoadModel(of.scenes[int(which)], engine="arrays", allow_unstable=True).run()
-    else:
-        result = lesson_runs.run(of.name, which)
-    shown = plot(result, what)
-    figure = getattr(shown, "figure", None) or shown
+    """Return a lesson's body and load before the first step: it must not answer a question."""
+    figure = _at_rest(of)
     ax = figure.axes[0]
-    for beside in [*figure.texts, *figure.legends, *figure.axes]:
-        if beside is not ax:
-            beside.remove()
+    for beside in [*figure.texts, *figure.legends, *figure.axes[1:]]:
+        beside.remove()
     for words in [*ax.texts, *([ax.legend_] if ax.legend_ else [])]:
         words.remove()
+    for part in ax.findobj(lambda one: one.get_gid() in ("nodes", "rims")):
+        part.set(color="0.5", visible=part.get_gid() == "rims")  # a cut is seen
     for where in ("left", "center", "right"):
         ax.set_title("", loc=where)
     ax.set_axis_off()
-    ax.set_subplotspec(figure.add_gridspec(1, 1)[0])
+    figure.set_layout_engine("none")
+    ax.set_anchor("C")
+    ax.set_position(
+        (0.5 if of.shown == "rule" else 0.03, 0.03, 0.47 if of.shown == "rule" else 0.94, 0.94)
+    )
+    if of.shown == "cut":
+        ax.axhline(0.5 * of.scenes[0].lattice.extent[1], color="#a11a5b", ls="--", lw=2)
+    elif of.shown == "rule":
+        figure.text(0.05, 0.5, CODE, family="monospace", size=11, va="center", linespacing=1.4)
     figure.set_size_inches(5.6, 2.24)
     drawn = BytesIO()
     figure.savefig(drawn, dpi=100)
     data = b64encode(drawn.getvalue()).decode()
     return f'<img src="data:image/png;base64,{data}" alt="">'
+
+
+def _at_rest(of: Lesson) -> Figure:
+    """Return a picture of what a lesson begins with, whose words are still to be taken out."""
+    if of.scenes:
+        return plot(of.scenes[0], crop=of.shown == "near")
+    run = lesson_runs.run(of.name)
+    if hasattr(run, "scene"):
+        return plot(run, "scene") if "scene" in run.pictures else plot(run.scene)
+    if hasattr(run, "state"):
+        run = run.state(0)
+    elif hasattr(run, "to_network_result"):
+        run = run.to_network_result()
+    still = replace(run, displacement=0.0 * run.displacement, tension=0.0 * run.tension)
+    return plot(still, record=int(np.argmax(run.stage)))
 
 
 def make(folder: Path) -> list[Path]:

@@ -186,12 +186,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
     (SEND, "return None", 7, "gab None zurück; das ist keine Emission"),
     (SEND, "return rows * 500", 7, "gab mehr als 1000 Emissionen"),
-    (
-        SEND,
-        "return [row._replace(arm=7) for row in rows]",
-        7,
-        "möglich sind die Arme (0, 1, 2, 3), die Richtungen 0 bis 3",
-    ),
+    (SEND, "return [rows[0]._replace(arm=7)]", 7, "die Arme (0, 1, 2, 3), die Richtungen 0 bis 3"),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def tak(self, load): pass", 3, "niemand ruft `tak` auf; meinst du `take`?"),

@@ -4,25 +4,25 @@ import { button, draw, icon, make, MODES, numberOf, segments, tick } from "./con
 import { inline, rendered } from "./markdown.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, chartsCard, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
-import { local, quantity } from "./words.js";
+import { general, local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
 const MOST_LETTERS = 400, SMALL = 4;               // of an answer; so many generations have a small picture
 
 export class Lesson {
-  constructor(page, { key, minutes, age, index, questions, teacher, presets }) {
-    Object.assign(this, { page, key, minutes, age, index, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
+  constructor(page, { key, minutes, age, index, opens, questions, teacher, presets }) {
+    Object.assign(this, { page, key, minutes, age, index, opens, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
   }
-  /** Open where the reader was, in this page or another one of the lesson. */
-  begin() { if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
+  /** Open where the reader was, in this page or another one of the lesson; that one at the question that asks for it, at its end. */
+  begin() { if (this.opens) this.page.goTo(Infinity); if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
   get place() { return `kaju:lesson:${this.key}`; }
   read() {                                     // storage fails in private windows and in some files
     try {
       const kept = JSON.parse(localStorage.getItem(this.place) ?? "{}");
       localStorage.setItem(this.place, JSON.stringify(kept));
-      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], was: kept.at, kept: Boolean(kept.when) });
+      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], was: Math.max(this.was, kept.at ?? 0), kept: Boolean(kept.when) });
       this.keeps = true;
     } catch { this.keeps = false; }
   }
@@ -337,7 +337,7 @@ function paperOf(page) {
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
   const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
     make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
-  const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: t("asSaved", { d: new Date().toLocaleString(page.language) }) }));
+  const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language) }) : "" }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []))] : [];
@@ -347,7 +347,7 @@ function paperOf(page) {
 function loadWords({ scene }) {
   return scene?.loads?.length ? [...scene.loads.slice(0, 3).map((l) => quantity(Math.hypot(...l.force), "N")), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
-const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(f.answer))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${local(String(f.tolerance))})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
+const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(Number.isInteger(f.answer) ? f.answer : Number(f.answer.toPrecision(4))))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${local(String(f.tolerance))})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
@@ -401,6 +401,6 @@ function ruleBox(page) {
   shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P");
   shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P");
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
-  const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, "ν": nu }).map(([name, v]) => `${name} = ${local(String(v))}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
+  const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, "ν": nu }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
   return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: t("ruleInWords") }), make("p", { textContent: values })));
 }

@@ -24,7 +24,11 @@ UNITS = {
 }
 """Units of key figures; a key that ends in _N, _m, _J, _s or _Pa says its own."""
 
-WORDS = {"spectral_radius": "growth_if_added_up", "seconds": "time_taken"}
+WORDS = {
+    "spectral_radius": "growth_if_added_up",
+    "seconds": "time_taken",
+    "largest_stress_Pa": "largest_mean_von_Mises_stress_Pa",  # over an agent
+}
 """Keys that say more to a reader under another name."""
 
 
@@ -49,7 +53,7 @@ class Console:
         if self.as_json:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         for name, text in _rows(summary):
-            self.say(f"  {name.replace('_', ' '):28} {text.replace('_', ' ')}")
+            self.say(f"  {name.replace('_', ' '):30} {text.replace('_', ' ')}")
         for note in summary.get("notes", ()):
             self.say(f"  note: {note}")
 
@@ -72,7 +76,10 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield from ((f"{name} {part}", text_of(v, unit)) for part, v in value.items())
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
-                parts = [f"{part} {text_of(v)}" for part, v in entry.items() if v is not None]
+                own = {"relative_error": ""}.get
+                unit = entry.get("unit", "")
+                told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
+                parts = [f"{part} {text_of(v, own(part, unit))}" for part, v in told.items()]
                 yield f"{name} {number}", ", ".join(parts)
         else:
             yield name, text_of(value, unit)

@@ -559,6 +559,16 @@ class ElasticResult(BodyResult):
         units, along = self.found.scales, known[name]
         return units.length * along.place, units.stress * along.moved
 
+    def _hoop(self) -> dict[str, float]:
+        """Return the largest hoop stress (Pa) along each named true outline in the plane."""
+        known = self.found.along if isinstance(self.found, CutAgents) else {}
+        stresses = {name: self.outline_stress(name)[1] for name in known}
+        return {
+            name: float(stress[np.abs(stress).argmax()])
+            for name, stress in stresses.items()
+            if len(stress)
+        }
+
     @property
     def max_displacement(self) -> float:
         """Largest displacement (m): of corners, sides and middles of agents."""
@@ -668,6 +678,7 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": self.largest_stress.value,
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
+            "largest_hoop_stress_Pa": self._hoop() or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "method": self.found.solution.method,
             "iterations": self.iterations,

@@ -153,6 +153,7 @@ class Goal:
         """Return its entry in a summary."""
         return {
             "value": np.asarray(self.value).tolist(),
+            "unit": {Deflection: "m", Stress: "Pa", Reaction: "N"}[type(self.quantity)],
             "error_estimate": finite(self.error_estimate),
             "relative_error": finite(self.relative_error),
             "error_bound": self.error_bound,

@@ -305,9 +305,9 @@ class CutAgents(PairAgents):
             peak, off = level * float(along.moved[at]), level * along.apart(at)
             if off > APART * abs(peak):
                 notes.append(
-                    f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa by the "
-                    f"displacement, about {2.0 * off:.2g} Pa off that of the stress in balance; "
-                    "nothing is proved of either"
+                    f"outline {name!r}: the largest hoop stress is {1e-6 * peak:.4g} MPa by the "
+                    f"displacement, about {2e-6 * off:.2g} MPa off that of the stress in balance; "
+                    f"nothing is proved of either; goal={name!r} (--at {name}) is about it"
                 )
         return notes
 

@@ -27,7 +27,7 @@ UNITS = {
 WORDS = {
     "spectral_radius": "growth_if_added_up",
     "seconds": "time_taken",
-    "largest_stress_Pa": "largest_mean_von_Mises_stress_Pa",  # over an agent
+    "largest_stress_Pa": "largest_mean_von_Mises_Pa",  # over an agent
 }
 """Keys that say more to a reader under another name."""
 
@@ -53,7 +53,7 @@ class Console:
         if self.as_json:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         for name, text in _rows(summary):
-            self.say(f"  {name.replace('_', ' '):30} {text.replace('_', ' ')}")
+            self.say(f"  {name.replace('_', ' '):28} {text.replace('_', ' ')}")
         for note in summary.get("notes", ()):
             self.say(f"  note: {note}")
 

@@ -92,12 +92,12 @@ class History:
     def cycles(self, count: int, period: float, high: float = 1.0, low: float = 0.0) -> History:
         """Rise to `high` and fall to `low`, `count` times, half a period each way."""
         # Each takes some 50 steps: so many of a spring network of 23 nodes take minutes.
-        few = 1 <= count <= 10_000
-        require(few, f"cycles: from 1 to 10,000 can be followed, got {count}")
+        few = count in range(1, 10_001)
+        require(few, f"cycles: a whole number from 1 to 10,000 is needed, got {count}")
         lasts = isfinite(period) and period >= 0.0
         require(lasts, f"period: must be a time from 0 s upwards, got {period}")
         turns = self.duration + 0.5 * period * np.arange(1, 2 * count + 1)
-        return History((*self.times, *turns.tolist()), (*self.factors, *((high, low) * count)))
+        return History((*self.times, *turns.tolist()), (*self.factors, *((high, low) * int(count))))
 
     def scaled(self, factor: float) -> History:
         """Multiply all factors."""

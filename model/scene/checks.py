@@ -65,7 +65,8 @@ def _check_parts(resolved: ResolvedBody, allow_floating: bool) -> None:
         raise _nothing_there(resolved)
     if allow_floating:
         return
-    framed = _framed(resolved, raster)
+    # in a frame of what lies beyond the sides
+    framed = np.pad(raster, 1, constant_values=resolved.beyond.reshape(-1, 2))
     parts, held = _parts_of_boxes(framed) if resolved.lattice.boxes else _parts(resolved, framed)
     loose = np.flatnonzero(~held[1:]) + 1
     if len(loose) == len(held) - 1:
@@ -82,29 +83,13 @@ Parts = tuple[NDArray[np.integer], Flags]
 """The number of each cell's part, from 1 (0: no body), and which numbers something holds."""
 
 
-def _framed(resolved: ResolvedBody, raster: NDArray[np.int16]) -> NDArray[np.int16]:
-    """Return the kinds of all cells in a frame of what lies beyond the sides."""
-    framed = np.pad(raster, 1, constant_values=cell_types.AIR)
-    for side, kind in enumerate(resolved.beyond):
-        axis, upper_end = divmod(side, 2)
-        rim = [slice(None)] * raster.ndim
-        rim[axis] = slice(-1, None) if upper_end else slice(0, 1)
-        framed[tuple(rim)] = kind
-    return framed
-
-
 def _parts_of_boxes(framed: NDArray[np.int16]) -> Parts:
     """Return the connected parts of squares or cubes."""
-    from scipy.ndimage import label
+    from scipy.ndimage import binary_dilation, label
 
     parts, number = label(framed >= 0)
     held = np.zeros(number + 1, dtype=np.bool_)
-    holds = np.isin(framed, _HOLDS)
-    for axis in range(framed.ndim):
-        below = tuple(slice(None, -1) if a == axis else slice(None) for a in range(framed.ndim))
-        above = tuple(slice(1, None) if a == axis else slice(None) for a in range(framed.ndim))
-        held[parts[below][holds[above]]] = True
-        held[parts[above][holds[below]]] = True
+    held[parts[binary_dilation(np.isin(framed, _HOLDS))]] = True
     return parts[(slice(1, -1),) * framed.ndim], held
 
 

@@ -32,7 +32,6 @@ from .validation import (
     Number,
     Text,
     built_by,
-    one_given,
     optional,
     with_lines,
 )
@@ -214,42 +213,14 @@ class LoadTable(Described):
         return self
 
 
-class HistoryStep(Described):
-    """A step of a history, in one of four words.
-
-    ``{ramp = 1.0, duration = 0.2}``, ``{hold = 5.0}``, ``{release = 0.1}`` (0: at once), or
-    ``{cycles = 3, period = 0.6}``.
-    """
-
-    ramp: Number | None = optional("the factor to go to")
-    hold: Number | None = optional("how long the factor is kept (s)")
-    release: Number | None = optional("the time to go back to 0 in (s)")
-    cycles: Annotated[Count, Field(le=10_000)] | None = optional("how often it rises and falls")
-    duration: Number | None = optional("how long a ramp takes (s)")
-    period: Number | None = optional("how long a cycle takes (s)")
-    high: Number = Field(default=1.0, description="the factor at the top of a cycle")
-    low: Number = Field(default=0.0, description="the factor at the bottom of a cycle")
-
-    @model_validator(mode="after")
-    def _one_word(self) -> HistoryStep:
-        one_given(self, ("ramp", "hold", "release", "cycles"), "ramp: a step is one of")
-        if (self.cycles is not None) != (self.period is not None):
-            raise ParameterError("period: belongs to cycles, and cycles need it")
-        if self.duration is not None and self.ramp is None:
-            raise ParameterError(
-                "duration: belongs to a ramp; hold and release are durations themselves"
-            )
-        return self
-
-    def after(self, history: History) -> History:
-        """Return a history that goes on with this step."""
-        if self.ramp is not None:
-            return history.ramp(self.ramp, self.duration or 0.0)
-        if self.hold is not None:
-            return history.hold(self.hold)
-        if self.cycles is not None and self.period is not None:
-            return history.cycles(self.cycles, self.period, self.high, self.low)
-        return history.release(self.release or 0.0)
+_STEPS = {
+    "ramp": ("duration",),
+    "hold": (),
+    "release": (),
+    "cycles": ("period", "high", "low"),
+}
+"""The words for a step of a history, methods of `History`; beside its number each needs the first
+key, and may have the others."""
 
 
 class HistoryTable(Described):
@@ -257,7 +228,7 @@ class HistoryTable(Described):
 
     times: tuple[Number, ...] | None = optional("the times of the corners (s), the first 0")
     factors: tuple[Number, ...] | None = optional("the factor at each corner")
-    steps: tuple[HistoryStep, ...] | None = optional(
+    steps: tuple[dict[Text, Number], ...] | None = optional(
         "a list such as [{ramp = 1.0, duration = 0.2}, {hold = 5.0}]"
     )
 
@@ -269,9 +240,26 @@ class HistoryTable(Described):
         if self.times is not None and self.factors is not None:
             return History(self.times, self.factors)
         history = History()
-        for step in self.steps or ():
-            history = step.after(history)
+        for number, step in enumerate(self.steps or ()):
+            history = _after(history, step, f"steps.{number}")
         return history
+
+
+def _after(history: History, step: dict[str, Any], where: str) -> History:
+    """Return a history that goes on with a step, such as ``{ramp = 1.0, duration = 0.2}``."""
+    words = [word for word in _STEPS if word in step]
+    if len(words) != 1:
+        names, got = ", ".join(_STEPS), ", ".join(step)
+        raise ParameterError(f"{where}.ramp: a step has one of {names}; got {got or 'none'}")
+    word, keys = words[0], _STEPS[words[0]]
+    wrong = [key for key in step if key not in (word, *keys)]
+    wrong += [key for key in keys[:1] if key not in step]
+    if wrong:
+        takes = f"{word} takes {', '.join(keys) or 'no key'} beside its number"
+        raise ParameterError(f"{where}.{wrong[0]}: {takes}")
+    others = {key: number for key, number in step.items() if key != word}
+    after: History = getattr(history, word)(step[word], **others)
+    return after
 
 
 Rule = PrescribedRule | ElasticRule

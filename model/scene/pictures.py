@@ -173,10 +173,31 @@ def from_drawing(drawing: str, legend: Mapping[str, str]) -> Picture:
     for letter in legend:
         if len(letter) != 1 or not letter.isprintable():
             raise SceneError(f"legend: {letter!r} is not a letter; a drawing has one for each cell")
-    rows = _rows(drawing, legend)
+    lines = drawing.replace("\r\n", "\n").strip("\n").split("\n")
+    rows = lines if " " in legend else [line.strip() for line in lines]
+    if not rows[0]:
+        raise SceneError("body.drawing: is empty; draw one letter a cell, the top row first")
+    check_size((len(rows), len(rows[0])), "body.drawing")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(rows[0]):
+            raise SceneError(
+                f"body.drawing: line {number} has {len(row)} letters, line 1 has "
+                f"{len(rows[0])}; all rows must be equally long, with a letter for air"
+            )
+    letters = np.array([list(row) for row in rows])
     names, code_of = _coded(legend)
-    upwards = [[code_of[letter] for letter in row] for row in reversed(rows)]
-    return Picture(np.array(upwards, dtype=np.int16).T, names)
+    codes = np.full(letters.shape, -1, dtype=np.int16)
+    for letter, code in code_of.items():
+        codes[letters == letter] = code
+    for line, place in np.argwhere(codes < 0).tolist():
+        first = f"line {line + 1}, letter {place + 1} is {str(letters[line, place])!r}"
+        raise _unexplained(f"body.drawing: {first}, which", legend)
+    return Picture(codes[::-1].T, names)
+
+
+def _unexplained(what: str, legend: Mapping[str, str], remedy: str = "") -> SceneError:
+    listed = ", ".join(f"{key!r} ({name})" for key, name in legend.items()) or "nothing"
+    return SceneError(f"{what} [legend] does not explain; it explains {listed}{remedy}")
 
 
 def from_image(path: str, legend: Mapping[str, str], nearest: bool = False) -> Picture:
@@ -194,12 +215,13 @@ def from_image(path: str, legend: Mapping[str, str], nearest: bool = False) -> P
     if nearest and unknown.any():
         codes[unknown] = _nearest(pixels[unknown], code_of)
     elif unknown.any():
-        row, column = (int(index) for index in np.argwhere(unknown)[0])
-        raise SceneError(
-            f"body.image: {np.count_nonzero(unknown)} pixels of {path} have a colour that "
-            f"[legend] does not explain, first {_named(pixels[row, column])} in row {row + 1} "
-            f"from the top, column {column + 1}; it explains {_listed(legend)}. Draw without "
-            "smoothing (antialiasing), or set body.nearest_colour = true"
+        row, column = np.argwhere(unknown)[0].tolist()
+        raise _unexplained(
+            f"body.image: {np.count_nonzero(unknown)} pixels of {path} have a colour, first "
+            f"#{pixels[row, column].tobytes().hex().removesuffix('ff')} in row {row + 1} from the top, column "
+            f"{column + 1}, that",
+            legend,
+            ". Draw without smoothing (antialiasing), or set body.nearest_colour = true",
         )
     return Picture(codes[::-1].T, names)
 
@@ -236,11 +258,11 @@ def from_array(array: NDArray[np.generic] | str, legend: Mapping[str, str]) -> P
         codes[array == int(key)] = code
     unknown = codes < 0
     if unknown.any():
-        cell = [int(index) for index in np.argwhere(unknown)[0]]
-        raise SceneError(
-            f"body.array: {np.count_nonzero(unknown)} cells have a code that [legend] does not "
-            f"explain, first {int(array[tuple(cell)])} in cell {cell}; it explains "
-            f"{_listed(legend)}"
+        cell = np.argwhere(unknown)[0].tolist()
+        raise _unexplained(
+            f"body.array: {np.count_nonzero(unknown)} cells have a code, first "
+            f"{array[tuple(cell)]} in cell {cell}, that",
+            legend,
         )
     return Picture(codes, names)
 
@@ -271,31 +293,6 @@ def check_count(materials: int) -> None:
         )
 
 
-def _rows(drawing: str, legend: Mapping[str, str]) -> list[str]:
-    lines = drawing.replace("\r\n", "\n").strip("\n").split("\n")
-    rows = lines if " " in legend else [line.strip() for line in lines]
-    if not rows[0]:
-        raise SceneError("body.drawing: is empty; draw one letter a cell, the top row first")
-    check_size((len(rows), len(rows[0])), "body.drawing")
-    for number, row in enumerate(rows, start=1):
-        if len(row) != len(rows[0]):
-            raise SceneError(
-                f"body.drawing: line {number} has {len(row)} letters, line 1 has "
-                f"{len(rows[0])}; all rows must be equally long, with a letter for air"
-            )
-        for column, letter in enumerate(row, start=1):
-            if letter not in legend:
-                raise SceneError(
-                    f"body.drawing: line {number}, letter {column} is {letter!r}, which [legend] "
-                    f"does not explain; it explains {_listed(legend)}"
-                )
-    return rows
-
-
-def _listed(legend: Mapping[str, str]) -> str:
-    return ", ".join(f"{key!r} ({name})" for key, name in legend.items()) or "nothing"
-
-
 def _colour(name: str) -> tuple[int, ...]:
     try:
         return (*ImageColor.getrgb(name), 255)[:4]
@@ -303,9 +300,3 @@ def _colour(name: str) -> tuple[int, ...]:
         raise SceneError(
             f'legend: {name!r} is not a colour; write "#rrggbb" or a name such as "black"'
         ) from None
-
-
-def _named(pixel: NDArray[np.uint8]) -> str:
-    red, green, blue, opacity = (int(part) for part in pixel)
-    colour = f"#{red:02x}{green:02x}{blue:02x}"
-    return colour if opacity == 255 else f"{colour}{opacity:02x}"

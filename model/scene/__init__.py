@@ -1,13 +1,12 @@
 """What is asked: bodies, supports and loads.
 
 In comes a TOML file or keyword arguments; out go kinds of cells and forces on their faces.
-Read `scene` (the whole), `description` (what each table may hold: materials, loads, rules), `body`
-and `regions` (where material is), `sides` (what holds it), then `resolved_body` and `selection`
-(which cells and faces these are).
+Read `scene` (the whole), `description` (what each table may hold: body, materials, loads, rules),
+`regions` (where material is), `sides` (what holds it), then `resolved_body` and `selection` (which
+cells and faces these are).
 """
 
-from .body import Body
-from .description import LoadTable
+from .description import Body, LoadTable
 from .lattice import Lattice
 from .regions import LoadRegion, Region, RegionImage
 from .scene import Scene, body_cells, load_scene, scene_needed

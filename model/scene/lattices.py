@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from inspect import isabstract
 from itertools import chain
 from math import sqrt
 from typing import Any, ClassVar
@@ -134,18 +135,28 @@ class Hexagons(Lattice):
 BUILT_IN: dict[str, type[Lattice]] = {each.kind: each for each in (Squares, Hexagons, Cubes)}
 
 
-def lattice_named(name: str) -> type[Lattice]:
-    """Return the lattice of a kind: one that kaju brings, or the last one defined."""
-    if name in BUILT_IN:
-        return BUILT_IN[name]
-    by_kind = {each.kind: each for each in _subclasses(Lattice) if each.kind}
-    if name not in by_kind:
+def lattice_given(value: object) -> str | type[Lattice]:
+    """Return the name of a lattice that kaju brings, or the class of your own, given either."""
+    by_kind = {each.kind: each for each in _subclasses(Lattice) if each.kind} | BUILT_IN
+    if isinstance(value, str) and value not in by_kind:
         raise SceneError(
-            f"there is no lattice {name!r}{suggestion(name, by_kind)}; "
+            f"there is no lattice {value!r}{suggestion(value, by_kind)}; "
             f"there is {', '.join(BUILT_IN)}; import the class of a lattice of your own before the "
             "scene is read"
         )
-    return by_kind[name]
+    given = by_kind[value] if isinstance(value, str) else value
+    if not (isinstance(given, type) and issubclass(given, Lattice)):
+        raise SceneError(
+            f"must be {', '.join(map(repr, BUILT_IN))} or a subclass of kaju.Lattice, got {given!r}"
+        )
+    if BUILT_IN.get(given.kind) is given:
+        return given.kind
+    if isabstract(given):
+        missing = ", ".join(sorted(given.__abstractmethods__))
+        raise SceneError(f"{given.__name__} needs {missing}; see kaju.Lattice")
+    if not given.kind or given.kind in BUILT_IN:
+        raise SceneError(f"{given.__name__} needs a kind of its own, got {given.kind!r}")
+    return given
 
 
 def _subclasses(of: Any) -> list[type[Lattice]]:

@@ -216,10 +216,10 @@ def from_image(path: str, legend: Mapping[str, str], nearest: bool = False) -> P
         codes[unknown] = _nearest(pixels[unknown], code_of)
     elif unknown.any():
         row, column = np.argwhere(unknown)[0].tolist()
+        colour = pixels[row, column].tobytes().hex().removesuffix("ff")
         raise _unexplained(
             f"body.image: {np.count_nonzero(unknown)} pixels of {path} have a colour, first "
-            f"#{pixels[row, column].tobytes().hex().removesuffix('ff')} in row {row + 1} from the top, column "
-            f"{column + 1}, that",
+            f"#{colour} in row {row + 1} from the top, column {column + 1}, that",
             legend,
             ". Draw without smoothing (antialiasing), or set body.nearest_colour = true",
         )

@@ -20,8 +20,8 @@ from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.arrays import Flags, Ints
 from kaju.errors import SceneError
 
-from .body import Body
 from .cell_types import AIR, NOT_BODY
+from .description import Body
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
 from .shapes import Points, Relation, Shape

@@ -20,9 +20,8 @@ from kaju.files import text_of_file
 from kaju.result_kinds import NOTEBOOK, fetch
 
 from . import cell_types
-from .body import Body
 from .checks import check_body, check_no_outlines, check_outlines
-from .description import LONGEST, Description, LoadTable, check_rule, with_shared
+from .description import LONGEST, Body, Description, LoadTable, check_rule, with_shared
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_size
 from .regions import PathFile, Region, SurfaceFile

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import atomic_file
 
-from .body import Body
-from .description import LONGEST, TABLES, Description, LoadTable, with_shared
+from .description import LONGEST, TABLES, Body, Description, LoadTable, with_shared
 from .pictures import Picture
 from .validation import plain
 

@@ -37,8 +37,10 @@ class Shape:
 
     @property
     def extent(self) -> Extent:
-        """The bounding box."""
-        raise NotImplementedError
+        """The bounding box, or a larger one: that of the control points."""
+        points = np.concatenate([arcs.reshape(-1, 3) for arcs in self.outline()])
+        points = points[:, :2] / points[:, 2:]
+        return points.min(axis=0), points.max(axis=0)
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return about how far (m) points lie outside, below 0 within; `reach` is far enough.
@@ -146,11 +148,6 @@ class Ring(Described, Shape):
     def _disks(self) -> list[Ball]:
         return [Ball(centre=self.centre, radius=radius) for radius in (self.outer, self.inner)]
 
-    @property
-    def extent(self) -> Extent:
-        """The bounding box."""
-        return self._disks[0].extent
-
     def level(self, points: Points, reach: float) -> Floats:
         """Return how far (m) points lie outside."""
         outer, inner = (disk.level(points, reach) for disk in self._disks)
@@ -200,12 +197,6 @@ class Widened(Described, Shape):
     def core(self) -> tuple[Point, ...]:
         """The polygon's corners, counter-clockwise, or the line's two ends."""
         raise NotImplementedError
-
-    @property
-    def extent(self) -> Extent:
-        """The bounding box."""
-        core = np.asarray(self.core)
-        return core.min(axis=0) - self.radius, core.max(axis=0) + self.radius
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how far (m) points lie outside."""

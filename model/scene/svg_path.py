@@ -22,7 +22,7 @@ from kaju.errors import SceneError, SceneFileError, needing
 from kaju.files import text_of_file
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
-from .shapes import Extent, Points, Polygon, Shape
+from .shapes import Points, Polygon, Shape
 
 _PIXEL = 0.0254 / 96.0
 _UNITS = {
@@ -230,12 +230,6 @@ class PathShape(Shape):
     @cached_property
     def _polygons(self) -> list[Polygon]:
         return [_polygon(arcs, 256 if _curved(arcs) else 1) for arcs in self._lines]
-
-    @property
-    def extent(self) -> Extent:
-        """The bounding box."""
-        low, high = zip(*(polygon.extent for polygon in self._polygons), strict=True)
-        return np.min(low, axis=0), np.max(high, axis=0)
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how far (m) points lie outside, of 256 straight lines for a curve."""

@@ -128,9 +128,6 @@ def _nothing_there(resolved: ResolvedBody) -> SceneError:
     )
 
 
-_WALLS = ("rigid", "roller")
-
-
 def check_no_outlines(scene: Description) -> None:
     """Refuse a load on an outline that is a staircase."""
     for number, load in enumerate(scene.loads):
@@ -172,7 +169,7 @@ def _of_regions(scene: Description, body: ResolvedBody) -> Unproved:
                 f"{where}.outline: all regions of a body have true outlines or none; give it "
                 'outline = "true", or leave it out everywhere'
             )
-        if region.material in _WALLS:
+        if region.material in ("rigid", "roller"):
             told = "would hold the body along its outline, which is not proved yet"
             yield f"{where}.material: {region.material} {told}; hold it by [sides]"
         if region.name in names:
@@ -181,7 +178,7 @@ def _of_regions(scene: Description, body: ResolvedBody) -> Unproved:
 
 
 def _of_materials(scene: Description, body: ResolvedBody) -> Unproved:
-    if scene.body.material in _WALLS:
+    if scene.body.material in ("rigid", "roller"):
         yield f"body.material: {scene.body.material} is no body with true outlines"
     materials = {scene.body.material, *(region.material for region in scene.body.regions)}
     count = len(materials - set(NOT_BODY))

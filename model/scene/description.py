@@ -51,7 +51,6 @@ LONGEST = 100_000_000
 """Bytes of a scene's text; larger bodies come from images and arrays."""
 
 
-_PICTURES = ("drawing", "image", "array")
 Codes = Annotated[
     str | np.ndarray,
     PlainValidator(lambda value: value if isinstance(value, str) else np.asarray(value)),
@@ -90,7 +89,8 @@ class Body(Described):
     @property
     def picture_key(self) -> str | None:
         """Which of drawing, image and array gives the body cell by cell, if any does."""
-        return next((key for key in _PICTURES if getattr(self, key) is not None), None)
+        pictures = ("drawing", "image", "array")
+        return next((key for key in pictures if getattr(self, key) is not None), None)
 
     @property
     def outlined(self) -> bool:
@@ -99,17 +99,16 @@ class Body(Described):
 
     @model_validator(mode="after")
     def _one_way_to_say_it(self) -> Body:
-        given = [key for key in _PICTURES if getattr(self, key) is not None]
-        if len(given) > 1:
-            raise ParameterError(f"{given[1]}: {given[0]} already gives the body; leave one out")
+        given = self.picture_key
+        if given and any(getattr(self, key) is not None for key in {"image", "array"} - {given}):
+            raise ParameterError(f"{given}: gives the body, and so does another; leave one out")
         if given and self.cells is not None:
-            raise ParameterError(f"cells: the {given[0]} has its own; leave them out")
+            raise ParameterError(f"cells: the {given} has its own; leave them out")
         if self.nearest_colour and self.image is None:
             raise ParameterError("nearest_colour: belongs to an image; leave it out")
         if given and self.material is not None:
             raise ParameterError(
-                f"material: the legend already says what the {given[0]} is made of; leave "
-                "material out"
+                f"material: the legend already says it of the {given}; leave it out"
             )
         if not given and self.cells is None:
             raise ParameterError("cells: is needed, such as [20, 10], or drawing, image or array")
@@ -182,13 +181,16 @@ def _table(made: type, **told: tuple[Any, Any]) -> type[Table]:
     return found
 
 
-_ELEMENT = _table(
+_RHEOLOGY = built_by(
+    _table(
+        ThreeElement,
+        K_f=(Number, "stiffness of the spring (Pa)"),
+        D_f=(Number, "damper beside the spring (Pa s)"),
+        D_d=(Number, "damper in series (Pa s); left out: none"),
+    ),
     ThreeElement,
-    K_f=(Number, "stiffness of the spring (Pa)"),
-    D_f=(Number, "damper beside the spring (Pa s)"),
-    D_d=(Number, "damper in series (Pa s); left out: none"),
+    "a table of K_f, D_f and D_d",
 )
-_RHEOLOGY = built_by(_ELEMENT, ThreeElement, "a table of K_f, D_f and D_d")
 
 
 class MaterialTable(Described):
@@ -437,9 +439,6 @@ def check_rule(rule: Rule, materials: list[str]) -> None:
             )
 
 
-_HISTORY = built_by(HistoryTable, History, "a table of times and factors, or of steps")
-
-
 class Description(Described):
     """Body, legend, materials, sides, loads, rule and history: the keys of a scene's file."""
 
@@ -452,7 +451,13 @@ class Description(Described):
     # added; otherwise every step begins with a body in which nobody is awake.
     loading: Literal["afresh", "continue"] = "afresh"
     rule: Annotated[Rule, PlainValidator(_rule_from)] = PrescribedRule()
-    history: Annotated[History, _HISTORY] | None = None
+    history: (
+        Annotated[
+            History,
+            built_by(HistoryTable, History, "a table of times and factors, or of steps"),
+        ]
+        | None
+    ) = None
 
     @model_validator(mode="before")
     @classmethod

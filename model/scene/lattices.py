@@ -172,10 +172,6 @@ def check_boxes(lattice: Lattice) -> None:
         )
 
 
-MOST_DIRECTIONS = 8
-"""Faces of a lattice look along at most so many directions."""
-
-
 def check_lattice(lattice: Lattice) -> None:
     """Refuse a lattice of your own whose answers do not fit together."""
     # Of squares and cubes only `way` is not a formula.
@@ -213,8 +209,8 @@ def _of_forms(lattice: Lattice) -> Conditions:
     rule = "must run counter-clockwise; all cells have one area, and all edges one length"
     yield equal, "outline", rule
     count = len(lattice.normals)
-    rule = f"may look along {MOST_DIRECTIONS} directions, looks along {count}"
-    yield count <= MOST_DIRECTIONS, "outline", rule
+    rule = f"may look along 8 directions at most, looks along {count}"
+    yield count <= 8, "outline", rule
     faces = (lattice.faces >= 0).sum(axis=1) == shapes[0][0]
     rule = "must be convex about the cell's middle, and no two faces may look the same way"
     yield faces.all() and np.all(lattice.distances >= 0), "outline", rule

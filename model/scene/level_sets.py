@@ -24,8 +24,6 @@ EMBEDDED_ARRAY = "data:application/x-npy;base64,"
 """What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
 EMBEDDED_PIXELS = "data:application/x-npy;samples=middles;base64,"
 """The same, if they lie in the middles of pixels."""
-_LEAST = 1e-6
-"""Of the largest sample: those nearer to the level count as this much above it, or below."""
 
 
 def sampled_shape(
@@ -150,7 +148,7 @@ class SampledShape(Shape):
             values = np.pad(values, 1, mode="edge")
         above = values - self.at_least
         if above.ndim == 2:  # an outline must not run through a sample
-            least = _LEAST * np.abs(above).max()
+            least = 1e-6 * np.abs(above).max()
             above = np.where(np.abs(above) < least, np.where(above < 0.0, -least, least), above)
         return places, above
 

@@ -139,8 +139,6 @@ def read_array(path: str, key: str) -> NDArray[np.generic]:
 
 
 _LETTERS = "#o*+xO%@&ABCDEFGHIJKLMNPQRSTUVWXYZabcdefghijklmnpqrstuvwyz0123456789"
-MOST_MATERIALS = 1 << 15
-"""Kinds of cells are kept in 16 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,9 +283,9 @@ def _coded(legend: Mapping[str, str]) -> tuple[tuple[str, ...], dict[str, int]]:
 
 def check_count(materials: int) -> None:
     """Refuse more materials than there are numbers for kinds of cells."""
-    if materials > MOST_MATERIALS:
+    if materials > (most := 1 << 15):  # kinds of cells are kept in 16 bits
         raise SceneError(
-            f"materials: a body has {MOST_MATERIALS} at most, got {materials}; where every cell "
+            f"materials: a body has {most} at most, got {materials}; where every cell "
             "has a stiffness of its own, describe one material and solve with kaju.solve(scene, "
             "stiffness=array)"
         )

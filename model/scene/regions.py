@@ -48,10 +48,6 @@ _IN_SPACE = ("ball", "cylinder", "surface")
 _IN_PLANE = ("disk", "ring", "ellipse", "slot", "rounded_box", "polygon", "path")
 _SHAPES = ("box", "disk", *_IN_SPACE, *_IN_PLANE[1:], "image")
 
-MOST_PATH = 1_000_000
-MOST_CORNERS = 10_000
-"""Every cell near a polygon is held against every edge of it."""
-
 
 class SurfaceFile(Described):
     """The inside of a closed surface of triangles, from an STL file."""
@@ -81,8 +77,8 @@ def _path(value: Any) -> Any:
         return value
     if isinstance(value, Mapping):
         return PathFile(**value)
-    if not isinstance(value, str) or len(value) > MOST_PATH:
-        raise ValueError(f"must be a text of up to {MOST_PATH:,} letters, or a table with a file")
+    if not isinstance(value, str) or len(value) > 1_000_000:
+        raise ValueError("must be a text of up to 1,000,000 letters, or a table with a file")
     return value
 
 
@@ -130,7 +126,7 @@ class _Shaped(Described):
     polygon: tuple[Point, ...] | None = Field(
         default=None,
         min_length=3,
-        max_length=MOST_CORNERS,
+        max_length=10_000,  # every cell near it is held against every edge
         description="the corners (m), three or more; finer shapes are drawn as an image",
     )
 

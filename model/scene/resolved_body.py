@@ -31,8 +31,6 @@ from .validation import check_axes
 CellBox = tuple[Ints, Ints]
 """Lower corner, included, and upper corner, not included, of a box of cells."""
 
-_SLAB = 1_000_000
-
 
 @dataclass(frozen=True, eq=False)
 class FilledShape:
@@ -153,12 +151,12 @@ def slabs(box: CellBox, axis: int = 0) -> Iterator[Cells]:
     lower, upper = box
     length = int(upper[axis] - lower[axis])
     layer = max(1, count(box) // max(1, length))
-    thickness = max(1, _SLAB // layer)
+    thickness = max(1, 1_000_000 // layer)
     for start in range(0, length, thickness):
         first, last = lower.copy(), upper.copy()
         first[axis] += start
         last[axis] = min(first[axis] + thickness, upper[axis])
-        if layer > 2 * _SLAB and axis + 1 < len(lower):
+        if layer > 2_000_000 and axis + 1 < len(lower):
             yield from slabs((first, last), axis + 1)
         else:
             yield grid(first, last)

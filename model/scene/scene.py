@@ -33,16 +33,6 @@ from .surfaces import ClosedSurface
 from .text import located, overridden, save, table_from, table_of, written
 from .validation import with_lines
 
-SOFTEST = 1e3
-"""Pa: foams and gels are stiffer, from some kilopascals on."""
-SOFT, WIDE = 5e5, 10.0
-"""Pa and m: no body so large is so soft, but one in millimetres and MPa looks like that."""
-LARGE = 0.05
-"""Of a body's size: displacements above it are hardly small, and mostly wrong units."""
-MILLIMETRES = 100.0
-"""So many times the array's size: a part of millimetres that are taken for metres."""
-FEW_CELLS = 5.0
-"""A disk of fewer cells along its radius is told: of 2.4 it is a square, of 5 off by 10 %."""
 
 
 class Scene(Description):
@@ -205,15 +195,14 @@ class Scene(Description):
                 "nothing is applied, so all is 0: the scene has no loads, no gravity and no side "
                 "that is moved; describe [[loads]]"
             )
+        wide = max(self.lattice.extent)
+        softest = 5e5 if wide >= 10.0 else 1e3  # Pa: a large body; foams and gels
         for material in self.cell_materials:
-            modulus, wide = material.youngs_modulus, max(self.lattice.extent)
-            soft = f"materials.{material.name}: youngs_modulus = {modulus:g} Pa is "
-            if modulus < SOFTEST:
-                found.append(f"{soft}softer than any foam; are these metres and pascals?")
-            elif modulus < SOFT and wide >= WIDE:
+            if (modulus := material.youngs_modulus) < softest:
                 found.append(
-                    f"{soft}soft for a body of {wide:g} m; are these metres and pascals? 1 mm is "
-                    "0.001 m, 1 MPa is 1e6 Pa"
+                    f"materials.{material.name}: youngs_modulus = {modulus:g} Pa is soft for a "
+                    f"body of {wide:g} m; are these metres and pascals? 1 mm is 0.001 m, 1 MPa is "
+                    "1e6 Pa"
                 )
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"
@@ -226,7 +215,8 @@ class Scene(Description):
             if isinstance(given.surface or given.path, SurfaceFile | PathFile):
                 beyond = _beyond(shape, self.lattice, given.material == "air")
                 found += [f"{where}: {beyond}"] if beyond else []
-            if not self.outlined and isinstance(shape, Ball) and shape.radius < FEW_CELLS * h:
+            # of a radius of 2.4 cells becomes a square, of 5 the disk is off by 10 %
+            if not self.outlined and isinstance(shape, Ball) and shape.radius < 5.0 * h:
                 found.append(
                     f"{where}: its radius of {shape.radius:g} m is {shape.radius / h:.2g} cells, "
                     'so cells make a polygon of it; take smaller cells, or outline = "true"'
@@ -236,7 +226,7 @@ class Scene(Description):
     def notes_on(self, displacement: float) -> tuple[str, ...]:
         """Return the `notes`, and one more where the largest displacement (m) is not small."""
         share = displacement / max(self.lattice.extent)
-        if not share > LARGE:
+        if not share > 0.05:
             return self.notes
         return (
             *self.notes,
@@ -422,7 +412,7 @@ def _beyond(shape: Shape, lattice: Lattice, cuts: bool) -> str:
     """Say how a shape of a file, that fills or `cuts`, reaches beyond the array; or nothing."""
     size, (low, high) = np.asarray(lattice.extent), shape.extent
     surface = isinstance(shape, ClosedSurface)
-    if surface and np.any(high - low >= MILLIMETRES * size):
+    if surface and np.any(high - low >= 100.0 * size):  # millimetres are taken for metres
         remedy = "is it in mm? give scale = 0.001"
     elif cuts or np.all((low > -lattice.cell_size) & (high < size + lattice.cell_size)):
         return ""

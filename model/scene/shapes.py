@@ -29,7 +29,6 @@ Relation = tuple[Flags, Flags]
 
 TOUCH = 1e-9
 """Of a box's edge: shapes that reach no further into it only touch it."""
-_CLOSE = 1e-11  # of a coordinate: a point this near to the edge is on the edge
 
 
 class Shape:
@@ -59,7 +58,8 @@ class Shape:
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
-        return np.asarray(self.level(points, np.inf) <= _CLOSE * np.abs(self.extent).max())
+        rounding = 1e-11 * np.abs(self.extent).max()
+        return np.asarray(self.level(points, np.inf) <= rounding)
 
     def relation(self, low: Points, high: Points) -> Relation:
         """Tell how boxes lie to the shape; what is not sure is neither inside nor apart."""

@@ -17,10 +17,8 @@ from kaju.files import file_to_read
 from .level_sets import EMBEDDED_ARRAY, checked, embedded_array, read_embedded
 from .shapes import TOUCH, Extent, Points, Relation, Shape
 
-_DIGITS = 6
-"""Corners that agree in so many digits of the surface's size are one: STL files hold seven."""
-_AT_ONCE, _TOGETHER = 500_000, 1024
-"""Pairs of box and triangle held at a time, and pairs that are not divided any further."""
+_AT_ONCE = 500_000
+"""Pairs of box and triangle held at a time."""
 
 
 def surface_from(text: str, key: str, scale: float) -> ClosedSurface:
@@ -51,7 +49,7 @@ def _read(path: str, key: str) -> Any:
         raise SceneFileError(f"{key}: holds numbers that are not finite; write it anew")
     points = corners.reshape(-1, 3)
     size = np.ptp(points, axis=0).max()
-    near = np.round((points - points.min(axis=0)) / (size or 1.0), _DIGITS)
+    near = np.round((points - points.min(axis=0)) / (size or 1.0), 6)  # STL files hold 7 digits
     _, first, number = np.unique(near, axis=0, return_index=True, return_inverse=True)
     faces = number.reshape(-1, 3)
     flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)  # they bound nothing
@@ -224,7 +222,7 @@ class ClosedSurface(Shape):
             end = high[box].max(axis=0, initial=-np.inf)
             meets = np.all((least[triangle] <= end) & (most[triangle] >= start), axis=1)
             triangle = triangle[meets]
-            if len(box) * len(triangle) > _TOGETHER and len(box) > 1:
+            if len(box) * len(triangle) > 1024 and len(box) > 1:
                 axis = int(np.argmax(end - start))
                 order = box[np.argsort(low[box, axis], kind="stable")]
                 todo += [(half, triangle) for half in np.array_split(order, 2)]

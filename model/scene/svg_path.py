@@ -24,15 +24,11 @@ from kaju.files import text_of_file
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
 from .shapes import Points, Polygon, Shape
 
-_PIXEL = 0.0254 / 96.0
 _UNITS = {
-    **{"": _PIXEL, "px": _PIXEL, "in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0},
-    **{"cm": 0.01, "mm": 0.001, "Q": 0.00025},
+    **{"": 0.0254 / 96.0, "px": 0.0254 / 96.0, "in": 0.0254, "pt": 0.0254 / 72.0},
+    **{"pc": 0.0254 / 6.0, "cm": 0.01, "mm": 0.001, "Q": 0.00025},
 }
 """Metres, as CSS has them."""
-_LENGTH = re.compile(r"\s*([-+\d.eE]+?)\s*(px|in|pt|pc|cm|mm|Q|)\s*$")
-_GROUPS = ("svg", "g", "a")
-_OUTLINES = ("path", "rect", "circle", "ellipse", "polygon")
 _SILENT = ("defs", "metadata", "title", "desc", "style", "namedview", "clipPath", "mask", "marker")
 
 
@@ -94,10 +90,10 @@ def _page(root: Any) -> Floats:
     if len(box) != 4 and size[1] is None:
         raise _wrong("has neither height nor viewBox, so which way is up is not known; give one")
     if len(box) != 4:
-        box = [0.0, 0.0, *((length or 1.0) / _PIXEL for length in size)]
+        box = [0.0, 0.0, *((length or 1.0) / _UNITS["px"] for length in size)]
     if min(box[2:]) <= 0.0:
         raise _wrong(f"its viewBox {box} has no area")
-    whole = [b * _PIXEL if a is None else a for a, b in zip(size, box[2:], strict=True)]
+    whole = [b * _UNITS["px"] if a is None else a for a, b in zip(size, box[2:], strict=True)]
     if size.count(None) == 1:  # the other side keeps the proportions
         known = int(size[0] is None)
         whole[1 - known] = whole[known] * box[3 - known] / box[2 + known]
@@ -114,7 +110,7 @@ def _page(root: Any) -> Floats:
 
 def _length(text: str) -> float | None:
     """Return a length (m); None for what is left out or a share of the screen."""
-    found = _LENGTH.match(text)
+    found = re.match(r"\s*([-+\d.eE]+?)\s*(px|in|pt|pc|cm|mm|Q|)\s*$", text)
     if not text.strip() or text.strip().endswith("%") or text == "auto":
         return None
     if not found:
@@ -131,7 +127,7 @@ def _elements(element: Any, place: Floats, transform: Any) -> Iterator[tuple[Any
         own = "}" not in str(child.tag) or "www.w3.org/2000/svg}" in str(child.tag)
         if not own or name in _SILENT or _style(child, "display") == "none":
             continue
-        if name not in (*_GROUPS[1:], *_OUTLINES):
+        if name not in ("g", "a", "path", "rect", "circle", "ellipse", "polygon"):
             raise _wrong(f"{_called(child)} is no outline; turn it into a path, or remove it")
         for key in ("clip-path", "mask"):  # they hide a part of it
             if _style(child, key) not in ("", "none"):
@@ -140,7 +136,7 @@ def _elements(element: Any, place: Floats, transform: Any) -> Iterator[tuple[Any
             inner = place @ transform(child.get("transform", ""), strict=True)
         except (ValueError, TypeError) as error:
             raise _wrong(f"{_called(child)}: its transform is not read ({error})") from None
-        if name in _GROUPS:
+        if name in ("g", "a"):
             yield from _elements(child, inner, transform)
         else:
             yield child, inner
@@ -196,15 +192,14 @@ def _check_apart(lines: list[Floats]) -> None:
                     )
 
 
-_NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
-_FLAG = re.compile(r"[\s,]*([01])")
-_COMMAND = re.compile(r"[\s,]*([MmLlHhVvCcSsQqTtAaZz])")
+_PARTS = [
+    re.compile(rf"[\s,]*({part})")
+    for part in ("[MmLlHhVvCcSsQqTtAaZz]", "[01]", r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+]
+"""Of a path: commands, flags and numbers."""
 _COUNT = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 EMBEDDED_DRAWING = "data:image/svg+xml;base64,"
 """What a drawing starts with that a scene carries with it, in place of a path (RFC 2397)."""
-MOST_CURVES = 10_000
-_ROUNDING = 1e-9
-"""Of a line's extent: what is shorter comes of rounding."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +250,7 @@ def read_path(text: str) -> list[Floats]:
     start: Point = (0.0, 0.0)
     here, handle, command, last, place = start, start, "", "", 0
     while text[place:].strip(" \t\r\n,"):
-        found = _COMMAND.match(text, place)
+        found = _PARTS[0].match(text, place)
         if found:
             command, place = found[1], found.end()
         elif command in ("M", "m"):  # further places of a move are lines
@@ -297,8 +292,8 @@ def read_path(text: str) -> list[Floats]:
             curve = cubic(here, *at)
             lines[-1] += parted_at(curve, np.append(inflections(curve), 0.5))
         here, last = at[-1] if at else start, kind
-        if sum(map(len, lines)) > MOST_CURVES:
-            raise SceneError(f"path: has more than {MOST_CURVES} curves; draw it as an image")
+        if sum(map(len, lines)) > 10_000:
+            raise SceneError("path: has more than 10,000 curves; draw it as an image")
     _close(lines, start, here)
     kept = [np.array(arcs) for arcs in lines if len(arcs) > 1]
     if not kept:
@@ -310,7 +305,7 @@ def _numbers(text: str, place: int, kind: str) -> tuple[list[float], int]:
     """Return what a command takes, and where the text goes on."""
     given = []
     for k in range(_COUNT[kind]):
-        found = (_FLAG if kind == "A" and k in (3, 4) else _NUMBER).match(text, place)
+        found = _PARTS[1 if kind == "A" and k in (3, 4) else 2].match(text, place)
         if not found:
             raise SceneError(f"path: {kind} takes {_COUNT[kind]} numbers, at {text[place:][:20]!r}")
         given.append(float(found[1]))
@@ -325,7 +320,7 @@ def _close(lines: list[list[Floats]], start: Point, here: Point) -> None:
     arcs = np.array([*lines[-1], line(here, start)])
     points = arcs[:, :, :2] / arcs[:, :, 2:]
     length = np.ptp(points, axis=1).max(axis=1)
-    kept = arcs[length > _ROUNDING * np.ptp(points.reshape(-1, 2), axis=0).max()]
+    kept = arcs[length > 1e-9 * np.ptp(points.reshape(-1, 2), axis=0).max()]
     kept[:, 3, :2] = kept[:, 3, 2:] * (np.roll(kept[:, 0, :2] / kept[:, 0, 2:], -1, axis=0))
     lines[-1] = list(kept)
 

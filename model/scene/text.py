@@ -22,9 +22,6 @@ from .description import LONGEST, TABLES, Body, Description, LoadTable, with_sha
 from .pictures import Picture
 from .validation import plain
 
-EMBEDDED = "data:"
-"""What a file starts with that a scene carries with it (RFC 2397)."""
-
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     """Return the table in a TOML text; paths in it start from `folder`."""
@@ -62,7 +59,7 @@ def _moved(part: Any, folder: Path) -> Any:
     moved = {}
     for key, value in part.items():
         is_path = key in ("image", "array", "file", "surface") and isinstance(value, str)
-        is_path = is_path and not value.startswith(EMBEDDED)
+        is_path = is_path and not value.startswith("data:")  # embedded (RFC 2397)
         moved[key] = str(folder / value) if is_path else _moved(value, folder)
     return moved
 
@@ -202,7 +199,7 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
     beside = path.with_name(f"{path.stem}.cells.npy")
     for region in table["body"].get("regions", []):
         for key in {"image", "surface", "path"} & set(region):
-            if isinstance(region[key], dict) and not region[key]["file"].startswith(EMBEDDED):
+            if isinstance(region[key], dict) and not region[key]["file"].startswith("data:"):
                 region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
     text, codes = written(table, picture, beside.name)
     if codes is not None:

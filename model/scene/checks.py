@@ -139,28 +139,7 @@ def check_no_outlines(scene: Description) -> None:
 
 
 def check_outlines(scene: Description, body: ResolvedBody) -> None:
-    """Refuse whatever a body with true outlines is not proved with."""
-    for refusals in (_of_body, _of_regions, _of_materials, _of_sides, _of_loads):
-        for told in refusals(scene, body):
-            joint = ", or" if ";" in told else ";"
-            raise SceneError(f'{told}{joint} take outline = "cells" instead')
-
-
-Unproved = Iterator[str]
-"""What cells would take, each with its other remedies; plain mistakes are raised."""
-
-
-def _of_body(scene: Description, body: ResolvedBody) -> Unproved:
-    if body.lattice.kind not in ("square", "cube"):
-        yield "body.lattice: true outlines go with squares and cubes"
-    if (key := scene.body.picture_key) is not None:
-        told = "is a body of cells, which true outlines do not cut; give cells and material"
-        yield f"body.{key}: {told}"
-    if scene.history is not None:
-        yield "history: time goes with cells"
-
-
-def _of_regions(scene: Description, body: ResolvedBody) -> Unproved:
+    """Refuse what contradicts true outlines, or is not proved with them."""
     names: list[str] = []
     for number, region in enumerate(scene.body.regions):
         where = f"body.regions.{number}"
@@ -169,74 +148,57 @@ def _of_regions(scene: Description, body: ResolvedBody) -> Unproved:
                 f"{where}.outline: all regions of a body have true outlines or none; give it "
                 'outline = "true", or leave it out everywhere'
             )
-        if region.material in ("rigid", "roller"):
-            told = "would hold the body along its outline, which is not proved yet"
-            yield f"{where}.material: {region.material} {told}; hold it by [sides]"
         if region.name in names:
             raise SceneError(f"{where}.name: {region.name!r} is another region's name")
         names += [region.name] if region.name is not None else []
-
-
-def _of_materials(scene: Description, body: ResolvedBody) -> Unproved:
-    if scene.body.material in ("rigid", "roller"):
-        yield f"body.material: {scene.body.material} is no body with true outlines"
-    materials = {scene.body.material, *(region.material for region in scene.body.regions)}
-    count = len(materials - set(NOT_BODY))
-    if count == 0:
-        raise SceneError("body.regions: all is air; give a region, or the body, a material")
-    rigid = [one.name for one in body.materials if one.poissons_ratio == 0.5]
-    if rigid and body.lattice.dimension == 2 and scene.body.plane == "strain":
-        told = "of 1/2 is not known in plane strain with true outlines; take less"
-        yield f"materials.{rigid[0]}.poissons_ratio: {told}"
-    if count > 1 and body.lattice.dimension == 3:
-        told = "with true outlines in space there is one material, beside air"
-        yield f"body.regions: {told}; two that meet are not proved yet. Leave one out"
-    if count > 1 and any(scene.body.gravity or ()):
-        told = "the weight of two materials is not proved with true outlines yet"
-        yield f"body.gravity: {told}; leave it out"
-
-
-def _of_sides(scene: Description, body: ResolvedBody) -> Unproved:
-    solid = body.lattice.dimension == 3
-    words = ("free", "rigid", "roller", *(["displaced"] if solid else []))
-    for name, side in scene.sides.items():
-        if side.kind not in words:
-            known = f"{', '.join(words[:-1])} or {words[-1]}"
-            yield f"sides.{name}: with true outlines a side is {known}, not {side.kind}"
-        if side.kind == "displaced" and scene.loads:
-            told = "is moved, or loads act; which bounds hold for both is not known"
-            yield f"sides.{name}: with true outlines a side {told}. Leave loads out"
-    if solid and any(scene.body.gravity or ()):
-        yield "body.gravity: is not known with true outlines in space; leave it out"
-
-
-def _of_loads(scene: Description, body: ResolvedBody) -> Unproved:
-    regions = [region.name for region in scene.body.regions if region.name is not None]
-    dimension = body.lattice.dimension
     for number, load in enumerate(scene.loads):
         where = f"loads.{number}"
-        if load.outline is not None and load.outline not in regions:
+        if load.outline is not None and load.outline not in names:
             raise SceneError(
                 f"{where}.outline: there is no region called {load.outline!r}"
-                f"{suggestion(load.outline, regions)}; give a region name = {load.outline!r}"
-            )
-        for key in ("cell", "point", "region"):
-            if getattr(load, key) is not None:
-                yield f"{where}.{key}: with true outlines loads act on a side or on an outline"
-        for key in ("couple", "pressure_slope"):
-            if getattr(load, key) is not None:
-                told = "is not proved with true outlines yet; take force or pressure"
-                yield f"{where}.{key}: {told}"
-        if load.outline is not None and dimension == 3:
-            raise SceneError(
-                f"{where}.outline: loads on outlines are not proved in space; load a side"
+                f"{suggestion(load.outline, names)}; give a region name = {load.outline!r}"
             )
         if load.force is not None:
-            check_axes(load.force, dimension, f"{where}.force")
+            check_axes(load.force, body.lattice.dimension, f"{where}.force")
         if load.side is not None:
             if load.side not in body.lattice.sides:
                 raise unknown_side(load.side, body.lattice.sides, f"{where}.side")
             if scene.sides.get(load.side, FREE).kind != "free":
                 raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
-        if load.steps != 1:
-            yield f"{where}.steps: true outlines are answered for the whole load; leave it out"
+    for refused, told in _unproved(scene, body):
+        if refused:
+            raise SceneError(
+                f'{told}, or take outline = "cells"; true outlines are not proved with it'
+            )
+
+
+def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, str]]:
+    """Yield whether a scene has what cells take alone, and what is to be done about it."""
+    solid, own, walls = body.lattice.dimension == 3, scene.body, ("rigid", "roller")
+    fills = {own.material, *(region.material for region in own.regions)} - set(NOT_BODY)
+    if not fills:
+        raise SceneError("body.regions: all is air; give a region, or the body, a material")
+    yield body.lattice.kind not in ("square", "cube"), "body.lattice: take squares or cubes"
+    yield own.picture_key, f"body.{own.picture_key}: give cells and material"
+    yield scene.history is not None, "history: leave it out"
+    yield own.material in walls, f"body.material: {own.material} is no body; take a material"
+    yield solid and len(fills) > 1, "body.regions: in space take one material, beside air"
+    weighs = any(own.gravity or ())
+    yield weighs and (solid or len(fills) > 1), "body.gravity: leave it out, or the second material"
+    for material in body.materials:
+        soft = solid or own.plane != "strain" or material.poissons_ratio < 0.5
+        yield not soft, f"materials.{material.name}.poissons_ratio: take less than 1/2"
+    for number, region in enumerate(own.regions):
+        where = f"body.regions.{number}.material"
+        yield region.material in walls, f"{where}: {region.material} holds; hold it by [sides]"
+    for name, side in scene.sides.items():
+        moved = side.kind == "displaced"
+        where = f"sides.{name}: is {side.kind}"
+        yield side.kind == "foundation" or (moved and not solid), f"{where}; take rigid or roller"
+        yield moved and scene.loads, f"{where}; leave the loads out"
+    for number, load in enumerate(scene.loads):
+        for key in ("cell", "point", "region", "couple", "pressure_slope"):
+            told = "load a side or an outline by a force or a pressure"
+            yield getattr(load, key) is not None, f"loads.{number}.{key}: {told}"
+        yield solid and load.outline is not None, f"loads.{number}.outline: load a side"
+        yield load.steps != 1, f"loads.{number}.steps: leave it out"

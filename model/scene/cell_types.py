@@ -8,16 +8,11 @@ from __future__ import annotations
 
 from typing import Final
 
-AIR: Final = -1
-"""Nothing: whatever lies before it is a free surface."""
-RIGID: Final = -2
-"""Ground, a wall, a punch: holds what touches it in every direction."""
-ROLLER: Final = -3
-"""A wall without friction: holds across, lets slide along."""
-FOUNDATION: Final = -4
-"""An elastic bed of given stiffness per area."""
-DISPLACED: Final = -5
-"""A wall that moves what touches it by a given displacement."""
+AIR: Final = -1  # Nothing: whatever lies before it is a free surface.
+RIGID: Final = -2  # Ground, a wall, a punch: holds what touches it in every direction.
+ROLLER: Final = -3  # A wall without friction: holds across, lets slide along.
+FOUNDATION: Final = -4  # An elastic bed of given stiffness per area.
+DISPLACED: Final = -5  # A wall that moves what touches it by a given displacement.
 
 NAMES: Final = {
     AIR: "air",
@@ -32,5 +27,4 @@ NOT_BODY: Final = {
     "roller": ROLLER,
 }
 """What scenes call a cell that is not body: whatever surrounds it gives loads back like air."""
-INSIDE: Final = "rigid"
-"""Name of the support that rigid cells inside the array give."""
+INSIDE: Final = "rigid"  # Name of the support that rigid cells inside the array give.

@@ -185,30 +185,14 @@ class ClosedSurface(Shape):
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how far (m) points lie outside, below 0 within; `reach` where it is further."""
+        with needing("surface: true outlines need trimesh: pip install 'kaju[cad]'"):
+            from trimesh import triangles
+        closest: Any = triangles.closest_point  # untyped
         square = np.full(len(points), reach**2)
-        sides, long, normal, across = self._flat
         for point, triangle in self._near(points - reach, points + reach):
-            away = points[point][:, None] - self.corners[triangle]
-            height = np.einsum("ni,ni->n", normal[triangle], away[:, 0]) ** 2
-            near = height < reach**2
-            point, triangle, away, height = point[near], triangle[near], away[near], height[near]
-            beside = np.einsum("nci,nci->nc", across[triangle], away).min(axis=1) <= 0.0
-            triangle, away = triangle[beside], away[beside]
-            share = np.einsum("nci,nci->nc", away, sides[triangle]) / long[triangle]
-            away -= np.clip(share, 0.0, 1.0)[..., None] * sides[triangle]
-            height[beside] = np.einsum("nci,nci->nc", away, away).min(axis=1)
-            np.minimum.at(square, point, height)
+            away = points[point] - closest(self.corners[triangle], points[point])
+            np.minimum.at(square, point, (away * away).sum(axis=1))
         return np.asarray(np.where(self.contains(points), -1.0, 1.0) * np.sqrt(square))
-
-    @cached_property
-    def _flat(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Sides, squares of their lengths, unit normals, and normals of the sides, inwards."""
-        sides = np.roll(self.corners, -1, axis=1) - self.corners
-        long = np.einsum("nci,nci->nc", sides, sides)
-        normal = np.cross(sides[:, 0], sides[:, 1])
-        area = np.linalg.norm(normal, axis=1, keepdims=True)
-        normal = normal / np.where(area > 0.0, area, 1.0)
-        return sides, np.where(long > 0.0, long, 1.0), normal, np.cross(normal[:, None], sides)
 
     def _near(self, low: Points, high: Points) -> Iterator[tuple[Ints, Ints]]:
         """Yield boxes, and triangles whose own boxes meet them, pair by pair."""

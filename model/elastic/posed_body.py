@@ -74,13 +74,12 @@ class PosedBody:
         self.cell = 1 << min(spare, DEEPEST[self.dimension])
         self.smallest = 1 if self.resolution is None else self.cell
         self.extent = np.asarray(lattice.shape) * self.cell
-        self._purity = self.scene.purity()
         self._collect_loads(self.stage)
         self._scale()
 
     def kinds_at(self, points: Ints) -> Ints:
         """Return the kinds of unit cells, also outside the array."""
-        return self._purity.kinds(points // self.cell, 0)
+        return self.scene.box_kinds(points // self.cell, 0)
 
     @cached_property
     def sharp(self) -> Ints:
@@ -119,7 +118,7 @@ class PosedBody:
         lower, size, kind = [], [], []
         corners = corner_ends(self.dimension)
         while len(boxes):
-            found = self._purity.kinds(boxes, exponent)
+            found = self.scene.box_kinds(boxes, exponent)
             body = found >= 0
             lower.append(boxes[body] * self.cell)
             size.append(np.full(np.count_nonzero(body), self.cell << exponent, dtype=np.int64))
@@ -149,7 +148,7 @@ class PosedBody:
             for offset in product((-1, 0, 1), repeat=self.dimension):
                 if any(offset):
                     box = (leaves.lower[here] + np.array(offset) * size) // self.cell
-                    unfit[here] |= self._purity.kinds(box, exponent) == MIXED
+                    unfit[here] |= self.scene.box_kinds(box, exponent) == MIXED
         return unfit
 
     def unevenly_loaded(self, leaves: LeafCells) -> Flags:

@@ -22,7 +22,7 @@ from pydantic import (
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.agents.materials import LIBRARY, Material, suggestion
 from kaju.agents.rules import Coefficients, PrescribedRule
-from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.errors import ParameterError, SceneError, SceneFileError, require
 from kaju.files import text_of_file
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
@@ -104,16 +104,14 @@ class Body(Described):
             raise ParameterError(f"{given}: gives the body, and so does another; leave one out")
         if given and self.cells is not None:
             raise ParameterError(f"cells: the {given} has its own; leave them out")
-        if self.nearest_colour and self.image is None:
-            raise ParameterError("nearest_colour: belongs to an image; leave it out")
         if given and self.material is not None:
-            raise ParameterError(
-                f"material: the legend already says it of the {given}; leave it out"
-            )
+            raise ParameterError(f"material: the legend says it of the {given}; leave it out")
         if not given and self.cells is None:
             raise ParameterError("cells: is needed, such as [20, 10], or drawing, image or array")
         if not given and self.material is None:
             raise ParameterError('material: is needed, such as "steel"')
+        if self.nearest_colour and self.image is None:
+            raise ParameterError("nearest_colour: belongs to an image; leave it out")
         if (self.size is None) == (self.cell_size is None):
             raise ParameterError("size: give either size or cell_size (m), and not both")
         return self
@@ -303,35 +301,26 @@ class LoadTable(Described):
 
     @model_validator(mode="after")
     def _one_place_one_load(self) -> LoadTable:
-        keys = ("cell", "point", "region", "outline")
-        places = [name for name in keys if getattr(self, name) is not None]
-        if len(places) > 1 or not (places or self.side):
-            raise ParameterError(
-                "cell: a load acts in one place: give either cell, point, region, "
-                "outline, or side alone"
-            )
-        if self.region is not None and self.side is not None:
-            raise ParameterError("side: a region selects its own faces; leave side out")
-        if self.outline is not None and self.side is not None:
-            raise ParameterError("side: an outline is loaded all along; leave side out")
-        loads = ("force", "pressure", "couple")
-        given = [name for name in loads if getattr(self, name) is not None]
-        if self.pressure_slope is not None and given != ["pressure"]:
-            raise ParameterError("pressure_slope: needs pressure, its value at the origin (Pa)")
-        if len(given) != 1:
-            raise ParameterError(
-                "force: give either force (N) or pressure (Pa) or couple (N m), and not both"
-            )
-        if self.couple is not None and (self.cell is not None or self.point is not None):
-            raise ParameterError(
-                "couple: a single cell has no lever; let it act on a side or a region"
-            )
-        if self.force is not None and not any(self.force):
-            raise ParameterError("force: is zero along every axis; leave the load out")
-        if self.couple is not None and not np.any(self.couple):
-            raise ParameterError("couple: is zero; leave the load out")
-        if self.pressure == 0.0 and not any(self.pressure_slope or ()):
-            raise ParameterError("pressure: is zero; leave the load out")
+        places = [self.cell, self.point, self.region, self.outline]
+        count = sum(place is not None for place in places)
+        require(
+            count == 1 or (count == 0 and self.side is not None),
+            "cell: a load acts in one place: give cell, point, region, outline, or side alone",
+        )
+        alone = self.side is None or (self.region is None and self.outline is None)
+        require(alone, "side: a region selects its own faces, and an outline all; leave side out")
+        given = [
+            name for name in ("force", "pressure", "couple") if getattr(self, name) is not None
+        ]
+        sloped = self.pressure_slope is None or given == ["pressure"]
+        require(sloped, "pressure_slope: needs pressure, its value at the origin (Pa)")
+        told = "force: give either force (N) or pressure (Pa) or couple (N m), and not both"
+        require(len(given) == 1, told)
+        single = self.cell is not None or self.point is not None
+        told = "couple: a single cell has no lever; let it act on a side or a region"
+        require(self.couple is None or not single, told)
+        acts = np.any(getattr(self, given[0])) or any(self.pressure_slope or ())
+        require(bool(acts), f"{given[0]}: is zero; leave the load out")
         return self
 
 

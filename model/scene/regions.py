@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -152,25 +152,28 @@ class _Shaped(Described):
             raise SceneError(
                 f"{where}: belongs to two dimensions; use {', '.join(names[:-1])} or {names[-1]}"
             )
-        if name == "box":
-            return _box(given, lattice, where)
         if name == "path":
             file = given.file if isinstance(given, PathFile) else None
             return drawing_in(file, f"{where}.file") if file else PathShape(given)
+        shape: Shape
         if name in ("image", "surface"):
-            shape: Shape = given.shape_in(lattice, where)
+            shape = given.shape_in(lattice, where)
             return shape
+        if name == "box":
+            return _box(given, lattice, where)
         if name == "rounded_box":
-            box = _box(given.box, lattice, f"{where}.box")
-            if not all(2 * given.radius < b - a for a, b in zip(box.lower, box.upper, strict=True)):
+            lower, upper = _box(given.box, lattice, f"{where}.box").extent
+            if np.any(2 * given.radius >= upper - lower):
                 raise SceneError(
                     f"{where}.radius: {given.radius:g} must be below half of each edge; use slot"
                 )
-            return _checked(given, given.box, lattice, where)
         if name == "polygon":
-            return _checked(Polygon(given), given, lattice, where)
-        ends = given.ends if name in ("slot", "cylinder") else [given.centre]
-        return _checked(given, ends, lattice, where)
+            shape, points = Polygon(given), given
+        else:
+            shape, points = given, getattr(given, "ends", None) or getattr(given, "box", None)
+        for point in points or [given.centre]:
+            check_axes(point, lattice.dimension, where, "coordinates")
+        return shape
 
 
 class Region(_Shaped):
@@ -230,13 +233,6 @@ class LoadRegion(_Shaped):
                 "a surface has none along one axis only; for a point use point = [...]"
             )
         return flat[0] if flat else None
-
-
-def _checked(shape: Shape, points: Iterable[Point], lattice: Lattice, where: str) -> Shape:
-    """Return a shape whose points have a coordinate for every axis."""
-    for point in points:
-        check_axes(point, lattice.dimension, where, "coordinates")
-    return shape
 
 
 def _box(corners: tuple[Point, Point], lattice: Lattice, where: str) -> Box:

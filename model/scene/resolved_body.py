@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from math import floor, prod
 
@@ -30,6 +31,9 @@ from .validation import check_axes
 
 CellBox = tuple[Ints, Ints]
 """Lower corner, included, and upper corner, not included, of a box of cells."""
+
+MIXED = -99
+"""A box that may hold cells of several kinds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +69,10 @@ class ResolvedBody:
     def kinds(self, cells: Cells) -> Ints:
         """Return the kind of each cell, those outside the array included."""
         side = self.lattice.side_beyond(cells)
-        if isinstance(self.base, int):
-            kinds = np.append(self.beyond, self.base)[side]
-            if not self.regions:
-                return kinds
-        else:
-            kinds = self.beyond[side]
+        one = self.base if isinstance(self.base, int) else AIR
+        kinds = np.append(self.beyond, one)[side]
+        if self.uniform:
+            return kinds
         inside = side < 0
         here = cells[inside]
         found = kinds[inside] if isinstance(self.base, int) else self.base[tuple(here.T)]
@@ -131,6 +133,52 @@ class ResolvedBody:
                 kinds[tuple(cells[inside].T)] = region.kind
         return kinds
 
+    @cached_property
+    def _pyramid(self) -> list[NDArray[np.int16]]:
+        """The kinds of boxes of 1, 2, 4, ... cells of a body given cell by cell."""
+        return [] if isinstance(self.base, int) else _pyramid(self.base)
+
+    def box_kinds(self, lower: Cells, exponent: int) -> Ints:
+        """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
+        shape = np.asarray(self.lattice.shape)
+        upper = lower + (1 << exponent)
+        inside = np.all((lower >= 0) & (upper <= shape), axis=1)
+        beyond = (upper <= 0) | (lower >= shape)
+        outside = np.any(beyond, axis=1)
+        found = np.full(len(lower), MIXED, dtype=np.int64)
+        found[outside] = self._outside(lower[outside], upper[outside], beyond[outside])
+        found[inside] = self._inside(lower[inside], exponent)
+        return found
+
+    def _outside(self, lower: Cells, upper: Cells, beyond: Flags) -> Ints:
+        """Beyond one side its condition holds, beyond two there is air."""
+        shape = np.asarray(self.lattice.shape)
+        axis = np.argmax(beyond, axis=1)
+        each = np.arange(len(lower))
+        index = 2 * axis + (lower[each, axis] >= shape[axis])
+        along = np.ones_like(beyond)
+        along[each, axis] = False
+        straddles = np.any(along & ~beyond & ((lower < 0) | (upper > shape)), axis=1)
+        kind = np.where(beyond.sum(axis=1) > 1, AIR, self.beyond[index])
+        return np.where(straddles & (kind != AIR), MIXED, kind)
+
+    def _inside(self, lower: Cells, exponent: int) -> Ints:
+        h = self.lattice.cell_size
+        if isinstance(self.base, int):
+            kind = np.full(len(lower), self.base, dtype=np.int64)
+        elif exponent < len(self._pyramid):
+            kind = self._pyramid[exponent][tuple((lower >> exponent).T)].astype(np.int64)
+        else:
+            kind = np.full(len(lower), MIXED, dtype=np.int64)
+        # A box is of a region's kind if the region holds the centres of all of its cells.
+        low = np.asarray((lower + 0.5) * h)
+        high = np.asarray((lower + (1 << exponent) - 0.5) * h)
+        for region in self.regions:
+            inside, apart = relation(region.shape, low, high)
+            crossed = np.where(kind == region.kind, kind, MIXED)
+            kind = np.where(inside, region.kind, np.where(apart, kind, crossed))
+        return kind
+
 
 def count(box: CellBox) -> int:
     """Return the number of cells in a box; exact, however large."""
@@ -172,63 +220,6 @@ def sample(box: CellBox, most: int = 100_000) -> Cells:
             for low, high in zip(lower, upper, strict=True)
         ]
     )
-
-
-MIXED = -99
-"""A box that may hold cells of several kinds."""
-
-Kinds = NDArray[np.int64]
-
-
-class BoxKinds:
-    """Answers for a body; keeps a pyramid of kinds for a body given cell by cell."""
-
-    def __init__(self, resolved: ResolvedBody) -> None:
-        self._resolved = resolved
-        self._pyramid: list[NDArray[np.int16]] = []
-        if not isinstance(resolved.base, int):
-            self._pyramid = _pyramid(resolved.base)
-
-    def kinds(self, lower: Cells, exponent: int) -> Kinds:
-        """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
-        shape = np.asarray(self._resolved.lattice.shape)
-        upper = lower + (1 << exponent)
-        inside = np.all((lower >= 0) & (upper <= shape), axis=1)
-        beyond = (upper <= 0) | (lower >= shape)
-        outside = np.any(beyond, axis=1)
-        found = np.full(len(lower), MIXED, dtype=np.int64)
-        found[outside] = self._outside(lower[outside], upper[outside], beyond[outside])
-        found[inside] = self._inside(lower[inside], exponent)
-        return found
-
-    def _outside(self, lower: Cells, upper: Cells, beyond: Flags) -> Kinds:
-        """Beyond one side its condition holds, beyond two there is air."""
-        shape = np.asarray(self._resolved.lattice.shape)
-        axis = np.argmax(beyond, axis=1)
-        each = np.arange(len(lower))
-        index = 2 * axis + (lower[each, axis] >= shape[axis])
-        along = np.ones_like(beyond)
-        along[each, axis] = False
-        straddles = np.any(along & ~beyond & ((lower < 0) | (upper > shape)), axis=1)
-        kind = np.where(beyond.sum(axis=1) > 1, AIR, self._resolved.beyond[index])
-        return np.where(straddles & (kind != AIR), MIXED, kind)
-
-    def _inside(self, lower: Cells, exponent: int) -> Kinds:
-        base, h = self._resolved.base, self._resolved.lattice.cell_size
-        if isinstance(base, int):
-            kind = np.full(len(lower), base, dtype=np.int64)
-        elif exponent < len(self._pyramid):
-            kind = self._pyramid[exponent][tuple((lower >> exponent).T)].astype(np.int64)
-        else:
-            kind = np.full(len(lower), MIXED, dtype=np.int64)
-        # A box is of a region's kind if the region holds the centres of all of its cells.
-        low = np.asarray((lower + 0.5) * h)
-        high = np.asarray((lower + (1 << exponent) - 0.5) * h)
-        for region in self._resolved.regions:
-            inside, apart = relation(region.shape, low, high)
-            crossed = np.where(kind == region.kind, kind, MIXED)
-            kind = np.where(inside, region.kind, np.where(apart, kind, crossed))
-        return kind
 
 
 def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:

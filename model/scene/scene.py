@@ -25,7 +25,7 @@ from .description import LONGEST, Body, Description, LoadTable, check_rule, with
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_size
 from .regions import PathFile, Region, SurfaceFile
-from .resolved_body import BoxKinds, CellBox, ResolvedBody, resolve
+from .resolved_body import CellBox, ResolvedBody, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Shape
 from .sides import FREE, SideCondition, unknown_side
@@ -262,9 +262,9 @@ class Scene(Description):
         """Return a box outside of which there is no body: lower <= cell < upper."""
         return self._of_cells.bounds()
 
-    def purity(self) -> BoxKinds:
-        """Return what tells the kinds of whole boxes of cells."""
-        return BoxKinds(self._of_cells)
+    def box_kinds(self, lower: Cells, exponent: int) -> Ints:
+        """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
+        return self._of_cells.box_kinds(lower, exponent)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, 2e8 at most, shape `lattice.shape`."""

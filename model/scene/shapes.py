@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
@@ -20,6 +21,16 @@ from kaju.model.scene.validation import Coordinate, Described, Length, Number
 from .curves import conic, elliptic, line, polygonal
 
 Point = tuple[Coordinate, ...]
+
+
+def _apart(ends: tuple[Point, Point]) -> tuple[Point, Point]:
+    """Refuse ends without a length between them."""
+    if ends[0] == ends[1]:
+        raise ValueError("are one point; take two, or another shape")
+    return ends
+
+
+Ends = Annotated[tuple[Point, Point], AfterValidator(_apart)]
 Points = NDArray[np.float64]
 """Points (m), shape (n, dimension)."""
 Extent = tuple[Points, Points]
@@ -171,12 +182,6 @@ class Ellipse(Described, Shape):
         turned = np.array([[cosine, sine], [-sine, cosine]])
         return np.asarray(turned * np.array(self.radii)[:, None])
 
-    @property
-    def extent(self) -> Extent:
-        """The bounding box."""
-        reach = np.hypot(*self._axes)
-        return np.asarray(self.centre) - reach, np.asarray(self.centre) + reach
-
     def level(self, points: Points, reach: float) -> Floats:
         """Return about how far (m) points lie outside: as if of a circle of the smaller radius."""
         along = (points - np.asarray(self.centre)) @ np.linalg.inv(self._axes)
@@ -221,14 +226,8 @@ class Widened(Described, Shape):
 class Slot(Widened):
     """All points of the plane up to a radius from a straight line."""
 
-    ends: tuple[Point, Point] = Field(description="where its rounded ends have their middles (m)")
+    ends: Ends = Field(description="where its rounded ends have their middles (m)")
     radius: Length = Field(description="half of its width (m), such as 0.01")
-
-    @model_validator(mode="after")
-    def _has_length(self) -> Slot:
-        if self.ends[0] == self.ends[1]:
-            raise ParameterError("ends: are one point; use disk")
-        return self
 
     @property
     def core(self) -> tuple[Point, ...]:
@@ -253,14 +252,8 @@ class RoundedBox(Widened):
 class Cylinder(Described, Shape):
     """All points up to a radius from a straight line in space, between flat ends."""
 
-    ends: tuple[Point, Point] = Field(description="the middles of both ends (m)")
+    ends: Ends = Field(description="the middles of both ends (m)")
     radius: Length = Field(description="the radius (m), such as 0.02")
-
-    @model_validator(mode="after")
-    def _has_length(self) -> Cylinder:
-        if self.ends[0] == self.ends[1]:
-            raise ParameterError("ends: are one point; take two")
-        return self
 
     @property
     def _axis(self) -> tuple[Points, Points, float]:

@@ -93,9 +93,7 @@ def check_boxes(scene, sure):
     raster = scene.rasterise()
     for edge in (2, 4, 8):
         corners = edge * np.argwhere(np.ones([n // edge for n in raster.shape]))
-        for at, kind in zip(
-            corners, scene.purity().kinds(corners, edge.bit_length() - 1), strict=True
-        ):
+        for at, kind in zip(corners, scene.box_kinds(corners, edge.bit_length() - 1), strict=True):
             held = raster[tuple(slice(low, low + edge) for low in at)]
             assert kind == MIXED or (held == kind).all()
             assert not sure or (kind == MIXED) == (np.ptp(held) > 0)

@@ -141,7 +141,9 @@ def test_an_unknown_colour_is_named_with_its_place(tmp_path):
     pixels = np.zeros((4, 5, 3), dtype=np.uint8)
     pixels[1, 3] = [1, 2, 3]
     Image.fromarray(pixels).save(tmp_path / "body.png")
-    told = r"1 pixels .* first #010203 in row 2 from the top, column 4,.* it explains 'black' \(ice\)"
+    told = (
+        r"1 pixels .* first #010203 in row 2 from the top, column 4,.* it explains 'black' \(ice\)"
+    )
     with pytest.raises(SceneError, match=told):
         Scene.from_image(tmp_path / "body.png", legend={"black": "ice"}, cell_size=0.1)
     with pytest.raises(SceneError, match=r"legend: 'blakc' is not a colour"):

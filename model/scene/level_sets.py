@@ -5,9 +5,8 @@ from __future__ import annotations
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from io import BytesIO
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -159,18 +158,12 @@ class SampledShape(Shape):
 
     def _sampled(self, places: Sequence[Floats]) -> Floats:
         """Return how far the interpolated samples are above the level, at places in steps."""
-        above = self._grid[1]
-        found: Floats = np.zeros(np.broadcast_shapes(*(place.shape for place in places)))
-        first = [
-            np.clip(np.floor(place).astype(np.int64), 0, n - 2)
-            for place, n in zip(places, above.shape, strict=True)
-        ]
-        part = [place - f for place, f in zip(places, first, strict=True)]
-        for end in product((0, 1), repeat=above.ndim):
-            weights = (p if e else 1.0 - p for p, e in zip(part, end, strict=True))
-            corner = tuple(f + e for f, e in zip(first, end, strict=True))
-            found += reduce(np.multiply, weights) * above[corner]
-        return found
+        from scipy.ndimage import map_coordinates
+
+        found = map_coordinates(
+            self._grid[1], np.broadcast_arrays(*places), order=1, mode="nearest"
+        )
+        return np.asarray(found)
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how much lower than the level the samples are, at least what is beyond the box."""

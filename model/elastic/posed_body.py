@@ -19,7 +19,7 @@ from kaju.model.elastic.pair.leaves import BITS, LeafCells, corner_ends
 from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.uneven_loads import Portions
 from kaju.model.scene import Scene
-from kaju.model.scene.lattices import check_boxes
+from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.resolved_body import MIXED
 from kaju.model.scene.selection import Uneven
 

@@ -28,8 +28,7 @@ from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
 
 from .cell_types import NOT_BODY
-from .lattice import Lattice
-from .lattices import BUILT_IN, check_lattice, lattice_given
+from .lattice import BUILT_IN, Lattice, check_lattice, lattice_given
 from .regions import LoadRegion, Region
 from .sides import SideCondition
 from .validation import (

@@ -36,8 +36,7 @@ from kaju.agents.parameter import State, declared
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError
-from kaju.model.scene.lattice import Lattice
-from kaju.model.scene.lattices import BUILT_IN
+from kaju.model.scene.lattice import BUILT_IN, Lattice
 from kaju.stepping import Order, chosen
 
 from .stage import Ledger, Stage, StateCourse, TakenHistory, Totals, totals_of

@@ -58,8 +58,8 @@ if TYPE_CHECKING:
     from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
-    from kaju.model.scene.lattices import Cubes as Cubes
-    from kaju.model.scene.lattices import Squares as Squares
+    from kaju.model.scene.lattice import Cubes as Cubes
+    from kaju.model.scene.lattice import Squares as Squares
     from kaju.model.scene.level_sets import sampled_shape as sampled_shape
     from kaju.model.study.compare import compare as compare
     from kaju.model.study.finite_elements import finite_elements as finite_elements

@@ -27,7 +27,7 @@ from kaju.model.results.loading import from_file
 from kaju.model.results.result import Result
 from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene
-from kaju.model.scene.lattices import BUILT_IN
+from kaju.model.scene.lattice import BUILT_IN
 from kaju.model.stepped_model import SteppedModel
 from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel

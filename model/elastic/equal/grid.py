@@ -13,7 +13,7 @@ from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
-from kaju.model.scene.lattices import check_boxes
+from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.selection import AppliedLoads
 from kaju.model.scene.sides import SideCondition
 

@@ -14,7 +14,7 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.errors import SceneError, SceneFileError, require
 
 from .curves import polygonal
 from .shapes import Box, Extent, Points, Relation, Shape
@@ -65,20 +65,17 @@ def sampled_shape(
     True
     """
     count = len(samples)
-    if count not in (2, 3) or min(samples) < 2:
-        raise ParameterError(f"samples: two or more along each axis are needed, got {samples!r}")
-    if len(lower) != count or len(upper) != count or np.any(np.array(lower) >= np.array(upper)):
-        raise ParameterError(
-            f"upper: {upper!r} must be above lower, {lower!r}, along each of {count} axes"
-        )
+    told = f"samples: two or more along each axis are needed, got {samples!r}"
+    require(count in (2, 3) and min(samples) >= 2, told)
+    boxed = len(lower) == len(upper) == count and np.all(np.array(lower) < np.array(upper))
+    told = f"upper: {upper!r} must be above lower, {lower!r}, along each of {count} axes"
+    require(bool(boxed), told)
     axes = [np.linspace(lower[a], upper[a], samples[a]) for a in range(count)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, count)
     found = np.asarray(distance(points), dtype=np.float64)
-    if found.shape != (len(points),) or not np.isfinite(found).all():
-        raise ParameterError(
-            f"distance: a finite number for each of {len(points)} points is needed, got shape "
-            f"{found.shape}"
-        )
+    numbers = found.shape == (len(points),) and bool(np.isfinite(found).all())
+    told = f"distance: {len(points)} finite numbers are needed, got shape {found.shape}"
+    require(numbers, told)
     text = embedded_array(-found.reshape(tuple(samples)))
     return {"file": text, "box": (tuple(lower), tuple(upper)), "level": 0.0}
 

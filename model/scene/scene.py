@@ -20,15 +20,20 @@ from kaju.files import text_of_file
 from kaju.result_kinds import NOTEBOOK, fetch
 
 from . import cell_types
-from .checks import check_body, check_no_outlines, check_outlines
 from .description import LONGEST, Body, Description, LoadTable, check_rule, with_shared
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_size
 from .regions import PathFile, Region, SurfaceFile
-from .resolved_body import CellBox, ResolvedBody, resolve
+from .resolved_body import (
+    CellBox,
+    ResolvedBody,
+    check_body,
+    check_outlines,
+    resolve,
+)
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball, Shape
-from .sides import FREE, SideCondition, unknown_side
+from .shapes import Ball
+from .sides import FREE, SideCondition, check_side
 from .surfaces import ClosedSurface
 from .text import located, overridden, save, table_from, table_of, written
 from .validation import with_lines
@@ -88,7 +93,6 @@ class Scene(Description):
         if self.outlined:
             check_outlines(self, self._resolved)
             return self
-        check_no_outlines(self)
         check_body(self._resolved, self.body.allow_floating)
         check_gravity(self._resolved, self.body.gravity)
         _ = self.selections
@@ -241,8 +245,7 @@ class Scene(Description):
 
     def side_condition(self, name: str) -> SideCondition:
         """Return how a side of the array is held."""
-        if name not in self.lattice.sides:
-            raise unknown_side(name, self.lattice.sides, f"sides.{name}")
+        check_side(name, self.lattice.sides, f"sides.{name}")
         return self.sides.get(name, FREE)
 
     def kinds(self, cells: Cells) -> Ints:

@@ -23,7 +23,7 @@ from .description import LoadTable
 from .lattice import Cells, Lattice
 from .resolved_body import CellBox, ResolvedBody, count, grid, slabs
 from .shapes import Box, Shape
-from .sides import unknown_side
+from .sides import check_side
 
 MOST_FACES = 50_000_000
 """A load acts on at most this many faces or cells."""
@@ -164,14 +164,19 @@ class Selection:
 def select(body: ResolvedBody, load: LoadTable, where: str) -> Selection:
     """Return the faces and cells that a load acts on."""
     lattice = body.lattice
+    if load.outline is not None:
+        raise SceneError(
+            f"{where}.outline: no region called {load.outline!r} has a true outline; give one "
+            'outline = "true"'
+        )
     for key in ("force", "pressure_slope"):
         if getattr(load, key) is not None:
             check_axes(getattr(load, key), lattice.dimension, f"{where}.{key}")
     if load.couple is not None and np.size(load.couple) != 2 * lattice.dimension - 3:
         needed = "three numbers" if lattice.dimension == 3 else "one number"
         raise SceneError(f"{where}.couple: {needed} (N m) are needed, got {load.couple}")
-    if load.side is not None and load.side not in lattice.sides:
-        raise unknown_side(load.side, lattice.sides, f"{where}.side")
+    if load.side is not None:
+        check_side(load.side, lattice.sides, f"{where}.side")
     if load.cell is not None or load.point is not None:
         return _entered(body, load, where)
     if load.region is None:

@@ -95,8 +95,8 @@ class SideCondition(Described):
 FREE = SideCondition()
 
 
-def unknown_side(name: str, sides: tuple[str, ...], where: str) -> SceneError:
-    """Return the error for a side that the array does not have."""
-    return SceneError(
-        f"{where}: there is no side {name!r}{suggestion(name, sides)}; there is {', '.join(sides)}"
-    )
+def check_side(name: str, sides: tuple[str, ...], where: str) -> None:
+    """Refuse a side that the array does not have."""
+    if name not in sides:
+        known = f"{suggestion(name, sides)}; there is {', '.join(sides)}"
+        raise SceneError(f"{where}: there is no side {name!r}{known}")

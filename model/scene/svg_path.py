@@ -93,11 +93,10 @@ def _page(root: Any) -> Floats:
         box = [0.0, 0.0, *((length or 1.0) / _UNITS["px"] for length in size)]
     if min(box[2:]) <= 0.0:
         raise _wrong(f"its viewBox {box} has no area")
-    whole = [b * _UNITS["px"] if a is None else a for a, b in zip(size, box[2:], strict=True)]
-    if size.count(None) == 1:  # the other side keeps the proportions
-        known = int(size[0] is None)
-        whole[1 - known] = whole[known] * box[3 - known] / box[2 + known]
-    scale = min(whole[0] / box[2], whole[1] / box[3])
+    sizes = zip(size, box[2:], strict=True)
+    scale = min((a / b for a, b in sizes if a is not None), default=_UNITS["px"])
+    # a side that is left out keeps the proportions
+    whole = [scale * b if a is None else a for a, b in zip(size, box[2:], strict=True)]
     x, y = (0.5 * (a - scale * b) for a, b in zip(whole, box[2:], strict=True))  # in the middle
     return np.array(
         [
@@ -265,14 +264,10 @@ def read_path(text: str) -> list[Floats]:
         at = [
             (origin[0] + a, origin[1] + b) for a, b in zip(places[::2], places[1::2], strict=False)
         ]
-        if kind == "M":
+        if kind in "MZ":
             _close(lines, start, here)
             lines.append([])
-            start = at[0]
-        elif kind == "Z":
-            _close(lines, start, here)
-            lines.append([])
-            here = start
+            start = at[0] if at else start
         elif kind in "LHV":
             if kind == "H":
                 at = [(origin[0] + given[0], y)]
@@ -286,10 +281,7 @@ def read_path(text: str) -> list[Floats]:
             smooth = mirrored if last in {"S": "CS", "T": "QT"}.get(kind, "") and last else here
             at = [smooth, *at] if kind in "ST" else at
             handle = at[-2]
-            if kind in "QT":
-                (a, b), (c, d) = at
-                at = [((x + 2 * a) / 3, (y + 2 * b) / 3), ((c + 2 * a) / 3, (d + 2 * b) / 3), at[1]]
-            curve = cubic(here, *at)
+            curve = conic(here, at[0], at[1], 1.0) if kind in "QT" else cubic(here, *at)
             lines[-1] += parted_at(curve, np.append(inflections(curve), 0.5))
         here, last = at[-1] if at else start, kind
         if sum(map(len, lines)) > 10_000:

@@ -24,20 +24,13 @@ from .description import LONGEST, Body, Description, LoadTable, check_rule, with
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_size
 from .regions import PathFile, Region, SurfaceFile
-from .resolved_body import (
-    CellBox,
-    ResolvedBody,
-    check_body,
-    check_outlines,
-    resolve,
-)
+from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball
+from .shapes import Ball, Shape
 from .sides import FREE, SideCondition, check_side
 from .surfaces import ClosedSurface
 from .text import located, overridden, save, table_from, table_of, written
 from .validation import with_lines
-
 
 
 class Scene(Description):

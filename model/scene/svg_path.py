@@ -22,7 +22,7 @@ from kaju.errors import SceneError, SceneFileError, needing
 from kaju.files import text_of_file
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
-from .shapes import Points, Polygon, Shape
+from .shapes import Extent, Points, Polygon, Shape
 
 _UNITS = {
     **{"": 0.0254 / 96.0, "px": 0.0254 / 96.0, "in": 0.0254, "pt": 0.0254 / 72.0},
@@ -224,6 +224,12 @@ class PathShape(Shape):
     @cached_property
     def _polygons(self) -> list[Polygon]:
         return [_polygon(arcs, 256 if _curved(arcs) else 1) for arcs in self._lines]
+
+    @property
+    def extent(self) -> Extent:
+        """The bounding box."""
+        low, high = zip(*(polygon.extent for polygon in self._polygons), strict=True)
+        return np.min(low, axis=0), np.max(high, axis=0)
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how far (m) points lie outside, of 256 straight lines for a curve."""

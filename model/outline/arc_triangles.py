@@ -9,11 +9,10 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.curves import cross, parted
 
 WIDEST = np.pi / 8.0  # largest angle by which an arc turns
-STRAIGHT = 1e-7
-"""Arcs that turn by less are lines: they leave it by an eighth of that and of their length."""
-CLOSE = 1e-7  # lines nearer than this (in edges of the first agents) touch
+CLOSE = 1e-7
+"""Lines nearer than this (edges of the first agents) touch, and arcs that turn by less are lines:
+they leave these by an eighth of that and of their length."""
 APART = 1e-3  # arcs shorter than this (in edges of the first agents) are not halved to keep apart
-_MOST_HALVINGS = 40
 
 
 class TouchError(Exception):
@@ -38,8 +37,8 @@ class ArcFrames:
         self.first, self.last = legs[:, 0], legs[:, 2]
         turns = angle(legs[:, :-1], legs[:, 1:])
         self.turn = turns.sum(axis=1)
-        self.twisted = (turns.min(axis=1) < -STRAIGHT) & (turns.max(axis=1) > STRAIGHT)
-        self.turn[(np.abs(self.turn) < STRAIGHT) & ~self.twisted] = 0.0
+        self.twisted = (turns.min(axis=1) < -CLOSE) & (turns.max(axis=1) > CLOSE)
+        self.turn[(np.abs(self.turn) < CLOSE) & ~self.twisted] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             along = cross(chord, self.last) / cross(self.first, self.last)
             tip = self.start + along[:, None] * self.first
@@ -69,7 +68,7 @@ def in_triangles(arcs: Floats) -> Floats:
     TouchError
         If the line crosses or touches itself.
     """
-    for _ in range(_MOST_HALVINGS):
+    while True:
         frames = ArcFrames(arcs)
         wide = (np.abs(frames.turn) > WIDEST) | frames.twisted
         corner = angle(frames.last, np.roll(frames.first, -1, axis=0))
@@ -91,9 +90,8 @@ def in_triangles(arcs: Floats) -> Floats:
             wide[np.concatenate([first, second])] = True
             wide &= turn > 0.0
         if frames.length[wide].min() < CLOSE:
-            break
+            raise TouchError
         arcs = halved(arcs, wide)
-    raise TouchError
 
 
 def keep_apart(one: Floats, other: Floats) -> bool:

@@ -9,13 +9,13 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 
+from .arc_triangles import CLOSE
 from .true_shapes import UNIT, nearest_of
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_pair import CutPair
 
 _GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
-_ON = 1e-7  # edges this near to an outline (in edges of the first agents) are on it
 BESIDE = 2  # agents on either side over which both are compared
 SHORT = 1e-3  # of an agent: shorter pieces run along its sides, or anywhere, by rounding
 
@@ -108,7 +108,7 @@ def _between_materials(pair: CutPair, line: Floats) -> tuple[Floats, Ints]:
     at = mesh.place[mesh.around[..., ::-1]].reshape(-1, 2, 2)[rows]
     off, nearest = nearest_of(at.mean(axis=1), line)
     ahead = ((at[:, 1] - at[:, 0]) * (line[nearest, 1] - line[nearest, 0])).sum(axis=1) > 0.0
-    outside = (off < _ON) & ahead
+    outside = (off < CLOSE) & ahead
     return at[outside], of[rows[outside]]
 
 

@@ -21,7 +21,7 @@ from kaju.model.scene.cell_types import NOT_BODY
 
 from .arc_triangles import ArcFrames, TouchError, keep_apart, touches
 from .triangulation import NEAR
-from .true_shapes import AIR, KINK, UNIT, Law, TrueBody, TrueRegion, first_leaves
+from .true_shapes import AIR, KINK, SMOOTH, UNIT, Law, TrueBody, TrueRegion, first_leaves
 
 FINE = 64  # cells along the longer side, by which pictures and comparisons know the body
 FIRST = 8  # first agents along the longer side, where the cells' number has such a divisor
@@ -32,7 +32,6 @@ SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 ROUNDING = 1e-7  # share by which the bounds are set wider, for coordinates are rounded
 OF_LAW = 1e3 * np.finfo(np.float64).eps
 """The same for the law, times its condition: next to ν = 1/2 it leaves few digits of an energy."""
-LEVEL = 1e-9  # sine of the angle to a force below which a side is along it
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class LoadedOutline:
         run = np.diff(along(region, extent), axis=1)[:, 0]
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if region.solid else -1.0)
         towards = outward @ direction
-        width = -towards[towards < -LEVEL * np.hypot(*run.T)].sum()
+        width = -towards[towards < -SMOOTH * np.hypot(*run.T)].sum()
         if not width > 0.0:
             return facing
         return replace(facing, stress=-size / width * np.outer(direction, direction))

@@ -9,8 +9,9 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.curves import cross
 
+from .true_shapes import AT_ONCE
+
 NEAR = 3e-9  # points nearer than this (in edges of the first agents) are one, or on a line
-AT_ONCE = 10_000_000  # pairs of sides that may cross, of a byte each
 SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
@@ -24,7 +25,7 @@ def grouped(of: Ints, points: Floats, whose: Ints, lines: Floats) -> list[tuple[
     found = []
     for n in np.unique(count).tolist():
         rows = np.flatnonzero(count == n)
-        step = max(AT_ONCE // n**4, 1)
+        step = max(8 * AT_ONCE // n**4, 1)  # pairs of sides that may cross, of a byte each
         for some in (rows[k : k + step] for k in range(0, len(rows), step)):
             many = end[some] - begin[some]
             k = np.arange(many.max())

@@ -25,11 +25,11 @@ from .arc_triangles import (
     kept_apart,
 )
 
-SMOOTH = 1e-9  # arcs that meet at a smaller angle go on in one direction
+SMOOTH = 1e-9  # lines at a smaller angle have one direction
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
 DEPTH = 16  # how often a first agent can be halved
 UNIT = 2.0**-DEPTH  # in which agents are counted, in edges of the first ones
-AT_ONCE = 1_000_000  # distances, of 8 MB
+AT_ONCE = 1_000_000  # numbers, of 8 MB
 
 
 def first_leaves(shape: tuple[int, int]) -> LeafCells:

@@ -16,14 +16,13 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.posed_outlines import SIDES, OutlineProblem, UnlikeError
-from kaju.model.outline.true_shapes import nearest_of
+from kaju.model.outline.true_shapes import SMOOTH, nearest_of
 
 from .airy import loops_of
 from .cut_mesh import CutMesh, joined
 from .leaf_mesh import Entries, coo
 
 ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
-LEVEL = 1e-9  # sine of the angle to a force below which an edge is along it
 BALANCED = 1e-9
 """Of the sum of all forces: by so much the loads of a part that nothing holds may not balance."""
 
@@ -62,7 +61,7 @@ class Border:
         for one in problem.outlines:
             on = outline == one.region
             if one.facing is not None:
-                on &= outward @ one.facing < -LEVEL
+                on &= outward @ one.facing < -SMOOTH
             traction[on] = outward[on] @ one.stress
         return cls(edge, ends, run, traction, held, side, outline)
 

@@ -174,7 +174,7 @@ function paintCell(page, box) {
   const label = (arm) => {                     // in the far corner of the neighbour, out of the arrows' way
     const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller");
     const flat = Math.abs(y) < 0.5;
-    paintWord(ctx, word, cx + (flat ? 1.17 * Math.sign(x) : hex ? 1.17 * x : -0.46) * s, cy + (flat ? -0.44 : 1.13 * y) * s, inks.soft, inks, { font, align: flat && x > 0 ? "right" : "left" });
+    if (!flat || s >= 100) paintWord(ctx, word, cx + (flat ? 1.17 * Math.sign(x) : hex ? 1.17 * x : -0.46) * s, cy + (flat ? -0.44 : 1.13 * y) * s, inks.soft, inks, { font, align: flat && x > 0 ? "right" : "left" });
   };
   outline(cx, cy); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
   for (let arm = 0; arm < L.D; arm++) label(arm);

@@ -74,7 +74,7 @@ export class MotionPage extends Page {
   seconds(most) {
     const { at } = this, last = at.length - 1, near = (v) => at.reduce((best, x, g) => (Math.abs(x - v) < Math.abs(at[best] - v) ? g : best), 0);
     const list = ticksOf(at[0], at[last], 8).map((v) => [near(v), `${general(v, 3)} s`]);
-    return list.filter(([g], n) => !n || g - list[n - 1][0] >= 1.5 * last / most);
+    return list.reduce((kept, tick) => (kept.length && tick[0] - kept.at(-1)[0] < 1.5 * last / most ? kept : [...kept, tick]), []);
   }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
   magnification() { return this.usual * 10 ** this.look.magnify; }

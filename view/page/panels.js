@@ -94,7 +94,7 @@ export function buildAside(page) {
   return make("aside", {}, tabs, make("div", { className: "body", tabIndex: 0 }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
 }
 
-export const storyCard = (page) => make("section", {}, ...(page.fields && !page.born ? [] : [make("h2", { textContent: page.t("agent") })]), page.parts.story);   // rods and faces are no agents
+export const storyCard = (page) => make("section", {}, ...((page.fields && !page.born) || (page.lesson && page.studio) ? [] : [make("h2", { textContent: page.t("agent") })]), page.parts.story);   // rods and faces are no agents
 export const chartsCard = (page) => make("div", { className: "charts" }, page.parts.charts);
 /** What the way of looking brings to the side. */
 export const modeCards = (page) => page.mode?.cards?.(page) ?? [];

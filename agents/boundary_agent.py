@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from kaju._mesa import Cell
+from kaju.errors import AgentError
 
 from .material_agent import Amounts, PlacedAgent
 from .shares import Load
@@ -64,7 +65,10 @@ class BoundaryAgent(PlacedAgent):
 
     def turn(self, load: Load, arm: int) -> Load:
         """Return the load on its way back."""
-        raise NotImplementedError
+        raise AgentError(
+            f"turn: {type(self).__name__} has none; begin it as a kaju.RigidBoundaryAgent, "
+            "FreeBoundaryAgent or RollerBoundaryAgent, which have, or write turn(load, arm)"
+        )
 
     def __repr__(self) -> str:
         return (

@@ -66,10 +66,11 @@ def check_class(name: str, agent: object, base: type) -> None:
     """Refuse what is no class of agents, or one whose constructor takes other arguments."""
     if agent is base:
         return
+    usual = RigidBoundaryAgent if base is BoundaryAgent else base
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(
-            f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "
-            f"`class Mine(kaju.{base.__name__})` and give the class itself"
+            f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write `class "
+            f"Mine(kaju.{usual.__name__})` and give the class itself"
         )
     _check_hooks(name, agent, base)
     _check_names(name, agent, base)
@@ -83,6 +84,12 @@ def check_class(name: str, agent: object, base: type) -> None:
         ) from None
 
 
+def _own_names(agent: type, base: type) -> dict[str, Any]:
+    """Return what a class of agents brings beside what its base has, but for private names."""
+    classes = agent.__mro__[: agent.__mro__.index(base)][::-1]
+    return {k: v for one in classes for k, v in vars(one).items() if not k.startswith("_")}
+
+
 def _check_names(name: str, agent: type, base: type) -> None:
     """Refuse a Parameter or State called as what every agent has, and a State of a boundary."""
     has = {*dir(base)}
@@ -92,6 +99,12 @@ def _check_names(name: str, agent: type, base: type) -> None:
     for key in declared([agent], Declaration):
         told = f"{key}: every {base.__name__} has it already; give what {agent.__name__} declares"
         require(key not in has, f"{told} another name")
+    for key, value in _own_names(agent, base).items():
+        hides = hasattr(getattr(base, key, None), "__get__")
+        told = (
+            f"{name}: {agent.__name__}.{key} = {value!r:.40} hides what every {base.__name__} has"
+        )
+        require(not hides or hasattr(value, "__get__"), f"{told}; give it another name")
     told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
     fits = base is MaterialAgent or not declared([agent], State)
     require(fits, f"{told} plain attribute, seen in model.agents")
@@ -101,12 +114,8 @@ def _check_names(name: str, agent: type, base: type) -> None:
 
 def _check_hooks(name: str, agent: type, base: type) -> None:
     """Refuse a method that is nearly called as a hook, and a `step` in which nothing is taken."""
-    own = {
-        key: value
-        for each in agent.__mro__[: agent.__mro__.index(base)]
-        for key, value in vars(each).items()
-        if not key.startswith("_") and isinstance(value, FunctionType)
-    }
+    every = _own_names(agent, base)
+    own = {key: value for key, value in every.items() if isinstance(value, FunctionType)}
     never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
     for key in own.keys() - (set(dir(base)) - never):
         near = get_close_matches(key.lower(), HOOKS[base], n=1, cutoff=0.81)  # intake is no slip
@@ -139,10 +148,7 @@ class OwnAgents:
         self.names: dict[type, list[str]] = {}  # of attributes that agents of a class wake with
         every = range(directions)  # a boundary, which has no form, may give back over any
         arms_of: dict[int | None, Sequence[int]] = {None: every, **dict(enumerate(arms))}
-        self.possible = {
-            form: {(arm, d, sense) for arm in own for d in every for sense in senses}
-            for form, own in arms_of.items()
-        }
+        self.arms_of = arms_of
 
     def wrong(self, agent: PlacedAgent | FaceAgent, hook: str, what: str) -> AgentError:
         """Return the error of a wrong answer."""
@@ -163,6 +169,10 @@ class OwnAgents:
             )
         if type(agent) not in self.names:
             self.names[type(agent)] = [*vars(agent), *declared([type(agent)], Declaration)]
+            for name in [name for name in vars(agent) if callable(getattr(type(agent), name, 0))]:
+                raise self.wrong(agent, name, "has set a method of this name; take another name")
+            if isinstance(agent, MaterialAgent):
+                self.check_books(agent)
 
     def check_books(self, agent: MaterialAgent) -> None:
         """Refuse an agent whose books are not what results are made of."""
@@ -185,12 +195,11 @@ class OwnAgents:
         for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
             try:
                 arm, direction, share, sense = row
-                fits = self._fits(agent, arm, direction, sense, share)
             except (TypeError, ValueError):
                 raise self.wrong(agent, "emissions", no_emission.format(row)) from None
-            if not fits:
-                what = f"returned {row!r:.120}{self._limits(agent)}"
-                raise self.wrong(agent, "emissions", what)
+            unfit = self._unfit(agent, arm, direction, sense, share=share)
+            if unfit:
+                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{unfit}")
             checked.append((int(arm), int(direction), share, sense))  # True would mask an array
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
@@ -200,12 +209,13 @@ class OwnAgents:
         """Return a load of an agent's own making; refuse anything else."""
         try:
             direction, magnitude, copies, sense = load
-            fits = self._fits(agent, arm, direction, sense, magnitude, copies)
         except (TypeError, ValueError):
-            fits = False
-        if not fits:
+            told = "a kaju.Load is needed, such as load._replace(magnitude=0.5)"
+            raise self.wrong(agent, hook, f"hands over {load!r:.100}; {told}") from None
+        unfit = self._unfit(agent, arm, direction, sense, magnitude=magnitude, copies=copies)
+        if unfit:
             over = f" over arm {arm!r}" if isinstance(agent, MaterialAgent) else ""
-            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{self._limits(agent)}")
+            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{unfit}")
         return Load(int(direction), float(magnitude), float(copies), sense)
 
     def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
@@ -226,22 +236,28 @@ class OwnAgents:
             raise self.wrong(agent, "shortening", f"must return a finite number, got {short!r:.60}")
         return float(short)
 
-    def _fits(
-        self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, *amounts: Any
-    ) -> bool:
-        """Tell whether this body has the arm, direction and sense, and amounts are amounts."""
-        possible = self.possible[getattr(agent, "form", None)]
-        return (index(arm), index(direction), sense) in possible and all(map(_is_amount, amounts))
-
-    def _limits(self, agent: PlacedAgent) -> str:
-        """Return what emissions and loads of this body can be."""
-        own = isinstance(agent, MaterialAgent)
-        arms = f"an arm of {self.arms[agent.form]}, " if own else ""
-        senses = " or ".join(map(repr, self.senses))
+    def _unfit(
+        self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, **amounts: Any
+    ) -> str:
+        """Say which of these this body does not have, and what it has; nothing if all fit."""
+        arms, every = self.arms_of[getattr(agent, "form", None)], range(self.directions)
+        fits = {"arm": _is_one(arm, arms), "direction": _is_one(direction, every)}
+        fits["sense"] = isinstance(sense, str) and sense in self.senses
+        fits |= {name: _is_amount(amount) for name, amount in amounts.items()}
+        if all(fits.values()):
+            return ""
+        unfit = ", ".join([name for name in fits if not fits[name]])
+        own = f"an arm of {arms}, " if isinstance(agent, MaterialAgent) else ""
         return (
-            f"; it has {arms}a direction from 0 to {self.directions - 1}, an amount that "
-            f"is finite and not negative, and the sense {senses}"
+            f"; wrong: {unfit}; it must have {own}a direction from 0 to {every[-1]}, an "
+            f"amount that is finite and not negative, and the sense "
+            f"{' or '.join(map(repr, self.senses))}"
         )
+
+
+def _is_one(value: Any, among: Sequence[int]) -> bool:
+    """Tell whether a value is one of some whole numbers."""
+    return hasattr(value, "__index__") and index(value) in among
 
 
 def _is_amount(value: Any) -> bool:

@@ -15,11 +15,10 @@ from kaju.factors import factors_of
 from .krylov import Iteration, dot
 from .problem import ACTIVE, ElasticProblem, coarse_box, ghost_weights_of, is_box, without_pressure
 from .staggered import Numbering, stiffness_matrix
-from .system import Solution, System, judge_rounding, missed
+from .system import NOTEWORTHY, Solution, System, judge_rounding, missed
 
 DIRECT_LIMIT = {2: 1_200_000, 3: 40_000}
 """Up to this many faces factors fit in memory, where multigrid is slow."""
-REFINED = 1e-5  # Residual, of the loads, at most, after iterative refinement of a direct answer
 GUARD = 1e-11  # Share of its diagonal that regularises a matrix whose faces may be dependent
 
 
@@ -128,5 +127,5 @@ def _solve_direct(matrix: sp.csr_array, factors: SuperLU, load: Floats) -> Itera
         if run.residuals[-1] < 1e-14:
             break
         x += step
-    run.converged = bool(np.isfinite(run.residuals[-1]) and run.residuals[-1] < REFINED)
+    run.converged = bool(np.isfinite(run.residuals[-1]) and run.residuals[-1] < NOTEWORTHY)
     return run

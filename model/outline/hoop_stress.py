@@ -19,6 +19,8 @@ _GAP = 0.2  # share of an outline that lies beyond the array where no agent is a
 BESIDE = 2  # agents on either side over which both are compared
 SHORT = 1e-3  # of an agent: shorter pieces run along its sides, or anywhere, by rounding
 
+_TENSOR = [[0, 2], [2, 1]]  # of xx, yy, xy
+
 
 @dataclass(frozen=True)
 class HoopStress:
@@ -53,20 +55,14 @@ class HoopStress:
         long = np.hypot(*run.T)
         d = run / np.maximum(long, 1e-300)[:, None]
         n = np.stack([d[:, 1], -d[:, 0]], axis=1)
-        stress = pair.balancing.stress_at(leaf, middle, law)
-        strain = pair.fitting.strain_at(leaf, middle, law)
-
-        def turned(tensor: Floats, one: Floats, other: Floats) -> Floats:
-            xx, yy, xy = tensor.T
-            mixed = one[:, 0] * other[:, 1] + one[:, 1] * other[:, 0]
-            straight = one[:, 0] * other[:, 0] * xx + one[:, 1] * other[:, 1] * yy
-            return np.asarray(straight + mixed * xy)
-
-        tension = turned(stress, n, n)
-        stretch = turned(strain * [1.0, 1.0, 0.5], d, d)
+        stress = pair.balancing.stress_at(leaf, middle, law)[:, _TENSOR]
+        strain = (pair.fitting.strain_at(leaf, middle, law) * [1.0, 1.0, 0.5])[:, _TENSOR]
+        turned = "na,nab,nb->n"
+        tension = np.einsum(turned, n, stress, n)
+        stretch = np.einsum(turned, d, strain, d)
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
-        values = np.column_stack([middle, d, turned(stress, d, d), moved])
+        values = np.column_stack([middle, d, np.einsum(turned, d, stress, d), moved])
         away, whole = _way_along(middle, line)
         order = np.argsort(away)
         if len(order):  # a part beyond the array lies after the end, wherever the line starts
@@ -90,9 +86,9 @@ def _ends_of_body(pair: CutPair, region: int) -> tuple[Floats, Ints]:
     """Return the edges along an outline at which the body ends, and the triangles there."""
     mesh, border = pair.balancing.mesh, pair.borders[1]
     rows = np.flatnonzero(border.outline == region)
-    at = mesh.place[border.ends[rows]]
+    at = border.at[rows]
     solid = pair.problem.body.regions[region].solid
-    return at if solid else at[:, ::-1], mesh.owner[border.edge[rows]]
+    return at if solid else at[:, ::-1], mesh.beside[border.edge[rows], 0]
 
 
 def _between_materials(pair: CutPair, line: Floats) -> tuple[Floats, Ints]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,6 +20,7 @@ from kaju.model.scene.shapes import Shape
 
 from .airy import loops_of
 from .answer import PairAgents
+from .cut_border import Border
 from .cut_pair import CutPair
 from .opinions import tensors
 
@@ -27,15 +28,6 @@ EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belon
 APART = 0.02  # share of a peak by which it may be off both fields there without a note
 NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
 OUTSIDE = "points: ({}) m lies outside the body"
-
-
-class Ends(NamedTuple):
-    """Where a body ends: straight lines, and the forces there; scaled."""
-
-    ends: Floats  # shape (n, 2, 2)
-    force: Floats  # of each, shape (n, 2)
-    place: Ints  # side, or behind these region, to which each belongs
-    outward: Floats  # normals, times length
 
 
 @dataclass(eq=False)
@@ -99,52 +91,49 @@ class CutAgents(PairAgents):
     def _middles_of(self) -> Floats:
         return np.asarray((self.leaves.lower + 0.5 * self.leaves.size[:, None]) * UNIT)
 
+    @property
+    def _border(self) -> Border:
+        return self.opinions.borders[1]
+
     @cached_property
-    def border(self) -> Ends:
-        """Where the body ends, and what acts there: of the stress that balances."""
-        mesh, border = self.opinions.balancing.mesh, self.opinions.borders[1]
-        outward = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)
-        place = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
-        ends = mesh.place[border.ends]
-        own = mesh.owner[border.edge]
+    def _borne(self) -> Floats:
+        """The forces of the supports on edges of the border, of the stress that balances."""
+        mesh, border = self.opinions.balancing.mesh, self._border
+        own = mesh.beside[border.edge, 0]
         # along an edge the stress that balances is linear: that in the middle is its mean
-        middle = ends.mean(axis=1)
+        middle = border.at.mean(axis=1)
         stress = tensors(self.opinions.balancing.stress_at(mesh.leaf[own], middle, mesh.law[own]))
-        given = border.traction * np.hypot(*border.run.T)[:, None]
-        force = np.where(border.held, np.einsum("nab,nb->na", stress, outward), given)
-        return Ends(ends, force, place, outward)
+        return np.where(border.held, np.einsum("nab,nb->na", stress, border.outward), 0.0)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
-        held, force = self.opinions.borders[1].held, self.border.force
         return {
-            name: np.where(held, force, 0.0)[self.border.place == number].sum(axis=0)
+            name: self._borne[self._border.side == number].sum(axis=0)
             for number, name in enumerate(SIDES)
             if name in self.ground.problem.held
         }
 
     def applied(self, stage: int | None = None) -> Floats:
         """Return the forces (N) on the body, shape (n, 2): along its border, and its weight."""
-        free = np.where(self.opinions.borders[1].held, 0.0, self.border.force)
         weight = self.ground.problem.weight * self.opinions.area[1].sum()
-        return np.asarray(self.scales.force * np.vstack([free, weight[None]]))
+        return np.asarray(self.scales.force * np.vstack([self._border.given, weight[None]]))
 
     def cuts(self, axis: str | None) -> Cuts:
         """Return the forces through cuts in the middles of the layers of `grid`."""
-        lattice, held = self.grid.lattice, self.opinions.borders[1].held
+        lattice, border = self.grid.lattice, self._border
         number = axis_of_cuts(lattice, axis, self.applied())
         first, last = (int(end[number]) for end in self.grid.bounds())
         at = np.asarray(lattice.cell_size * (np.arange(first, last) + 0.5), dtype=np.float64)
-        ends = self.border.ends[..., number, None] - at / self.ground.edge
+        ends = border.at[..., number, None] - at / self.ground.edge
         beyond = np.maximum(ends, 0.0)  # (edges, 2, cuts)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (beyond[:, 1] - beyond[:, 0]) / (ends[:, 1] - ends[:, 0])
         share = np.where(ends[:, 1] == ends[:, 0], ends[:, 0] > 0.0, share)
-        load = share.T @ np.where(held, 0.0, self.border.force)
+        load = share.T @ border.given
         # what lies beyond a cut is the integral of the way from it along the border, times normals
-        area = self.border.outward[:, number] @ (share * beyond.mean(axis=1))
+        area = border.outward[:, number] @ (share * beyond.mean(axis=1))
         load += area[:, None] * self.ground.problem.weight
-        some = [ends[held[:, k]].reshape(-1, len(at)) for k in (0, 1)]  # held along either axis
+        some = [ends[border.held[:, k]].reshape(-1, len(at)) for k in (0, 1)]
         far = np.stack([(one > 0.0).any(axis=0) for one in some], axis=1)
         near = np.stack([(one < 0.0).any(axis=0) for one in some], axis=1)
         unit = self.scales.force
@@ -157,13 +146,13 @@ class CutAgents(PairAgents):
 
         One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
         """
-        border, held = self.border, self.opinions.borders[1].held
-        force = np.where(held, 0.0, border.force)
+        border, force = self._border, self._border.given
+        places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
         found: list[tuple[Floats, Floats, bool]] = []
-        for place in np.unique(border.place[force.any(axis=1)]).tolist():
-            rows = np.flatnonzero((border.place == place) & force.any(axis=1))
-            at = border.ends[rows].mean(axis=1)
-            long = np.hypot(*np.diff(border.ends[rows], axis=1)[:, 0].T)
+        for place in np.unique(places[force.any(axis=1)]).tolist():
+            rows = np.flatnonzero((places == place) & force.any(axis=1))
+            at = border.at[rows].mean(axis=1)
+            long = np.hypot(*np.diff(border.at[rows], axis=1)[:, 0].T)
             side = place < len(SIDES)
             axis = 1 - list(SIDES.values())[place][0] if side else 0
             along = at[:, axis] if side else np.arctan2(*(at - at.mean(axis=0)).T[::-1])

@@ -33,11 +33,26 @@ class Border:
 
     edge: Ints
     ends: Ints  # vertices, the body to the left, shape (n, 2)
-    run: Floats  # from one to the other
+    at: Floats  # where these are, shape (n, 2, 2)
     traction: Floats  # shape (n, 2)
     held: Flags  # components of the displacement, shape (n, 2)
     side: Ints  # number of the array's side, -1 on an outline
     outline: Ints  # region whose outline it lies on, -1 for none
+
+    @property
+    def run(self) -> Floats:
+        """From end to end of each edge."""
+        return self.at[:, 1] - self.at[:, 0]
+
+    @property
+    def outward(self) -> Floats:
+        """Outward normals, times the lengths of edges."""
+        return np.stack([self.run[:, 1], -self.run[:, 0]], axis=1)
+
+    @property
+    def given(self) -> Floats:
+        """Forces of the tractions on edges."""
+        return np.asarray(self.traction * np.hypot(*self.run.T)[:, None])
 
     @classmethod
     def of(cls, mesh: CutMesh, problem: OutlineProblem, along: list[Floats]) -> Border:
@@ -63,15 +78,15 @@ class Border:
             if one.facing is not None:
                 on &= outward @ one.facing < -SMOOTH
             traction[on] = outward[on] @ one.stress
-        return cls(edge, ends, run, traction, held, side, outline)
+        traction[held] = 0.0
+        return cls(edge, ends, at, traction, held, side, outline)
 
     def forces(self, mesh: CutMesh) -> Floats:
         """Return the work of the tractions on the unknowns of a displacement."""
         out = np.zeros((len(mesh.place) + len(mesh.ends), 2))
-        total = self.traction * np.hypot(*self.run.T)[:, None]
         for k in (0, 1):
-            np.add.at(out, self.ends[:, k], 0.5 * total)
-        out[len(mesh.place) + self.edge] += total * (2.0 / 3.0)
+            np.add.at(out, self.ends[:, k], 0.5 * self.given)
+        out[len(mesh.place) + self.edge] += self.given * (2.0 / 3.0)
         return out
 
 
@@ -131,9 +146,7 @@ class Known:
         self._columns: Entries = [(none, none, 1.0)]
         kind = border.held.sum(axis=1)  # 0 free, 1 slips, 2 held
         # tractions that φ makes good: those asked for less those of what bears the weight
-        normal = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)  # times length
-        force = border.traction * np.hypot(*border.run.T)[:, None]
-        ends = force[:, None] + mesh.place[border.ends] * weight * normal[:, None]
+        ends = border.given[:, None] + border.at * weight * border.outward[:, None]
         turn = np.stack([-ends[..., 1], ends[..., 0]], axis=2)
         self._step = turn.mean(axis=1)  # of the slopes
         self._bulge = -(turn[:, 1] - turn[:, 0]) / 8.0

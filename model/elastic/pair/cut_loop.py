@@ -253,16 +253,14 @@ class _Peak:
         stress = np.abs(along.moved)
         rows = np.flatnonzero(stress > STRESSED * stress.max())
         border = pair.borders[1]
-        ends = pair.balancing.mesh.place[border.ends]
-        ways_out = np.stack([border.run[:, 1], -border.run[:, 0]], axis=1)
         size = (pair.leaves.size * UNIT)[along.leaf]
         inward = -along.outward if self._region.solid else along.outward
         often = np.zeros(len(pair.leaves), dtype=np.int64)
         for row in rows.tolist():
             # where a line across the body meets the border next
-            away, n = ends - along.place[row], inward[row]
+            away, n = border.at - along.place[row], inward[row]
             depth, side = away @ n, away @ [-n[1], n[0]]
-            meets = ((side[:, 0] > 0.0) != (side[:, 1] > 0.0)) & (ways_out @ n > 0.0)
+            meets = ((side[:, 0] > 0.0) != (side[:, 1] > 0.0)) & (border.outward @ n > 0.0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 share = side[:, 0] / (side[:, 0] - side[:, 1])
             at = (depth[:, 0] + share * (depth[:, 1] - depth[:, 0]))[meets]

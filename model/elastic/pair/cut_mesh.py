@@ -56,11 +56,13 @@ class CutMesh:
         """Edges of triangles, the first between the first two vertices, shape (triangles, 3)."""
         return self._sides[1]
 
-    @property
-    def owner(self) -> Ints:
-        """A triangle at each edge; of the border the only one."""
-        found = np.empty(len(self.ends), dtype=np.int64)
-        found[self.edge] = np.arange(len(self.triangle))[:, None]
+    @cached_property
+    def beside(self) -> Ints:
+        """Triangles on both sides of edges, -1 beyond the border, shape (edges, 2)."""
+        found = np.full((len(self.ends), 2), -1)
+        order = np.argsort(self.edge.ravel(), kind="stable")
+        edge = self.edge.ravel()[order]
+        found[edge, 1 * (np.diff(edge, prepend=-1) == 0)] = order // 3
         return found
 
     @cached_property
@@ -77,8 +79,7 @@ class CutMesh:
     @cached_property
     def border(self) -> tuple[Ints, Ints]:
         """Edges beyond which there is no body, and their vertices, the body to the left."""
-        alone = np.bincount(self.edge.ravel(), minlength=len(self.ends)) == 1
-        triangle, side = np.nonzero(alone[self.edge])
+        triangle, side = np.nonzero(self.beside[self.edge, 1] < 0)
         return self.edge[triangle, side], self.around[triangle, side]
 
     @cached_property
@@ -97,7 +98,7 @@ class CutMesh:
         for row in np.flatnonzero(flat < FLAT).tolist():
             side = int(self._legs[row].argmax())
             a, b, tip = np.roll(self.triangle[row], -side)
-            (other,) = np.setdiff1d(self._beside[self.edge[row, side]], [-1, row]).tolist() or [row]
+            (other,) = np.setdiff1d(self.beside[self.edge[row, side]], [-1, row]).tolist() or [row]
             (c,) = np.setdiff1d(self.triangle[other], [a, b]).tolist() if other != row else [tip]
             new = np.array([(a, c, tip), (c, b, tip)])
             if {row, other} & known or self.law[other] != self.law[row]:
@@ -119,15 +120,6 @@ class CutMesh:
         area = slopes(self.place[self.triangle])[1]
         square = self._legs.max(axis=1) * self._legs.min(axis=1)
         return np.asarray(2.0 * area / np.maximum(square, np.finfo(np.float64).tiny))
-
-    @property
-    def _beside(self) -> Ints:
-        """Triangles on both sides of edges, -1 for none."""
-        found = np.full((len(self.ends), 2), -1)
-        order = np.argsort(self.edge.ravel(), kind="stable")
-        edge = self.edge.ravel()[order]
-        found[edge, 1 * (np.diff(edge, prepend=-1) == 0)] = order // 3
-        return found
 
     def torn(self) -> CutMesh:
         """Return the mesh, vertices parted where only points of the body touch."""

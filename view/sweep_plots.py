@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
-from kaju.model.study.sweep import ERROR
 
 from . import style
 from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, colour_bar, figure_of
@@ -60,11 +59,11 @@ def plot_sweep_map(
     if {x, y} - set(keys) or x == y:
         raise ParameterError(f"x, y: two of the varied quantities ({', '.join(keys)}) are needed")
     good = _worked(table, measure)
-    bad = table[table[ERROR] != ""]
+    bad = table[table["error"] != ""]
     ax = style.new_axes(ax, (6.4, 4.8))
     places = [_places(table[key]) for key in (x, y)]
     where = np.column_stack([place for place, _ in places])
-    rows = table[ERROR].to_numpy() == ""
+    rows = table["error"].to_numpy() == ""
     value = good[measure].to_numpy(dtype=np.float64)
     across, along = where[rows].T
     drawn = ax.scatter(across, along, c=value, s=_size(where), cmap=SEQUENTIAL, marker="s")
@@ -96,7 +95,7 @@ def _worked(table: pandas.DataFrame, measure: str) -> pandas.DataFrame:
         raise ResultError(
             f"measure: the table has no column {measure!r}: {', '.join(map(str, table))}"
         )
-    good = table[table[ERROR] == ""]
+    good = table[table["error"] == ""]
     if good.empty or good[measure].dtype.kind not in "iufb":
         raise ResultError(f"measure: {measure!r} is no number of any run")
     return good

@@ -142,18 +142,21 @@ def check_axes(numbers: Sequence[float], dimension: int, where: str, what: str =
         )
 
 
-def plain(value: Any) -> Any:
-    """Return a value in Python's own numbers, lists and tables, all of them new."""
+def plain(value: Any, most: float = 64) -> Any:
+    """Return a value in Python's own numbers, lists and tables, all of them new.
+
+    Arrays of more than `most` numbers stay arrays.
+    """
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, np.ndarray) and value.ndim < 3 and 0 < value.size <= 64:
+    if isinstance(value, np.ndarray) and 0 < value.size <= most:
         return value.tolist()
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [plain(item, most) for item in value]
     if isinstance(value, Mapping):
-        return {key: plain(part) for key, part in value.items()}
+        return {key: plain(part, most) for key, part in value.items()}
     return value
 
 

@@ -23,8 +23,6 @@ from kaju.model.results.result import BodyResult, line_of
 from kaju.model.scene import Scene
 from kaju.model.study.reference import Reference
 
-MOST_POINTS = 2_000_000  # larger bodies are compared at points that the caller names
-_SAME = 1e-9
 Answer = BodyResult | Reference
 
 
@@ -309,9 +307,9 @@ def _middles(coarse: Scene, fine: Scene) -> Floats:
         lower = np.minimum(lower, np.floor(ends[0] + 1e-6).astype(np.int64))
         upper = np.maximum(upper, np.ceil(ends[1] - 1e-6).astype(np.int64))
     count = float(np.prod((upper - lower).astype(np.float64)))
-    if count > MOST_POINTS:
+    if count > 2_000_000:
         raise ResultError(
-            f"points: the body has about {count:.2g} cells, more than {MOST_POINTS:.0e}; "
+            f"points: the body has about {count:.2g} cells, more than 2e+06; "
             "name the points to compare at with points=, such as the `middle` of spawned agents"
         )
     cells = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T + lower
@@ -381,4 +379,4 @@ def _moduli_at(scene: Scene, points: Floats) -> Floats:
 
 
 def _differ(one: Floats, other: Floats) -> Flags:
-    return np.asarray(np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1))
+    return np.asarray(np.any(np.abs(one - other) > 1e-9 * np.abs(one), axis=1))

@@ -31,8 +31,6 @@ Field = Callable[[ArrayLike], tuple[Floats, Floats]]
 Finder = Callable[[Floats], Index]
 """Which element holds each place (in cells), shape (dimension, n)."""
 
-MOST_UNKNOWNS = 2_000_000  # factors of more do not fit into the memory of usual machines
-
 
 def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementReference:
     """Solve a scene by finite elements of scikit-fem, which share nothing with kaju's solvers.
@@ -76,10 +74,10 @@ def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementR
         raise ParameterError(f"split: must be a whole number from 1, got {split!r}")
     dimension = scene.lattice.dimension
     many = dimension * (order * split) ** dimension * scene.lattice.size
-    if many > MOST_UNKNOWNS:
+    if many > 2_000_000:  # factors of more do not fit into the memory of usual machines
         raise ParameterError(
             f"scene: some {many:,} unknowns are too many for finite elements, which take "
-            f"{MOST_UNKNOWNS:,}; give a coarser scene or a smaller split"
+            f"2,000,000; give a coarser scene or a smaller split"
         )
     kinds = surroundings(scene)
     ticks = [np.arange(split * (n - 2) + 1.0) / split for n in kinds.shape]

@@ -27,7 +27,6 @@ from kaju.model.transfer.load_model import LoadModel
 Quantity = Literal["displacement", "stress"]
 
 LEAST_BESIDE = 0.02  # at least this part of what is passed on goes beside the load's line
-CELLS_ACROSS = {2: 160, 3: 48}  # cells of a believed answer across a body, by default
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +94,7 @@ class Fit:
 def elastic_reference(scene: Scene, resolution: int | None = None) -> Any:
     """Return the answer of elasticity, by default on cells fine enough to be believed."""
     if resolution is None:
-        across = CELLS_ACROSS[scene.lattice.dimension]
+        across = {2: 160, 3: 48}[scene.lattice.dimension]
         resolution = min(8, max(1, across // max(scene.lattice.shape)))
     return solve(scene, resolution=resolution)
 

@@ -30,11 +30,6 @@ if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
 
 
-CHOSEN = "prescribed rule"
-FITTED = "prescribed rule, fitted"
-DERIVED = "elastic agents"
-
-
 class StraightWay(NamedTuple):
     """A line through the body: its ends (m), and its depth below the load (m; None: along it)."""
 
@@ -179,12 +174,12 @@ def beside_elasticity(
     elastic = scene
     try:
         if scene.rule.kind == "prescribed":
-            found[CHOSEN] = compare(LoadModel(scene).run(), believed)
+            found["prescribed rule"] = compare(LoadModel(scene).run(), believed)
             if evaluations:
                 fit = fit_rule(scene, believed, evaluations=evaluations)
-                found[FITTED] = fit.after
+                found["prescribed rule, fitted"] = fit.after
             elastic = scene.replace(rule=ElasticRule(tolerance=1e-6))
-        found[DERIVED] = compare(ElasticModel(elastic, engine="arrays").run(), believed)
+        found["elastic agents"] = compare(ElasticModel(elastic, engine="arrays").run(), believed)
     except KeyboardInterrupt:
         if not found:
             raise

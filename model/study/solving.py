@@ -21,20 +21,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.goals.quantities import AskedFor
     from kaju.model.transfer.load_model import LoadModel
 
-_OUTLINES = (
-    "{name}: is not taken within true outlines, whose agents %s; leave it out, or take regions "
-    'with outline = "cells"'
-)
-_TAKEN = {
-    "plane": ("tolerance goal stage=1", _OUTLINES % "spawn where the tolerance asks for it"),
-    "solid": ("resolution stage=1", _OUTLINES % "are equal cells, as many as `resolution` says"),
-    "stiffness": (
-        "tolerance resolution previous stage stiffness",
-        "stiffness: an array of it needs equal cells, which take no {name}; leave one of both out",
-    ),
-}
-"""By solver, the options that it takes (or the one value of them), and what is said of others."""
-
 
 def solve(
     scene: Scene | LoadModel | str | Path,
@@ -125,22 +111,26 @@ def solve(
         ) from error
 
 
-def _refuse_others(solver: str, given: Mapping[str, Any]) -> None:
-    """Refuse the first option that is given and that a solver does not take."""
-    taken, message = _TAKEN[solver]
+def _refuse_others(taken: str, given: Mapping[str, Any], why: str) -> None:
+    """Refuse the first option given that is not taken (or not with this value), and say why."""
     for name, value in given.items():
         if not {name, f"{name}={value}"} & set(taken.split()):
-            raise ParameterError(message.format(name=name))
+            raise ParameterError(why.format(name=name))
 
 
 def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     """Solve a scene within true outlines: agents that spawn in the plane, equal cells in space."""
+    why = (
+        "{name}: is not taken within true outlines, whose agents %s; leave it out, or take "
+        'regions with outline = "cells"'
+    )
     if scene.lattice.dimension == 3:
-        _refuse_others("solid", given)
+        how = "are equal cells, as many as `resolution` says"
+        _refuse_others("resolution stage=1", given, why % how)
         return _solve_solid(scene, given.get("resolution"))
     from kaju.model.elastic.solve import solve_spawning
 
-    _refuse_others("plane", given)
+    _refuse_others("tolerance goal stage=1", given, why % "spawn where the tolerance asks for it")
     return solve_spawning(scene, given.get("tolerance"), goal=given.get("goal"))
 
 
@@ -179,7 +169,11 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     check_numbers(tolerance, resolution, stage, least=SMALLEST)
     kept: dict[str, Any] = {"stage": stage, "previous": previous}
     if "stiffness" in given:
-        _refuse_others("stiffness", given)
+        _refuse_others(
+            "tolerance resolution previous stage stiffness",
+            given,
+            "stiffness: needs equal cells, which take no {name}; leave one of both out",
+        )
         return solve_cells(scene, tolerance, resolution, stiffness=given["stiffness"], **kept)
     if tolerance is None and goal is None:
         return solve_cells(scene, None, resolution, **kept)

@@ -36,6 +36,7 @@ from kaju.files import atomic_file, is_there
 from kaju.model.network import SpringNetwork
 from kaju.model.network import solve as solve_network
 from kaju.model.scene import Scene, load_scene
+from kaju.model.scene.validation import plain
 from kaju.model.transfer.load_model import LoadModel
 from kaju.progress import progress_line, without_progress
 
@@ -47,15 +48,10 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 Measure = str | Callable[[Any], Any] | Sequence[str] | None
 
-RUN, ERROR = "run", "error"
-_OPTION = "run."
-_NOT_REPEATABLE = ("seconds", "kaju_version")
-"""Figures of a summary that say nothing about the point."""
 Vary = Mapping[str, Any]
 Points = list[dict[str, Any]]
 METHODS = ("grid", "list", "sobol", "lhs")
-MOST_POINTS = 1_000_000
-STORE, TABLE = "sweep.sqlite", "table.parquet"
+STORE = "sweep.sqlite"
 
 
 def by_its_kind(subject: Any, rng: int | None = None) -> Any:
@@ -155,7 +151,7 @@ def sweep(
                 report(f"{done:,} of {len(points):,} runs")
         table = rows.table()
     if folder is not None and len(missing):
-        with atomic_file(folder / TABLE, ResultFileError) as scratch:
+        with atomic_file(folder / "table.parquet", ResultFileError) as scratch:
             bare = table.copy(deep=False)
             bare.attrs = {}
             bare.to_parquet(scratch, index=False)
@@ -289,7 +285,7 @@ class SweepStore:
 
     def add(self, row: Row) -> None:
         """Keep a row."""
-        self._do("INSERT OR IGNORE INTO rows VALUES (?, ?)", row[RUN], json.dumps(row))
+        self._do("INSERT OR IGNORE INTO rows VALUES (?, ?)", row["run"], json.dumps(row))
 
     def about(self) -> dict[str, Any]:
         """Return what the sweep is."""
@@ -304,8 +300,8 @@ class SweepStore:
         with self._readable():
             texts = self._do("SELECT text FROM rows ORDER BY run")
             rows = [json.loads(text) for (text,) in texts]
-            table = pandas.DataFrame.from_records(rows, columns=None if rows else [RUN, ERROR])
-            table = table[[*(name for name in table if name != ERROR), ERROR]]
+            table = pandas.DataFrame.from_records(rows, columns=None if rows else ["run", "error"])
+            table = table[[*(name for name in table if name != "error"), "error"]]
         for name in table:
             if table[name].dtype == object and len({type(v) for v in table[name].dropna()}) > 1:
                 table[name] = table[name].map(lambda v: v if v != v else str(v))
@@ -377,23 +373,23 @@ class SweepRun:
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
-        row = {RUN: number, **{key: _cell(value) for key, value in point.items()}}
+        row = {"run": number, **{key: _cell(value) for key, value in point.items()}}
         try:
             figures = self.figures(number, point)
-            taken = figures.keys() & {ERROR, *row}
+            taken = figures.keys() & {"error", *row}
             if taken:
                 raise ParameterError(
                     f"measure: {taken.pop()!r} is another column's name; return it by a new one"
                 )
         except Exception as error:  # whatever a run dies of belongs into its row
-            return row | {ERROR: f"{type(error).__name__}: {error}"}
-        return row | figures | {ERROR: ""}
+            return row | {"error": f"{type(error).__name__}: {error}"}
+        return row | figures | {"error": ""}
 
     def figures(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return what is measured at one point, with a seed independent of all others'."""
         sequence = np.random.SeedSequence(self.seed, spawn_key=(number,))
         seed = int(sequence.generate_state(1)[0])
-        options = {k.removeprefix(_OPTION): v for k, v in point.items() if k.startswith(_OPTION)}
+        options = {k.removeprefix("run."): v for k, v in point.items() if k.startswith("run.")}
         with without_progress():
             result = _called(self.run, (self.subject_at(point, seed),), options, seed)
             if hasattr(result, "step") and hasattr(result, "run"):
@@ -402,7 +398,7 @@ class SweepRun:
 
     def subject_at(self, point: Mapping[str, Any], seed: int) -> Any:
         """Return the subject at a point."""
-        changes = {key: value for key, value in point.items() if not key.startswith(_OPTION)}
+        changes = {key: value for key, value in point.items() if not key.startswith("run.")}
         if not isinstance(self.subject, Scene):
             return _called(self.subject, (), changes, seed)
         return self.subject.with_overrides({key_path(k): v for k, v in changes.items()})
@@ -447,10 +443,9 @@ def _everything(result: Any) -> Row:
     """Return all single figures of a result that are the same at every repetition."""
     if _is_figure(plain(result)):
         return {"value": plain(result)}
-    figures = {
-        key: plain(value) for key, value in _table(result).items() if key not in _NOT_REPEATABLE
-    }
-    figures = {key: value for key, value in figures.items() if _is_figure(value)}
+    figures = {key: plain(value) for key, value in _table(result).items()}
+    chance = ("seconds", "kaju_version")  # they say nothing about the point
+    figures = {k: value for k, value in figures.items() if k not in chance and _is_figure(value)}
     if not figures:
         raise ParameterError(
             f"measure: a {type(result).__name__} has no figures of its own; "
@@ -523,13 +518,13 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points
         raise ParameterError(
             f"vary: the values of a list go together one by one; got {lengths} of them"
         )
-    if method == "grid" and math.prod(lengths.values()) > MOST_POINTS:
+    if method == "grid" and (count := math.prod(lengths.values())) > 1_000_000:
         raise ParameterError(
-            f"vary: {math.prod(lengths.values()):,} combinations are more than {MOST_POINTS:,}; "
-            "take fewer values, or draw samples (method='sobol', samples=1024)"
+            f"vary: {count:,} combinations are more than 1,000,000; take fewer values, or draw "
+            "samples (method='sobol', samples=1024)"
         )
     rows = product(*columns) if method == "grid" else zip(*columns, strict=True)
-    return [dict(zip(vary, map(plain, row), strict=True)) for row in rows]
+    return [dict(zip(vary, plain(row, math.inf), strict=True)) for row in rows]
 
 
 def _values(key: str, given: Any) -> Sequence[Any]:
@@ -573,13 +568,6 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> list[Se
             values = _values(key, given)
             columns.append([values[int(place)] for place in column * len(values)])
     return columns
-
-
-def plain(value: Any) -> Any:
-    """Return a value without NumPy's types, as scenes and files take it."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def key_path(key: str) -> str:

@@ -8,7 +8,7 @@ from plates import plate as pressed
 
 from kaju import LoadModel, compare, solve
 from kaju.errors import KajuError
-from kaju.model.study.rule_study import CHOSEN, DERIVED, FITTED, beside_elasticity
+from kaju.model.study.rule_study import beside_elasticity
 from kaju.view.comparison import words_beside
 
 
@@ -24,23 +24,25 @@ def study():
 def test_each_answer_is_compared_as_by_hand(study):
     believed = solve(plate(), resolution=4)
     by_hand = compare(LoadModel(plate()).run(), believed).summary()
-    assert study.comparisons[CHOSEN].summary() == by_hand
-    assert list(study.comparisons) == [CHOSEN, FITTED, DERIVED]
+    assert list(study.comparisons)[1:] == ["prescribed rule, fitted", "elastic agents"]
+    own, fitted, elastic = study.comparisons.values()
+    assert own.summary() == by_hand
     before, after = study.fit.misfit
-    assert study.comparisons[CHOSEN].displacement.misfit == before
-    assert study.comparisons[FITTED].displacement.misfit == after <= before
-    assert study.comparisons[DERIVED].displacement.misfit < 0.1 < after
+    assert own.displacement.misfit == before
+    assert fitted.displacement.misfit == after <= before
+    assert elastic.displacement.misfit < 0.1 < after
 
 
 def test_where_the_error_lies(study):
     run = LoadModel(plate()).run()
-    pair, points = study.comparisons[CHOSEN].displacement, study.comparisons[CHOSEN].points
+    own = study.comparisons["prescribed rule"]
+    pair, points = own.displacement, own.points
     awake = {tuple(cell) for cell in run.last.cells.tolist()}
     cells = plate().lattice.locate(points).tolist()
     asleep = np.array([tuple(cell) not in awake for cell in cells])
     expected = (pair.error[asleep] ** 2).sum() / (pair.error**2).sum()
-    assert study.unreached()[CHOSEN] == pytest.approx(expected)
-    assert DERIVED not in study.unreached()
+    assert study.unreached()["prescribed rule"] == pytest.approx(expected)
+    assert "elastic agents" not in study.unreached()
     told = "\n".join(words_beside(study))
     assert f"{expected:.0%} of the squared error" in told
     assert f"off by up to {pair.max_error:.1%} of the largest" in told

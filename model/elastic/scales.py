@@ -13,6 +13,8 @@ from kaju.errors import SceneError
 from kaju.model.scene import Scene
 from kaju.model.scene.sides import SideCondition
 
+ROUNDED = 1e-13
+"""Of a sum of many numbers: a share that is as small is rounding."""
 HELD = 250
 """Powers of ten that leave room for squares and sums of what is of that order."""
 

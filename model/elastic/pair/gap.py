@@ -15,6 +15,7 @@ from math import inf, sqrt
 import numpy as np
 
 from kaju.arrays import Floats
+from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
 from kaju.model.elastic.pair.elements import rule
 
 ROUNDING = 0.1
@@ -70,12 +71,12 @@ def bounds_of(cases: Floats, gap: float, rest: float, locks: bool = False) -> Bo
         # One opinion knows next to nothing: that which balances, or that which fits if it locks.
         better, other = (lower + upper - fits, fits) if locks else (fits, lower + upper - fits)
         energy = better if better > 0.0 else other
-    rounding = max(miss, 1e-15 * whole)
+    rounding = max(miss, np.finfo(np.float64).eps * whole)
     lower, upper = lower - rounding, upper + rounding
     lower = max(sqrt(max(lower, 0.0)) - sqrt(0.5) * rest, 0.0) ** 2
     upper = (sqrt(max(upper, 0.0)) + sqrt(0.5) * rest) ** 2
     radius = 0.5 * sqrt(gap + 2.0 * rounding) + rest
     norm = sqrt(2.0 * lower)
     error = radius / norm if norm > 0.0 else (inf if radius > 0.0 and upper > 0.0 else 0.0)
-    lost = rounding > ROUNDING * 0.5 * gap and error > 1e-6
+    lost = rounding > ROUNDING * 0.5 * gap and error > SMALLEST_TOLERANCE
     return Bounds(lower, upper, error, lost, energy)

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
 from kaju.model.elastic.goals.duals import (
     Displaced,
     DualGoal,
@@ -44,16 +45,15 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.space import NO_BOUND, Bricks
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.scales import ROUNDED
 from kaju.model.outline.posed_outlines import OutlinedBody
 
 AIM = 0.9
-SPARE = {2: AIM, 3: 0.95}
 """Of the tolerance a generation is aimed at. To 1e-3 on the plate, the hole and contrast 1000 0.8
 takes a sixth more agents; 0.95 a generation more on the plate to 1e-2."""
 FACTOR = 2.0
 """In space, by which the estimate is multiplied: of ten random solids of one and two materials the
 errors of deflections and a stress were 0.07 to 0.73 of it."""
-PRODUCTS = 1e-14  # Share of the products that rounding may take beside what they miss each other by
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +103,16 @@ class Goals:
         worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
         open_ = [part for goal, part, _ in told if goal.relative_error > tolerance]
         shares = np.sum(open_ or [part for _, part, _ in told], axis=0)
-        lost = rounding > ROUNDING * worst.error_estimate and worst.relative_error > 1e-6
+        lost = (
+            rounding > ROUNDING * worst.error_estimate and worst.relative_error > SMALLEST_TOLERANCE
+        )
         error = worst.relative_error
         wanted = self._wanted(error, tolerance)
         return Judged(tuple(goal for goal, *_ in told), error, shares, lost, wanted)
 
     def _wanted(self, error: float, tolerance: float) -> float:
         """Return the share of an error that a generation is aimed at."""
-        return SPARE[self.body.dimension] * tolerance / error if 0.0 < error < inf else 0.0
+        return AIM * tolerance / error if 0.0 < error < inf else 0.0
 
 
 def _estimated(found: Bricks, goal: DualGoal, duals: list[Bricks]) -> tuple[Goal, Floats, float]:
@@ -144,7 +146,7 @@ def _told(
         # Two of the products are works of loads and supports, but for rounding.
         rounded[k] = abs(te - dual.work_on(found.fit) - moved)
         rounded[k] += abs(zs - found.work_on(dual.fit) - found.borne(dual.sides.moved))
-        rounded[k] += PRODUCTS * (abs(ts) + abs(te) + abs(zs))
+        rounded[k] += ROUNDED * (abs(ts) + abs(te) + abs(zs))
         dual_gap = float(dual.shares.sum())
         # What agents do not take of loads works on the dual displacement of theirs alone.
         mean = float(found.by_agent(0.25 * (t + z) ** 2)[ragged].sum())

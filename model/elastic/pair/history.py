@@ -10,24 +10,20 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.elastic.moduli import by_law, equivalent_stress
+from kaju.model.elastic.moduli import by_law, equivalent_stress, is_rubber
 from kaju.model.elastic.pair.border import Sides, check_held, sides_of
 from kaju.model.elastic.pair.displacement import moved_by, way_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
 from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
 from kaju.model.elastic.pair.leaves import BITS, LeafCells, corners
-from kaju.model.elastic.pair.levels import FieldLevel, descent, handed_down, level_of
+from kaju.model.elastic.pair.levels import DIRECT, FieldLevel, descent, handed_down, level_of
 from kaju.model.elastic.pair.opinions import Opinions, balance
-from kaju.model.elastic.pair.space import MOST_FACTORED, SETTLED, Bricks, hats_of
+from kaju.model.elastic.pair.space import SETTLED, Bricks, hats_of
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
 
-DIRECT = {2: 4_000, 3: 1_500}
-"""Up to so many unknowns factors are as quick as levels: measured on the plate, L and hole."""
 DIRECT_RUBBER = 60_000
 """So many in the plane where a material is nearly incompressible, which levels do not smooth."""
-INCOMPRESSIBLE = 20.0
-"""C12 / mu from which on they do not: nu = 0.4875; measured on the rubber of the tests."""
 
 Settled = Opinions | Bricks
 Aim = Callable[[Mesh, Sides, Floats, Floats], Sides]
@@ -56,10 +52,9 @@ def settled(
     fields: list[Any] = [kind(body, mesh, one, law, laws) for one in loads]
     olds: list[Any] = [*before.cases, *before.duals] if before else [None] * len(loads)
     blocks, gaps = fields[0].blocks, [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]
-    direct, free = DIRECT[d], way_of(mesh, sides)
-    if d == 2 and np.any(law[1] > INCOMPRESSIBLE * law[2]):
-        direct = DIRECT_RUBBER
-    if d == 3 and before is None and len(free[1]) > MOST_FACTORED:
+    rubber, free = d == 2 and is_rubber(body.moduli, body.scene.plane), way_of(mesh, sides)
+    direct = DIRECT_RUBBER if rubber else DIRECT
+    if d == 3 and before is None and len(free[1]) > direct:
         level = FieldLevel(blocks, free[0], *hats_of(fields[0], *free[:2]))
     else:
         level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)

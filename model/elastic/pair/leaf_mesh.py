@@ -18,8 +18,8 @@ from kaju.model.elastic.pair.elements import (
     quadratic_values,
 )
 from kaju.model.elastic.pair.leaves import LeafCells, corner_ends
+from kaju.model.elastic.scales import ROUNDED
 
-TINY = 1e-12  # Weights by which nodes follow others that are below this are rounding
 Entries = list[tuple[Ints, Ints, Floats | float]]
 """Rows, columns and values of a sparse matrix, part by part."""
 
@@ -100,7 +100,7 @@ class Mesh:
         slaves = np.concatenate([vertex, self.vertices + short])
         masters = self.node[np.concatenate([owner, own])]
         weight = np.concatenate([values(self.place[vertex], owner), bulge])
-        slave, some = np.broadcast_to(slaves[:, None], weight.shape), np.abs(weight) > TINY
+        slave, some = np.broadcast_to(slaves[:, None], weight.shape), np.abs(weight) > ROUNDED
         entries: Entries = [(slave[some], masters[some], weight[some])]
         return followed(entries, self.vertices + self.edges)
 

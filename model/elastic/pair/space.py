@@ -28,16 +28,14 @@ from kaju.model.elastic.pair.elements import (
 )
 from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
 from kaju.model.elastic.pair.leaves import corner_ends
-from kaju.model.elastic.pair.levels import Blocks, FieldLevel
+from kaju.model.elastic.pair.levels import DIRECT, Blocks, FieldLevel
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.elastic.scales import ROUNDED
 
 NO_BOUND = "in space errors are estimated, not proved"
 MOST_RATIO = 0.499  # At 0.4999 the true error of a cube was 1.9 times its estimate
-TINY = 1e-10
 SETTLED = 1e-6
 """Of what suffices in the plane: no bound takes what is left, and forces that are read balance."""
-MOST_FACTORED = 6_000
-"""Unknowns of a matrix that is factorised: 8,000 take half a second, and grow with the power 2."""
 
 
 @dataclass(eq=False)
@@ -173,7 +171,7 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
         lower = leaves.lower[agent] // box
         corner = (lower[:, None] + corner_ends(3)) @ (1 << np.array([42, 21, 0]))
         key, hat = np.unique(corner, return_inverse=True)
-        if 3 * len(key) <= MOST_FACTORED:
+        if 3 * len(key) <= DIRECT:
             break
         box *= 2
     weight, row = trilinear(mesh.place / box - lower), np.repeat(np.arange(mesh.vertices), 8)
@@ -190,7 +188,7 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
     whole = own.T @ (sp.bsr_array((blocks, np.arange(n), np.arange(n + 1))) @ own)
     # A little on the diagonal: hats that hardly touch the body must not be divided by.
     diagonal = whole.diagonal()
-    more = sp.diags_array(np.where(diagonal > 0.0, TINY * diagonal, 1.0))
+    more = sp.diags_array(np.where(diagonal > 0.0, ROUNDED * diagonal, 1.0))
     none = np.zeros((0, 1), dtype=np.int64)
     summed = Blocks(none, [], np.zeros(0), None, size, sp.csr_array(whole + more))
     return FieldLevel(summed, sp.eye_array(size, format="csr")), rise

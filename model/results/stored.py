@@ -107,7 +107,7 @@ def described(form: Any, name: str = "") -> Iterator[tuple[str, str]]:
     elif get_origin(form) in (Union, UnionType):
         for each in get_args(form):
             yield from described(each, name)
-    elif _has_parts(form):
+    elif form is not Scene and _has_parts(form):
         yield from described(get_args(form)[0], f"{name}.*")
 
 

@@ -6,7 +6,6 @@ from page_scenes import Leaky, header_of
 from plates import plate as pressed
 
 from kaju import (
-    FaceAgent,
     FreeBoundaryAgent,
     LoadModel,
     MaterialAgent,
@@ -93,32 +92,3 @@ def test_a_page_moves_cells_as_python_does(name, shown):
     moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
     size = np.abs(result.displacement).max()
     np.testing.assert_allclose(np.transpose(moved), result.displacement, atol=1e-12 * size)
-
-
-# ------------------------------------------------------------------- agents of the elastic rule
-
-
-class Careful(FaceAgent):
-    def due(self, asked):
-        return 0.5 * super().due(asked)
-
-
-class Stiff(FaceAgent):
-    def take(self, load):
-        before = self.displacement
-        super().take(load)
-        self.faces.displacement[self.place.number] = before + 0.8 * (self.displacement - before)
-
-
-class Twice(FaceAgent):
-    def act(self, asked):
-        super().act(0.5 * asked)
-        super().act(0.25 * asked)
-
-
-def last_only(waiting):
-    return waiting[-1:]
-
-
-FACES = {kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Twice)}
-FACES["last_only"] = {"order": last_only}

@@ -478,20 +478,11 @@ class ElasticResult(BodyResult):
     def intensity(self, at: tuple[float, ...]) -> Intensity:
         """Return the stress intensity factors of a crack or a re-entrant corner of the plane.
 
-        Its sides are free, and it is of one material. A crack is a slit of air one cell wide,
-        whose factors are those of a crack longer by a third of that: of 50 cells within 2 %.
+        `at` is the corner (m), or the middle of the end of a slit of air one cell wide, which
+        stands for a crack longer by a third of that: of 50 cells within 2 %. Sides are free, and
+        there is one material around. The error of the factors is estimated.
 
-        Parameters
-        ----------
-        at : tuple of float
-            The corner (m), or the middle of the end of the slit.
-
-        Returns
-        -------
-        Intensity
-            Factors, exponents, and an estimate of the error.
-
-        Raises ParameterError if there is no such corner or slit, or no room for a ring round it.
+        Raises `ParameterError` if there is no such corner or slit, or no room for a ring round it.
 
         Examples
         --------
@@ -616,12 +607,8 @@ class ElasticResult(BodyResult):
 
         One that the tolerance is about has the value that it has among the `goals`.
 
-        Raises
-        ------
-        ParameterError
-            If it is of another dimension, outside of the body, or unknown.
-        SingularPlaceError
-            If it is a stress where stresses have no limit.
+        Raises `ParameterError` if it is of another dimension, outside of the body, or unknown;
+        `SingularPlaceError` if it is a stress where stresses have no limit.
         """
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
@@ -635,25 +622,13 @@ class ElasticResult(BodyResult):
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
 
     def cells(self, resolution: int | None = None) -> EqualArrays:
-        """Return the answer as arrays over equal cells.
+        """Return the answer as arrays over equal cells, worked out when they are first asked for.
 
-        Parameters
-        ----------
-        resolution : int, optional
-            Cells per cell of the scene, along each axis; by default those of `grid`, which are
-            the agents themselves where these are equal.
+        There are `resolution` cells per cell of the scene along each axis, by default those of
+        `grid`, which are the agents themselves where these are equal.
 
-        Returns
-        -------
-        EqualArrays
-            Values in the middles of the cells, worked out when they are first asked for.
-
-        Raises
-        ------
-        ParameterError
-            If the resolution is no whole number from 1 upwards.
-        ResultError
-            If there would be too many cells.
+        Raises `ParameterError` if the resolution is no whole number from 1 upwards, `ResultError`
+        if there would be too many cells.
         """
         check_numbers(None, resolution)
         return EqualArrays(self, int(resolution or self.subdivision))

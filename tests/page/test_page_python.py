@@ -82,15 +82,19 @@ def in_kaju(code, scene):
 def as_page_says(scene, stage):
     ledger, kinds = stage.ledger, scene.kinds(stage.boundary_cells)
     walls = {"air": -1, "ground": -2, "rollers": -3}
-    return {
-        "agents": len(stage.cells),
-        "generations": stage.generations,
-        "passed": float(stage.passed.sum()),
-        **{name: float(stage.arrived[kinds == kind].sum()) for name, kind in walls.items()},
-    } | {
-        n: getattr(ledger, n)
-        for n in ("taken", "kept", "returned", "dropped", "absorbed", "pending")
-    }
+    return (
+        {
+            "agents": len(stage.cells),
+            "generations": stage.generations,
+            "passed": float(stage.passed.sum()),
+            **{name: float(stage.arrived[kinds == kind].sum()) for name, kind in walls.items()},
+        }
+        | {
+            n: getattr(ledger, n)
+            for n in ("taken", "kept", "returned", "dropped", "absorbed", "pending")
+        }
+        | {"lost": ledger.imbalance}
+    )
 
 
 CELLS = """(() => {
@@ -153,6 +157,8 @@ def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
         else:
             check_alike(page, "sides", file.stem, code)
     assert len(EXAMPLES) - len(lacks) >= 8
+    lost = runs(page, CLASS + "def take(self, load): pass")
+    assert (round(lost["taken"], 9), round(lost["lost"], 2)) == (0.0, 0.77)
 
 
 TAKE = """from kaju import MaterialAgent
@@ -171,7 +177,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "self.kept += load.magnitud", 7, "kein `magnitud`; meinst du `magnitude`?"),
     (SEND, "super().emission(load)", 7, "kein `emission`; meinst du `emissions`?"),
     (TAKE, "self.model.treshold", 7, "meinst du `threshold`?"),
-    (TAKE, "x == 1", 7, "`x` ist nicht bekannt"),
+    (TAKE, "Load(1, 2.0)", 7, "`Load` ist nicht bekannt; schreibe zuerst `from kaju import Load`"),
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
     (TAKE, "1 / 0", 7, "Division durch null"),
     (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
@@ -186,10 +192,15 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
     (SEND, "return None", 7, "gab None zurück; das ist keine Emission"),
     (SEND, "return rows * 500", 7, "gab mehr als 1000 Emissionen"),
-    (SEND, "return [rows[0]._replace(arm=7)]", 7, "die Arme (0, 1, 2, 3), die Richtungen 0 bis 3"),
+    (
+        SEND,
+        "return [rows[0]._replace(arm=7)]",
+        7,
+        "falsch ist: arm; möglich sind die Arme (0, 1, 2, 3)",
+    ),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
-    (CLASS, "def tak(self, load): pass", 3, "niemand ruft `tak` auf; meinst du `take`?"),
+    (CLASS, "def passOn(self, load): pass", 3, "niemand ruft `passOn` auf; meinst du `pass_on`?"),
     (
         CLASS,
         "def __init__(self, *start):\n        self.x = 1",

@@ -23,7 +23,7 @@ export function refused(code) {
     if (brings && !ALLOWED.includes(from)) return { line: n + 1, word: from, key: "notInPage" };
     const found = !brings && text.match(REFUSED);
     if (found) return { line: n + 1, word: found[0], key: "notAllowed" };
-    const method = text.match(/^\s+def ([a-z]\w*)/)?.[1], hook = method && !HOOKS.includes(method) && HOOKS.find((name) => near(method, name));
+    const method = text.match(/^\s+def ([a-z]\w*)/)?.[1], hook = method && !HOOKS.includes(method) && HOOKS.find((name) => near(method.toLowerCase(), name));
     if (hook) return { line: n + 1, word: method, key: "notCalled", hook };
   }
   return null;
@@ -53,7 +53,7 @@ function guarded(t, text) {
 export function told(t, { error, args = [], line }, code) {
   const text = args[0] ?? "", at = (words) => ({ error: t("atLine", { n: line, e: words }), line });
   const name = text.match(/(?:name|local variable|attribute|import name) '(\w+)'/)?.[1], near = name && closest(name, code), mean = near ? t("didYouMean", { n: near }) : "";
-  if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + mean);
+  if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + (NAMES.slice(0, 9).includes(name) ? t("importIt", { n: name }) : mean));
   if (error === "AttributeError" && /has no attribute/.test(text)) return at(t("hasNo", { a: text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
   if (error === "ImportError") return at(t("hasNo", { a: "kaju", n: name }) + mean);
   const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex", TypeError: "wrongType", ValueError: "wrongValue" }[error];
@@ -170,10 +170,10 @@ export class Workshop {
       out, ...bars, game, score, ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
-    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, grew } = this.result, n = (x) => general(x, 4);
+    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, grew } = this.result, n = (x) => general(x, 4);
     if (grew) return t("atLine", { n: grew, e: t("grew") });
     const states = (run.states ?? []).filter(([, , whether]) => whether).map(([name, meaning]) => `, ${run[`state ${name}`].value.reduce((a, b) => a + b, 0)} ${page.say(meaning)}`);
-    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join(""), r: n(ground), f: n(this.foot()) }) + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "");
+    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join(""), r: n(ground), f: n(this.foot()) }) + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "");
   }
   /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {

@@ -189,7 +189,12 @@ def totals():
     agents, walls = engine.agents.values(), engine.boundaries.values()
     kept, dropped = sum([a.kept for a in agents]), engine.dropped + sum([a.dropped for a in agents])
     arrived = [sum([sum(w.taken.values()) for w in walls if isinstance(w, of)]) for of in BOUNDARIES.values()]
-    return [kept, dropped, arrived, engine.returned, sum([w.kept for w in walls])]
+    absorbed = sum([w.kept for w in walls])
+    emitted = sum([sum(a.passed.values()) + a.dropped for a in agents])
+    entered = sum([load[2] for load in engine.model.loads]) + emitted
+    taken = sum([sum(a.taken.values()) for a in agents])
+    lost = abs(entered - taken - dropped - engine.pending - absorbed) / (entered or 1.0)
+    return [kept, dropped, arrived, engine.returned, absorbed, taken, lost]
 
 def show(*values, sep=" ", end="\n", **rest):
     _page.tell(sep.join([str(value) for value in values]) + end)

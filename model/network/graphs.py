@@ -7,7 +7,7 @@ text such as "(0.5, 1.0)", or stand in one attribute for each axis, such as "x" 
 from __future__ import annotations
 
 from ast import literal_eval
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -43,6 +43,17 @@ def read_graph(
     places = _positions(graph, positions)
     edges = list(graph.edges(data=True))
     lengths = None if rest_length is None else _edge_values(edges, rest_length, "rest_length")
+    given = (positions, stiffness, rest_length, held, forces, displacements)
+    read = {
+        key
+        for one in given
+        for key in (one if isinstance(one, tuple) else (one,))
+        if isinstance(key, str)
+    }
+
+    def others(attributes: Mapping[str, Any]) -> dict[str, Any]:
+        return {key: value for key, value in attributes.items() if key not in read}
+
     return {
         "positions": places,
         "springs": [(number[first], number[second]) for first, second, _ in edges],
@@ -52,6 +63,11 @@ def read_graph(
         "forces": _vectors(graph, number, forces, places.shape, "forces"),
         "displacements": _vectors(graph, number, displacements, places.shape, "displacements"),
         "names": tuple(graph.nodes),
+        "attributes": {
+            "graph": dict(graph.graph),
+            "nodes": [others(attributes) for _, attributes in graph.nodes(data=True)],
+            "springs": [others(attributes) for *_, attributes in edges],
+        },
     }
 
 
@@ -60,30 +76,35 @@ def graph_of(
     springs: Ints,
     nodes: Mapping[str, NDArray[Any]],
     edges: Mapping[str, NDArray[Any]],
+    attributes: Mapping[str, Any],
     *,
     texts: bool,
 ) -> nx.Graph:
     """Return a graph with attributes; a MultiGraph if springs lie side by side."""
     several = len(np.unique(np.sort(springs, axis=1), axis=0)) < len(springs)
     graph = nx.MultiGraph() if several else nx.Graph()
-    node_rows = {key: _plain(field, texts) for key, field in nodes.items()}
-    edge_rows = {key: _plain(field, texts) for key, field in edges.items()}
-    for index, name in enumerate(names):
-        graph.add_node(name, **{key: rows[index] for key, rows in node_rows.items()})
-    for index, (first, second) in enumerate(springs.tolist()):
-        values = {key: rows[index] for key, rows in edge_rows.items()}
-        graph.add_edge(names[first], names[second], **values)
+    graph.graph.update(attributes.get("graph", {}))
+    rows = _rows(attributes.get("nodes", [{}] * len(names)), nodes, texts)
+    graph.add_nodes_from(zip(names, rows, strict=True))
+    rows = _rows(attributes.get("springs", [{}] * len(springs)), edges, texts)
+    for (first, second), row in zip(springs.tolist(), rows, strict=True):
+        graph.add_edge(names[first], names[second], **row)
     return graph
 
 
-def _plain(field: NDArray[Any], texts: bool) -> list[Any]:
-    """Turn rows of an array into numbers and (nested) tuples, or texts of these."""
+def _rows(
+    others: list[dict[str, Any]], fields: Mapping[str, NDArray[Any]], texts: bool
+) -> Iterator[dict[str, Any]]:
+    """Yield the attributes of each node or spring: numbers and (nested) tuples, or their texts."""
 
-    def row(value: Any) -> Any:
-        return tuple(row(part) for part in value) if isinstance(value, list) else value
+    def plain(value: Any) -> Any:
+        return tuple(map(plain, value)) if isinstance(value, list | tuple) else value
 
-    rows = [row(value) for value in field.tolist()]
-    return [str(value) if isinstance(value, tuple) else value for value in rows] if texts else rows
+    columns = {key: field.tolist() for key, field in fields.items()}
+    for index, other in enumerate(others):
+        row = other | {key: column[index] for key, column in columns.items()}
+        row = {key: plain(value) for key, value in row.items()}
+        yield {k: str(v) if texts and isinstance(v, tuple) else v for k, v in row.items()}
 
 
 def _positions(graph: nx.Graph, positions: str | tuple[str, ...]) -> Floats:

@@ -6,7 +6,7 @@ It only describes; `kaju.model.network.solve` loads it.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -222,6 +222,8 @@ class SpringNetwork:
         Names of the nodes.
     notes : tuple of str
         Remarks on how the network stands for something else; results repeat them.
+    attributes : dict
+        What else the graph that it was read from says of itself, its nodes and its springs.
 
     Raises
     ------
@@ -260,6 +262,7 @@ class SpringNetwork:
         tuple[Any, ...], AfterValidator(_decoded_names), PlainSerializer(_encoded_names)
     ]
     notes: tuple[str, ...] = ()
+    attributes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_shapes(self)
@@ -281,6 +284,7 @@ class SpringNetwork:
         displacements: ArrayLike | None = None,
         names: Sequence[Hashable] | None = None,
         notes: tuple[str, ...] = (),
+        attributes: dict[str, Any] | None = None,
     ) -> SpringNetwork:
         """Make a network from lists and single numbers.
 
@@ -296,8 +300,8 @@ class SpringNetwork:
             One stage or several; none: 0.
         names : sequence of hashable, optional
             None: 0, 1, 2, ...
-        notes : tuple of str
-            Remarks that results repeat.
+        notes, attributes
+            As the class says.
         """
         points = np.array(positions, dtype=np.float64, ndmin=2)
         links = np.array(springs, dtype=np.int64).reshape(-1, 2)
@@ -318,6 +322,7 @@ class SpringNetwork:
             displacements=shift,
             names=tuple(range(len(points)) if names is None else names),
             notes=notes,
+            attributes=attributes or {},
         )
 
     @classmethod
@@ -390,6 +395,8 @@ class SpringNetwork:
     ) -> nx.Graph:
         """Return a networkx graph that `from_graph` reads back as this network.
 
+        Colours, labels and what else the graph had that it was read from are kept.
+
         Parameters
         ----------
         texts : bool
@@ -408,6 +415,7 @@ class SpringNetwork:
             self.springs,
             {**about, **(nodes or {})},
             {**edges, **(springs or {})},
+            self.attributes,
             texts=texts,
         )
 

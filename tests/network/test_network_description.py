@@ -73,6 +73,10 @@ def test_a_graph_comes_back_as_it_went():
         again.node("x")
     ends = {frozenset(pair) for pair in network.springs.tolist()}
     assert {frozenset(pair) for pair in again.springs.tolist()} == ends
+    graph.graph["name"] = graph.nodes[0, 0]["colour"] = "a"
+    same = SpringNetwork.from_graph(graph).with_loads().to_graph()
+    assert (same.name, same.nodes[0, 0]["colour"]) == ("a", "a")
+    assert "force" not in same.nodes[0, 0]
     double = square(springs=[*RING, [0, 2]], stiffness=[1, 1, 1, 1, 1, 4]).to_graph()
     assert double.is_multigraph()
     assert sorted(SpringNetwork.from_graph(double).stiffness) == [1, 1, 1, 1, 1, 4]

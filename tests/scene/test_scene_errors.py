@@ -28,7 +28,6 @@ BODIES = [
     ({"size": "big"}, "body.size: must be a list, got 'big'"),
     ({"size": [True, 0.2]}, "body.size.0: must be a number, got True"),
     ({"size": [0.2, 0.1]}, "cells must be as high as wide, .* 0.01 x 0.005 m; change size or"),
-    ({"size": [0.2]}, "body.size: .* should have 2 edges"),
     ({"size": [1e-11, 1e-11]}, "body.size: cells would be 5e-13 m wide"),
     ({"cell_size": 0.01}, "body.size: give either size or cell_size"),
     ({"cells": [20]}, r"body.cells: two or three numbers are needed, got \[20\]"),

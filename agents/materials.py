@@ -7,13 +7,12 @@ the entry is a stand-in for one direction and small strains, and its source says
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.resources import files
 from math import inf
 
 from kaju.errors import ParameterError, require
+from kaju.errors import suggestion as suggestion
 from kaju.model.rheology.element import ThreeElement
 
 
@@ -59,12 +58,6 @@ class Material:
 with files("kaju.agents").joinpath("materials.toml").open("rb") as _file:
     LIBRARY = {name: Material(name, **entries) for name, entries in tomllib.load(_file).items()}
 """The named materials, by name."""
-
-
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return " (did you mean 'steel'?)" if a known name is spelt much like `name`, else ""."""
-    near = get_close_matches(name.lower(), list(known), n=1, cutoff=0.6)
-    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def material(name: str) -> Material:

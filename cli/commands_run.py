@@ -198,8 +198,8 @@ def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) ->
     else:  # on arrays, which wait for no import of Mesa
         from kaju.model.transfer.load_transfer import LoadTransfer
 
-        console.say(THE_RULE)
         result = LoadTransfer(scene, allow_unstable).reset().run()
+        console.say(THE_RULE)
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
     return result
 

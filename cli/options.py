@@ -101,7 +101,14 @@ def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
         if not (key and equals):
             raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
         changes[key.strip()] = value.strip()
-    return described.with_overrides(changes) if changes else described
+    changed = described.with_overrides(changes) if changes else described
+    rule, anew = described.rule, described.rule.kind != changed.rule.kind
+    for key in vars(changed.rule) if anew else ():
+        given = getattr(rule, key, None)
+        if given != getattr(type(rule), key, None) and f"rule.{key}" not in changes:
+            told = f"another kind of rule begins anew, without rule.{key} = {given} of the file"
+            typer.echo(f"--set: {told}; set it, too, to keep it", err=True)
+    return changed
 
 
 def best_of(stop: KeyboardInterrupt, kind: type[Any]) -> Any:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaju.agents.materials import suggestion
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ParameterError, ResultFileError, unknown
 from kaju.model.results.loading import answer_of
 from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene
@@ -166,7 +166,4 @@ def check_options(name: str, draw: Callable[..., Any], options: Mapping[str, obj
         return
     for option in options:
         if option not in known:
-            raise ParameterError(
-                f"{option}: {name!r} has no such option{suggestion(option, known)}; "
-                f"it has {', '.join(known) or 'none'}"
-            )
+            raise unknown(option, repr(name), known)

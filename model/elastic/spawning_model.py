@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaju.agents.spawning_agent import SpawningAgent
-from kaju.errors import ResultError
+from kaju.errors import ResultError, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import AskedFor
 from kaju.model.elastic.pair.family import Family
@@ -82,6 +82,7 @@ class SpawningModel(SteppedModel):
     ('proved', True)
     """
 
+    @by_name
     def __init__(
         self,
         scene: Scene,

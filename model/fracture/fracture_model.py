@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats, first_largest
-from kaju.errors import MechanismError, SceneError, require
+from kaju.errors import MechanismError, SceneError, by_name, require
 from kaju.model.network import SpringNetwork, hexagon_body
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
@@ -86,6 +86,7 @@ class FractureModel(Stepper[FractureResult]):
     'parted: what is left hardly resists the load, or not at all'
     """
 
+    @by_name
     def __init__(
         self,
         subject: SpringNetwork | Scene,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import SceneError, require
+from kaju.errors import SceneError, by_name, require
 from kaju.model.elastic.arguments import SMALLEST
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.grid import grid_of
@@ -80,6 +80,7 @@ class GrowthModel(Stepper[GrowthResult]):
     ((24, 12), 0.4)
     """
 
+    @by_name
     def __init__(
         self,
         scene: Scene,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, ResultError, require
+from kaju.errors import ParameterError, ResultError, by_name, require
 from kaju.model.elastic.solve import solve_cells
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.scene import Scene
@@ -113,6 +113,7 @@ class CreepModel(Stepper[AnyTimeResult]):
     10.0
     """
 
+    @by_name
     def __init__(
         self,
         subject: Subject,

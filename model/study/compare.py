@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import ResultError
+from kaju.errors import ResultError, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.results.archive import open_archive
 from kaju.model.results.loading import answer_of, load_result
@@ -156,6 +156,7 @@ class Comparison:
         }
 
 
+@by_name
 def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> Comparison:
     """Compare two answers for one body.
 

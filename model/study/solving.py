@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError
+from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError, by_name
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.loading import question_of
 from kaju.model.scene import Scene
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from kaju.model.transfer.load_model import LoadModel
 
 
+@by_name
 def solve(
     scene: Scene | LoadModel | str | Path,
     tolerance: float | None = None,

@@ -31,7 +31,7 @@ import numpy as np
 from kaju import __version__
 from kaju.agents.materials import suggestion
 from kaju.arrays import Ints
-from kaju.errors import ParameterError, ResultFileError, SceneError, WorkerError, needing
+from kaju.errors import ParameterError, ResultFileError, SceneError, WorkerError, by_name, needing
 from kaju.files import atomic_file, is_there
 from kaju.model.network import SpringNetwork
 from kaju.model.network import solve as solve_network
@@ -63,6 +63,7 @@ def by_its_kind(subject: Any, rng: int | None = None) -> Any:
     return solve_network(subject) if isinstance(subject, SpringNetwork) else subject
 
 
+@by_name
 def sweep(
     subject: Scene | str | Path | Callable[..., Any],
     vary: Vary,

@@ -13,12 +13,11 @@ from typing import Any, Literal
 from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.materials import suggestion
 from kaju.agents.own_agents import own_classes
 from kaju.agents.parameter import Parameter, State, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
-from kaju.errors import ParameterError, require
+from kaju.errors import ParameterError, require, unknown
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.description import TABLES
 from kaju.model.stepped_model import SteppedModel
@@ -294,10 +293,7 @@ def keywords_into(
     for name in given.keys() - parameters.keys() - rule:
         known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
         meant = "threshold" if name in ("gamma", "γ") else name
-        raise ParameterError(
-            f"{name}: {model.__name__} has no such argument{suggestion(meant, known)}; there is "
-            f"{', '.join(known)}"
-        )
+        raise unknown(name, model.__name__, known, meant)
     values = {
         name: each.checked(given.get(name, each.default)) for name, each in parameters.items()
     }

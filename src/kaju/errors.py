@@ -7,9 +7,14 @@ key, the rule it breaks, the value that was given, the place, and what to do abo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from difflib import get_close_matches
+from functools import wraps
+from inspect import signature
+from typing import Any, TypeVar
+
+Called = TypeVar("Called", bound=Callable[..., Any])
 
 
 class KajuError(Exception):
@@ -137,3 +142,30 @@ def require(holds: bool, rule: str) -> None:
     """Raise a `ParameterError` that says which rule an argument breaks, unless it holds."""
     if not holds:
         raise ParameterError(rule)
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Return " (did you mean 'steel'?)" if a known name is spelt much like `name`, else ""."""
+    near = get_close_matches(name.lower(), list(known), n=1, cutoff=0.6)
+    return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def unknown(name: str, whose: str, known: Iterable[str], meant: str = "") -> ParameterError:
+    """Return the error of an argument that something does not take; it says which is meant."""
+    near, known = suggestion(meant or name, known), ", ".join(known) or "none"
+    return ParameterError(f"{name}: {whose} has no such argument{near}; there is {known}")
+
+
+def by_name(function: Called) -> Called:
+    """Let a function refuse keywords that it does not take by saying which is meant."""
+    known = [name for name in signature(function).parameters if name != "self"]
+    whose = function.__qualname__.removesuffix(".__init__")
+
+    @wraps(function)
+    def called(*args: Any, **kwargs: Any) -> Any:
+        for name in kwargs:
+            if name not in known:
+                raise unknown(name, whose, known)
+        return function(*args, **kwargs)
+
+    return called  # type: ignore[return-value]

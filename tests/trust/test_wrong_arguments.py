@@ -26,6 +26,7 @@ def test_a_file_name_is_no_scene(taker):
         (lambda: kaju.fit_rule(1, 2), ParameterError, "scene: a Scene is needed, got 1"),
         (lambda: kaju.export_page(3, "x.html"), ParameterError, "a result is needed, got 3"),
         (lambda: creep(BLOCK, "step"), ParameterError, "history: must be a History.* got 'step'"),
+        (lambda: solve(BLOCK, tolerence=0.1), ParameterError, "did you mean 'tolerance'"),
         (lambda: LoadModel(BLOCK).run(until=0.5), ParameterError, "until: .*, got 0.5"),
         (lambda: solve(BLOCK).displacement_at("middle"), ResultError, "points: must be numbers"),
     ],
@@ -38,7 +39,7 @@ def test_other_things_that_are_no_scene_or_result(call, kind, told):
 @pytest.mark.parametrize(
     ("what", "option", "told"),
     [
-        ("agents", "magnification", "'agents' has no such option"),
+        ("agents", "magnification", "'agents' has no such argument"),
         ("agents", "generatoin", "did you mean 'generation'"),
         ("stress", "components", "did you mean 'component'"),
     ],

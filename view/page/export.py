@@ -20,7 +20,7 @@ import numpy as np
 
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import KajuError, ParameterError, ResultFileError, check_type
+from kaju.errors import KajuError, ParameterError, ResultFileError, by_name, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.loading import from_file
@@ -72,6 +72,7 @@ LANGUAGES = ("en", "de", "ja")
 """What the page's own words are written in."""
 
 
+@by_name
 def export_page(
     of: Any,
     path: str | Path,

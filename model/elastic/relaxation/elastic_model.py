@@ -8,7 +8,7 @@ from typing import Any, Literal
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
 from kaju.agents.own_agents import check_class
-from kaju.errors import ParameterError, StabilityError
+from kaju.errors import ParameterError, StabilityError, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.staggered import strain_energy
@@ -124,6 +124,7 @@ class ElasticModel(SteppedModel):
     19
     """
 
+    @by_name
     def __init__(
         self,
         scene: Scene,

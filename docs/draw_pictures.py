@@ -43,7 +43,7 @@ def main() -> None:
         folder / "agents_octree.png", dpi=110
     )
     lug = kaju.solve(kaju.load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
-    kaju.plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
+    kaju.plot(lug, "von_mises").savefig(folder / "lug.png", dpi=90)
     _bracket().savefig(folder / "bracket.png", dpi=110)
     study = beside_elasticity(kaju.load_scene(EXAMPLES / "plate.toml"), evaluations=600)
     for name, figure in pictures_beside(study).items():
@@ -82,7 +82,7 @@ def _photograph(target: Path) -> None:
         tab.goto(page_file.as_uri())
         tab.wait_for_timeout(1000)
         tab.keyboard.press("End")
-        tab.mouse.click(452, 262)  # the agent whose story is told
+        tab.mouse.click(452, 290)  # the agent whose story is told
         tab.mouse.move(5, 5)
         tab.wait_for_timeout(1000)
         tab.screenshot(path=target)

@@ -162,12 +162,12 @@ export function showKeys(page) {
 
 /** The sliders of the rule; `few`: its five numbers only. */
 export function rulePanel(page, few = false) {
-  const { t, scene } = page, names = Object.keys(scene.rule.materials ?? {});
-  const list = [];
+  const { t, scene } = page, names = Object.keys(scene.rule.materials ?? {}), list = [];
   const bar = (key, options, edit) => list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v))));
   if (names.length) {
-    page.material ||= "";
-    list.push(choice(t("material"), page.material, [["", scene.materials.filter((m) => !names.includes(m.name)).map((m) => m.name).join(", ") || "*"], ...names.map((n) => [n, n])],
+    const others = scene.materials.map((m) => m.name).filter((name) => !names.includes(name)).join(", ");
+    page.material ||= others ? "" : names[0];
+    list.push(choice(t("material"), page.material, [...(others ? [["", others]] : []), ...names.map((n) => [n, n])],
       (name) => { page.material = name; page.rebuild(); }));
   }
   const rule = page.material && names.includes(page.material) ? scene.rule.materials[page.material] : scene.rule;

@@ -157,9 +157,10 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert page.tab.get_by_role("button", name="Elasticity").count() == 0
     page.tab.get_by_role("textbox").fill("2")
     page.tab.keyboard.press("Tab")
-    assert page.tab.get_by_text("as in the picture").count() == 0
+    assert page.tab.get_by_text("correct").count() == 0
     page.press("Next: Step")
-    assert page.js("page.lesson.done") == ["predict"]
+    page.tab.reload()  # it opens where the reader was
+    page.until("page?.drawn && page.lesson.step === 'step' && page.lesson.done[0] === 'predict'")
     shorter = make_pages.make_lesson(lesson("how-things-break"), tmp_path)[1]
     page = opened(shorter, language="de-DE")  # it opens at its end, where it is asked for
     assert page.text("h1") == "Ein halb so langer Schnitt · Wie Dinge brechen"
@@ -189,13 +190,12 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
         page = opened(path)
         page.js("page.lesson.open(1)")  # the first question shows no more than the start
         page.tab.keyboard.press("Home")
-        first = page.js("page.canvas.toDataURL()")
+        first = page.js("(page.draw(), page.canvas.toDataURL())")
         page.until("page.run.atRest")
         page.tab.keyboard.press("End")
         page.tab.wait_for_timeout(200)
-        end, count = page.text(".count").split(" · ")[1].split(" of ")
-        assert end == count
-        assert int(count) >= 3
+        end, count = map(int, page.text(".count").split()[-3::2])
+        assert end == count >= 3
         assert page.js("(page.draw(), page.canvas.toDataURL())") != first
 
 

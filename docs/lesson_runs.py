@@ -97,7 +97,7 @@ def torn(half: float, scatter: float = 0.1) -> Run:
     return run
 
 
-def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.005) -> Run:
+def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.003) -> Run:
     """Pull a quarter of a plate with an elliptical hole: as it is, or as steps of so many cells."""
     hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
     outline = "cells" if cells else "true"

@@ -17,7 +17,6 @@ import scipy.sparse as sp
 from kaju.arrays import Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.scales import ROUNDED
 
 ENOUGH = 0.03
 """Of the gap: an iteration ends when its last step closed less. What is left is in the bound. To
@@ -185,7 +184,8 @@ class FieldLevel:
             found, before = found + share * direction, rest
             rest = rest - share * image
             gained += gain
-            if gain <= max(ENOUGH * max(gap - gained, 0.1 * gap), ROUNDED * gained):
+            rounding = np.finfo(np.float64).eps * gained
+            if gain <= max(ENOUGH * max(gap - gained, 0.1 * gap), rounding):
                 break
             turned = self.cycle(rest)
             new = float(rest @ turned)

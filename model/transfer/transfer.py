@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from inspect import signature
 from math import inf, isfinite
 from numbers import Real
 from typing import NamedTuple
@@ -172,9 +173,17 @@ class Transfer:
 
 
 def _check_rule(rule: ShareRule) -> None:
+    told = f"rule: an object is needed, not its class, got {rule!r:.80}"
+    require(not isinstance(rule, type), told)
     for name in ("shares", "threshold", "accumulate", "sense"):
         told = "a rule has shares(material, dimension), threshold, accumulate and sense"
         require(hasattr(rule, name), f"rule: {type(rule).__name__} has no {name!r}; {told}")
+    told = f"rule.shares: {type(rule).__name__}.shares must take (material, dimension)"
+    try:
+        takes = signature(rule.shares).bind("material", 2)
+    except TypeError:
+        takes = None
+    require(takes is not None, told)
     told = f"rule.threshold: must be a load above 0 N, got {rule.threshold}"
     require(0.0 < rule.threshold < inf, told)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from kaju import __version__
+from kaju.agents.materials import suggestion
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
@@ -32,6 +33,14 @@ NO_EQUILIBRIUM = (
     "the prescribed rule keeps no equilibrium: forces do not balance, and its displacements may be "
     'hardly better than no answer at all; rule = { kind = "elastic" } gives those of the body'
 )
+
+
+class States(dict[str, StateCourse]):
+    """States of agents by name."""
+
+    def __missing__(self, name: str) -> StateCourse:
+        known = ", ".join(self) or "none: declare it as a kaju.State"
+        raise ResultError(f"states: there is no {name!r}{suggestion(name, self)}; there is {known}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,7 +109,7 @@ class TransferResult(BodyResult):
     @cached_property
     def states(self) -> dict[str, StateCourse]:
         """The states (`kaju.State`) of the agents of the last stage, by name."""
-        return {course.name: course for course in self.last.states}
+        return States({course.name: course for course in self.last.states})
 
     @property
     def focus(self) -> Ints:

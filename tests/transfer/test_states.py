@@ -50,6 +50,8 @@ def test_states_are_those_of_the_agents_after_every_generation(result):
     assert burden.meaning == "loads taken (N)"
     with pytest.raises(ResultError, match="generation: must be 0 to "):
         burden.values(model.generation + 1)
+    with pytest.raises(ResultError, match="did you mean 'broken'"):
+        result.states["brokn"]
 
 
 def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):

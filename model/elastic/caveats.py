@@ -17,7 +17,6 @@ from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
-from kaju.model.scene.lattice import Cells, Lattice
 from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.shapes import Box
 
@@ -73,22 +72,15 @@ def near_steps(grid: Scene, points: Floats) -> Flags:
             low, high = (np.asarray((own + step) * h) for step in (-1, 2))
             whole, apart = relation(shape, low, high)
             at = np.flatnonzero(~(whole | apart))
-            cells = _with_neighbours(own[at], lattice)
-            inside = [
-                shape.contains((cells + np.array(offset)) * h)
-                for offset in product(within, repeat=lattice.dimension)
-            ]
-            crossed = cells[np.any(inside, axis=0) & ~np.all(inside, axis=0)]
-            beside = lattice.key(_with_neighbours(crossed, lattice))
-            near[at] |= np.isin(lattice.key(own[at]), beside)
+            for step in product((-1, 0, 1), repeat=lattice.dimension):
+                cells = own[at] + step
+                inside = [
+                    shape.contains((cells + offset) * h)
+                    for offset in product(within, repeat=lattice.dimension)
+                ]
+                crossed = np.any(inside, axis=0) & ~np.all(inside, axis=0)
+                near[at] |= crossed & lattice.contains(cells)
     return near
-
-
-def _with_neighbours(cells: Cells, lattice: Lattice) -> Cells:
-    """Return cells of an array and all that touch them, each once."""
-    for step in np.eye(lattice.dimension, dtype=np.int64):
-        cells = np.unique(np.concatenate([cells - step, cells, cells + step]), axis=0)
-    return cells[lattice.contains(cells)]
 
 
 def no_limit(result: ElasticResult, agent: int) -> str:

@@ -102,7 +102,14 @@ class FreeBoundaryAgent(BoundaryAgent):
 
 
 class RigidBoundaryAgent(BoundaryAgent):
-    """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed."""
+    """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> kaju.RigidBoundaryAgent.name  # what `boundary_agents` calls it
+    'rigid'
+    """
 
     name = "rigid"
 
@@ -112,7 +119,14 @@ class RigidBoundaryAgent(BoundaryAgent):
 
 
 class RollerBoundaryAgent(BoundaryAgent):
-    """A smooth wall: it reverses the part of a load across it, and leaves the part along it."""
+    """A smooth wall: it reverses the part of a load across it, and leaves the part along it.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> kaju.RollerBoundaryAgent.name  # what `boundary_agents` calls it
+    'roller'
+    """
 
     name = "roller"
 

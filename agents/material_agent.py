@@ -65,8 +65,7 @@ class PlacedAgent(FixedAgent):
         self.cell = cell
         self.pos = cell.coordinate
 
-    index = property(lambda agent: agent.cell.coordinate)
-    """The scene's cell."""
+    index = property(lambda agent: agent.cell.coordinate, doc="The scene's cell.")
 
     @property
     def position(self) -> Floats:

@@ -241,8 +241,15 @@ class PathShape(Shape):
 def drawing_in(file: str, key: str) -> PathShape:
     """Return what an SVG file, or a text that a scene carries with it, draws."""
     if file.startswith(EMBEDDED_DRAWING):
-        return PathShape(b64decode(file.removeprefix(EMBEDDED_DRAWING)).decode("utf-8"), True)
-    return PathShape(text_of_file(file, SceneFileError, 20_000_000, key=key), True)
+        text = b64decode(file.removeprefix(EMBEDDED_DRAWING)).decode("utf-8")
+    else:
+        text = text_of_file(file, SceneFileError, 20_000_000, key=key)
+    shape = PathShape(text, True)
+    try:
+        shape.outline()
+    except SceneError as error:
+        raise SceneError(str(error).replace("path.file", key, 1)) from None
+    return shape
 
 
 def _curved(arcs: Floats) -> bool:

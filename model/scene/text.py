@@ -37,7 +37,9 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"is not valid TOML: {error}") from None
+        comma = re.search(r"=\s*([+-]?\d+,\d+)\s*[,}\n#]", text + "\n")
+        meant = f"; numbers have a point, and {comma[1]} has a comma" if comma else ""
+        raise SceneError(f"is not valid TOML: {error}{meant}") from None
     except RecursionError:
         raise SceneError("is not a scene: its lists are nested too deeply") from None
     except ValueError:  # of Python, for whole numbers of thousands of digits

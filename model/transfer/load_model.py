@@ -183,14 +183,10 @@ class LoadModel(SteppedModel):
         """Return what has been computed so far."""
         return self.course.result()
 
-    generation = property(attrgetter("engine.generation"))
-    """Steps taken in the current stage."""
-    stage = property(attrgetter("course.stage"))
-    """Current stage of loading, counted from 1."""
-    pending = property(attrgetter("engine.pending"))
-    """Sum of the loads that wait to be taken (N)."""
-    outcome = property(attrgetter("course.outcome"))
-    """How the current stage ended, in words; empty while loads travel."""
+    generation = property(attrgetter("engine.generation"), doc="Steps taken in the current stage.")
+    stage = property(attrgetter("course.stage"), doc="Current stage of loading, counted from 1.")
+    pending = property(attrgetter("engine.pending"), doc="Loads that wait to be taken (N), summed.")
+    outcome = property(attrgetter("course.outcome"), doc="How the stage ended; empty till then.")
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

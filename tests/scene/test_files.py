@@ -218,7 +218,7 @@ def test_a_drawing_is_kept_with_its_scene(tmp_path):
     ],
 )
 def test_what_is_no_outline_is_named(tmp_path, inner, words):
-    with pytest.raises(SceneError, match=r"path\.file: ") as error:
+    with pytest.raises(SceneError, match=r"regions\.0\.path\.file: ") as error:
         drawn(tmp_path, inner)
     assert words in str(error.value)
 

@@ -1,15 +1,11 @@
 """Lattices: where cells are, and all that follows from their form.
 
-A lattice of your own is a subclass of `Lattice` that says three things: which *form* a cell has
-(squares have one, triangles stand on a side or on a corner), the outline of each form, and where
-the middles of the cells are. Neighbours, faces, areas, the ways of a load through a cell, the
-lines along which cells deform, and pictures follow from these. What a lattice knows better it
-may say itself, as squares and cubes do: they follow a formula and have three dimensions too.
+A lattice of your own says which *form* a cell has (squares have one, triangles stand on a side or
+on a corner), the outline of each form, and where the middles of the cells are. The rest follows;
+squares and cubes say it themselves, by formula.
 
-A *direction* is a number: the index of a face normal. The neighbour over a cell's face with that
-normal is reached over the *arm* of the same number. Cells are named by integer coordinates that
-count from 0 at left, front and bottom. Nothing here is ever as large as the body: cells come and
-go as arrays of the cells asked about.
+A *direction* is the index of a face normal; the neighbour over that face is reached over the *arm*
+of the same number. Cells are integer coordinates that count from 0 at left, front and bottom.
 """
 
 from __future__ import annotations

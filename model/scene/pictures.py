@@ -110,17 +110,15 @@ def read_layers(path: str, key: str) -> Floats:
     try:
         with tifffile.TiffFile(path) as file:
             shape, axes = file.series[0].shape, file.series[0].axes
-            if len(shape) == 3 and "S" not in axes and np.prod(shape, dtype=float) <= MOST_PIXELS:
-                values = file.asarray()
-            else:
-                values = None
+            fits = (
+                len(shape) == 3 and "S" not in axes and np.prod(shape, dtype=float) <= MOST_PIXELS
+            )
+            values = file.asarray() if fits else None
     except Exception as error:  # broken files fail in many ways
         raise SceneFileError(f"{key}: {path} cannot be read as a TIFF ({error})") from None
     if values is None:
-        raise SceneFileError(
-            f"{key}: {path} has the shape {shape}; grey layers of one size are needed, with at "
-            f"most {MOST_PIXELS:.0e} pixels"
-        )
+        needed = f"grey layers of one size are needed, with at most {MOST_PIXELS:.0e} pixels"
+        raise SceneFileError(f"{key}: {path} has the shape {shape}; {needed}")
     return (1.0 - _grey(values, path, key))[:, ::-1].transpose(2, 1, 0)
 
 

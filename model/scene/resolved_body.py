@@ -374,7 +374,7 @@ def check_body(resolved: ResolvedBody, allow_floating: bool) -> None:
 def _check_samples(resolved: ResolvedBody, allow_floating: bool) -> None:
     boxes = [resolved.box] + [resolved.cells_of(region.shape) for region in resolved.regions]
     if not any(_has_body(resolved, box) for box in boxes):
-        raise _nothing_there(resolved)
+        raise SceneError("body: none of its cells is body; at least one must be of a material")
     inside = [resolved.base, *(part.kind for part in resolved.regions)]
     if allow_floating or any(bool(np.isin(np.asarray(kind), _HOLDS).any()) for kind in inside):
         return
@@ -397,7 +397,7 @@ def _has_body(resolved: ResolvedBody, box: CellBox) -> bool:
 def _check_parts(resolved: ResolvedBody, allow_floating: bool) -> None:
     raster = resolved.rasterise()
     if not (raster >= 0).any():
-        raise _nothing_there(resolved)
+        raise SceneError("body: none of its cells is body; at least one must be of a material")
     if allow_floating:
         return
     # in a frame of what lies beyond the sides
@@ -454,13 +454,6 @@ def _parts(resolved: ResolvedBody, framed: NDArray[np.int16]) -> Parts:
     held = np.zeros(some + 1, dtype=np.bool_)
     held[part[touching] + 1] = True
     return parts.reshape(framed.shape)[1:-1, 1:-1], held
-
-
-def _nothing_there(resolved: ResolvedBody) -> SceneError:
-    shape = " x ".join(map(str, resolved.lattice.shape))
-    return SceneError(
-        f"body: none of the {shape} cells is body; at least one must be of a material"
-    )
 
 
 def check_outlines(scene: Description, body: ResolvedBody) -> None:

@@ -223,13 +223,11 @@ class Scene(Description):
     def notes_on(self, displacement: float) -> tuple[str, ...]:
         """Return the `notes`, and one more where the largest displacement (m) is not small."""
         share = displacement / max(self.lattice.extent)
-        if not share > 0.05:
-            return self.notes
-        return (
-            *self.notes,
+        told = (
             f"the largest displacement is {share:.2g} of the body's size: are these metres and "
-            "pascals? Displacements are taken to be small",
+            "pascals? Displacements are taken to be small"
         )
+        return (*self.notes, told) if share > 0.05 else self.notes
 
     @property
     def cell_materials(self) -> tuple[Material, ...]:

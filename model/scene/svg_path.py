@@ -11,7 +11,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 from xml.etree import ElementTree
 
@@ -22,6 +22,7 @@ from kaju.errors import SceneError, SceneFileError, needing
 from kaju.files import text_of_file
 
 from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
+from .lattice import area_of
 from .shapes import Extent, Points, Polygon, Shape
 
 _UNITS = {
@@ -157,38 +158,29 @@ def _polygon(arcs: Floats, count: int = 16) -> Polygon:
     return Polygon(tuple(map(tuple, flattened(arcs, count).tolist())))
 
 
-def _turn(arcs: Floats) -> int:
-    x, y = flattened(arcs, 16).T
-    return 1 if x @ np.roll(y, -1) > y @ np.roll(x, -1) else -1
-
-
 def _nonzero(lines: list[Floats]) -> list[Floats]:
     """Return the lines of a path beside which the winding number is 0 on one side alone."""
-    turns, shapes = [_turn(arcs) for arcs in lines], [_polygon(arcs) for arcs in lines]
-    kept = []
-    for one, arcs in enumerate(lines):
-        start = arcs[:1, 0, :2] / arcs[:1, 0, 2:]
-        outside = sum(
-            turns[k] for k, shape in enumerate(shapes) if k != one and shape.contains(start)[0]
-        )
-        if (outside == 0) != (outside + turns[one] == 0):
-            kept.append(arcs)
-    return kept
+    shapes = [_polygon(arcs) for arcs in lines]
+    turns = np.array([1 if area_of(np.array(shape.corners)) > 0.0 else -1 for shape in shapes])
+    starts = np.array([shape.corners[0] for shape in shapes])
+    within = np.array([shape.contains(starts) for shape in shapes])
+    np.fill_diagonal(within, False)
+    outside = turns @ within
+    return [
+        arcs for arcs, a, b in zip(lines, outside, turns, strict=True) if (a == 0) != (a + b == 0)
+    ]
 
 
 def _check_apart(lines: list[Floats]) -> None:
     """Refuse outlines that cross: which of both is meant cannot be told by lines within lines."""
-    shapes = [_polygon(arcs) for arcs in lines]
-    for one, shape in enumerate(shapes):
-        for other in shapes[:one]:
-            for inner, outer in ((shape, other), (other, shape)):
-                inside = outer.contains(np.array(inner.corners))
-                if inside.any() and not inside.all():
-                    x, y = np.array(inner.corners)[int(np.argmax(inside))]
-                    raise _wrong(
-                        f"two outlines cross or touch near ({x:.4g}, {y:.4g}) m; join them to one "
-                        "path in the drawing"
-                    )
+    for inner, outer in permutations([_polygon(arcs) for arcs in lines], 2):
+        inside = outer.contains(np.array(inner.corners))
+        if inside.any() and not inside.all():
+            x, y = np.array(inner.corners)[int(np.argmax(inside))]
+            raise _wrong(
+                f"two outlines cross or touch near ({x:.4g}, {y:.4g}) m; join them to one path in "
+                "the drawing"
+            )
 
 
 _PARTS = [

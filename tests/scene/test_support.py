@@ -21,7 +21,7 @@ def test_whatever_holds_is_a_support(side):
         ("#.\n.=", {}, "nothing holds the body"),
         ("..#\n...\n##.", GROUND, r"1 of its 2 parts .* the one with cell \[2, 2\]"),
         (".#\n#.", GROUND, r"the one with cell \[1, 1\]"),  # a corner does not hold
-        ("...\n...", GROUND, "body: none of the 3 x 2 cells is body"),
+        ("...\n...", GROUND, "body: none of its cells is body"),
     ],
 )
 def test_a_body_or_a_part_that_touches_no_support_is_refused(drawing, sides, told):
@@ -49,5 +49,5 @@ def test_a_giant_body_is_looked_at_in_samples():
             giant(leg, **sides)
     block = {"box": [[0, 0], [10, 10]], "material": "rigid"}
     assert giant(leg, block).stages == 1
-    with pytest.raises(SceneError, match=r"body: none of the 1000000 x 1000000 cells is body"):
+    with pytest.raises(SceneError, match=r"body: none of its cells is body"):
         giant()

@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from kaju.model.elastic.goals.quantities import (
     support_of,
 )
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
+from kaju.model.elastic.pair.border import Sides, torn
+from kaju.model.elastic.pair.gap import stress_of
+from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Scene, body_cells
@@ -236,32 +239,6 @@ Found: TypeAlias = "CellAgents | PairAgents"
 """Agents whose fields are read."""
 
 
-class Forces(NamedTuple):
-    """Forces on agents or their sides."""
-
-    agent: Ints
-    side: Ints  # -1: within
-    force: Floats
-
-
-class Strained(NamedTuple):
-    """Stress in agents: that of an even strain, whose shares of the place's volume add up to 1."""
-
-    agent: Ints
-    share: Floats
-    strain: Floats  # Normal strains, then twice the shear strains
-
-
-class Moved(NamedTuple):
-    """The movement of a support, and of nothing else."""
-
-    support: int
-    along: Floats
-
-
-DualLoad = Forces | Strained | Moved
-
-
 class DualGoal(ABC):
     """A quantity of a body; of a scene it can only be read."""
 
@@ -282,8 +259,10 @@ class DualGoal(ABC):
                 self.no_bound = "" if self.box.exact else NEAREST
 
     @abstractmethod
-    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
-        """Return the dual load of each component, by what was found before if anything was."""
+    def loaded(
+        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
+    ) -> list[Sides]:
+        """Return the body under each component's dual load, by what was found before, if any."""
 
     @abstractmethod
     def read(self, found: Found) -> Floats:
@@ -306,10 +285,20 @@ class DualGoal(ABC):
 class Displaced(DualGoal):
     """The mean displacement of a place."""
 
-    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
-        """Return a force along each direction."""
-        agent, side, share = self._cover(leaves)
-        return [Forces(agent, side, share[:, None] * along) for along in self.directions]
+    def loaded(
+        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
+    ) -> list[Sides]:
+        """Return the body under a force along each direction, on agents or their sides."""
+        agent, side, share = self._cover(mesh.leaves)
+        within, out = side < 0, []
+        for along in self.directions:
+            own, force = sides.at_rest(), share[:, None] * along
+            own.body[agent[within]] = force[within]
+            own.load[agent[~within], side[~within], 0] = force[~within]
+            # On what is held no force does any work.
+            own.load[mesh.owner, mesh.side] *= ~sides.held[:, None]
+            out.append(own)
+        return out
 
     def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
@@ -328,13 +317,17 @@ class Stressed(DualGoal):
         if self._component is None:
             self.no_bound = "the equivalent stress is no linear quantity, and only such are proved"
 
-    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
-        """Return the stress of the strain by which the quantity grows."""
-        agent, _, share = self._cover(leaves)
-        if self._component is None and found is not None:
-            return [Strained(agent, share, self._slope(found))]
+    def loaded(
+        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
+    ) -> list[Sides]:
+        """Return the body under the stress of the strain by which the quantity grows."""
+        agent, _, share = self._cover(mesh.leaves)
         strain = np.eye(len(self._pairs))[self._pairs.index(self._component or (0, 0))]
-        return [Strained(agent, share, strain)]
+        if self._component is None and found is not None:
+            strain = self._slope(found)
+        own, stress = sides.at_rest(), stress_of(np.tile(strain, (len(agent), 1)), law[:, agent])
+        own.even[agent] = (share / size[agent])[:, None] * stress
+        return [own]
 
     def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
@@ -369,9 +362,23 @@ class Supported(DualGoal):
         self._name = quantity.side
         self.support = support_of(quantity.side, self.scene.lattice.sides)
 
-    def loads(self, leaves: LeafCells, found: Found | None) -> list[DualLoad]:
-        """Return the movement of the support along each direction."""
-        return [Moved(self.support, along) for along in self.directions]
+    def loaded(
+        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
+    ) -> list[Sides]:
+        """Return the body with the support moved along each direction, and nothing else."""
+        here, d, out = sides.support == self.support, mesh.leaves.dimension, []
+        beds = np.flatnonzero(here & (sides.bed > 0.0))
+        owner, side = mesh.owner[beds], mesh.side[beds]
+        for along in self.directions:
+            own = sides.at_rest()
+            own.moved[:] = np.where(here[:, None] & sides.held, along, 0.0)
+            if d == 2 and torn(mesh, own).any():
+                own.moved[:] = 0.0
+            # A bed's own movement is a force on the body.
+            push = sides.bed[beds] * size[owner] ** (d - 1) * along[side // 2]
+            own.load[owner, side, 0, side // 2] = push
+            out.append(own)
+        return out
 
     def read(self, found: Found) -> Floats:
         """Return the force."""

@@ -47,6 +47,11 @@ class Sides:
         still = replace(self, moved=np.zeros_like(self.moved))
         return still, replace(self, **self.nothing("load", "body", "even"))
 
+    def at_rest(self) -> Sides:
+        """Return the same supports, which do not move, without loads."""
+        arrays = self.nothing("moved", "shift", "load", "straight", "body", "even")
+        return replace(self, rest=0.0, ragged=np.zeros(0, dtype=np.int64), **arrays)
+
     def nothing(self, *names: str) -> dict[str, Any]:
         """Return some of the arrays with zeros in place of all values."""
         return {name: np.zeros_like(getattr(self, name)) for name in names}

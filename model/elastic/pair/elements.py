@@ -76,20 +76,17 @@ def quadratic_values(points: Floats) -> Floats:
     return np.asarray(np.prod([own[:, k, which[:, k]] for k in range(d)], axis=0))
 
 
-def quadratic_slopes(points: Floats) -> Floats:
-    """Return the slopes of the quadratics, shape (n, nodes, d)."""
-    d = points.shape[1]
-    (own, slope), which = _factors(points), nodes(d)
-    found = [
-        np.prod([(slope if k == by else own)[:, k, which[:, k]] for k in range(d)], axis=0)
-        for by in range(d)
-    ]
-    return np.stack(found, axis=2)
-
-
 def strain_rows(points: Floats) -> Floats:
     """Return normal strains, then twice the shear strains, by unknowns: (n, strains, unknowns)."""
-    slopes, d = quadratic_slopes(points), points.shape[1]
+    d = points.shape[1]
+    (own, slope), which = _factors(points), nodes(d)
+    slopes = np.stack(
+        [
+            np.prod([(slope if k == by else own)[:, k, which[:, k]] for k in range(d)], axis=0)
+            for by in range(d)
+        ],
+        axis=2,
+    )
     pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
     rows = np.zeros((len(points), len(pairs), *slopes.shape[1:]))
     for row, (a, b) in enumerate(pairs):
@@ -161,9 +158,7 @@ def _airy_coefficients() -> Floats:
 def _triangle_of(points: Floats) -> Ints:
     """Return in which of the four triangles points lie: by the edge that each has."""
     x, y = points.T
-    low, left = y <= np.minimum(x, 1.0 - x), x <= np.minimum(y, 1.0 - y)
-    high = y >= np.maximum(x, 1.0 - x)
-    return np.where(low, 0, np.where(high, 1, np.where(left, 2, 3)))
+    return np.asarray(np.argmin([y, 1.0 - y, x, 1.0 - x], axis=0))
 
 
 def airy(points: Floats, order: tuple[int, int], triangle: Ints | None = None) -> Floats:

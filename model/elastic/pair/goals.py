@@ -28,19 +28,15 @@ from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
 from kaju.model.elastic.goals.duals import (
     Displaced,
     DualGoal,
-    DualLoad,
-    Forces,
-    Strained,
     Supported,
     aligned,
     goal_of,
 )
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.answer import PairAgents
-from kaju.model.elastic.pair.border import Sides, torn
-from kaju.model.elastic.pair.gap import ROUNDING, stress_of
+from kaju.model.elastic.pair.border import torn
+from kaju.model.elastic.pair.gap import ROUNDING
 from kaju.model.elastic.pair.history import Aim, Settled
-from kaju.model.elastic.pair.leaf_mesh import Mesh
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.space import NO_BOUND, Bricks
@@ -79,11 +75,10 @@ class Goals:
         """Return the first agents: as small as the body and the places of the goals ask for."""
         return aligned(self.goals, self.body.start())
 
-    def aims(self, leaves: LeafCells, last: Settled | None) -> list[Aim]:
-        """Return the dual loads of the next generation."""
+    def aims(self, last: Settled | None) -> list[Aim]:
+        """Return what lays dual loads on the next generation."""
         found = None if last is None else agents_of(last)
-        loads = [load for goal in self.goals for load in goal.loads(leaves, found)]
-        return [partial(sides_under, load) for load in loads]
+        return [partial(goal.loaded, found=found) for goal in self.goals]
 
     def judge(self, found: Settled, tolerance: float) -> Judged:
         """Return what a generation says of the goals."""
@@ -199,31 +194,3 @@ def _largest(found: Settled) -> dict[type[Quantity], float]:
         Stress: float(np.linalg.norm(stress, axis=(1, 2)).max()),
         Reaction: max(forces, default=0.0),
     }
-
-
-def sides_under(load: DualLoad, mesh: Mesh, sides: Sides, size: Floats, law: Floats) -> Sides:
-    """Return the supports at rest, under a dual load."""
-    d = mesh.leaves.dimension
-    arrays = sides.nothing("moved", "shift", "load", "straight", "body", "even")
-    none = replace(sides, rest=0.0, ragged=np.zeros(0, dtype=np.int64), **arrays)
-    if isinstance(load, Forces):
-        within, agent, side = load.side < 0, load.agent, load.side
-        none.body[agent[within]] = load.force[within]
-        none.load[agent[~within], side[~within], 0] = load.force[~within]
-        # On what is held no force does any work.
-        own = none.load[mesh.owner, mesh.side]
-        none.load[mesh.owner, mesh.side] = np.where(sides.held[:, None], 0.0, own)
-    elif isinstance(load, Strained):
-        stress = stress_of(np.tile(load.strain, (len(load.agent), 1)), law[:, load.agent])
-        none.even[load.agent] = (load.share / size[load.agent])[:, None] * stress
-    else:
-        here = sides.support == load.support
-        none.moved[:] = np.where(here[:, None] & sides.held, load.along, 0.0)
-        if d == 2 and torn(mesh, none).any():
-            none.moved[:] = 0.0
-        # A bed's own movement is a force on the body.
-        beds = np.flatnonzero(here & (sides.bed > 0.0))
-        owner, side = mesh.owner[beds], mesh.side[beds]
-        push = sides.bed[beds] * size[owner] ** (d - 1) * load.along[side // 2]
-        none.load[owner, side, 0, side // 2] = push
-    return none

@@ -26,8 +26,8 @@ DIRECT_RUBBER = 60_000
 """So many in the plane where a material is nearly incompressible, which levels do not smooth."""
 
 Settled = Opinions | Bricks
-Aim = Callable[[Mesh, Sides, Floats, Floats], Sides]
-"""Gives, by the mesh, sides, sizes and law of a generation, the load whose work a goal is."""
+Aim = Callable[[Mesh, Sides, Floats, Floats], list[Sides]]
+"""Lays loads on a generation, by its mesh, sides, sizes and law: those whose work a goal is."""
 
 
 def settled(
@@ -48,7 +48,7 @@ def settled(
     # Loads and supports that move, each by themselves, then loads of goals: of the same equations.
     kind: Any = Opinions if d == 2 else Bricks
     acts, size = sides.cases, leaves.size / body.cell
-    loads = [*acts, *(aim(mesh, sides, size, law) for aim in aims)]
+    loads = [*acts, *(one for aim in aims for one in aim(mesh, sides, size, law))]
     fields: list[Any] = [kind(body, mesh, one, law, laws) for one in loads]
     olds: list[Any] = [*before.cases, *before.duals] if before else [None] * len(loads)
     blocks, gaps = fields[0].blocks, [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]

@@ -151,8 +151,16 @@ class FieldLevel:
         return np.asarray(self.scale * image)
 
     def smooth(self, rest: Floats) -> Floats:
-        """Return a correction that takes the upper part of the spectrum."""
-        return chebyshev(self.apply, rest, self.top)
+        """Return a correction that takes the upper part of the spectrum: Chebyshev's polynomial."""
+        middle, half = 0.5 * self.top * (1.0 + 1.0 / LOWEST), 0.5 * self.top * (1.0 - 1.0 / LOWEST)
+        ratio = half / middle
+        found = step = rest / middle
+        for _ in range(SWEEPS - 1):
+            rest = rest - self.apply(step)
+            new = 1.0 / (2.0 * middle / half - ratio)
+            step = new * ratio * step + 2.0 * new / half * rest
+            found, ratio = found + step, new
+        return np.asarray(found)
 
     def cycle(self, rest: Floats) -> Floats:
         """Return an approximate solution by all generations."""
@@ -192,21 +200,6 @@ class FieldLevel:
             direction = turned + float((rest - before) @ turned) / power * direction
             power = new
         return np.asarray(self.way @ (self.scale * found))
-
-
-def chebyshev(apply: Callable[[Floats], Floats], rest: Floats, top: float) -> Floats:
-    """Return Chebyshev's polynomial of the upper part of the spectrum on a residual."""
-    high, low = top, top / LOWEST
-    middle, half = 0.5 * (high + low), 0.5 * (high - low)
-    ratio = half / middle
-    step = rest / middle
-    found = step
-    for _ in range(SWEEPS - 1):
-        rest = rest - apply(step)
-        new = 1.0 / (2.0 * middle / half - ratio)
-        step = new * ratio * step + 2.0 * new / half * rest
-        found, ratio = found + step, new
-    return found
 
 
 def level_of(

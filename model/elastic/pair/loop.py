@@ -99,7 +99,7 @@ class PairLoop:
     def _solve(self) -> None:
         """Let the agents find their opinions, and judge these."""
         assert isinstance(self.body, PosedBody)
-        last, aims = self.last, self.goals.aims(self.leaves, self.last)
+        last, aims = self.last, self.goals.aims(self.last)
         self.last = found = settled(self.body, self.leaves, last, aims)
         if last is None and torn(found.mesh, found.sides).any():
             self.notes.append(

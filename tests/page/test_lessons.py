@@ -181,6 +181,10 @@ def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp
         assert f", {broken} gebrochen; der Boden bekam 0 N" in page.text("aside .flow")
         assert page.js("page.values('state broken').filter((v) => v === 1).length") == broken
     assert page.js("page.studio.values") == {"strength": 1.17}
+    page.tab.get_by_label("Festigkeit (N): Zahl").fill("0,6")
+    page.tab.get_by_label("Festigkeit (N): Zahl").press("Enter")
+    page.until("!page.studio.pending")
+    assert "1 Agent, 1 Generation, 2 N aufgenommen, 1 gebrochen" in page.text("aside .flow")
 
 
 @pytest.mark.slow

@@ -217,6 +217,7 @@ def test_mistakes_are_named_with_their_line_and_the_page_lives_on(opened, pages)
         found = runs(page, before + line + "\n")
         assert (found.get("line"), words in found.get("error", "")) == (number, True), (line, found)
         assert found["error"].startswith(f"Zeile {number}: ")
+        assert page.js("page.own === null") == page.text(".verdict").startswith("Jede Last")
     growing = SEND + "return [row._replace(share=3.0) for row in rows]\n"
     assert runs(page, growing)["grew"] == 7
     assert "Zeile 7: die Lasten sind auf das Tausendfache" in page.text("aside")

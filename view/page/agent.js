@@ -54,8 +54,7 @@ export function told(t, { error, args = [], line }, code) {
   const text = args[0] ?? "", at = (words) => ({ error: t("atLine", { n: line, e: words }), line });
   const name = text.match(/(?:name|local variable|attribute|import name) '(\w+)'/)?.[1], near = name && closest(name, code), mean = near ? t("didYouMean", { n: near }) : "";
   if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + (NAMES.slice(0, 9).includes(name) ? t("importIt", { n: name }) : mean));
-  if (error === "AttributeError" && /has no attribute/.test(text)) return at(t("hasNo", { a: text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
-  if (error === "ImportError") return at(t("hasNo", { a: "kaju", n: name }) + mean);
+  if (error === "ImportError" || (error === "AttributeError" && /has no attribute/.test(text))) return at(t("hasNo", { a: error === "ImportError" ? "kaju" : text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
   const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex", TypeError: "wrongType", ValueError: "wrongValue" }[error];
   if (word) return at(t(word, { e: text }));
   return at(["AgentError", "ParameterError", "KajuError"].includes(error) ? guarded(t, text) : t("wentWrong", { e: `${error}: ${text}` }));
@@ -163,7 +162,7 @@ export class Workshop {
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
     const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
-    const out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
+    const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => this.run(), { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
@@ -197,8 +196,9 @@ export class Workshop {
     this.gutter.replaceChildren(...this.field.value.split("\n").map((text, n) => make("div", { className: n + 1 === this.problem?.line ? "bad" : "", textContent: text || " " })));
   }
   mark(line) {
-    const start = this.field.value.split("\n").slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0), end = this.field.value.indexOf("\n", start);
-    this.field.setSelectionRange(start, end < 0 ? this.field.value.length : end);
+    const before = this.field.value.split("\n").slice(0, line), end = before.join("\n").length;
+    this.field.setSelectionRange(end - (before.at(-1) ?? "").length, end);
+    for (const part of [this.gutter.children[line - 1], this.out]) part?.scrollIntoView({ block: "nearest" });
   }
   key(event) {
     const { field } = this, { value, selectionStart: at, selectionEnd: to } = field, start = value.lastIndexOf("\n", at - 1) + 1;

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, NamedTuple, Self
 
 from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 from kaju.result_kinds import NOTEBOOK, fetch
 
 
@@ -46,7 +46,12 @@ class SteppedModel(Model):
     _noted: list[Noted]  # what the collector has not yet
     _own_collector: bool
 
-    def __init__(self, rng: Any = None, seed: int | None = None, **of_mesa: Any) -> None:
+    def __init__(
+        self, rng: Any = None, seed: int | None = None, order: Any = None, **of_mesa: Any
+    ) -> None:
+        told = "order: a function of the agents for which loads wait is needed"
+        require(order is None or callable(order), f"{told}, got {order!r:.60}")
+        self.order = order
         if rng is not None and seed is not None:
             raise ParameterError("seed: is another word for rng; give one of them")
         self._own_step = self.step  # of this class, or of a subclass

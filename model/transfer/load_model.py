@@ -112,11 +112,9 @@ class LoadModel(SteppedModel):
         **kwargs: Any,
     ) -> None:
         kept = {"scenario": scenario} if scenario is not None and hasattr(Model, "scenario") else {}
-        SteppedModel.__init__(self, rng, seed, **kept)
+        SteppedModel.__init__(self, rng, seed, order, **kept)
         kwargs = numbers_of(scenario) | kwargs
         scene_needed(scene)
-        rule_of_order = "order: a function of the agents for which loads wait is needed"
-        require(order is None or callable(order), f"{rule_of_order}, got {order!r:.60}")
         classes = own_classes(material_agent, boundary_agents)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
         """Values of the parameters that your agents declare, by name."""
@@ -143,7 +141,7 @@ class LoadModel(SteppedModel):
         self.course = LoadTransfer(
             scene, allow_unstable, max_generations, rule=rule, own=names, engine_of=engine_of
         )
-        self.scene, self.lattice, self.order = scene, scene.lattice, order
+        self.scene, self.lattice = scene, scene.lattice
         self.allow_unstable, self.max_generations = allow_unstable, max_generations
         self.course.parameters, self.certificate = self.parameters, self.course.certificate
         """Whether loads will end, as far as is known before the run (not of agents of your own)."""

@@ -105,6 +105,8 @@ def test_in_any_order_the_energy_falls_to_the_direct_solution(make, size, order)
 
 def test_what_is_no_order_is_said():
     scene = plate(4)
+    with pytest.raises(ParameterError, match="order: a function"):
+        ElasticModel(scene, order="random")
     with pytest.raises(ParameterError, match=r"order: must return at least one of the \d+ agents"):
         ElasticModel(scene, order=lambda agents: []).step()
     stranger = ElasticModel(scene)

@@ -139,13 +139,12 @@ class ElasticModel(SteppedModel):
         *,
         order: Order[FaceAgent] | None = None,
     ) -> None:
-        super().__init__(rng, seed)
+        super().__init__(rng, seed, order)
         check_class("face_agent", face_agent, FaceAgent)
         if pushes_per_step < 1:
             raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
         self.scene = scene
         self.stage = stage
-        self.order = order
         self.table = PushTable(scene, stage, "own" if order else None)
         self.certificate: WaveCertificate | None = None
         self.share = 1.0

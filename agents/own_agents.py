@@ -91,20 +91,16 @@ def _own_names(agent: type, base: type) -> dict[str, Any]:
 
 
 def _check_names(name: str, agent: type, base: type) -> None:
-    """Refuse a Parameter or State called as what every agent has, and a State of a boundary."""
+    """Refuse what is called as every agent's own, and Parameters and States that are not kept."""
     has = {*dir(base)}
     for begin in (vars(each).get("__init__") for each in base.__mro__):
         steps = get_instructions(begin) if isinstance(begin, FunctionType) else ()
         has |= {step.argval for step in steps if step.opname == "STORE_ATTR"}
-    for key in declared([agent], Declaration):
-        told = f"{key}: every {base.__name__} has it already; give what {agent.__name__} declares"
-        require(key not in has, f"{told} another name")
     for key, value in _own_names(agent, base).items():
-        hides = hasattr(getattr(base, key, None), "__get__")
-        told = (
-            f"{name}: {agent.__name__}.{key} = {value!r:.40} hides what every {base.__name__} has"
-        )
-        require(not hides or hasattr(value, "__get__"), f"{told}; give it another name")
+        plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
+        hides = key in has if isinstance(value, Declaration) else plain
+        told = f"{key}: every {base.__name__} has it already; give that of {agent.__name__} another"
+        require(not hides, f"{told} name")
     told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
     fits = base is MaterialAgent or not declared([agent], State)
     require(fits, f"{told} plain attribute, seen in model.agents")
@@ -114,8 +110,7 @@ def _check_names(name: str, agent: type, base: type) -> None:
 
 def _check_hooks(name: str, agent: type, base: type) -> None:
     """Refuse a method that is nearly called as a hook, and a `step` in which nothing is taken."""
-    every = _own_names(agent, base)
-    own = {key: value for key, value in every.items() if isinstance(value, FunctionType)}
+    own = {k: v for k, v in _own_names(agent, base).items() if isinstance(v, FunctionType)}
     never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
     for key in own.keys() - (set(dir(base)) - never):
         near = get_close_matches(key.lower(), HOOKS[base], n=1, cutoff=0.81)  # intake is no slip

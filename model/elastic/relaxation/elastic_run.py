@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -135,7 +134,17 @@ class ElasticRun(BodyResult):
 
     def curves(self) -> list[Curves]:
         """Return energy, largest load left, and the error meter after every step."""
-        return curves_of(self.history, 0, self.threshold)
+        step = np.arange(1.0, len(self.history) + 1.0)
+        every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in self.history])
+        energy, loudest, meter, pushes = every.reshape(-1, 4).T
+        worked = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits
+        left = {"load left": loudest[worked], "threshold": np.full(worked.sum(), self.threshold)}
+        return [
+            Curves("Energy of body and loads", "step", "", step, {"energy": energy}, "J"),
+            Curves("Largest load left", "step", "", step[worked], left, "N", logarithmic=True),
+            Curves("Error left", "step", "", step[worked], {"meter": meter[worked]}, "", True),
+            Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
+        ]
 
     def _carrying(self, axis: int) -> Carrying:
         return self.result._carrying(axis)
@@ -168,23 +177,3 @@ def books(ledger: PushLedger, scene: Scene, steps: int) -> Check:
     cancelling = np.finfo(float).eps * moduli.stretch.max() / moduli.shear.min()
     allowed = max(BALANCE, float(cancelling * steps))
     return Check("every newton is accounted for", ledger.imbalance, allowed)
-
-
-def curves_of(history: Sequence[StepRecord], before: int, threshold: float) -> list[Curves]:
-    """Return energy, largest load left, and the error estimate after `before` and these steps."""
-    step = np.arange(before + 1.0, before + len(history) + 1.0)
-    every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in history])
-    energy, loudest, meter, pushes = every.reshape(-1, 4).T
-    worked = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits
-    return [
-        Curves("Energy of body and loads", "step", "", step, {"energy": energy}, "J"),
-        Curves(
-            "Largest load left",
-            *("step", "", step[worked]),
-            {"load left": loudest[worked], "threshold": np.full(worked.sum(), threshold)},
-            "N",
-            logarithmic=True,
-        ),
-        Curves("Error left", "step", "", step[worked], {"meter": meter[worked]}, "", True),
-        Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
-    ]

@@ -24,12 +24,7 @@ from .leaf_mesh import Entries, coo
 SHORT = 0.1
 """Edges that are shorter, in edges of the agent, join vertices that are near: without them random
 body 33 keeps an error of 0.16, where 0.04 is proved."""
-NOTHING = 1e-14  # coefficients below are rounding of 0, lengths in edges of the first agents
 MOST_STEPS = 20  # of conjugate gradients
-SHIFT = 1e-14
-"""On a diagonal of 1: rounding alone would leave factors of needles indefinite. Conjugate gradients
-take it out again. Energies of bodies with slivers of 3e-9 to 1e-7 are then bounded to 2e-7, where
-they were bounded to 0.1."""
 SETTLED = 1e-10
 """Share of the energy that the last of them gains at most: the second, but for needles."""
 
@@ -58,9 +53,7 @@ class CutField:
         diagonal = matrix.diagonal()
         scale = np.where(diagonal > 0.0, diagonal, 1.0) ** -0.5
         both = sp.diags_array(scale)
-        factors = factors_of(
-            sp.csc_array(both @ matrix @ both + sp.diags_array((diagonal <= 0.0) + SHIFT))
-        )
+        factors = factors_of(both @ matrix @ both + sp.diags_array(1.0 * (diagonal <= 0.0)))
         self.own, found = own, np.zeros(way.shape[1])
         before: Floats = np.zeros(way.shape[1])
         direction = before
@@ -182,8 +175,6 @@ class Balancing(CutField):
         strip = self._stripped(dof, known.count)
         free_ones = near[:, np.flatnonzero(~known.fixed)]
         way = strip @ sp.hstack([free_ones, near @ known.free], format="csr")
-        way.data[np.abs(way.data) < NOTHING] = 0.0
-        way.eliminate_zeros()
         self.unknowns = way.shape[1]
         self.settle(way, (strip @ (near @ known.value)).reshape(-1, 12) + self._across(known))
 

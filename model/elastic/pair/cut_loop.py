@@ -36,7 +36,6 @@ PATIENCE = 6  # times that cut agents are halved, all of them, to find out what 
 MOST_HALVINGS = 2  # of an agent in one step, for a stressed outline
 TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the root of the tolerance
 STRESSED = 0.5  # share of the largest stress along an outline above which it is stressed
-SLIVER = 0.1  # what agents hold less of themselves says nothing of the stress along an outline
 STEP = 0.25  # share of a peak's error that a generation aims at
 OF_CHANGE = 1.0 / 3.0
 """Error of a peak after a generation, over what it changed: squares of edges are a fourth."""
@@ -172,7 +171,6 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
     """
     leaves, body = pair.leaves, pair.problem.body
     stress = np.sqrt((pair.means[0] ** 2).sum(axis=(1, 2)))
-    filled = pair.area[1] > SLIVER * (leaves.size * UNIT) ** 2
     often = np.zeros(len(leaves), dtype=np.int64)
     for region in body.regions:
         frames = ArcFrames(region.arcs)
@@ -181,7 +179,7 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
             leaf = leaf_at(leaves, points)
             turn += np.bincount(leaf + 1, share * np.abs(frames.turn), len(turn) + 1)[1:]
         bent = turn > TURN * tolerance**0.5
-        stressed = stress > STRESSED * stress[filled & (turn > 0.0)].max(initial=0.0)
+        stressed = stress > STRESSED * stress[turn > 0.0].max(initial=0.0)
         more = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
         often[bent & stressed] = np.maximum(often[bent & stressed], more)
     return np.minimum(often, MOST_HALVINGS)

@@ -41,8 +41,7 @@ def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
     held = border.held.any(axis=1)
     for number in range(count):
         rows = np.flatnonzero((own == number) & held)
-        at = mesh.place[border.ends[rows]]
-        at = at - at.mean(axis=(0, 1)) if len(rows) else at
+        at = border.at[rows] - border.at[rows[:1], :1]
         stops = np.zeros((len(rows), 2, 2, 3))  # edge, end, component, motion
         stops[..., 0, 0] = stops[..., 1, 1] = 1.0
         stops[..., 0, 2], stops[..., 1, 2] = -at[..., 1], at[..., 0]

@@ -138,12 +138,10 @@ class OwnAgents:
     def __init__(
         self, model: Any, arms: Sequence[Sequence[int]], directions: int, senses: tuple[Sense, ...]
     ) -> None:
-        self.model, self.arms = model, arms
-        self.directions, self.senses = directions, senses
+        self.model, self.directions, self.senses = model, directions, senses
         self.names: dict[type, list[str]] = {}  # of attributes that agents of a class wake with
         every = range(directions)  # a boundary, which has no form, may give back over any
-        arms_of: dict[int | None, Sequence[int]] = {None: every, **dict(enumerate(arms))}
-        self.arms_of = arms_of
+        self.arms_of: dict[Any, Sequence[int]] = {None: every, **dict(enumerate(arms))}
 
     def wrong(self, agent: PlacedAgent | FaceAgent, hook: str, what: str) -> AgentError:
         """Return the error of a wrong answer."""
@@ -241,12 +239,11 @@ class OwnAgents:
         fits |= {name: _is_amount(amount) for name, amount in amounts.items()}
         if all(fits.values()):
             return ""
-        unfit = ", ".join([name for name in fits if not fits[name]])
+        unfit, senses = [name for name in fits if not fits[name]], map(repr, self.senses)
         own = f"an arm of {arms}, " if isinstance(agent, MaterialAgent) else ""
         return (
-            f"; wrong: {unfit}; it must have {own}a direction from 0 to {every[-1]}, an "
-            f"amount that is finite and not negative, and the sense "
-            f"{' or '.join(map(repr, self.senses))}"
+            f"; wrong: {', '.join(unfit)}; it must have {own}a direction from 0 to {every[-1]}, an "
+            f"amount that is finite and not negative, and the sense {' or '.join(senses)}"
         )
 
 

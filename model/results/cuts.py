@@ -35,6 +35,10 @@ class Carrying(NamedTuple):
     stress: Floats  # tensors (Pa), shape (n, dimension, dimension)
 
 
+Held = tuple[Flags, Flags]
+"""Of every cut and component, whether a support holds what lies beyond, and what lies before."""
+
+
 @dataclass(frozen=True, eq=False)
 class Cuts:
     """What an answer carries through every cut across one axis, and what it would have to carry."""
@@ -54,18 +58,9 @@ class Cuts:
 
     @classmethod
     def of(
-        cls,
-        axis: int,
-        at: Floats,
-        force: Floats,
-        beyond: Floats,
-        total: Floats,
-        held: tuple[Flags, Flags],
+        cls, axis: int, at: Floats, force: Floats, beyond: Floats, total: Floats, held: Held
     ) -> Cuts:
-        """Return cuts by the loads beyond each, all loads, and whether supports hold both parts.
-
-        Of every cut and component: what lies beyond, and what lies before.
-        """
+        """Return cuts by the loads beyond each, all loads, and what supports hold."""
         held_above, held_below = held
         needed = np.where(held_above, np.where(held_below, np.nan, beyond - total), beyond)
         free, bound = ~held_above[:, axis], ~held_below[:, axis]
@@ -148,7 +143,7 @@ def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
     return ends[~crossed]
 
 
-def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Flags]:
+def _held(scene: Scene, axis: int, ends: Floats, near: float) -> Held:
     """Tell of every layer and component whether a support holds what lies beyond, or before."""
     lattice = scene.lattice
     if lattice.size > 5_000_000:  # larger ones are not looked through for what holds them

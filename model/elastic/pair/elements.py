@@ -55,6 +55,7 @@ EDGE_OF_SIDE = on_sides(2)[:, 2] - 4
 """Which of the EDGES a side is."""
 
 
+@lru_cache(maxsize=8)
 def gauss(count: int, d: int) -> tuple[Floats, Floats]:
     """Return points, shape (n, d), and weights of Gauss' rule on the unit square or cube."""
     line, weight = np.polynomial.legendre.leggauss(count)

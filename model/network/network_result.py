@@ -99,6 +99,15 @@ class NetworkResult(Result):
     """Time taken (s)."""
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the figures should know, in words."""
+        given = self.network.forces.any() or self.network.displacements.any()
+        said = "nothing is applied, so nothing moves: no node has a force (of a graph's nodes: "
+        said += "`force`, or as forces= says) or a given displacement"
+        idle = not (given or self.displacement.any())
+        return (*self.network.notes, *([said] if idle else []))
+
+    @property
     def increments(self) -> int:
         """Number of increments recorded."""
         return len(self.stage) - 1
@@ -223,7 +232,7 @@ class NetworkResult(Result):
             "triangles_turned_over": len(self.triangles_turned_over()),
             "strain_energy_J": self.strain_energy(),
             "work_J": self.work(),
-            "notes": list(self.network.notes),
+            "notes": list(self.notes),
             "seconds": self.seconds,
         }
 

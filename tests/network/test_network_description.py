@@ -77,6 +77,8 @@ def test_a_graph_comes_back_as_it_went():
     same = SpringNetwork.from_graph(graph).with_loads().to_graph()
     assert (same.name, same.nodes[0, 0]["colour"]) == ("a", "a")
     assert "force" not in same.nodes[0, 0]
+    assert "nothing is applied" in solve(network.with_loads()).notes[0]
+    assert solve(network.with_loads(-1e-3 * network.forces[-1])).notes == ()
     double = square(springs=[*RING, [0, 2]], stiffness=[1, 1, 1, 1, 1, 4]).to_graph()
     assert double.is_multigraph()
     assert sorted(SpringNetwork.from_graph(double).stiffness) == [1, 1, 1, 1, 1, 4]

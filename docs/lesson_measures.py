@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from math import ceil, log, sqrt
+from operator import attrgetter
 from typing import Any
 
 import lesson_runs
@@ -163,7 +164,11 @@ PLANE: Words = {
     "verdict": lambda seen: seen.certificate.verdict,
     "radius": lambda seen: seen.certificate.upper,  # growth of the load in a generation, at most
     "first_red": _first_red,
-    "derived": lambda seen: _four_shares(kaju.ElasticRule(), seen.scene.cell_materials[0]),
+    "derived": lambda seen: list(  # what an elastic agent hands on: ahead, back, to two sides
+        attrgetter("forward", "backward", "friction", "friction")(
+            kaju.ElasticRule().shares(seen.scene.cell_materials[0], 2)
+        )
+    ),
     # agents and generations
     "generations": lambda seen: seen.stage.generations,
     "agents": lambda seen: len(seen.stage.cells),
@@ -211,28 +216,6 @@ PLANE: Words = {
     "elastic_half_width": lambda seen, row: seen.width(seen.elastic, row),
     "straight": _straight,
 }
-
-
-def _four_shares(rule: kaju.ElasticRule, material: Any) -> list[float]:
-    """Return what an elastic agent hands on: ahead, back, and to two sides."""
-    shares = rule.shares(material, 2)
-    return [shares.forward, shares.backward, shares.friction, shares.friction]
-
-
-def words_of(seen: list[Seen], preset: int = 0) -> dict[str, Any]:
-    """Return the words for a lesson in which the rule runs, said of one of its presets."""
-    words = {word: partial(measure, seen[preset]) for word, measure in PLANE.items()}
-    return words | {"p": seen, "scene": lambda: seen[preset].scene} | ARITHMETIC
-
-
-def recorded(name: str) -> dict[str, Any]:
-    """Return the words for a lesson whose pages show recorded runs."""
-    run = partial(lesson_runs.run, name)
-    generations: Words = {
-        "counts": lambda: [step.agents for step in run().generations],
-        "errors": lambda: [step.error for step in run().generations],
-    }
-    return {"run": run} | generations | RECORDED[name](run) | ARITHMETIC
 
 
 def _largest_steps(result: Any) -> NDArray[Any]:
@@ -444,9 +427,16 @@ def _blocks(section: str, text: str) -> Iterator[str]:
 
 def words(of: Lesson, preset: int = 0) -> dict[str, Any]:
     """Return the words in which claims and answers of a lesson are written."""
-    if of.scenes:
-        return words_of(_seen(of.name), preset)
-    return recorded(of.name)
+    if of.scenes:  # the rule runs; they are said of one of the presets
+        seen = _seen(of.name)
+        plane = {word: partial(measure, seen[preset]) for word, measure in PLANE.items()}
+        return plane | {"p": seen, "scene": lambda: seen[preset].scene} | ARITHMETIC
+    run = partial(lesson_runs.run, of.name)
+    generations: Words = {
+        "counts": lambda: [step.agents for step in run().generations],
+        "errors": lambda: [step.error for step in run().generations],
+    }
+    return {"run": run} | generations | RECORDED[of.name](run) | ARITHMETIC
 
 
 @cache

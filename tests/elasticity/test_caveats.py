@@ -49,10 +49,7 @@ def outline_note(result):
 
 @pytest.mark.parametrize(
     ("body", "cells"),
-    [
-        *((body, cells) for body in (quarter_tube,) for cells in (16, 64)),
-        *((quarter_hole, cells) for cells in (20, 80)),
-    ],
+    [(quarter_tube, 16), (quarter_tube, 64), (quarter_hole, 20), (quarter_hole, 80)],
 )
 def test_steps_are_owned_up_to_and_their_effect_is_told_within_a_factor_of_three(body, cells):
     scene, truth = body(cells)

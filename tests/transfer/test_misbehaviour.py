@@ -110,7 +110,6 @@ REFUSED = {
     "begins without super": material(__init__=lambda self, model, cell, stuff, shares: None),
     "gives back beyond floats": gives(Load(3, 10**400)),
     "gives back more than it took": gives(Load(3, 4.0)),
-    "gives back many copies": gives(Load(3, 0.1, 1e6)),
     "turns nowhere": wall(lambda self, load, arm: self.turn(load, arm), BoundaryAgent),
     "gives back a row": gives((3, 0.01, "push")),
     "wall remembers": wall(None, type("Wet", (RigidBoundaryAgent,), {"wet": State(0)})),

@@ -98,7 +98,6 @@ def test_agents_live_on_and_what_a_step_adds_is_added(engine):
     ("body", "told"),
     [
         ({"step": lambda self: None}, r"Mine\.step never calls super\(\)\.step\(\)"),
-        ({"emission": lambda self, load: ()}, "did you mean 'emissions'"),
         ({"passOn": lambda self, load: None}, "did you mean 'pass_on'"),
     ],
 )

@@ -7,7 +7,7 @@ a leaf and the ends of what is in it have these parts among their sides, so that
 from __future__ import annotations
 
 from functools import reduce
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,7 +66,8 @@ def _filled(
 
     Lines within them are sides; points on their sides are corners on both sides of these.
     """
-    low, high = leaves.lower * UNIT, leaves.upper * UNIT
+    ends_of: tuple[Any, Any] = leaves.lower * UNIT, leaves.upper * UNIT
+    low, high = ends_of
     corners = low[some, None] + SQUARE * (high - low)[some, None]
     leaf, points = [np.repeat(some, 4)], [corners.reshape(-1, 2)]
     # Those that come first stay, where others are near: on both sides of a side the same.

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -145,7 +145,8 @@ class ClosedLine:
 
     def part_along(self, direction: Point) -> None:
         """Part arcs where they run along a direction."""
-        parts, along = [], np.array(direction)
+        parts: list[Any] = []
+        along = np.array(direction)
         # From control points to the polynomial's coefficients, that of the last power first.
         powers = np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 3, 0, 0], [1, 0, 0, 0]])
         for arc, turn in zip(self.arcs, ArcFrames(self.arcs).turn, strict=True):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,7 @@ class CutPair:
         row[at] = np.arange(len(at))
         meshes, edges = [], []
         for _, triangles, along in bodies:
-            kept = [column[row[triangles.leaf] >= 0] for column in triangles]
+            kept: list[Any] = [column[row[triangles.leaf] >= 0] for column in triangles]
             meshes.append(mesh_of(Filled(row[kept[0]], *kept[1:])))
             if not len(meshes[-1].place):
                 raise UnlikeError("they leave nothing of the body")

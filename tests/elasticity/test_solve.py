@@ -89,8 +89,7 @@ def test_summary_has_the_keys_that_scripts_rely_on():
         "max_displacement seconds kaju_version"
     )
     assert set(keys.split()) <= set(summary)
-    assert summary["rule"] == "elastic"
-    assert summary["agents"] == 400
+    assert (summary["rule"], summary["agents"]) == ("elastic", 400)
     assert summary["reaction"]["bottom"] == pytest.approx([0.0, 2.0], abs=2e-9)
 
 

@@ -30,7 +30,7 @@ class AgentPushEngine(PushEngine):
 
     def __init__(self, model: Any, table: PushTable, face_agent: type[FaceAgent]) -> None:
         self.model, self.face_agent = model, face_agent
-        self.guard = OwnAgents(model, (), 0, ())
+        self.guard, self.own = OwnAgents(model, (), 0, ()), face_agent is not FaceAgent
         self.agents: list[dict[int, FaceAgent]] = []
         self.air: dict[int, FreeBoundaryAgent] = {}
         self.supports: dict[int, SupportAgent] = {}
@@ -106,20 +106,20 @@ class AgentPushEngine(PushEngine):
     def _act(self, agent: FaceAgent, load: float) -> None:
         """Let an agent act; what it leaves must be numbers."""
         agent.act(load)
-        if not (isfinite(agent.left) and isfinite(agent.displacement)):
+        if self.own and not (isfinite(agent.left) and isfinite(agent.displacement)):
             what = f"has left {agent.left} N and moved by {agent.displacement} m"
             raise self.guard.wrong(agent, "take", what)
 
     def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
         """Bring a load to a face or support: at once, or when all agents of a wave have acted."""
-        places = range(len(self.state.levels[sender.level].left))
-        if not (is_number(load) and target in places):
+        left = self.state.levels[sender.level].left
+        if self.own and not (is_number(load) and target in range(len(left))):
             what = f"hands over {load!r:.60} N to {target!r:.60}; its neighbours are `place.links`"
             raise self.guard.wrong(sender, "hand_over", what)
         if self.outbox is not None:
             self.outbox.append((target, load))
         else:
-            self.state.levels[sender.level].left[target] += load
+            left[target] += load
 
     def agent(self, level: int, number: int) -> FaceAgent:
         """Return the agent of a face; it spawns if there is none yet."""

@@ -172,8 +172,9 @@ class Lattice(ABC):
     def steps(self) -> Ints:
         """Coordinate steps over each arm, or 0: shape (forms, directions, dimension)."""
         steps = np.zeros((*self.faces.shape, self.dimension), dtype=np.int64)
-        for form, cell in enumerate(self._one_of_each):
-            arms = list(self.arms[form])
+        found = self.form(self.few)
+        for form, arms in enumerate(map(list, self.arms)):
+            cell = self.few[np.argmax(found == form)]
             beyond = self.face_offsets[form, arms] + 1e-3 * self.cell_size * self.normals[arms]
             steps[form, arms] = self.locate(self.centres(cell[None]) + beyond) - cell
         return steps
@@ -182,12 +183,6 @@ class Lattice(ABC):
     def few(self) -> Cells:
         """The first cells, ten along each coordinate: a whole pattern of forms."""
         return np.array(list(product(range(10), repeat=self.dimension)), dtype=np.int64)
-
-    @cached_property
-    def _one_of_each(self) -> Cells:
-        """A cell of each form."""
-        found = self.form(self.few)
-        return np.stack([self.few[np.argmax(found == form)] for form in range(self.forms)])
 
     @cached_property
     def key_steps(self) -> Ints:
@@ -205,12 +200,6 @@ class Lattice(ABC):
         offsets = self.face_offsets[self.form(cells), direction]
         return self.centres(cells) + offsets * (direction >= 0)[:, None]
 
-    @cached_property
-    def _cosines(self) -> list[list[float]]:
-        """Between all directions, equal ones made exactly equal."""
-        cosines: list[list[float]] = np.round(self.normals @ self.normals.T, 12).tolist()
-        return cosines
-
     def way(self, direction: int, form: int) -> Neighbourhood:
         """Return which faces are ahead of a load, behind and beside it, and with which weights.
 
@@ -220,7 +209,8 @@ class Lattice(ABC):
         sin² of the angle between the load and their normal, and friction acts on those that
         look most along it.
         """
-        faces = [(arm, self._cosines[arm][direction]) for arm in self.arms[form]]
+        cosines = np.round(self.normals @ self.normals[direction], 12)  # equal ones exactly equal
+        faces = [(arm, float(cosines[arm])) for arm in self.arms[form]]
         cosine = [c for _, c in faces]
         ahead, behind = (
             tuple((arm, 1.0 / cosine.count(end)) for arm, c in faces if c == end)
@@ -458,13 +448,9 @@ class BoxLattice(Lattice):
         foot[:, axis] = 0
         return self.key(foot), cells[:, axis].copy()
 
-    def coordinates(self, points: Floats) -> Floats:
-        """Return points (m) in edges of cells."""
-        return points / self.cell_size
-
     def locate(self, points: Floats) -> Cells:
         """Return the cell that each point (m) lies in; outside the array too."""
-        return np.floor(self.coordinates(np.asarray(points, float))).astype(np.int64)
+        return np.floor(np.asarray(points, float) / self.cell_size).astype(np.int64)
 
     def face_area(self, thickness: float = 1.0) -> float:
         """Return the area of a cell's face (m²); `thickness` (m) counts in two dimensions."""

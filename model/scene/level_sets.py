@@ -196,14 +196,6 @@ class SampledShape(Shape):
         lines = contour_generator(z=above.T).lines(0.0)
         if not lines:
             raise SceneError(f"level: nothing is above {self.at_least:g}; take another level")
-        x, y = places
-        return [
-            polygonal(
-                zip(
-                    np.interp(i, np.arange(len(x)), x),
-                    np.interp(j, np.arange(len(y)), y),
-                    strict=True,
-                )
-            )
-            for i, j in (np.asarray(line).T for line in lines)
-        ]
+        steps = [np.arange(len(line)) for line in places]
+        found = (map(np.interp, np.asarray(line).T, steps, places) for line in lines)
+        return [polygonal(zip(*line, strict=True)) for line in found]

@@ -8,11 +8,11 @@ one kind; one that an edge may cross counts as mixed, and its parts have to be a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
-from math import floor, prod
+from itertools import chain, product
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,39 +187,19 @@ def count(box: CellBox) -> int:
 
 def grid(lower: Ints, upper: Ints) -> Cells:
     """Return all cells with lower <= cell < upper, the last axis running fastest."""
-    return _all_combinations([np.arange(a, b) for a, b in zip(lower, upper, strict=True)])
+    return _combined([np.arange(a, b) for a, b in zip(lower, upper, strict=True)])
 
 
-def _all_combinations(ranges: list[Ints]) -> Cells:
-    return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
+def _combined(places: Iterable[Ints]) -> Cells:
+    return np.stack([axis.ravel() for axis in np.meshgrid(*places, indexing="ij")], axis=1)
 
 
-def slabs(box: CellBox, axis: int = 0) -> Iterator[Cells]:
-    """Yield all cells of a box in pieces of about a million."""
+def slabs(box: CellBox) -> Iterator[Cells]:
+    """Yield all cells of a box, in the order of `grid`, in pieces of a million."""
     lower, upper = box
-    length = int(upper[axis] - lower[axis])
-    layer = max(1, count(box) // max(1, length))
-    thickness = max(1, 1_000_000 // layer)
-    for start in range(0, length, thickness):
-        first, last = lower.copy(), upper.copy()
-        first[axis] += start
-        last[axis] = min(first[axis] + thickness, upper[axis])
-        if layer > 2_000_000 and axis + 1 < len(lower):
-            yield from slabs((first, last), axis + 1)
-        else:
-            yield grid(first, last)
-
-
-def sample(box: CellBox, most: int = 100_000) -> Cells:
-    """Return at most about `most` cells spread evenly over a box, its corners included."""
-    lower, upper = box
-    each = max(2, floor(most ** (1.0 / len(lower))))
-    return _all_combinations(
-        [
-            np.unique(np.linspace(low, high - 1, min(each, int(high - low))).astype(np.int64))
-            for low, high in zip(lower, upper, strict=True)
-        ]
-    )
+    for start in range(0, count(box), 1_000_000):
+        number = np.arange(start, min(start + 1_000_000, count(box)))
+        yield lower + np.stack(np.unravel_index(number, tuple(upper - lower)), axis=1)
 
 
 def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
@@ -365,18 +345,20 @@ _REMEDY = (
 
 def check_body(resolved: ResolvedBody, allow_floating: bool) -> None:
     """Refuse a body that is not there or floats; parts are sought up to `MOST_EXAMINED` cells."""
-    if resolved.uniform or resolved.lattice.size > MOST_EXAMINED:
-        _check_samples(resolved, allow_floating)
-    else:
-        _check_parts(resolved, allow_floating)
-
-
-def _check_samples(resolved: ResolvedBody, allow_floating: bool) -> None:
     boxes = [resolved.box] + [resolved.cells_of(region.shape) for region in resolved.regions]
     if not any(_has_body(resolved, box) for box in boxes):
         raise SceneError("body: none of its cells is body; at least one must be of a material")
+    if allow_floating:
+        return
+    if resolved.uniform or resolved.lattice.size > MOST_EXAMINED:
+        _check_samples(resolved, boxes)
+    else:
+        _check_parts(resolved)
+
+
+def _check_samples(resolved: ResolvedBody, boxes: list[CellBox]) -> None:
     inside = [resolved.base, *(part.kind for part in resolved.regions)]
-    if allow_floating or any(bool(np.isin(np.asarray(kind), _HOLDS).any()) for kind in inside):
+    if any(np.isin(kind, _HOLDS).any() for kind in inside):
         return
     for side in np.flatnonzero(np.isin(resolved.beyond, _HOLDS)):
         if any(_has_body(resolved, resolved.layer(box, int(side))) for box in boxes):
@@ -388,20 +370,16 @@ def _has_body(resolved: ResolvedBody, box: CellBox) -> bool:
     """Tell whether a box holds a cell of body; of large boxes only samples are looked at."""
     if count(box) == 0:
         return False
-    if np.any(resolved.kinds(sample(box)) >= 0):
-        return True
-    small = count(box) <= MOST_EXAMINED
-    return small and any(np.any(resolved.kinds(cells) >= 0) for cells in slabs(box))
+    lower, upper = box
+    most = int(100_000 ** (1.0 / len(lower)))  # along an axis, corners included
+    places = np.linspace(lower, upper - 1, min(most, int((upper - lower).max())), dtype=np.int64)
+    small = slabs(box) if count(box) <= MOST_EXAMINED else ()
+    return any(np.any(resolved.kinds(c) >= 0) for c in chain([_combined(places.T)], small))
 
 
-def _check_parts(resolved: ResolvedBody, allow_floating: bool) -> None:
-    raster = resolved.rasterise()
-    if not (raster >= 0).any():
-        raise SceneError("body: none of its cells is body; at least one must be of a material")
-    if allow_floating:
-        return
+def _check_parts(resolved: ResolvedBody) -> None:
     # in a frame of what lies beyond the sides
-    framed = np.pad(raster, 1, constant_values=resolved.beyond.reshape(-1, 2))
+    framed = np.pad(resolved.rasterise(), 1, constant_values=resolved.beyond.reshape(-1, 2))
     parts, held = _parts_of_boxes(framed) if resolved.lattice.boxes else _parts(resolved, framed)
     loose = np.flatnonzero(~held[1:]) + 1
     if len(loose) == len(held) - 1:

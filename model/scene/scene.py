@@ -349,7 +349,8 @@ class Scene(Description):
         ours, theirs = (
             [
                 *(one.lattice, one.plane, one.thickness, one.cell_materials, one.body.gravity),
-                *(one.body.regions, one.body.allow_floating, one._conditions),
+                *(one.body.regions, one.body.allow_floating),
+                *map(one.side_condition, one.lattice.sides),
                 *(one.loads, one.loading, one.rule, one.history),
             ]
             for one in (self, other)
@@ -368,10 +369,6 @@ class Scene(Description):
             f"{cells} {self.lattice.kind}s of {self.lattice.cell_size:g} m ({materials}), "
             f"{loads} in {stages}, {self.rule.kind} rule"
         )
-
-    @property
-    def _conditions(self) -> tuple[SideCondition, ...]:
-        return tuple(self.side_condition(name) for name in self.lattice.sides)
 
     @cached_property
     def _resolved(self) -> ResolvedBody:
@@ -432,12 +429,9 @@ def _refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int)
         given["cells"] = tuple(k * count for count in lattice.shape)
         return Body(**given)
     check_size(tuple(k * count for count in lattice.shape), "body")
-    codes = picture.codes
-    for axis in range(codes.ndim):
-        codes = np.repeat(codes, k, axis=axis)
-    return Body(
-        **(given | {"drawing": None, "image": None, "nearest_colour": False, "array": codes})
-    )
+    codes = np.kron(picture.codes, np.ones((k,) * picture.codes.ndim, dtype=np.int16))
+    unpictured = {"drawing": None, "image": None, "nearest_colour": False}
+    return Body(**given | unpictured | {"array": codes})
 
 
 def _refined_loads(

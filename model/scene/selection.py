@@ -139,14 +139,10 @@ class Selection:
             return middle
         return np.asarray(middle + (self.part.mean(axis=1) - 0.5) * lattice.cell_size)
 
-    def _levers(self, lattice: Lattice) -> Floats:
-        """Return the vectors (m) from the middle of all that is covered to that of each part."""
-        middles = self._middles(lattice)
-        return np.asarray(middles - self.share @ middles / self.share.sum())
-
     def _couple(self, moment: Floats, lattice: Lattice) -> Floats:
         """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
-        lever = self._levers(lattice)
+        lever = self._middles(lattice)
+        lever = lever - self.share @ lever / self.share.sum()
         lever = np.pad(lever, ((0, 0), (0, 3 - lever.shape[1])))
         square = np.einsum("n,ni,nj->ij", self.share, lever, lever)
         inertia = np.trace(square) * np.eye(3) - square

@@ -5,7 +5,6 @@ Those that are `Described` are also how scenes write them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Annotated
@@ -308,7 +307,10 @@ class Polygon(Shape):
         """Return how far (m) points lie outside."""
         x, y = points.T
         odd, nearest = np.zeros(len(points), dtype=np.bool_), np.full(len(points), np.inf)
-        for start, end in self.edges():
+        corners = np.array([*self.corners, self.corners[0]])
+        for start, end in pairwise(corners):
+            if np.array_equal(start, end):
+                continue
             along, away = end - start, points - start
             part = np.clip(away @ along / (along @ along), 0.0, 1.0)
             nearest = np.minimum(nearest, np.hypot(*(away - part[:, None] * along).T))
@@ -321,9 +323,3 @@ class Polygon(Shape):
     def outline(self) -> list[Floats]:
         """Return its sides."""
         return [polygonal((x, y) for x, y in self.corners)]
-
-    def edges(self) -> Iterator[tuple[Points, Points]]:
-        """Yield both ends of every edge that has a length."""
-        for start, end in pairwise([*self.corners, self.corners[0]]):
-            if start != end:
-                yield np.asarray(start), np.asarray(end)

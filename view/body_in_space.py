@@ -113,7 +113,7 @@ def space_for(
     for number, side in enumerate(scene.lattice.sides):
         axis, upper = divmod(number, 2)
         at_side = (box.upper[axis] == scene.lattice.shape[axis]) if upper else box.lower[axis] == 0
-        if scene.side_condition(side).supports and at_side:
+        if scene.side_condition(side).kind != "free" and at_side:
             ground = Poly3DCollection(
                 faces[number][None],
                 facecolors=(0.8, 0.8, 0.8, 0.35),

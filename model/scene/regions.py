@@ -60,10 +60,6 @@ class SurfaceFile(Described):
     def _from_path(cls, value: Any) -> Any:
         return {"file": value} if isinstance(value, str) else value
 
-    def shape_in(self, lattice: Lattice, where: str) -> Shape:
-        """Return what lies within it."""
-        return surface_from(self.file, f"{where}.file", self.scale)
-
 
 class PathFile(Described):
     """All outlines of an SVG drawing, from the lower left corner of its page."""
@@ -155,10 +151,10 @@ class _Shaped(Described):
         if name == "path":
             file = given.file if isinstance(given, PathFile) else None
             return drawing_in(file, f"{where}.file") if file else PathShape(given)
-        shape: Shape
-        if name in ("image", "surface"):
-            shape = given.shape_in(lattice, where)
-            return shape
+        if name == "surface":
+            return surface_from(given.file, f"{where}.file", given.scale)
+        if isinstance(given, RegionImage):
+            return given.shape_in(lattice, where)
         if name == "box":
             return _box(given, lattice, where)
         if name == "rounded_box":
@@ -167,10 +163,8 @@ class _Shaped(Described):
                 raise SceneError(
                     f"{where}.radius: {given.radius:g} must be below half of each edge; use slot"
                 )
-        if name == "polygon":
-            shape, points = Polygon(given), given
-        else:
-            shape, points = given, getattr(given, "ends", None) or getattr(given, "box", None)
+        shape: Shape = Polygon(given) if name == "polygon" else given
+        points = given if name == "polygon" else getattr(given, "ends", getattr(given, "box", None))
         for point in points or [given.centre]:
             check_axes(point, lattice.dimension, where, "coordinates")
         return shape

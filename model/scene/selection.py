@@ -438,7 +438,9 @@ def at_stage(
             sense = PUSH if load.sense == "push" else PULL
         parts.append((chosen.cells, chosen.direction, factor * force, sense))
     if gravity is not None and any(gravity):
-        cells, mass = _masses(body, thickness)
+        cells = _body_cells(body, body.bounds(), "body.gravity")
+        density = np.array([material.density or 0.0 for material in body.materials])
+        mass = density[body.kinds(cells)] * lattice.cell_volume(thickness)
         parts.append((cells, np.full(len(cells), -1), np.outer(mass, gravity), BY_SIDE))
     places, directions, forces, senses = zip(*parts, strict=True)
     return AppliedLoads(
@@ -450,32 +452,18 @@ def at_stage(
     )
 
 
-def _masses(body: ResolvedBody, thickness: float) -> tuple[Cells, Floats]:
-    """Return the cells of the body and the mass of each (kg)."""
-    volume = body.lattice.cell_volume(thickness)
-    mass = np.array([(material.density or 0.0) * volume for material in body.materials])
-    cells, masses = [np.empty((0, body.lattice.dimension), dtype=np.int64)], [np.empty(0)]
-    for slab in slabs(body.bounds()):
-        kinds = body.kinds(slab)
-        cells.append(slab[kinds >= 0])
-        masses.append(mass[kinds[kinds >= 0]])
-    return np.concatenate(cells), np.concatenate(masses)
-
-
 def check_gravity(body: ResolvedBody, gravity: tuple[float, ...] | None) -> None:
     """Refuse gravity on a body without density or on one too large to be weighed by cells."""
     if gravity is None:
         return
     check_axes(gravity, body.lattice.dimension, "body.gravity")
-    if not any(gravity):
-        return
-    for material in body.materials:
+    for material in body.materials if any(gravity) else ():
         if material.density is None:
             raise SceneError(
                 f"materials.{material.name}.density: is needed, for gravity acts (kg/m³)"
             )
     cells = count(body.bounds())
-    if cells > MOST_FACES:
+    if any(gravity) and cells > MOST_FACES:
         raise SceneError(
             f"body.gravity: would load each of up to {cells:.3g} cells, more than "
             f"{MOST_FACES:.0e}; take larger cells or leave gravity out"

@@ -75,11 +75,6 @@ class SideCondition(Described):
             return cell_types.ROLLER
         return cell_types.AIR if self.kind == "free" else getattr(cell_types, self.kind.upper())
 
-    @property
-    def supports(self) -> bool:
-        """Whether the side holds a body that touches it."""
-        return self.kind != "free"
-
     def to_value(self) -> Any:
         """Return the short form that scenes are written in."""
         if self.stiffness is not None:

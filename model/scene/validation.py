@@ -7,7 +7,7 @@ refuses is a `SceneError` with key path, rule, value and meaning of the key.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -216,11 +216,9 @@ def _description_in(annotation: Any) -> type[BaseModel] | None:
 # Where in a TOML text a key stands, so that an error can name its line.
 
 
-def with_lines(text: str, message: str, changed: Iterable[str] = ()) -> str:
+def with_lines(text: str, message: str, changed: Container[str] = ()) -> str:
     """Return an error's lines, each with the text's line of its key path, unless that changed."""
-    places = dict(_places(text))
-    for path in changed:
-        places.pop(path, None)
+    places = {path: line for path, line in _places(text) if path not in changed}
     lines = []
     for line in message.splitlines():
         found = re.match(r"(\s*)([\w -]+(?:\.[\w -]+)*): ", line)

@@ -133,3 +133,8 @@ class RollerBoundaryAgent(BoundaryAgent):
     def turn(self, load: Load, arm: int) -> Load:
         """Mirror the force at the wall, whose normal is the arm, and keep the sense."""
         return load._replace(direction=int(self.model.lattice.mirrored[arm, load.direction]))
+
+
+BOUNDARIES: dict[str, type[BoundaryAgent]] = {
+    each.name: each for each in (FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent)
+}

@@ -7,30 +7,19 @@ from difflib import get_close_matches
 from dis import get_instructions
 from inspect import signature
 from itertools import islice
-from math import isfinite
-from numbers import Real
 from operator import index
-from sys import float_info
 from types import FunctionType
 from typing import Any
 
-from kaju.errors import AgentError, ParameterError, require
+from kaju.errors import AgentError, ParameterError, require, suggestion
 
-from .boundary_agent import (
-    BoundaryAgent,
-    FreeBoundaryAgent,
-    RigidBoundaryAgent,
-    RollerBoundaryAgent,
-)
+from .boundary_agent import BOUNDARIES, BoundaryAgent
 from .face_agent import FaceAgent
 from .material_agent import MaterialAgent, PlacedAgent
-from .materials import Material, suggestion
-from .parameter import Declaration, Parameter, State, declared
+from .materials import Material
+from .parameter import Declaration, Parameter, State, declared, is_number
 from .shares import Load, Sense, Shares
 
-BOUNDARIES: dict[str, type[BoundaryAgent]] = {
-    each.name: each for each in (FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent)
-}
 HOOKS = {
     MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
     BoundaryAgent: ("give_back", "turn"),
@@ -66,7 +55,7 @@ def check_class(name: str, agent: object, base: type) -> None:
     """Refuse what is no class of agents, or one whose constructor takes other arguments."""
     if agent is base:
         return
-    usual = RigidBoundaryAgent if base is BoundaryAgent else base
+    usual = BOUNDARIES["rigid"] if base is BoundaryAgent else base
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(
             f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write `class "
@@ -225,7 +214,7 @@ class OwnAgents:
     def shortening(self, agent: MaterialAgent, axis: int) -> float:
         """Return how far an agent yields along an axis; refuse what is no number."""
         short = agent.shortening(axis)
-        if not (isinstance(short, Real) and isfinite(short)):
+        if not is_number(short):
             raise self.wrong(agent, "shortening", f"must return a finite number, got {short!r:.60}")
         return float(short)
 
@@ -236,7 +225,7 @@ class OwnAgents:
         arms, every = self.arms_of[getattr(agent, "form", None)], range(self.directions)
         fits = {"arm": _is_one(arm, arms), "direction": _is_one(direction, every)}
         fits["sense"] = isinstance(sense, str) and sense in self.senses
-        fits |= {name: _is_amount(amount) for name, amount in amounts.items()}
+        fits |= {name: is_number(amount) and amount >= 0.0 for name, amount in amounts.items()}
         if all(fits.values()):
             return ""
         unfit, senses = [name for name in fits if not fits[name]], map(repr, self.senses)
@@ -250,9 +239,3 @@ class OwnAgents:
 def _is_one(value: Any, among: Sequence[int]) -> bool:
     """Tell whether a value is one of some whole numbers."""
     return hasattr(value, "__index__") and index(value) in among
-
-
-def _is_amount(value: Any) -> bool:
-    """Tell whether a value is a number that is finite and not negative."""
-    real = type(value) is float or isinstance(value, Real)  # the latter takes ten times as long
-    return real and bool(0.0 <= value <= float_info.max)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import isfinite
 from numbers import Integral, Real
+from sys import float_info
 from typing import Any, TypeVar
 
 import numpy as np
@@ -156,7 +156,7 @@ class State(Declaration):
 def is_number(value: object) -> bool:
     """Tell whether a value is a finite number, True or False."""
     real = type(value) is float or isinstance(value, Real | np.bool_)  # which takes far longer
-    return real and isfinite(value)  # type: ignore[arg-type]
+    return real and bool(-float_info.max <= value <= float_info.max)  # type: ignore[operator]
 
 
 Declared = TypeVar("Declared", bound=Declaration)

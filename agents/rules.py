@@ -70,22 +70,6 @@ class Coefficients:
         """Return α₁, α₂ and α₃; where none are given, those of the dimension."""
         return self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
 
-    def shares(self, material: Material, dimension: int, sense: bool = False) -> Shares:
-        """Return what an agent keeps and passes on.
-
-        Only the material's Poisson's ratio counts; `sense`: whether loads can pull, as a blocked
-        expansion does where ν < 0.
-        """
-        own, forward, friction = self.alpha_in(dimension)
-        poisson = (1.0 - self.beta) * material.poissons_ratio * own
-        if poisson < 0.0 and not sense:
-            raise ParameterError(
-                f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the "
-                "neighbours beside, and this rule has no pulls; set sense = true or beta = 1, "
-                "or take the elastic rule"
-            )
-        return Shares(own, forward, 0.0, friction, poisson, self.beta * material.poissons_ratio)
-
 
 @dataclass(frozen=True)
 class PrescribedRule(Coefficients):
@@ -122,8 +106,15 @@ class PrescribedRule(Coefficients):
         right = 0.0 < self.threshold < inf
         require(right, f"{told}; without a threshold loads would be halved for ever")
 
-    def shares(self, material: Material, dimension: int, sense: bool | None = None) -> Shares:
-        """Return what an agent of `material` keeps and passes on."""
-        sense = self.sense if sense is None else sense
-        own = self.materials.get(material.name, self)
-        return Coefficients.shares(own, material, dimension, sense)
+    def shares(self, material: Material, dimension: int) -> Shares:
+        """Return what an agent of a material keeps and passes on; of it Poisson's ratio counts."""
+        by = self.materials.get(material.name, self)
+        own, forward, friction = by.alpha_in(dimension)
+        poisson = (1.0 - by.beta) * material.poissons_ratio * own
+        if poisson < 0.0 and not self.sense:  # a blocked expansion pulls
+            raise ParameterError(
+                f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the "
+                "neighbours beside, and this rule has no pulls; set sense = true or beta = 1, "
+                "or take the elastic rule"
+            )
+        return Shares(own, forward, 0.0, friction, poisson, by.beta * material.poissons_ratio)

@@ -29,9 +29,9 @@ from kaju._mesa import (
     Network,
     OrthogonalVonNeumannGrid,
 )
-from kaju.agents.boundary_agent import BoundaryAgent
+from kaju.agents.boundary_agent import BOUNDARIES, BoundaryAgent
 from kaju.agents.material_agent import LoadBox, MaterialAgent, PlacedAgent
-from kaju.agents.own_agents import BOUNDARIES, OwnAgents
+from kaju.agents.own_agents import OwnAgents
 from kaju.agents.parameter import State, declared
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints

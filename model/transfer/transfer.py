@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from inspect import signature
-from math import inf, isfinite
-from numbers import Real
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
 from kaju.agents.materials import Material
+from kaju.agents.parameter import is_number
 from kaju.agents.rules import PrescribedRule, ShareRule
 from kaju.agents.shares import Emission, Sense, Shares
 from kaju.arrays import Flags, Floats, Ints
@@ -193,7 +193,7 @@ def check_shares(shares: Shares, sense: bool) -> str:
     for name in ("own", "forward", "backward", "friction", "poisson", "widening"):
         share = getattr(shares, name)
         least = -inf if name == "widening" or (name == "poisson" and sense) else 0.0
-        if not (isinstance(share, Real) and isfinite(share) and float(share) >= least):
+        if not (is_number(share) and share >= least):
             return f"has the share {name!r} = {share!r}, which must be a number from 0 upwards"
     return ""
 

@@ -121,6 +121,7 @@ REFUSED = {
     "order without end": {"order": lambda agents: repeat(agents[0])},
     "face due NaN": face(due=lambda self, asked: nan),
     "face due nothing": face(due=lambda self, asked: None),
+    "face due beyond floats": face(due=lambda self, asked: 10**400),
     "face takes NaN": face(take=lambda self, load: FaceAgent.take(self, nan)),
     "face passes to nobody": face(pass_on=lambda self, load: self.model.hand_over(self, -1, load)),
     "face passes NaN": face(pass_on=lambda self, load: self.model.hand_over(self, 0, nan)),

@@ -3,7 +3,7 @@
 Their sources stand between its two parts, see heart.py. The page calls the functions at the end.
 """
 
-from math import inf, isfinite  # noqa: F401
+from math import inf  # noqa: F401
 
 from _random import Random as Twister
 from browser import self as _page

@@ -23,7 +23,7 @@ WHOLE: tuple[Any, ...] = (
     material_agent.LoadBox, material_agent.PlacedAgent, material_agent.MaterialAgent,
     boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
     boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,
-    own_agents.OwnAgents, own_agents._is_one, own_agents._is_amount, transfer.check_shares,
+    own_agents.OwnAgents, own_agents._is_one, transfer.check_shares,
 )  # fmt: skip
 """Classes and functions, in an order in which each finds its bases."""
 METHODS: dict[Any, tuple[str, ...]] = {
@@ -117,6 +117,6 @@ def heart() -> str:
     for of, names in METHODS.items():
         methods = "\n".join(_plain(getattr(of, name)) for name in names)
         parts.append(f"class {of.__name__}:\n{textwrap.indent(methods, '    ')}")
-    walls = ", ".join(one.__name__ for one in own_agents.BOUNDARIES.values())
+    walls = ", ".join(one.__name__ for one in boundary_agent.BOUNDARIES.values())
     parts.append(f"BOUNDARIES = {{one.name: one for one in ({walls})}}")
     return "\n".join(parts)

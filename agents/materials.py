@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from math import inf
 
-from kaju.errors import ParameterError, require
-from kaju.errors import suggestion as suggestion
+from kaju.errors import ParameterError, require, suggestion
 from kaju.model.rheology.element import ThreeElement
 
 

@@ -21,8 +21,7 @@ from peers.measure import Measurement, in_a_fresh_process, jobs
 from peers.problems import PROBLEMS
 from peers.report import draw, environment, measured_on, publish, ratios, read_csv, write_csv
 
-from kaju.agents.materials import suggestion
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ParameterError, ResultFileError, suggestion
 from kaju.files import check_writable
 
 

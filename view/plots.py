@@ -11,8 +11,7 @@ from typing import Any, cast
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaju.agents.materials import suggestion
-from kaju.errors import ParameterError, ResultFileError, unknown
+from kaju.errors import ParameterError, ResultFileError, suggestion, unknown
 from kaju.model.results.loading import answer_of
 from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene

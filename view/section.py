@@ -17,9 +17,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, suggestion
 from kaju.model.results.mesh import corner_order, same_points
 from kaju.model.scene import Scene
 

@@ -20,9 +20,9 @@ from pydantic import (
 )
 
 from kaju.agents.elastic_rule import ElasticRule
-from kaju.agents.materials import LIBRARY, Material, suggestion
+from kaju.agents.materials import LIBRARY, Material
 from kaju.agents.rules import Coefficients, PrescribedRule
-from kaju.errors import ParameterError, SceneError, SceneFileError, require
+from kaju.errors import ParameterError, SceneError, SceneFileError, require, suggestion
 from kaju.files import text_of_file
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History

@@ -22,10 +22,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.materials import suggestion
 from kaju.agents.shares import Lateral, Neighbourhood
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError, suggestion
 
 Cells = NDArray[np.int64]
 """Integer cell coordinates, shape (n, dimension)."""

@@ -17,9 +17,9 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.materials import LIBRARY, Material, suggestion
+from kaju.agents.materials import LIBRARY, Material
 from kaju.arrays import Flags, Ints
-from kaju.errors import SceneError, SupportError
+from kaju.errors import SceneError, SupportError, suggestion
 
 from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, RIGID, ROLLER
 from .description import Body, Description

@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
-from kaju.agents.materials import suggestion
-from kaju.errors import SceneError
+from kaju.errors import SceneError, suggestion
 from kaju.model.scene import cell_types
 from kaju.model.scene.validation import Described, Index, Number, Positive, optional
 

@@ -24,8 +24,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from kaju.agents.materials import suggestion
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError, suggestion
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 Coordinate = Annotated[Number, Field(ge=-1e12, le=1e12)]

@@ -15,10 +15,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from kaju.agents.materials import suggestion
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, StabilityError
+from kaju.errors import ParameterError, StabilityError, suggestion
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.study.compare import Comparison, Pair, compare
 from kaju.model.study.solving import solve

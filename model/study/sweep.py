@@ -28,8 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaju import __version__
-from kaju.agents.materials import suggestion
+from kaju import __version__, errors
 from kaju.arrays import Ints
 from kaju.errors import ParameterError, ResultFileError, SceneError, WorkerError, by_name, needing
 from kaju.files import atomic_file, is_there
@@ -502,7 +501,7 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points
     if method not in METHODS:
         raise ParameterError(
             f"method: must be one of {', '.join(map(repr, METHODS))}, got {method!r}"
-            f"{suggestion(str(method), METHODS)}"
+            f"{errors.suggestion(str(method), METHODS)}"
         )
     if not isinstance(vary, Mapping) or not vary:
         raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from kaju import __version__
-from kaju.agents.materials import suggestion
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
-from kaju.errors import ResultError
+from kaju.errors import ResultError, suggestion
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BOOKS, BodyResult, Check, idle_rheology
 from kaju.model.scene import Scene

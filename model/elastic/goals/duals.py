@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import KajuError, ParameterError
+from kaju.errors import KajuError, ParameterError, suggestion
 from kaju.model.elastic.corners import ON_EDGE
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals.quantities import (

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, suggestion
 from kaju.model.elastic.scales import Scales
 from kaju.model.results.result import finite
 from kaju.model.scene.cell_types import INSIDE

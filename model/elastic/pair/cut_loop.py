@@ -7,9 +7,8 @@ from math import inf, radians
 
 import numpy as np
 
-from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError, SingularPlaceError
+from kaju.errors import ParameterError, SceneError, SingularPlaceError, suggestion
 from kaju.model.elastic.goals.quantities import (
     HOOP,
     AskedFor,

@@ -2,7 +2,7 @@
 
 In come words, out go figures on the terminal and a folder of results.
 Read the table below, `options` (what all verbs share), `commands_run` (verbs that compute),
-`commands_many` and `commands_files`, then `console` and `output`.
+`commands_many` and `commands_files`, then `console`.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def check(
 ) -> None:
     """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
 
-    A scene with true outlines is solved roughly, and one of the elastic rule is begun.
+    A scene with true outlines is solved roughly, and one of the elastic rule begun.
 
     A stored result is read to its end, every array; and its books, forces
     and energies must balance.
@@ -63,16 +63,8 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
     from kaju.model.transfer.stability import stability
 
     described = scene_of(scene, settings)
-    elastic = described.rule.kind == "elastic"
-    if described.outlined or elastic:  # nothing that loads could grow by: begin, and see
-        if described.outlined:
-            from kaju.model.study.solving import solve
-
-            solve(described, 0.9 if described.lattice.dimension == 2 else None)
-        else:
-            from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-
-            ElasticModel(described)
+    if described.outlined or described.rule.kind == "elastic":  # nothing that loads could grow by
+        _begin(described)
         words = "the scene can be read and begun; kaju solve answers it"
         typer.echo(json.dumps({"stable": True, "verdict": words}) if as_json else words)
         return
@@ -97,6 +89,21 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
             "radius, boundaries included)"
         )
     raise typer.Exit(0 if certificate.stable else 1)
+
+
+def _begin(scene: Any) -> None:
+    """Do what an answer begins with, which refuses a scene that has none."""
+    from kaju.model.elastic.equal.grid import grid_of
+    from kaju.model.study.solving import solve
+
+    if scene.outlined:
+        solve(scene, 0.9 if scene.lattice.dimension == 2 else None)
+    elif scene.rule.order != "wave":
+        grid_of(scene, None)
+    else:  # waves may grow; the others wait for no import of Mesa
+        from kaju.model.elastic.relaxation.elastic_model import ElasticModel
+
+        ElasticModel(scene)
 
 
 def materials(

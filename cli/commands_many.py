@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kaju.errors import ParameterError, require
-from kaju.stopping import NOTE
+from kaju.stepping import NOTE
 
-from .console import Console
+from .console import Console, Folder, write_json
 from .options import Force, Json, Pictures, Quiet, SceneFile, Settings, best_of, folder, scene_of
 
 if TYPE_CHECKING:
@@ -64,8 +64,6 @@ def compare(
     from kaju.view.comparison import pictures_beside, words_beside
     from kaju.view.picture_files import save
 
-    from .output import Folder, write_json
-
     console, is_scene = Console(as_json, quiet), judged.suffix == ".toml"
     _check_compared(judged, reference, "--set" if settings else resolution and "--resolution")
     target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
@@ -79,8 +77,7 @@ def compare(
     else:
         found = study.compare(study.load_answer(judged), study.load_answer(reference))
         lines, drawn = _table(found), _error_maps
-    for line in lines:
-        console.say(line)
+    console.say(*lines)
     if as_json:
         console.figures(found.summary())
     ended = NOTE in getattr(found, "notes", ())
@@ -91,7 +88,7 @@ def compare(
             for name, figure in drawn(found).items() if pictures and not ended else ():
                 save(figure, scratch / f"{name}.png")
 
-        console.files(place.fill(parts))
+        console.say(*place.fill(parts))
     if ended:
         typer.echo(f"{NOTE}; it is in {target}", err=True)
         raise typer.Exit(130)
@@ -175,7 +172,7 @@ def sweep(
         int | None, typer.Option(min=1, metavar="N", help="Processes; all processors unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
-    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw them.")] = True,
+    pictures: Pictures = True,
 ) -> None:
     """Run a scene at many points. The same command again goes on where it was interrupted."""
     from kaju.model.study.sweep import sweep as run_all

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from kaju.errors import ConvergenceError, ParameterError
-from kaju.stopping import NOTE
+from kaju.stepping import NOTE
 
-from .console import Console
+from .console import Console, Folder
 from .options import (
     Draw,
     Drawn,
@@ -36,8 +36,6 @@ from .options import (
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
     from kaju.model.scene import Scene
-
-    from .output import Folder
 
 # What options can be, for the shell to complete.
 Measure = StrEnum("Measure", "force stress strain energy")
@@ -70,15 +68,15 @@ def written(
     except KeyboardInterrupt as stop:
         best = best_of(stop, Result)
         console.figures(best.summary())
-        console.files(target.write(best, "none"))
+        console.say(*target.write(best, "none"))
         typer.echo(f"{NOTE}; it is in {target.path}", err=True)
         raise typer.Exit(130) from None
     except ConvergenceError as error:
         if isinstance(error.best, Result):
-            console.files(target.write(error.best, "none"))
+            console.say(*target.write(error.best, "none"))
         raise
     console.figures(result.summary())
-    console.files(target.write(result, pictures))
+    console.say(*target.write(result, pictures))
     if pictures is not Drawn.none:
         console.say(f"look first at {target.path / (page or f'{result.pictures[0]}.png')}")
     return result
@@ -102,8 +100,6 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
             quiet: Quiet = False,
             **own: Any,
         ) -> None:
-            from .output import Folder
-
             task = Task(scene, scene_of(scene, settings), Console(as_json, quiet))
             folder = out or Path(f"{'scene' if scene.stem == '-' else scene.stem}-{ending}")
             drawn = Drawn.none if no_pictures else pictures
@@ -139,8 +135,6 @@ def demo(
     """
     from kaju.model.scene import Scene
     from kaju.model.transfer.load_transfer import LoadTransfer
-
-    from .output import Folder
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
     drawn = Drawn.none if no_pictures else pictures
@@ -261,13 +255,11 @@ def creep(
 
     history = History.step().hold(hold) if hold is not None else scene.history
     # A rule that nobody wrote is none: the body creeps as an elastic one.
-    unsaid = scene.rule == PrescribedRule() and scene.lattice.boxes
-    if unsaid and not (task.file.is_file() and "rule" in tomllib.loads(task.file.read_text())):
-        body = scene.replace(rule=ElasticRule())
-    else:
-        body = scene
-    found = let_creep(body, history, duration)
-    task.console.say(f"the body of the {body.rule.kind} rule in time")
+    said = task.file.is_file() and "rule" in tomllib.loads(task.file.read_text())
+    if not said and scene.rule == PrescribedRule() and scene.lattice.boxes:
+        scene = scene.replace(rule=ElasticRule())
+    found = let_creep(scene, history, duration)
+    task.console.say(f"the body of the {scene.rule.kind} rule in time")
     if not any(material.rheology for material in scene.cell_materials):
         task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
     return found

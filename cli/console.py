@@ -1,16 +1,25 @@
-"""How the command speaks: words with units for people, JSON for programs, or nothing."""
+"""How the command speaks: words for people, JSON for programs, or nothing; and what a run writes.
+
+A folder of results is written whole or not at all, and never over something else.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultFileError
+from kaju.files import check_writable, hidden_folder, is_there, move_into_place
+from kaju.view import PICTURES
 from kaju.view.units import grouped, quantity
+
+if TYPE_CHECKING:
+    from kaju.model.results.result import Result
 
 UNITS = {
     key: unit
@@ -43,10 +52,10 @@ class Console:
         if self.as_json and self.quiet:
             raise ParameterError("--quiet: prints nothing, so --json would be lost; take one")
 
-    def say(self, words: object) -> None:
-        """Print a line for people."""
-        if not (self.as_json or self.quiet):
-            typer.echo(words)
+    def say(self, *lines: object) -> None:
+        """Print lines for people."""
+        for line in () if self.as_json or self.quiet else lines:
+            typer.echo(line)
 
     def figures(self, summary: Mapping[str, Any]) -> None:
         """Print key figures: as a table with units, or as JSON."""
@@ -54,13 +63,7 @@ class Console:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         for name, text in _rows(summary):
             self.say(f"  {name.replace('_', ' '):28} {text.replace('_', ' ')}")
-        for note in summary.get("notes", ()):
-            self.say(f"  note: {note}")
-
-    def files(self, paths: Iterable[object]) -> None:
-        """Print what was written, a path a line."""
-        for path in paths:
-            self.say(path)
+        self.say(*(f"  note: {note}" for note in summary.get("notes", ())))
 
 
 def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -76,10 +79,10 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield from ((f"{name} {part}", text_of(v, unit)) for part, v in value.items())
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
-                own = {"relative_error": ""}.get
-                unit = entry.get("unit", "")
+                units = {"relative_error": ""}  # of all else the entry's own
+                own = entry.get("unit", "")
                 told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
-                parts = [f"{part} {text_of(v, own(part, unit))}" for part, v in told.items()]
+                parts = [f"{k} {text_of(v, units.get(k, own))}" for k, v in told.items()]
                 yield f"{name} {number}", ", ".join(parts)
         else:
             yield name, text_of(value, unit)
@@ -101,3 +104,64 @@ def text_of(value: object, unit: str = "") -> str:
         parts = [0.0 if isinstance(v, float) and abs(v) < least else v for v in value]
         return ", ".join(text_of(part, unit) for part in parts) or "none"
     return str(value)
+
+
+class Folder:
+    """A place for results, made or replaced (`force`) when these are there; other files stay."""
+
+    def __init__(self, path: Path, force: bool = False) -> None:
+        self.path, self.force = path, force
+        if is_there(path) and not path.is_dir():
+            raise ResultFileError(f"{path}: is a file; --out needs a folder")
+        if Path.cwd().is_relative_to(path.resolve()):
+            raise ResultFileError(
+                f"{path}: is the working folder, and results need a folder of their own; take a "
+                f"new one, such as {path / 'result'}"
+            )
+        if is_there(path) and any(path.iterdir()) and not force:
+            raise ResultFileError(
+                f"{path}: is not empty; take another folder, "
+                "or --force to replace the results in it"
+            )
+        check_writable(path, ResultFileError)
+
+    def fill(self, write: Callable[[Path], object]) -> list[Path]:
+        """Let files be written aside, and give them their places; return these.
+
+        A new folder appears in one step; with `force` whole files replace those of their names,
+        one by one, and results that are not written again go.
+        """
+        with hidden_folder(self.path, ResultFileError) as scratch:
+            write(scratch)
+            names = sorted(file.name for file in scratch.iterdir())
+            if self.force and is_there(self.path):
+                for name in names:
+                    (scratch / name).replace(self.path / name)
+                for name in {"summary.json", "result.npz", *PICTURES}.difference(names):
+                    (self.path / name).unlink(missing_ok=True)
+            else:
+                move_into_place(scratch, self.path)
+        return [self.path / name for name in names]
+
+    def write(self, result: Result, pictures: str) -> list[Path]:
+        """Write summary.json, result.npz and "one", "all" or "none" of the pictures."""
+
+        def parts(scratch: Path) -> None:
+            result.save(scratch / "result.npz")
+            write_json(scratch / "summary.json", result.summary())
+            if pictures == "all":
+                from kaju.view import plot_all
+
+                plot_all(result, scratch)
+            elif pictures == "one":
+                from kaju.view import plot
+                from kaju.view.picture_files import save
+
+                save(plot(result), scratch / f"{result.pictures[0]}.png")
+
+        return self.fill(parts)
+
+
+def write_json(path: Path, figures: Mapping[str, Any]) -> None:
+    """Write key figures as JSON."""
+    path.write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n", encoding="utf-8")

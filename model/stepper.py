@@ -9,7 +9,6 @@ from abc import ABC, abstractmethod
 from time import perf_counter
 from typing import Generic, TypeVar
 
-from kaju.progress import progress_line
 from kaju.stepping import Until, step_to_end
 
 R = TypeVar("R")
@@ -51,8 +50,7 @@ class Stepper(ABC, Generic[R]):
         `until`: a function of the model, asked before every step, or a number of steps;
         `progress`: whether to show a line of progress, None does so at a terminal.
         """
-        with progress_line(progress) as report:
-            return step_to_end(self, until, self.result, lambda: report(self.progress))
+        return step_to_end(self, until, self.result, self.progress, progress)
 
 
 def not_balanced(after: str, off: float) -> str:

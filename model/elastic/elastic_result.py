@@ -49,7 +49,7 @@ from kaju.model.results.result import (
 )
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
-from kaju.stopping import interrupt_requested
+from kaju.stepping import interrupt_requested
 
 if TYPE_CHECKING:
     import pandas

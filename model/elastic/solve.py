@@ -25,7 +25,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene
-from kaju.stopping import NOTE, interrupt_requested
+from kaju.stepping import NOTE, interrupt_requested
 
 
 def solve_spawning(

@@ -18,7 +18,7 @@ from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.transfer_result import NO_EQUILIBRIUM
-from kaju.stopping import NOTE, interrupt_requested
+from kaju.stepping import NOTE, interrupt_requested
 
 from .creep_result import CreepResult
 from .creeping_elastic import ElasticCreepResult, elastic_body

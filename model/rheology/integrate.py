@@ -24,7 +24,7 @@ import numpy as np
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, KajuError, TangentError
-from kaju.stopping import interrupt_requested
+from kaju.stepping import interrupt_requested
 
 from .creeping_step import ORDER, STAGES, Creeping, Fields
 from .load_history import History

@@ -24,7 +24,7 @@ from kaju.model.study.compare import Comparison, compare
 from kaju.model.study.fitting import Fit, elastic_reference, fit_rule
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.transfer_result import TransferResult
-from kaju.stopping import NOTE, Interrupted
+from kaju.stepping import NOTE, Interrupted
 
 if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts

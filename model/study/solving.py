@@ -10,7 +10,7 @@ from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError, by_n
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.loading import question_of
 from kaju.model.scene import Scene
-from kaju.stopping import interruptible
+from kaju.stepping import interruptible
 
 if TYPE_CHECKING:
     from pathlib import Path

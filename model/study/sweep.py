@@ -37,7 +37,7 @@ from kaju.model.network import solve as solve_network
 from kaju.model.scene import Scene, load_scene
 from kaju.model.scene.validation import plain
 from kaju.model.transfer.load_model import LoadModel
-from kaju.progress import progress_line, without_progress
+from kaju.stepping import progress_line, without_progress
 
 from .solving import solve
 

@@ -21,7 +21,6 @@ from kaju.errors import ParameterError, require, unknown
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.description import TABLES
 from kaju.model.stepped_model import SteppedModel
-from kaju.progress import progress_line
 from kaju.result_kinds import KINDS
 from kaju.stepping import Order, Until, step_to_end, takes_objects
 
@@ -174,8 +173,7 @@ class LoadModel(SteppedModel):
 
         `progress`: show a progress line; None: on a terminal, when the run takes over two seconds.
         """
-        with progress_line(progress) as report:
-            return step_to_end(self, until, self.result, lambda: report(self.course.progress))
+        return step_to_end(self, until, self.result, self.course.progress, progress)
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""

@@ -10,14 +10,9 @@ Flags = NDArray[np.bool_]
 
 def first_largest(values: Floats) -> int:
     """Return the first index whose value equals the largest one, but for rounding."""
-    return int(all_largest(values)[0])
-
-
-def all_largest(values: Floats) -> Ints:
-    """Return the indices of all values that equal the largest one, but for rounding."""
     # Another processor rounds them in another order.
-    found = np.flatnonzero(values >= values.max() - 1e-9 * np.abs(values).max())
-    return found if len(found) else np.array([values.argmax()])  # inf or NaN
+    near = values >= values.max() - 1e-9 * np.abs(values).max()
+    return int(near.argmax() if near.any() else values.argmax())  # inf or NaN
 
 
 def moved(points: Ints, axis: int, by: int | Ints | Flags) -> Ints:

@@ -16,7 +16,7 @@ from kaju import ElasticModel, History, LoadModel, SpawningModel, ThreeElement, 
 from kaju.model.elastic.equal import krylov
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.rheology.integrate import Integrator
-from kaju.stopping import NOTE, Interrupted
+from kaju.stepping import NOTE, Interrupted
 
 
 def plate(**changes):

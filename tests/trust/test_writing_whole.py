@@ -11,7 +11,7 @@ import pytest
 from plates import plate as pressed
 
 from kaju import LoadModel, load_result
-from kaju.cli.output import Folder
+from kaju.cli.console import Folder
 from kaju.errors import ResultFileError
 
 EVENTS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "shutil.rmtree")

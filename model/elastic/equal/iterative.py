@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, minres
 
 from kaju.arrays import Floats
 from kaju.errors import SceneError
-from kaju.stopping import interrupt_requested
+from kaju.stepping import interrupt_requested
 
 from .direct import DIRECT_LIMIT, by_factors
 from .hierarchy import Hierarchy

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.stopping import interrupt_requested
+from kaju.stepping import interrupt_requested
 
 Operator = Callable[[Floats], Floats]
 

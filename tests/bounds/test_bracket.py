@@ -135,4 +135,5 @@ def test_forces_beside_sides_that_move_have_wider_bounds_that_hold():
 def test_of_energies_far_apart_the_better_one_is_told_and_not_their_middle(low, high, locks, told):
     """Of loads the lower one is that of the displacement, which locks where nothing yields."""
     gap = 2.0 * (high - low)
-    assert bounds_of([(-low, high, True, gap)], gap, 0.0, locks).energy == told
+    case = np.array([[low], [high], [low], [gap]])
+    assert bounds_of(case, gap, 0.0, locks).energy == told

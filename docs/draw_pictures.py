@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from lesson_runs import broad
 from matplotlib.figure import Figure
 from playwright.sync_api import sync_playwright
 
@@ -36,9 +37,8 @@ def main() -> None:
     kaju.plot(run, "left", moment=8).savefig(folder / "elastic_agents.png", dpi=80)
     jelly = kaju.creep(kaju.load_scene(EXAMPLES / "jelly.toml"))
     kaju.plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
-    kaju.animate(
-        kaju.solve(_square(), tolerance=0.005), folder / "agents_spawn.gif", "generations", fps=1.5
-    )
+    square = kaju.solve(broad(20, 0.01), tolerance=0.005)
+    kaju.animate(square, folder / "agents_spawn.gif", "generations", fps=1.5)
     kaju.plot(kaju.solve(_block(), tolerance=0.12), "agents").savefig(
         folder / "agents_octree.png", dpi=110
     )
@@ -93,10 +93,9 @@ def _bracket() -> Figure:
     """Draw how bounds close in on the energy as cells get smaller, and agents of many sizes."""
     figure = new_figure((5.4, 3.6))
     ax = figure.subplots()
-    equal = [kaju.solve(_square(), resolution=k) for k in (1, 2, 4, 8)]
-    spawning = [
-        kaju.solve(_square(), tolerance=tolerance) for tolerance in (0.1, 0.025, 0.01, 0.005)
-    ]
+    square = broad(20, 0.01)
+    equal = [kaju.solve(square, resolution=k) for k in (1, 2, 4, 8)]
+    spawning = [kaju.solve(square, tolerance=most) for most in (0.1, 0.025, 0.01, 0.005)]
     for answers, colour, name in ((equal, COLOURS[0], "equal cells"), (spawning, COLOURS[1], "")):
         agents = [answer.agents for answer in answers]
         lower, upper = 1e9 * np.array([answer.energy_bounds for answer in answers]).T
@@ -111,14 +110,6 @@ def _bracket() -> Figure:
     ax.grid(color=LINE, lw=0.4)
     ax.legend(fontsize=8, frameon=False)
     return figure
-
-
-def _square() -> kaju.Scene:
-    return kaju.Scene(
-        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}],
-    )
 
 
 def _block() -> kaju.Scene:

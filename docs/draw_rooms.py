@@ -9,6 +9,7 @@ imports.
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
@@ -76,12 +77,10 @@ def graph() -> nx.DiGraph:
 
 def rooms() -> nx.DiGraph:
     """Return the rooms with their lines, and which of them imports which."""
-    found = nx.DiGraph()
-    modules = graph()
-    for module, lines in modules.nodes(data="lines"):
-        room = room_of(module)
-        before = found.nodes[room]["lines"] if room in found else 0
-        found.add_node(room, lines=before + lines)
+    found, modules, lines = nx.DiGraph(), graph(), Counter[str]()
+    for module, count in modules.nodes(data="lines"):
+        lines[room_of(module)] += count
+    found.add_nodes_from((room, {"lines": count}) for room, count in lines.items())
     pairs = {(room_of(one), room_of(other)) for one, other in modules.edges}
     found.add_edges_from((one, other) for one, other in pairs if one != other)
     return found

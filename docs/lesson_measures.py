@@ -390,7 +390,6 @@ RECORDED: dict[str, Callable[[Callable[..., Any]], Words]] = {
 class Claim:
     """A sentence of a lesson, the preset that it is said of, and the expressions that hold it."""
 
-    lesson: str
     preset: int
     text: str
     held_by: tuple[str, ...]
@@ -408,7 +407,7 @@ def claims(of: Lesson) -> Iterator[Claim]:
                 if marks := MARK.findall(sentence):
                     bare = MARK.sub("", sentence).replace("(1 − β)", "").strip()
                     parts = (part.strip() for mark in marks for part in mark[4:-3].split(";"))
-                    yield Claim(of.name, max(preset, 0), bare, tuple(filter(None, parts)))
+                    yield Claim(max(preset, 0), bare, tuple(filter(None, parts)))
 
 
 def _blocks(section: str, text: str) -> Iterator[str]:

@@ -104,14 +104,11 @@ def plain(markdown: str) -> str:
 
 
 def lesson(name: str) -> Lesson:
-    """Read a lesson in all the languages that there are."""
+    """Read a lesson in all languages."""
     source = (LESSONS / f"{name}.md").read_text("utf-8")
     blocks = dict(FENCE.findall(source))
-    texts = {"en": _text(source, "en")}
-    for language in ("de", "ja"):
-        path = LESSONS / language / f"{name}.md"
-        if path.exists():
-            texts[language] = _text(path.read_text("utf-8"), language)
+    paths = {k: LESSONS / k.replace("en", "") / f"{name}.md" for k in HEADINGS}
+    texts = {k: _text(path.read_text("utf-8"), k) for k, path in paths.items()}
     scenes = []
     if "toml scene" in blocks:
         scene = kaju.Scene.from_toml(blocks["toml scene"])

@@ -199,9 +199,8 @@ def picture(of: Lesson) -> str:
     ax.set_axis_off()
     figure.set_layout_engine("none")
     ax.set_anchor("C")
-    ax.set_position(
-        (0.5 if of.shown == "rule" else 0.03, 0.03, 0.47 if of.shown == "rule" else 0.94, 0.94)
-    )
+    left, width = (0.5, 0.47) if of.shown == "rule" else (0.03, 0.94)
+    ax.set_position((left, 0.03, width, 0.94))
     if of.shown == "cut":
         ax.axhline(0.5 * of.scenes[0].lattice.extent[1], color="#a11a5b", ls="--", lw=2)
     elif of.shown == "rule":

@@ -238,4 +238,7 @@ class OwnAgents:
 
 def _is_one(value: Any, among: Sequence[int]) -> bool:
     """Tell whether a value is one of some whole numbers."""
-    return hasattr(value, "__index__") and index(value) in among
+    try:
+        return index(value) in among
+    except TypeError:  # of arrays of several numbers, too
+        return False

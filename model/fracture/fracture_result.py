@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve_cells
 from kaju.model.network import NetworkResult, SpringNetwork
+from kaju.model.network.springs import with_some
 from kaju.model.results.result import Check, Result
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
@@ -162,13 +163,9 @@ class FractureResult(Result):
             stiffness[tuple(np.argwhere(solid)[self.broken[:count]].T)] = KEPT
             return solve_cells(self.subject, stiffness=stiffness)
         whole, factor, body = self.network, self.factor_after(count), next(self.replayed([count]))
-        kept = np.delete(np.arange(len(whole.springs)), self.broken[:count])
-        left = replace(
-            whole,
-            springs=whole.springs[kept],
-            stiffness=whole.stiffness[kept],
-            rest_length=whole.rest_length[kept],
-        )
+        kept = np.ones(len(whole.springs), dtype=np.bool_)
+        kept[self.broken[:count]] = False
+        left = with_some(whole, kept)
         moved = factor * body.displacement()
         tension = factor * body.borne()[kept]
         return NetworkResult(

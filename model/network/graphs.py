@@ -9,6 +9,7 @@ from __future__ import annotations
 from ast import literal_eval
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from math import inf
 from typing import Any
 
 import networkx as nx
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
+from kaju.model.scene.validation import plain
 
 Vectors = str | tuple[str, ...] | Mapping[Hashable, Any]
 """A node attribute with a vector, one attribute for each axis, or vectors by node."""
@@ -52,7 +54,7 @@ def read_graph(
     }
 
     def others(attributes: Mapping[str, Any]) -> dict[str, Any]:
-        return {key: value for key, value in attributes.items() if key not in read}
+        return {key: plain(value, inf) for key, value in attributes.items() if key not in read}
 
     return {
         "positions": places,
@@ -64,7 +66,7 @@ def read_graph(
         "displacements": _vectors(graph, number, displacements, places.shape, "displacements"),
         "names": tuple(graph.nodes),
         "attributes": {
-            "graph": dict(graph.graph),
+            "graph": plain(graph.graph, inf),
             "nodes": [others(attributes) for _, attributes in graph.nodes(data=True)],
             "springs": [others(attributes) for *_, attributes in edges],
         },
@@ -97,13 +99,13 @@ def _rows(
 ) -> Iterator[dict[str, Any]]:
     """Yield the attributes of each node or spring: numbers and (nested) tuples, or their texts."""
 
-    def plain(value: Any) -> Any:
-        return tuple(map(plain, value)) if isinstance(value, list | tuple) else value
+    def tuples(value: Any) -> Any:
+        return tuple(map(tuples, value)) if isinstance(value, list | tuple) else value
 
     columns = {key: field.tolist() for key, field in fields.items()}
     for index, other in enumerate(others):
         row = other | {key: column[index] for key, column in columns.items()}
-        row = {key: plain(value) for key, value in row.items()}
+        row = {key: tuples(value) for key, value in row.items()}
         yield {k: str(v) if texts and isinstance(v, tuple) else v for k, v in row.items()}
 
 

@@ -19,7 +19,7 @@ from scipy.spatial import Delaunay
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 
-from .springs import SpringNetwork, Springs
+from .springs import SpringNetwork, Springs, with_some
 
 
 def triangular(
@@ -115,10 +115,7 @@ def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwo
     tips = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     first, second = network.positions[network.springs].transpose(1, 0, 2)
     crossed = _apart(*tips, first, second) & _apart(first, second, *tips)
-    kept = {
-        name: getattr(network, name)[~crossed] for name in ("springs", "stiffness", "rest_length")
-    }
-    return replace(network, **kept)
+    return with_some(network, ~crossed)
 
 
 def _apart(start: Floats, end: Floats, one: Floats, other: Floats) -> Flags:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 from typing import Annotated, Any
 
 import networkx as nx
@@ -80,6 +81,13 @@ def _check_shapes(network: SpringNetwork) -> None:
             f"names: {nodes} nodes need as many different names, got {len(network.names)} of "
             f"which {len(set(network.names))} differ"
         )
+    for key, count in (("nodes", nodes), ("springs", springs)):
+        got = len(network.attributes.get(key, range(count)))
+        if got != count:
+            raise SceneError(
+                f"attributes: {got} {key} are described and {count} there; give attributes={{}}, "
+                "or those that belong to them"
+            )
 
 
 def _check_numbers(network: SpringNetwork) -> None:
@@ -473,6 +481,16 @@ class SpringNetwork:
     @cached_property
     def _numbers(self) -> dict[Hashable, int]:
         return {name: number for number, name in enumerate(self.names)}
+
+
+def with_some(network: SpringNetwork, kept: Flags) -> SpringNetwork:
+    """Return a network without the springs that are not kept."""
+    attributes = dict(network.attributes)
+    if "springs" in attributes:
+        attributes["springs"] = [*compress(attributes["springs"], kept)]
+    names = ("springs", "stiffness", "rest_length")
+    some: dict[str, Any] = {name: getattr(network, name)[kept] for name in names}
+    return replace(network, attributes=attributes, **some)
 
 
 def _by_node(stages: Floats) -> Floats:

@@ -27,7 +27,6 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
-from pydantic_core import PydanticSerializationError
 
 from kaju.errors import ResultError
 from kaju.model.scene import Scene
@@ -180,7 +179,7 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
     if not _has_parts(form):
         try:
             return _adapter(form).dump_python(value, mode="json")
-        except PydanticSerializationError as error:
+        except ValueError as error:
             raise _wrong(name, f"cannot be saved: {error.__cause__ or error}") from error
     if _is_record(form):
         return {

@@ -471,21 +471,21 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
     """Yield whether a scene has what cells take alone, and what is to be done about it."""
     solid, own, walls = body.lattice.dimension == 3, scene.body, ("rigid", "roller")
     fills = {own.material, *(region.material for region in own.regions)} - set(NOT_BODY)
-    if not fills:
-        raise SceneError("body.regions: all is air; give a region, or the body, a material")
     yield body.lattice.kind not in ("square", "cube"), "body.lattice: take squares or cubes"
     yield own.picture_key, f"body.{own.picture_key}: give cells and material"
     yield scene.history is not None, "history: leave it out"
     yield own.material in walls, f"body.material: {own.material} is no body; take a material"
+    for number, region in enumerate(own.regions):
+        where = f"body.regions.{number}.material"
+        yield region.material in walls, f"{where}: {region.material} holds; hold it by [sides]"
+    if not fills:
+        raise SceneError("body.regions: all is air; give a region, or the body, a material")
     yield solid and len(fills) > 1, "body.regions: in space take one material, beside air"
     weighs = any(own.gravity or ())
     yield weighs and (solid or len(fills) > 1), "body.gravity: leave it out, or the second material"
     for material in body.materials:
         soft = solid or own.plane != "strain" or material.poissons_ratio < 0.5
         yield not soft, f"materials.{material.name}.poissons_ratio: take less than 1/2"
-    for number, region in enumerate(own.regions):
-        where = f"body.regions.{number}.material"
-        yield region.material in walls, f"{where}: {region.material} holds; hold it by [sides]"
     for name, side in scene.sides.items():
         moved = side.kind == "displaced"
         where = f"sides.{name}: is {side.kind}"

@@ -15,7 +15,7 @@ from kaju.agents.parameter import is_number
 from kaju.agents.rules import PrescribedRule, ShareRule
 from kaju.agents.shares import Emission, Sense, Shares
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import SceneError, require
+from kaju.errors import ParameterError, SceneError, require
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.scene.lattice import Cells, Lattice
@@ -180,10 +180,11 @@ def _check_rule(rule: ShareRule) -> None:
         require(hasattr(rule, name), f"rule: {type(rule).__name__} has no {name!r}; {told}")
     told = f"rule.shares: {type(rule).__name__}.shares must take (material, dimension)"
     try:
-        takes = signature(rule.shares).bind("material", 2)
+        signature(rule.shares).bind("material", 2)
     except TypeError:
-        takes = None
-    require(takes is not None, told)
+        raise ParameterError(told) from None
+    except ValueError:  # of compiled functions it is not known what they take
+        pass
     told = f"rule.threshold: must be a load above 0 N, got {rule.threshold}"
     require(0.0 < rule.threshold < inf, told)
 

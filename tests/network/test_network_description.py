@@ -11,7 +11,7 @@ from plates import loaded
 
 from kaju import SpringNetwork
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.network import hexagon_body, solve, spring_lengths_and_directions, triangular
+from kaju.model.network import cut, hexagon_body, solve, spring_lengths_and_directions, triangular
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 RING = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]]
@@ -74,8 +74,13 @@ def test_a_graph_comes_back_as_it_went():
     ends = {frozenset(pair) for pair in network.springs.tolist()}
     assert {frozenset(pair) for pair in again.springs.tolist()} == ends
     graph.graph["name"] = graph.nodes[0, 0]["colour"] = "a"
-    same = SpringNetwork.from_graph(graph).with_loads().to_graph()
+    nx.set_edge_attributes(graph, dict(zip(graph.edges, np.arange(99), strict=False)), "number")
+    kept = SpringNetwork.from_graph(graph).with_loads()
+    same = solve(cut(kept, (0.6, 0.4), (0.9, 0.4))).network.to_graph()
     assert (same.name, same.nodes[0, 0]["colour"]) == ("a", "a")
+    assert json.dumps(kept.attributes)
+    assert 0 < same.number_of_edges() < graph.number_of_edges()
+    assert all(same.edges[one]["number"] == graph.edges[one]["number"] for one in same.edges)
     assert "force" not in same.nodes[0, 0]
     assert "nothing is applied" in solve(network.with_loads()).notes[0]
     assert solve(network.with_loads(-1e-3 * network.forces[-1])).notes == ()

@@ -204,7 +204,7 @@ def test_goals_in_space_are_estimated(make, quantity):
         ((0.3, 0.1), r"\(0\.3, 0\.1\) m lies outside the body"),
         ((0.1, 0.1, 0.1), "must have 2 coordinates"),
         ("botom", "no side 'botom'.*did you mean 'bottom'"),
-        ([], "a point, a region .* is needed"),
+        ([], "a point, a box .* is needed"),
         (Deflection((0.1, 0.1), "z"), "along must be x, y or a direction of 2 numbers, got 'z'"),
         (Stress((0.1, 0.1), "zz"), "no stress 'zz'; there is xx, xy, yy, von_mises"),
         (Reaction("left"), "nothing holds the body at 'left'; supports are bottom"),

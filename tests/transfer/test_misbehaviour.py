@@ -4,6 +4,7 @@ from dataclasses import replace
 from itertools import repeat
 from math import inf, nan
 
+import numpy as np
 import pytest
 from plates import plate
 
@@ -88,6 +89,7 @@ REFUSED = {
     "sense unknown": each(lambda a, d, s, t: (a, d, s, "hug")),
     "direction too large": each(lambda a, d, s, t: (a, 4, s, t)),
     "arm too large": each(lambda a, d, s, t: (9, d, s, t)),
+    "arm of numbers": each(lambda a, d, s, t: (np.array([a, a]), d, s, t)),
     "direction a float": each(lambda a, d, s, t: (a, float(d), s, t)),
     "emission of three": each(lambda a, d, s, t: (a, d, s)),
     "attribute misspelt": after_take(lambda self, load: setattr(self, "squezed", 1.0)),

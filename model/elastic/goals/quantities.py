@@ -42,8 +42,8 @@ class Deflection(_Parsed):
 
     Parameters
     ----------
-    at : point, region or side
-        Where; over a region or a side the mean is taken.
+    at : point, box or side
+        Where; over a box or a side the mean is taken.
     along : str or sequence of float, optional
         An axis such as "y", or a direction such as (1, -1) of any length. By default the
         displacement as a vector.
@@ -72,7 +72,7 @@ class Stress(_Parsed):
 
     Parameters
     ----------
-    at : point, region or side
+    at : point, box or side
         The mean counts, unless it is a point.
     component : str
         Such as "yy" or "xy", or "von_mises": the equivalent stress; or "hoop": the largest along
@@ -194,7 +194,7 @@ def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
     if isinstance(goal, (Sequence, np.ndarray)) and len(goal):
         return tuple(quantity for item in goal for quantity in quantities_of(item))
     raise ParameterError(
-        'goal: a point, a region such as {"box": [[0, 0], [0.1, 0.2]]}, a side, a Deflection, '
+        'goal: a point, a box such as {"box": [[0, 0], [0.1, 0.2]]}, a side, a Deflection, '
         f"Stress or Reaction, or a list of these is needed, got {goal!r}"
     )
 
@@ -212,7 +212,7 @@ def asked(goal: AskedFor | None) -> tuple[Quantity, ...]:
     if len(quantities) > MOST:
         raise ParameterError(
             f"goal: {len(quantities)} quantities are more than {MOST}, and each needs its own "
-            "solution; ask for the mean over a region"
+            "solution; ask for the mean over a box"
         )
     return quantities
 
@@ -282,7 +282,7 @@ def _place(at: Any) -> Place:
         return dict(at)
     if not _is_point(at):
         raise ParameterError(
-            'at: a point (m), a region such as {"box": [[0, 0], [0.1, 0.2]]} or a side such as '
+            'at: a point (m), a box such as {"box": [[0, 0], [0.1, 0.2]]} or a side such as '
             f"'top' is needed, got {at!r}"
         )
     return tuple(float(x) for x in at)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -65,17 +65,11 @@ class Stored:
 
         Raises `ResultFileError` if the file is missing, is damaged, or holds something else.
         """
-        arrays, about = open_archive(path)
-        if about["kind"] != cls.kind:
-            raise ResultFileError(
-                f"{path}: holds a result of kind {about['kind']!r}, not of {cls.kind!r}"
-            )
-        with reading(path):
-            return cast(Self, put_together(cls, arrays, about))
+        return cast(Self, read_stored(path, {cls.kind: cls}.get, f"not of {cls.kind!r}"))
 
 
-def open_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return the arrays of a file that `save` wrote, every one read to its end, and the rest."""
+def read_stored(path: str | Path, class_of: Callable[[str], Any], others: str) -> Any:
+    """Return what `save` wrote, every array read to its end, by its kind; refuse all `others`."""
     file = file_to_read(path, ResultFileError)
     with reading(file):
         arrays = _unpacked(file)
@@ -88,7 +82,11 @@ def open_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, A
             f"{about.get('format')!r} of the format, and kaju {__version__} reads {FORMAT}: read "
             "it with that kaju, or compute it again"
         )
-    return arrays, about
+    kind = class_of(about["kind"])
+    if kind is None:
+        raise ResultFileError(f"{path}: holds a result of kind {about['kind']!r}, {others}")
+    with reading(path):
+        return put_together(kind, arrays, about)
 
 
 def _unpacked(file: Path) -> dict[str, NDArray[Any]]:

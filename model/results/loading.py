@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, cast
 
-from kaju.errors import ResultFileError
 from kaju.files import is_there
 from kaju.model.scene import load_scene
 from kaju.result_kinds import KINDS, fetch
 
-from .archive import open_archive, reading
+from .archive import read_stored
 from .result import Result
-from .stored import put_together
 
 
 def load_result(path: str | Path) -> Result:
@@ -30,17 +28,21 @@ def load_result(path: str | Path) -> Result:
     >>> kaju.load_result(result.save("plate.kaju")).last.generations
     8
     """
+    return cast(Result, stored_at(path))
+
+
+def stored_at(path: str | Path, **others: type) -> Any:
+    """Return the result in a file or folder, or what is of one of the `others`, by their kinds."""
     file = Path(path)
     if file.suffix == ".xdmf" or is_there(file / "result.xdmf"):
-        return cast(Result, fetch(KINDS["elasticity in pieces"].result).load(file))
+        return fetch(KINDS["elasticity in pieces"].result).load(file)
     if is_there(file) and file.is_dir():
         file = file / "result.npz"
-    arrays, about = open_archive(file)
-    if about["kind"] not in KINDS:
-        told = f"holds a result of kind {about['kind']!r}, which this kaju cannot read"
-        raise ResultFileError(f"{file}: {told}")
-    with reading(file):
-        return cast(Result, put_together(fetch(KINDS[about["kind"]].result), arrays, about))
+
+    def class_of(kind: str) -> Any:
+        return fetch(KINDS[kind].result) if kind in KINDS else others.get(kind)
+
+    return read_stored(file, class_of, "which this kaju cannot read")
 
 
 def from_file(subject: Any) -> Any:

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Flags, Floats
 from kaju.errors import ResultError, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.results.archive import open_archive
-from kaju.model.results.loading import answer_of, load_result
+from kaju.model.results.loading import answer_of, stored_at
 from kaju.model.results.result import BodyResult, line_of
 from kaju.model.scene import Scene
 from kaju.model.study.reference import Reference
@@ -209,10 +208,7 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
 
 def load_answer(path: str | Path) -> Answer:
     """Read a saved result or reference, whichever a file or a result's folder holds."""
-    source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
-    if open_archive(source)[1]["kind"] == "reference":
-        return Reference.load(source)
-    return _comparable(load_result(source))
+    return _comparable(stored_at(path, reference=Reference))
 
 
 def _comparable(given: Any) -> Answer:

@@ -37,7 +37,7 @@ def check(
 
 
 def _check_result(file: Path, as_json: bool) -> None:
-    from kaju.model.results.loading import load_result
+    from kaju.model.results.archive import load_result
 
     result = load_result(file)
     try:
@@ -168,7 +168,7 @@ def animate(
     force: Force = False,
 ) -> None:
     """Animate a stored run; nothing is computed again."""
-    from kaju.model.results.loading import load_result
+    from kaju.model.results.archive import load_result
     from kaju.view import animate as film
 
     if stored.suffix == ".toml":
@@ -201,7 +201,7 @@ def page(
     force: Force = False,
 ) -> None:
     """Write a page that opens by a double click: no server, no network, no installation."""
-    from kaju.model.results.loading import load_result
+    from kaju.model.results.archive import load_result
     from kaju.view.page import export_page
 
     refuse_to_replace(target := out or Path(f"{file.stem}.html"), force)

@@ -18,7 +18,7 @@ from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultFileError, needing
 from kaju.files import atomic_file
-from kaju.model.results.loading import answer_of
+from kaju.model.results.archive import answer_of
 from kaju.model.results.mesh import CUBE_FACES
 from kaju.model.results.result import Result
 from kaju.model.scene import Scene

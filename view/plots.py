@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError, ResultFileError, suggestion, unknown
-from kaju.model.results.loading import answer_of
+from kaju.model.results.archive import answer_of
 from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch

@@ -13,16 +13,21 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.errors import KajuError, ResultError, ResultFileError
-from kaju.files import atomic_file, file_to_read
+from kaju.files import atomic_file, file_to_read, is_there
+from kaju.model.scene import load_scene
+from kaju.result_kinds import KINDS, fetch
 
-from .stored import put_together, taken_apart
+from .stored import Arrays, read, write
+
+if TYPE_CHECKING:
+    from .result import Result
 
 FORMAT = 1  # version of the files; others are refused
 
@@ -41,8 +46,9 @@ class Stored:
         target = Path(path)
         if target.suffix != ".npz":
             target = target.with_name(target.name + ".npz")
+        arrays: Arrays = {}
         try:
-            arrays, text = taken_apart(self)
+            text = write(type(self), self, "", arrays, {})
         except ResultError as error:
             raise ResultError(
                 f"save: this result could not be read again, so it is not written: {error}"
@@ -86,7 +92,7 @@ def read_stored(path: str | Path, class_of: Callable[[str], Any], others: str) -
     if kind is None:
         raise ResultFileError(f"{path}: holds a result of kind {about['kind']!r}, {others}")
     with reading(path):
-        return put_together(kind, arrays, about)
+        return read(kind, about, "", arrays, {})
 
 
 def _unpacked(file: Path) -> dict[str, NDArray[Any]]:
@@ -123,3 +129,61 @@ def reading(path: str | Path) -> Iterator[None]:
             f"{path}: is damaged, or is not a result of kaju ({cause.rstrip(': ')}); compute it "
             "again"
         ) from error
+
+
+# Any file, and what people hand over: a scene, a model, or an answer.
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a result that some result's `save` wrote.
+
+    `path`: an ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces
+    with ``result.xdmf``.
+
+    Raises `ResultFileError` if the file is missing, or is no result of kaju's.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> result = kaju.LoadModel(kaju.load_scene("plate.toml")).run()
+    >>> kaju.load_result(result.save("plate.kaju")).last.generations
+    8
+    """
+    return cast("Result", stored_at(path))
+
+
+def stored_at(path: str | Path, **others: type) -> Any:
+    """Return the result in a file or folder, or what is of one of the `others`, by their kinds."""
+    file = Path(path)
+    if file.suffix == ".xdmf" or is_there(file / "result.xdmf"):
+        return fetch(KINDS["elasticity in pieces"].result).load(file)
+    if is_there(file) and file.is_dir():
+        file = file / "result.npz"
+
+    def class_of(kind: str) -> Any:
+        return fetch(KINDS[kind].result) if kind in KINDS else others.get(kind)
+
+    return read_stored(file, class_of, "which this kaju cannot read")
+
+
+def from_file(subject: Any) -> Any:
+    """Return the scene or result in a file; what is no path is returned as it is."""
+    if not isinstance(subject, (str, Path)):
+        return subject
+    return load_scene(subject) if Path(subject).suffix == ".toml" else load_result(subject)
+
+
+def answer_of(subject: Any) -> Any:
+    """Return what can be drawn: of a model the answer as far as it has come, of a file its own."""
+    subject = from_file(subject)
+    if hasattr(subject, "step") and hasattr(subject, "result"):
+        return subject.result() if callable(subject.result) else subject.result
+    return subject
+
+
+def question_of(subject: Any) -> Any:
+    """Return what can be solved: the scene or network of a model or a file, or the subject."""
+    subject = from_file(subject)
+    if hasattr(subject, "step"):
+        return getattr(subject, "scene", None) or getattr(subject, "network", subject)
+    return subject

@@ -84,17 +84,6 @@ class Column:
         return " ".join(filter(None, words))
 
 
-def taken_apart(value: Any) -> tuple[Arrays, Any]:
-    """Return the arrays in a dataclass, by where they stand, and the rest as JSON can hold it."""
-    arrays: Arrays = {}
-    return arrays, _write(type(value), value, "", arrays, {})
-
-
-def put_together(kind: type, arrays: Mapping[str, NDArray[Any]], plain: Any) -> Any:
-    """Return the dataclass that `taken_apart` took apart; refuse what is not as a field says."""
-    return _read(kind, plain, "", arrays, {})
-
-
 def described(form: Any, name: str = "") -> Iterator[tuple[str, str]]:
     """Yield the arrays of a dataclass, by where they stand, each with what it must be."""
     column = _column(form)
@@ -165,8 +154,8 @@ def _choices(form: Any) -> dict[str, Any]:
 # The writer and the reader go through the same forms.
 
 
-def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> Any:
-    """Put arrays where they belong, and return the plain rest of a value."""
+def write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> Any:
+    """Put arrays by where they stand, and return the rest of a value, as JSON can hold it."""
     column = _column(form)
     if column is not None:
         arrays[name] = np.ascontiguousarray(value).reshape(np.shape(value))
@@ -183,24 +172,22 @@ def _write(form: Any, value: Any, name: str, arrays: Arrays, sizes: Sizes) -> An
             raise _wrong(name, f"cannot be saved: {error.__cause__ or error}") from error
     if _is_record(form):
         return {
-            field: _write(inner, getattr(value, field), _inside(name, field), arrays, sizes)
+            field: write(inner, getattr(value, field), _inside(name, field), arrays, sizes)
             for field, inner in fields_of(form).items()
         }
     if get_origin(form) in (Union, UnionType):
         if value is None:
             return None
         kind = "array" if isinstance(value, np.ndarray) else type(value).__name__
-        return {kind: _write(_choices(form)[kind], value, name, arrays, sizes)}
+        return {kind: write(_choices(form)[kind], value, name, arrays, sizes)}
     return [  # each part has sizes of its own
-        _write(get_args(form)[0], part, _inside(name, number), arrays, dict(sizes))
+        write(get_args(form)[0], part, _inside(name, number), arrays, dict(sizes))
         for number, part in enumerate(value)
     ]
 
 
-def _read(
-    form: Any, plain: Any, name: str, arrays: Mapping[str, NDArray[Any]], sizes: Sizes
-) -> Any:
-    """Return a value from its plain part and the arrays below its name."""
+def read(form: Any, plain: Any, name: str, arrays: Mapping[str, NDArray[Any]], sizes: Sizes) -> Any:
+    """Return a value that `write` took apart; refuse what is not as its form says."""
     column, origin = _column(form), get_origin(form)
     if column is not None:
         if name not in arrays:
@@ -221,7 +208,7 @@ def _read(
             where = _inside(name, field)
             if field not in table:
                 raise _wrong(where, "is missing")
-            made[field] = _read(inner, table[field], where, arrays, sizes)
+            made[field] = read(inner, table[field], where, arrays, sizes)
         return form(**made)
     if origin in (Union, UnionType):
         choices = _choices(form)
@@ -230,10 +217,10 @@ def _read(
         kind = next(iter(_holding(dict, plain, name)), "")
         if kind not in choices:
             raise _wrong(name, f"must be of one of the classes {sorted(choices)}, and is {kind!r}")
-        return _read(choices[kind], plain[kind], name, arrays, sizes)
+        return read(choices[kind], plain[kind], name, arrays, sizes)
     parts: Any = origin  # a tuple or a list
     return parts(
-        _read(get_args(form)[0], part, _inside(name, number), arrays, dict(sizes))
+        read(get_args(form)[0], part, _inside(name, number), arrays, dict(sizes))
         for number, part in enumerate(_holding(list, plain, name))
     )
 

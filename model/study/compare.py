@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Flags, Floats
 from kaju.errors import ResultError, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.results.loading import answer_of, stored_at
+from kaju.model.results.archive import answer_of, stored_at
 from kaju.model.results.result import BodyResult, line_of
 from kaju.model.scene import Scene
 from kaju.model.study.reference import Reference

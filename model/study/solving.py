@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError, by_name
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
-from kaju.model.results.loading import question_of
+from kaju.model.results.archive import question_of
 from kaju.model.scene import Scene
 from kaju.stepping import interruptible
 

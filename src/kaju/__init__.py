@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from kaju.model.network import NetworkModel as NetworkModel
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
-    from kaju.model.results.loading import load_result as load_result
+    from kaju.model.results.archive import load_result as load_result
     from kaju.model.results.result import Result as Result
     from kaju.model.rheology.creeping import CreepModel as CreepModel
     from kaju.model.rheology.creeping import creep as creep

@@ -23,7 +23,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.errors import KajuError, ParameterError, ResultFileError, by_name, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
-from kaju.model.results.loading import from_file
+from kaju.model.results.archive import from_file
 from kaju.model.results.result import Result
 from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene

@@ -608,14 +608,19 @@ class ElasticResult(BodyResult):
         One that the tolerance is about has the value that it has among the `goals`.
 
         Raises `ParameterError` if it is of another dimension, outside of the body, or unknown;
-        `SingularPlaceError` if it is a stress where stresses have no limit.
+        `SingularPlaceError` if it is a stress where stresses have no limit; `ResultError` if
+        along an outline nothing ends.
         """
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
             if goal.quantity == asked:
                 return goal.value
         if isinstance(asked, Stress) and asked.component == HOOP:
-            stress = self.outline_stress(str(asked.at))[1]
+            if not len(stress := self.outline_stress(str(asked.at))[1]):
+                raise ResultError(
+                    f"value_of: along {asked.at!r} the body does not end, and no two materials "
+                    "meet, so nothing is known there; ask for the stress at a point"
+                )
             return float(stress[np.abs(stress).argmax()])
         if not self.scene.outlined:
             refuse_singular(self.scene, asked, "value_of")

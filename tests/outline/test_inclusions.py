@@ -244,6 +244,8 @@ def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -
     assert answer.to_vtk(tmp_path / "grain.vtu").exists()
     with pytest.raises(kaju.KajuError, match=r"outline_stress: .*'korn'"):
         answer.outline_stress("korn")
+    with pytest.raises(kaju.KajuError, match=r"value_of: along 'grain' the body does not end"):
+        kaju.solve(plate(1.0, 0.3), tolerance=0.1).value_of(kaju.Stress("grain", "hoop"))
 
 
 def test_materials_too_unlike_for_the_tolerance_are_refused_before_agents_spawn() -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from kaju.errors import ParameterError, ResultFileError
+from kaju.files import atomic_file
 
 from .options import Force, Json, Settings, refuse_to_replace, scene_of, worked_plate
 
@@ -139,10 +140,8 @@ def new(
 ) -> None:
     """Write a commented scene to start from."""
     refuse_to_replace(scene, force)
-    try:
-        scene.write_text(worked_plate().replace("plate.toml", scene.name), encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"{scene}: cannot be written: {error.strerror}") from error
+    with atomic_file(scene, ParameterError) as scratch:
+        scratch.write_text(worked_plate().replace("plate.toml", scene.name), encoding="utf-8")
     typer.echo(f"{scene}: edit it, then: kaju run {scene}")
 
 

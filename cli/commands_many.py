@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-    from kaju.model.scene import Scene
     from kaju.model.study.compare import Comparison
-    from kaju.model.study.rule_study import RuleStudy
 
 Stored = "a result or reference (.npz), or the folder of a run"
 
@@ -60,23 +58,16 @@ def compare(
     rule; draws the stress ratio, stresses along rows, shapes and displacements beside the
     answer of elasticity; and says in words how far each is off, and where.
     """
-    from kaju.model.study import compare as study
-    from kaju.view.comparison import pictures_beside, words_beside
     from kaju.view.picture_files import save
 
     console, is_scene = Console(as_json, quiet), judged.suffix == ".toml"
-    _check_compared(judged, reference, "--set" if settings else resolution and "--resolution")
     target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
     place = None if target is None else Folder(target, force)
-    found: Any
-    lines: Iterable[str]
-    drawn: Any
-    if reference is None:
-        found = _beside(scene_of(judged, settings), resolution, fit)
-        lines, drawn = words_beside(found), pictures_beside
+    if is_scene:
+        found, lines, drawn = _beside(judged, reference, settings, resolution, fit)
     else:
-        found = study.compare(study.load_answer(judged), study.load_answer(reference))
-        lines, drawn = _table(found), _error_maps
+        changed = "--set" if settings else resolution and "--resolution"
+        found, lines, drawn = _against(judged, reference, changed)
     console.say(*lines)
     if as_json:
         console.figures(found.summary())
@@ -94,34 +85,44 @@ def compare(
         raise typer.Exit(130)
 
 
-def _check_compared(judged: Path, reference: Path | None, changed: str | int | None) -> None:
-    """Refuse options that do not belong together; `changed` names one of a scene's."""
-    if judged.suffix == ".toml":
-        require(
-            reference is None,
-            f"{reference}: a scene is compared with elasticity; to compare its run with another "
-            f"result, run it first (kaju run {judged}), then compare its folder",
-        )
-        return
-    require(not changed, f"{changed}: belongs to a scene; {judged} is a result")
-    require(reference is not None, f"REFERENCE: is needed, to compare {judged} with")
-    first = f"run it first (kaju run {reference}), then compare its folder"
-    require(Path(reference or "").suffix != ".toml", f"{reference}: is a scene; {first}")
+Told = tuple[Any, Iterable[str], Callable[[Any], dict[str, Any]]]
+"""A comparison, its lines for people, and what draws it."""
 
 
-def _beside(scene: Scene, resolution: int | None, fit: int) -> RuleStudy:
+def _beside(
+    judged: Path, other: Path | None, settings: list[str] | None, resolution: int | None, fit: int
+) -> Told:
     """Set a scene's rule beside elasticity, as far as Ctrl-C lets it."""
     from kaju.model.study.rule_study import RuleStudy, beside_elasticity
+    from kaju.view.comparison import pictures_beside, words_beside
 
+    require(
+        other is None,
+        f"{other}: a scene is compared with elasticity; to compare its run with another "
+        f"result, run it first (kaju run {judged}), then compare its folder",
+    )
+    scene = scene_of(judged, settings)
     require(
         not scene.outlined,
         "body.regions: no rule runs within true outlines; compare two answers of kaju solve",
     )
     try:
-        return beside_elasticity(scene, resolution=resolution, evaluations=fit)
+        found = beside_elasticity(scene, resolution=resolution, evaluations=fit)
     except KeyboardInterrupt as stop:
-        best: RuleStudy = best_of(stop, RuleStudy)
-        return best
+        found = best_of(stop, RuleStudy)
+    return found, words_beside(found), pictures_beside
+
+
+def _against(judged: Path, reference: Path | None, changed: str | int | None) -> Told:
+    """Compare one result with another; `changed` names an option that belongs to a scene."""
+    from kaju.model.study.compare import compare, load_answer
+
+    require(not changed, f"{changed}: belongs to a scene; {judged} is a result")
+    require(reference is not None, f"REFERENCE: is needed, to compare {judged} with")
+    first = f"run it first (kaju run {reference}), then compare its folder"
+    require(Path(reference or "").suffix != ".toml", f"{reference}: is a scene; {first}")
+    found = compare(load_answer(judged), load_answer(reference or ""))
+    return found, _table(found), _error_maps
 
 
 def _table(found: Comparison) -> Iterator[str]:
@@ -260,12 +261,10 @@ def _draw(table: pandas.DataFrame, target: Path, measure: list[str] | None) -> l
     from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
     about = table.attrs["sweep"]
-    good = table[table["error"] == ""]
-    columns = measure or [
-        str(name) for name in table if name not in ("run", "error", *about["varied"])
-    ]
-    numbers = [name for name in columns if name in good and good[name].dtype.kind in "iuf"]
-    shown = next((name for name in numbers if good[name].nunique() > 1), None)
+    good = table[table["error"] == ""].drop(columns=["run", "error", *about["varied"]])
+    numbers = good.select_dtypes("number")
+    columns = [name for name in measure or numbers if name in numbers]
+    shown = next((str(name) for name in columns if numbers[name].nunique() > 1), None)
     if shown is None:
         return []
     written = [save(plot_effects(table, shown), target / "effects.png")]

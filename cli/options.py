@@ -19,11 +19,8 @@ if TYPE_CHECKING:
 
 def fraction(word: str) -> float:
     """Return a share, such as 0.05 or 5%."""
-    number, percent, rest = word.strip().partition("%")
     try:
-        if rest:
-            raise ValueError
-        return float(number) / (100.0 if percent else 1.0)
+        return float(word.strip().removesuffix("%")) / (100.0 if "%" in word else 1.0)
     except ValueError:
         raise typer.BadParameter(f"a share such as 0.01, or 1%, is needed, got {word!r}") from None
 

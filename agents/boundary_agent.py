@@ -71,10 +71,8 @@ class BoundaryAgent(PlacedAgent):
         )
 
     def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} at {self.index}: gave back {self.returned:g} N, "
-            f"since generation {self.spawn_step}>"
-        )
+        told = f"gave back {self.returned:g} N, since generation {self.spawn_step}"
+        return f"<{type(self).__name__} at {self.index}: {told}>"
 
 
 class FreeBoundaryAgent(BoundaryAgent):

@@ -7,7 +7,7 @@ to act on waits instead of ending, so that the agent can act again and again unt
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
@@ -16,12 +16,7 @@ from .boundary_agent import BoundaryAgent
 from .materials import Material
 from .parameter import is_number
 
-
-class Link(NamedTuple):
-    """To whom an agent hands which share: a face or support, or an air cell, by number."""
-
-    target: int
-    share: float
+Link = tuple[int, float]  # to whom an agent hands which share: a number, and a part of 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +30,8 @@ class Place:
     position: Floats  # middle of the face (m)
     materials: tuple[Material, ...]  # of the cells beside the face; empty for parents
     stiffness: float  # K (N/m): load that moves the face by 1 m while all others hold still
-    links: tuple[Link, ...]  # shares handed to other faces and to supports
-    open_to: tuple[Link, ...] = ()  # shares that air beside the face gives back
+    links: tuple[Link, ...]  # to other faces and to supports
+    open_to: tuple[Link, ...] = ()  # to air beside the face, which gives its shares back
 
 
 class FaceAgent(FixedAgent):

@@ -1,8 +1,4 @@
-"""By which rule an agent passes load on: which shares of a load it keeps and hands over.
-
-A `MaterialAgent` works by a `PrescribedRule`, or by any other `ShareRule`; a `FaceAgent` by an
-`ElasticRule` (`elastic_rule.py`), face by face where materials meet and at surfaces.
-"""
+"""By which rule a `MaterialAgent` passes load on; a `FaceAgent` works by an `ElasticRule`."""
 
 from __future__ import annotations
 
@@ -103,8 +99,7 @@ class PrescribedRule(Coefficients):
     def __post_init__(self) -> None:
         super().__post_init__()
         told = f"threshold: must be a load above 0 N, got {self.threshold}"
-        right = 0.0 < self.threshold < inf
-        require(right, f"{told}; without a threshold loads would be halved for ever")
+        require(0.0 < self.threshold < inf, f"{told}; without it loads would be halved for ever")
 
     def shares(self, material: Material, dimension: int) -> Shares:
         """Return what an agent of a material keeps and passes on; of it Poisson's ratio counts."""

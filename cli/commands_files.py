@@ -26,10 +26,8 @@ def check(
 ) -> None:
     """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
 
-    A scene with true outlines is solved roughly, and one of the elastic rule begun.
-
-    A stored result is read to its end, every array; and its books, forces
-    and energies must balance.
+    A scene with true outlines is solved roughly, and one of the elastic rule begun. A stored result
+    is read to its end, every array; and its books, forces and energies must balance.
     """
     if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
         _check_result(file, as_json)
@@ -53,10 +51,8 @@ def _check_result(file: Path, as_json: bool) -> None:
         typer.echo(f"{result.kind}: whole, as it was saved")
         for check in checks:
             verdict = "holds" if check.holds else "DOES NOT HOLD"
-            typer.echo(
-                f"{check.what}: {verdict}, off by {check.off:.1e} where {check.allowed:.0e} is "
-                "allowed"
-            )
+            off = f"off by {check.off:.1e} where {check.allowed:.0e} is allowed"
+            typer.echo(f"{check.what}: {verdict}, {off}")
     raise typer.Exit(0 if all(check.holds for check in checks) else 1)
 
 

@@ -13,25 +13,8 @@ import typer
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.stepping import NOTE
 
+from . import options
 from .console import Console, Folder
-from .options import (
-    Draw,
-    Drawn,
-    DrawNone,
-    Force,
-    Json,
-    Out,
-    Places,
-    Quiet,
-    Resolution,
-    SceneFile,
-    Settings,
-    best_of,
-    places_of,
-    scene_of,
-    share,
-    worked_plate,
-)
 
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
@@ -53,7 +36,7 @@ class Task(NamedTuple):
 def written(
     console: Console,
     target: Folder,
-    pictures: Drawn,
+    pictures: options.Drawn,
     compute: Callable[[], Result],
     page: str = "",
 ) -> Result:
@@ -66,7 +49,7 @@ def written(
     try:
         result = compute()
     except KeyboardInterrupt as stop:
-        best = best_of(stop, Result)
+        best = options.best_of(stop, Result)
         console.figures(best.summary())
         console.say(*target.write(best, "none"))
         typer.echo(f"{NOTE}; it is in {target.path}", err=True)
@@ -77,7 +60,7 @@ def written(
         raise
     console.figures(result.summary())
     console.say(*target.write(result, pictures))
-    if pictures is not Drawn.none:
+    if pictures is not options.Drawn.none:
         console.say(f"look first at {target.path / (page or f'{result.pictures[0]}.png')}")
     return result
 
@@ -90,19 +73,19 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
 
     def verb(do: Callable[..., Result]) -> Callable[..., None]:
         def command(
-            scene: SceneFile,
-            out: Out = None,
-            settings: Settings = None,
-            pictures: Draw = Drawn.one,
-            no_pictures: DrawNone = False,
-            force: Force = False,
-            as_json: Json = False,
-            quiet: Quiet = False,
+            scene: options.SceneFile,
+            out: options.Out = None,
+            settings: options.Settings = None,
+            pictures: options.Draw = options.Drawn.one,
+            no_pictures: options.DrawNone = False,
+            force: options.Force = False,
+            as_json: options.Json = False,
+            quiet: options.Quiet = False,
             **own: Any,
         ) -> None:
-            task = Task(scene, scene_of(scene, settings), Console(as_json, quiet))
+            task = Task(scene, options.scene_of(scene, settings), Console(as_json, quiet))
             folder = out or Path(f"{'scene' if scene.stem == '-' else scene.stem}-{ending}")
-            drawn = Drawn.none if no_pictures else pictures
+            drawn = options.Drawn.none if no_pictures else pictures
             written(task.console, Folder(folder, force), drawn, lambda: do(task, **own))
 
         # Typer reads the options of all and the verb's own from one signature.
@@ -121,12 +104,12 @@ LOW = {"body.size": [0.2, 0.05], "body.cells": [20, 5], "loads.0.cell": [10, 4]}
 
 
 def demo(
-    out: Out = None,
-    pictures: Draw = Drawn.one,
-    no_pictures: DrawNone = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    out: options.Out = None,
+    pictures: options.Draw = options.Drawn.one,
+    no_pictures: options.DrawNone = False,
+    force: options.Force = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Run the worked example: a steel plate pressed at one cell of its top edge.
 
@@ -137,12 +120,12 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
-    drawn = Drawn.none if no_pictures else pictures
-    scene = Scene.from_toml(worked_plate())
+    drawn = options.Drawn.none if no_pictures else pictures
+    scene = Scene.from_toml(options.worked_plate())
     place = Folder(folder, force)
     name = "plate.html"
     result = written(console, place, drawn, lambda: _run_agents(scene, console), name)
-    if drawn is not Drawn.none:
+    if drawn is not options.Drawn.none:
         from kaju.view import animate
         from kaju.view.page import export_page
 
@@ -159,7 +142,7 @@ def run(
     allow_unstable: Annotated[
         bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
     ] = False,
-    resolution: Resolution = None,
+    resolution: options.Resolution = None,
 ) -> Any:
     """Let the agents of a scene act, by its rule, until no load moves any more.
 
@@ -201,11 +184,11 @@ def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) ->
 @of_a_scene("solved")
 def solve(
     task: Task,
-    resolution: Resolution = None,
+    resolution: options.Resolution = None,
     tolerance: Annotated[
-        float | None, share("Relative error in the energy norm to keep; 0.01 or 1%.")
+        float | None, options.share("Relative error in the energy norm to keep; 0.01 or 1%.")
     ] = None,
-    at: Places = None,
+    at: options.Places = None,
 ) -> Any:
     """Solve a scene as linear elasticity, whatever its rule.
 
@@ -214,7 +197,8 @@ def solve(
     """
     from kaju.model.study.solving import solve as solve_scene
 
-    found: Result = solve_scene(task.scene, tolerance, resolution=resolution, goal=places_of(at))
+    goal = options.places_of(at)
+    found: Result = solve_scene(task.scene, tolerance, resolution=resolution, goal=goal)
     task.console.say("solved as linear elasticity")
     return found
 
@@ -278,7 +262,9 @@ def break_(
         Measure | None,
         typer.Option(help="What is exceeded: force of springs, stress of cells unless given."),
     ] = None,
-    scatter: Annotated[float | None, share("How far strengths scatter; 0.1 unless given.")] = None,
+    scatter: Annotated[
+        float | None, options.share("How far strengths scatter; 0.1 unless given.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the strengths.")] = 0,
     most: Annotated[int | None, typer.Option(min=1, help="End after so many breaks.")] = None,
 ) -> Any:
@@ -292,8 +278,7 @@ def break_(
 
     how: dict[str, Any] = {"measure": measure and measure.value}
     how["scatter"] = 0.1 if scatter is None else scatter
-    broken = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how)
-    result = broken.run()
+    result = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how).run()
     task.console.say(f"{result.parts}s of the body break: {result.outcome}")
     return result
 
@@ -306,7 +291,7 @@ def grow(
     ] = GrowthRule.compliance,
     volume: Annotated[
         float | None,
-        share(
+        options.share(
             "Share of the body that is filled: at first, and by compliance throughout; 50% unless "
             "given."
         ),

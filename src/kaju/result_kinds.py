@@ -17,7 +17,6 @@ _FIELDS = {
 _SCENE = {"scene": "view.plots:plot_scene_of"}
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
-_MOTION = "view.motion"
 NOTEBOOK = "view.page.export:html_of"
 """The function that returns what a notebook shows of a model or a result."""
 
@@ -48,7 +47,7 @@ KINDS = {
         },
         films={"generations": "view.agents:GENERATIONS", "stages": "view.deformed:STAGES"},
         meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
-        page=f"{_MOTION}:generations",
+        page="view.motion:generations",
     ),
     "elastic": Kind(
         "model.elastic.elastic_result:ElasticResult",
@@ -65,7 +64,7 @@ KINDS = {
             "gaps": "view.quadtree:GAPS",
         },
         meshes={"loading": "view.motion:loaded"},
-        page=f"{_MOTION}:elastic_answer",
+        page="view.motion:elastic_answer",
     ),
     "elastic agents": Kind(
         "model.elastic.relaxation.elastic_run:ElasticRun",
@@ -79,7 +78,7 @@ KINDS = {
             **_SCENE,
         },
         films={"waves": "view.face_agents:WAVES"},
-        page=f"{_MOTION}:elastic_agents",
+        page="view.motion:elastic_agents",
     ),
     "elasticity in pieces": Kind("model.scale.pieces:PiecedResult", _SCENE),  # ParaView draws it
     "spring network": Kind(
@@ -89,8 +88,8 @@ KINDS = {
             "response": "view.charts:plot_curves",
         },
         films={"increments": "view.network_plots:INCREMENTS"},
-        meshes={"increments": f"{_MOTION}:network"},
-        page=f"{_MOTION}:network",
+        meshes={"increments": "view.motion:network"},
+        page="view.motion:network",
     ),
     "fracture": Kind(
         "model.fracture.fracture_result:FractureResult",
@@ -100,7 +99,7 @@ KINDS = {
             "avalanches": "view.fracture_plots:plot_avalanches",
         },
         films={"breaks": "view.fracture_plots:BREAKS"},
-        page=f"{_MOTION}:breaks",
+        page="view.motion:breaks",
     ),
     "growth": Kind(
         "model.growth.growth_result:GrowthResult",
@@ -109,28 +108,28 @@ KINDS = {
             "history": "view.charts:plot_curves",
         },
         films={"steps": "view.fracture_plots:STEPS"},
-        page=f"{_MOTION}:growth_steps",
+        page="view.motion:growth_steps",
     ),
     "element in time": Kind(
         "model.rheology.creep_result:CreepResult",
         pictures=_CREPT,
         films={"times": "view.charts:IN_TIME"},
-        page=f"{_MOTION}:element",
+        page="view.motion:element",
     ),
     "network in time": Kind(
         "model.rheology.creeping_network:NetworkCreepResult",
         pictures=_CREPT | {"deformed": "view.network_plots:plot_network"},
         films=_IN_TIME | {"times": "view.network_plots:TIMES"},
-        meshes={"times": f"{_MOTION}:network_in_time"},
-        page=f"{_MOTION}:network_in_time",
+        meshes={"times": "view.motion:network_in_time"},
+        page="view.motion:network_in_time",
     ),
 } | {
     name: Kind(
         result,
         pictures=_CREPT | {"deformed": "view.deformed:plot_body_in_time"} | _SCENE,
         films=_IN_TIME,
-        meshes={"times": f"{_MOTION}:body_in_time"},
-        page=f"{_MOTION}:body_in_time",
+        meshes={"times": "view.motion:body_in_time"},
+        page="view.motion:body_in_time",
     )
     for name, result in (
         ("load transfer in time", "model.rheology.creeping_elements:TransferCreepResult"),

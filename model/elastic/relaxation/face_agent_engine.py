@@ -82,7 +82,7 @@ class AgentPushEngine(PushEngine):
             if not measured[number] > self.state.threshold:
                 return
             agent = self._push(0, number)
-            for face in (number, *(link.target for link in agent.place.links)):
+            for face in (number, *dict(agent.place.links)):
                 if face < len(measured):
                     measured[face] = abs(faces.left[face]) * faces.weight[face]
 
@@ -130,9 +130,9 @@ class AgentPushEngine(PushEngine):
             agents[number] = self.face_agent(self.model, cell, place, faces)
             self.guard.check_begun(agents[number], place.index)
             faces.spawn_step[number] = agents[number].spawn_step
-            for link in place.links:
-                if link.target in agents:
-                    self.space.add_connection(cell, agents[link.target].cell)
+            for target, _ in place.links:
+                if target in agents:
+                    self.space.add_connection(cell, agents[target].cell)
         return agents[number]
 
     def boundary_agent(self, number: int) -> FreeBoundaryAgent:
@@ -189,4 +189,4 @@ class AgentPushEngine(PushEngine):
 def _row(matrix: sp.csr_array, number: int) -> tuple[Link, ...]:
     """Return one row of a sparse array as links."""
     row = slice(matrix.indptr[number], matrix.indptr[number + 1])
-    return tuple(map(Link, matrix.indices[row].tolist(), matrix.data[row].tolist()))
+    return tuple(zip(matrix.indices[row].tolist(), matrix.data[row].tolist(), strict=True))

@@ -413,12 +413,22 @@ def test_stresses_keep_their_digits(number: int) -> None:
 @pytest.mark.parametrize("at", ["right", {"box": [[0.02, 0.0], [0.1, 0.05]]}])
 def test_means_are_of_what_outlines_leave_of_a_place(at: Any) -> None:
     box = {"box": [[0.03, 0.03], [0.13, 0.13]], "material": "air"}
-    whole = plate().replace(sides={"left": "rigid"})
+    body = {"size": [0.1, 0.1], "cells": [10, 10], "material": "steel"}
     cells, outlined = (
-        kaju.solve(
-            whole.replace(body={"size": [0.1, 0.1], "cells": [10, 10], "material": "steel"} | more),
-            tolerance=0.005,
-        ).value_of(at)
-        for more in ({"regions": [box]}, {"regions": [box | {"outline": "true"}]})
+        plate().replace(sides={"left": "rigid"}, body=body | {"regions": [one]})
+        for one in (box, box | {"outline": "true"})
     )
-    np.testing.assert_allclose(outlined, cells, rtol=0.01)
+    told = (kaju.solve(scene, tolerance=0.005).value_of(at) for scene in (cells, outlined))
+    np.testing.assert_allclose(*told, rtol=0.01)
+
+
+def test_a_roller_bears_a_pushed_hole_on_either_side() -> None:
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "steel"}
+    energies = []
+    for x, side in ((0.04, "left"), (0.06, "right")):
+        scene = plate(loads=[{"outline": "hole", "force": [0.0, -500.0]}])
+        scene = scene.replace(body=body | {"regions": [disk(x, 0.05, 0.02, "air", "hole")]})
+        answer = kaju.solve(scene.replace(sides={"bottom": "rigid", side: "roller"}), 0.05)
+        assert answer.reactions["bottom"][1] == pytest.approx(500.0)
+        energies.append(answer.strain_energy)
+    assert energies[0] == pytest.approx(energies[1], rel=0.002)

@@ -235,9 +235,9 @@ def test_true_error_is_what_was_asked_for(name, tolerance):
     kept = "proved" if name in PLANE else result.tolerance_kept
     assert result.tolerance_kept == kept
     assert kept == "proved" or estimate <= tolerance
-    # The estimate of few agents is less sure, above all where foam is beside steel; what the bounds
-    # take in the plane does not depend on it.
-    assert 0.5 < estimate / error < (10.0 if name == "blotched" else 4.0)
+    # In the plane the middle of both bounds may lie near to the truth by chance.
+    assert 0.5 * error < estimate
+    assert kept == "proved" or estimate < 4.0 * error
     assert error < 1.6 * max(tolerance, estimate)
     if kept == "proved":
         lower, upper = result.energy_bounds

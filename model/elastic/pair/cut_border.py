@@ -212,12 +212,16 @@ class Known:
         ties, known = [], []
         for k, arc in enumerate(slips, 3 * len(free)):
             slope = 1 + int(np.flatnonzero(border.held[arc[0]])[0])
-            vertices = np.unique(border.ends[arc])
-            for vertex in vertices[owner[vertices, slope] >= 0].tolist():
-                ties.append((k, owner[vertex, slope]))
-                known.append(self.value[3 * vertex + slope])
-            own = vertices[owner[vertices, slope] < 0]
-            owner[own, slope] = k
+            vertices = np.append(border.ends[arc, 0], border.ends[arc[-1], 1])
+            at, off = mesh.place[vertices], np.zeros(len(vertices))
+            for ray in self.rays:
+                passed = np.append(0, np.cumsum(ray.passed(at[:-1], at[1:])))
+                off -= passed * ray.growth[slope]
+            tied = owner[vertices, slope] >= 0
+            ties += [(k, one) for one in owner[vertices[tied], slope].tolist()]
+            known += (self.value[3 * vertices + slope] - off)[tied].tolist()
+            own = vertices[~tied]
+            self.value[3 * own + slope] = off[~tied]
             self._columns.append((3 * own + slope, np.full(len(own), k), 1.0))
             self.fixed[3 * own + slope] = self.fixed[3 * len(mesh.place) + border.edge[arc]] = True
         # constants that are tied are one, but for what is known

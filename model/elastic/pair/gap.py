@@ -71,7 +71,7 @@ def bounds_of(cases: Floats, gap: float, rest: float, locks: bool = False) -> Bo
         # One opinion knows next to nothing: that which balances, or that which fits if it locks.
         better, other = (lower + upper - fits, fits) if locks else (fits, lower + upper - fits)
         energy = better if better > 0.0 else other
-    rounding = max(miss, 1e-15 * whole)
+    rounding = max(miss, 1e-14 * whole)
     lower, upper = lower - rounding, upper + rounding
     lower = max(sqrt(max(lower, 0.0)) - sqrt(0.5) * rest, 0.0) ** 2
     upper = (sqrt(max(upper, 0.0)) + sqrt(0.5) * rest) ** 2

@@ -30,11 +30,5 @@ EXACT_PROBLEMS = (
 )
 """Problems whose solution the grid represents exactly."""
 
-CONVERGING_PROBLEMS = (
-    TimoshenkoCantilever,
-    StripLoad,
-    Kirsch,
-    Lame,
-    LCorner,
-)
+CONVERGING_PROBLEMS = (TimoshenkoCantilever, StripLoad, Kirsch, Lame, LCorner)
 """Problems whose error falls with the cell size."""

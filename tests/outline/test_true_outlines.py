@@ -424,9 +424,8 @@ def test_means_are_of_what_outlines_leave_of_a_place(at: Any) -> None:
 
 def test_a_roller_bears_a_pushed_hole_on_either_side() -> None:
     body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "steel"}
-    energies = []
+    scene, energies = plate(loads=[{"outline": "hole", "force": [0.0, -500.0]}]), []
     for x, side in ((0.04, "left"), (0.06, "right")):
-        scene = plate(loads=[{"outline": "hole", "force": [0.0, -500.0]}])
         scene = scene.replace(body=body | {"regions": [disk(x, 0.05, 0.02, "air", "hole")]})
         answer = kaju.solve(scene.replace(sides={"bottom": "rigid", side: "roller"}), 0.05)
         assert answer.reactions["bottom"][1] == pytest.approx(500.0)

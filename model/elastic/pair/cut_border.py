@@ -213,9 +213,9 @@ class Known:
         for k, arc in enumerate(slips, 3 * len(free)):
             slope = 1 + int(np.flatnonzero(border.held[arc[0]])[0])
             vertices = np.append(border.ends[arc, 0], border.ends[arc[-1], 1])
-            at, off = mesh.place[vertices], np.zeros(len(vertices))
+            place, off = mesh.place[vertices], np.zeros(len(vertices))
             for ray in self.rays:
-                passed = np.append(0, np.cumsum(ray.passed(at[:-1], at[1:])))
+                passed = np.append(0, np.cumsum(ray.passed(place[:-1], place[1:])))
                 off -= passed * ray.growth[slope]
             tied = owner[vertices, slope] >= 0
             ties += [(k, one) for one in owner[vertices[tied], slope].tolist()]

@@ -42,6 +42,7 @@ EngineName = Literal["auto", "agents", "arrays"]
 MOST_CELLS_FOR_AGENTS = 5_000  # Up to so many cells agents are objects with the engine "auto"
 ROUGH = 1e4  # Contrast of moduli from which on the error estimate is not to be relied on
 MOST_GROWTH = 1e12  # A run whose largest load exceeds that of the start by this factor is stopped
+MOST_IDLE = 100  # Steps in which no agent takes a load; agents of your own may refuse by chance
 
 
 class ElasticModel(SteppedModel):
@@ -219,6 +220,7 @@ class ElasticModel(SteppedModel):
     def step(self) -> None:
         """Let one wave pass, one agent act, or the agents of one level take turns."""
         began = perf_counter()
+        self.engine.idle += 1
         self.visit = next(self._order)
         self.state.generation += 1
         self.state.note_supports()
@@ -263,6 +265,11 @@ class ElasticModel(SteppedModel):
             return (
                 f"stopped after {count} {unit}: the largest load has grown to "
                 f"{self._loudest / self._loudest_at_start:.0e} times that of the start"
+            )
+        if self.engine.idle >= MOST_IDLE:
+            return (
+                f"stopped after {count} {unit}: loads above the threshold wait, and no agent has "
+                f"taken any for {MOST_IDLE} steps"
             )
         if self.generation >= self.max_steps:
             return f"stopped after max_steps = {self.max_steps} with loads above the threshold"

@@ -105,7 +105,10 @@ class AgentPushEngine(PushEngine):
 
     def _act(self, agent: FaceAgent, load: float) -> None:
         """Let an agent act; what it leaves must be numbers."""
+        before = agent.left, agent.displacement
         agent.act(load)
+        if (agent.left, agent.displacement) != before:
+            self.idle = 0
         if self.own and not (isfinite(agent.left) and isfinite(agent.displacement)):
             what = f"has left {agent.left} N and moved by {agent.displacement} m"
             raise self.guard.wrong(agent, "take", what)

@@ -49,6 +49,7 @@ class ArrayPushEngine(PushEngine):
         """Do nothing: only objects are woken."""
 
     def _book(self, pushes: int, released: float) -> None:
+        self.idle = 0 if pushes else self.idle
         self.state.pushes += pushes
         self.state.energy -= released
 

@@ -126,6 +126,7 @@ class PushEngine(ABC):
     def reset(self) -> None:
         """Put the loads on the body, before any agent has yielded."""
         self.state = PushState(self.table)
+        self.idle = 0  # Steps since an agent last took a load
 
     @abstractmethod
     def relax_together(self, level: int, acting: Ints, loads: Floats) -> None:

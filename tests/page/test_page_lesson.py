@@ -192,20 +192,21 @@ def test_a_click_opens_the_cell_and_a_slider_moves_its_arrows(shown):
     page = shown(Scene(**PLATE))
     page.click((10, 18))
     page.js("(page.seek(4), page.draw())")
-    rows = page.tab.locator(".cards table").first.locator("tr").all_inner_texts()
-    assert rows[1].split("\t") == ["↓", "1 N", "1", "(10, 19): woke it"]
+    row = page.tab.locator(".cards table").first.locator("tr").nth(1).inner_text()
+    assert row.split("\t") == ["↓", "1 N", "1", "(10, 19): woke it"]
     assert "from neighbours it woke\t325 mN" in page.text(".cards")
     assert "1 N in, 1.15 N out" in page.text(".cards")
+    assert page.text(".cards").startswith("In all it took 1.45 N, kept 725 mN")
     field = page.tab.get_by_role("textbox", name="α₂ passed ahead")
     field.fill("0,4")
     field.press("Enter")
-    page.until("!page.due && page.drawn")
-    page.js("page.draw()")
+    page.until("!page.due && (page.draw(), page.drawn)")
     assert "α₂P\t320 mN" in page.text(".cards")  # 0.8 N come in, 0.32 go ahead
     page.tab.keyboard.press("Escape")
     page.tab.locator("canvas").first.focus()
     page.tab.keyboard.press("Escape")
     assert page.js("page.look.mode") == "body"
+    assert page.js("(page.touch([10, 18]), page.load(page.start), page.look.mode)") == "body"
 
 
 # -------------------------------------------------------------------------------- direct loads

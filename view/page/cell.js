@@ -85,7 +85,7 @@ const newtons = (load) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "
 
 MODES.push({
   name: "cell", alone: true,
-  offered: (page) => page.run.lattice?.dimension === 2 && Boolean(page.run.taken) && page.look.mode !== "guess" && (page.touchable || page.kind === "recorded") && page.limit > 0,
+  offered: (page) => page.picked >= 0 && page.run.lattice?.dimension === 2 && Boolean(page.run.taken) && page.look.mode !== "guess" && (page.touchable || page.kind === "recorded") && page.limit > 0,
   tools(page) {
     const { t } = page, { taken, at } = page.picked >= 0 ? studied(page) : { taken: [] };
     const turn = (by) => { page.study = { ...page.study, at: (at + by + taken.length) % taken.length, row: taken[(at + by + taken.length) % taken.length] }; page.refresh(); };
@@ -136,10 +136,10 @@ function cellCards(page) {
   const line = (word, value) => make("tr", {}, ...cells(word, newtons(value)));
   const edge = sum((r) => r.from >= 0 && run.kinds[r.from] < 0);
   const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
-  return [card(t("cameIn", { g, c: cellName(L, k) }), table),
+  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) : "" })),
+    card(t("cameIn", { g, c: cellName(L, k) }), table),
     card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t("keeps"), "α₁P", newtons(own))), ...parts)),
-    card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))),
-    make("p", { className: "soft", textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) : "" }), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
+    card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
 }
 
 // -------------------------------------------------------------------------------- the picture

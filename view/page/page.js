@@ -125,10 +125,10 @@ export class Page {
   load({ scene, cells, stage, look, generation }) {
     this.scene = structuredClone(scene); this.cells = (cells ?? this.start.cells).slice(); this.stage = stage ?? scene.stages;
     this.factor = 1; this.picked = -1; this.material = "";
+    if (this.look.mode === "cell") this.look.mode = this.lesson?.home ?? "body";   // that cell is of another body
     if (look) Object.assign(this.look, look);
-    const first = scene === this.start.scene;
     this.change(() => {});
-    this.changed = !first;
+    this.changed = scene !== this.start.scene;
     this.renew(generation ?? (this.lesson ? 0 : Infinity));
     this.rebuild();
   }

@@ -359,7 +359,7 @@ def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str
         if other != which and not keep_apart(regions[which].arcs, beside.arcs):
             raise SceneError(
                 f"{what} meets the outline of regions.{other}; a {borne} needs an outline "
-                "that meets no other: draw both as one path"
+                "that meets no other: keep them apart, or draw both as one path"
             )
 
 

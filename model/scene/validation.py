@@ -59,7 +59,7 @@ _SAME = {
     **{"nu": "poissons_ratio", "poisson": "poissons_ratio", "rho": "density"},
     **{"diameter": "radius", "r": "radius", "center": "centre"},
     **{"f": "force", "p": "pressure", "dx": "cell_size", "h": "cell_size", "t": "thickness"},
-    **{"moment": "couple", "torque": "couple"},
+    **{"moment": "couple", "torque": "couple", "circle": "disk"},
 }
 """What others call a key."""
 

@@ -226,6 +226,7 @@ def test_whatever_is_given_ends_in_a_scene_or_in_a_named_error(place, value):
         ({"loads": {"side": "top", "force": [0.0, -1.0]}}, "write [[loads]], with two brackets"),
         ({"body": {"material": "Steel S235"}}, 'describe it under [materials."Steel S235"]'),
         ({"body": {"regions": [{"disk": {"centre": [0, 0], "diameter": 1}}]}}, "mean 'radius'?"),
+        ({"body": {"regions": [{"circle": {}}]}}, "did you mean 'disk'?"),
     ],
 )
 def test_words_of_other_programs_are_told_ours(table, words):

@@ -55,6 +55,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress, ...]:
     if goal is None:
         return ()
     named = [region.name for region in scene.body.regions if region.name is not None]
+    besides = "value_of of the answer gives means over boxes and deflections of sides, unproved"
     one = goal[0] if isinstance(goal, list) and goal else goal
     if isinstance(one, str) and goal in (one, [one]):
         goal = Stress(one, HOOP)
@@ -63,14 +64,14 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress, ...]:
         raise ParameterError(
             "goal: within true outlines a tolerance is about the energy norm, or about the "
             f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), got '
-            f"{goal!r}; outlines are {', '.join(named) or 'without names'}"
+            f"{goal!r}; outlines are {', '.join(named) or 'without names'}; {besides}"
         )
     at = asked[0].at
     if at not in named:
         near = suggestion(at, named) if isinstance(at, str) else ""
         raise ParameterError(
             f"goal: there is no true outline {at!r}{near}; there is "
-            f"{', '.join(named) or 'none with a name'}"
+            f"{', '.join(named) or 'none with a name'}; {besides}"
         )
     return (asked[0],)
 
@@ -211,8 +212,9 @@ class _Peak:
             axis, upper = SIDES[side]
             if len(axes) > 1 and (ends[..., axis] == upper * problem.shape[axis]).any():
                 raise SingularPlaceError(
-                    f"{no_limit} meets the rigid side {side!r}; let that be a roller, or draw "
-                    "the fillet or hole that is meant as a region of air with a name of its own"
+                    f"{no_limit} meets the rigid side {side!r}; let that be a roller, or let the "
+                    "fillet or hole that is meant be a named region of air that meets neither this "
+                    "side nor other outlines, or give no goal"
                 )
 
     def judge(self, pair: CutPair) -> Judged:

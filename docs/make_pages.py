@@ -90,6 +90,7 @@ def _page_field(
     return {
         "label": label,
         "unit": unit["en"] if len(set(unit.values())) == 1 else "",
+        "read_in": unit,
         "answer": round(value, 6),
         "tolerance": tolerance,
         "look": label,

@@ -165,6 +165,8 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page = opened(shorter, language="de-DE")  # it opens at its end, where it is asked for
     assert page.text("h1") == "Ein halb so langer Schnitt · Wie Dinge brechen"
     assert page.js("[page.lesson.step, page.g === page.run.generation]") == ["explain", True]
+    page.js("(page.lesson.answers.warning = ['2 cm'], page.lesson.open(3))")
+    assert "bitte in Federn" in page.text("aside .flow")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
     page.js("page.lesson.open(1)")
     assert "Every load ends" in page.text(".verdict")

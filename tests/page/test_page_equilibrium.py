@@ -53,8 +53,7 @@ def test_both_ways_of_looking_are_open_to_everybody(opened, scene, tmp_path, dar
     page = opened(path, width=768, dark=dark, language="de-DE")
     for mode in ("twin", "cuts"):
         page.js(f"page.setMode('{mode}')")
-        page.until("page.elastic.answer")
-        page.js("page.draw()")
+        page.until("page.elastic.answer && (page.draw(), page.drawn)")
         page.check_open_to_everybody(768)
 
 

@@ -278,11 +278,11 @@ function textCard(lesson, q, i) {
 }
 
 function numberCard(lesson, q, field, i) {
-  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", verdict = make("small", { role: "status" });
+  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
     const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v);
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : q.step === "predict" ? "" : right ? t("correct") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(/\d/.test(text) && asked ? "notIn" : "noNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };

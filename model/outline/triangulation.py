@@ -15,10 +15,10 @@ NEAR = 3e-9  # points nearer than this (in edges of the first agents) are one, o
 SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
-def grouped(of: Ints, points: Floats, whose: Ints, lines: Floats) -> list[tuple[Ints, Ints, Flags]]:
+def grouped(of: Ints, whose: Ints) -> list[tuple[Ints, Ints, Flags]]:
     """Return squares with equally many points: rows of these, and of the lines, where there are.
 
-    Points and lines are in the order of their squares.
+    `of` and `whose` are the squares of points and of lines, which are in the order of these.
     """
     square, first, count = np.unique(of, return_index=True, return_counts=True)
     begin, end = (np.searchsorted(whose, square, side) for side in ("left", "right"))
@@ -41,7 +41,7 @@ def triangles(of: Ints, points: Floats, whose: Ints, lines: Floats) -> Ints:
     Of lines what lies between points are sides; all other sides are as short as may be.
     """
     found = [np.empty((0, 3), dtype=np.int64)]
-    for point, line, there in grouped(of, points, whose, lines):
+    for point, line, there in grouped(of, whose):
         row, three = _between(points[point], lines[line], there)
         found.append(point[row[:, None], three])
     return np.concatenate(found)
@@ -93,8 +93,7 @@ def unified(of: Ints, points: Floats, low: Floats, high: Floats) -> tuple[Ints, 
     for end in (low, high):
         points = np.where(np.abs(points - end) <= NEAR, end, points)
     kept = np.ones(len(points), dtype=np.bool_)
-    nothing = np.empty(0, dtype=np.int64), np.empty((0, 2, 2))
-    for point, _, _ in grouped(of, points, *nothing):
+    for point, _, _ in grouped(of, of[:0]):
         at = points[point]
         near = (np.abs(at[:, :, None] - at[:, None]) <= NEAR).all(axis=3)
         kept[point] = near.argmax(axis=2) == np.arange(point.shape[1])

@@ -122,6 +122,10 @@ class Ray:
         x = x0 + (self.start[1] - y0) / height * (x1 - x0)
         return np.where(x > self.start[0], up, 0)
 
+    def times(self, way: Floats) -> Ints:
+        """Return how often a way through points, (n, 2), has crossed the ray up to each."""
+        return np.append(0, np.cumsum(self.passed(way[:-1], way[1:])))
+
     def at(self, points: Floats) -> Floats:
         """Return by how much φ and its slopes grow at points, shape (n, 3)."""
         value, slope = self.growth[0], self.growth[1:]
@@ -186,8 +190,7 @@ class Known:
         for arc, vertices, field in walks:
             at = mesh.place[vertices]
             for ray in self.rays:
-                passed = np.append(0, np.cumsum(ray.passed(at[:-1], at[1:])))
-                field = field - passed[:, None] * ray.at(at)
+                field = field - ray.times(at)[:, None] * ray.at(at)
             if vertices[0] == vertices[-1] and np.abs(field[-1]).max() > BALANCED * self._size:
                 raise UnlikeError("a part of the body that bears loads hangs on nothing")
             unknown = 3 * vertices[::-1, None] + [0, 1, 2]
@@ -215,8 +218,7 @@ class Known:
             vertices = np.append(border.ends[arc, 0], border.ends[arc[-1], 1])
             place, off = mesh.place[vertices], np.zeros(len(vertices))
             for ray in self.rays:
-                passed = np.append(0, np.cumsum(ray.passed(place[:-1], place[1:])))
-                off -= passed * ray.growth[slope]
+                off -= ray.times(place) * ray.growth[slope]
             tied = owner[vertices, slope] >= 0
             ties += [(k, one) for one in owner[vertices[tied], slope].tolist()]
             known += (self.value[3 * vertices + slope] - off)[tied].tolist()

@@ -550,15 +550,10 @@ class ElasticResult(BodyResult):
         units, along = self.found.scales, known[name]
         return units.length * along.place, units.stress * along.moved
 
-    def _hoop(self) -> dict[str, float]:
-        """Return the largest hoop stress (Pa) along each named true outline in the plane."""
-        known = self.found.along if isinstance(self.found, CutAgents) else {}
-        stresses = {name: self.outline_stress(name)[1] for name in known}
-        return {
-            name: float(stress[np.abs(stress).argmax()])
-            for name, stress in stresses.items()
-            if len(stress)
-        }
+    def _hoop(self, name: str) -> float | None:
+        """Return the largest hoop stress (Pa) along an outline, None where nothing ends."""
+        stress = self.outline_stress(name)[1]
+        return float(stress[np.abs(stress).argmax()]) if len(stress) else None
 
     @property
     def max_displacement(self) -> float:
@@ -616,12 +611,12 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         if isinstance(asked, Stress) and asked.component == HOOP:
-            if not len(stress := self.outline_stress(str(asked.at))[1]):
+            if (largest := self._hoop(str(asked.at))) is None:
                 raise ResultError(
                     f"value_of: along {asked.at!r} the body does not end, and no two materials "
                     "meet, so nothing is known there; ask for the stress at a point"
                 )
-            return float(stress[np.abs(stress).argmax()])
+            return largest
         if not self.scene.outlined:
             refuse_singular(self.scene, asked, "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
@@ -644,7 +639,8 @@ class ElasticResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        size = self.size
+        size, named = self.size, self.found.along if isinstance(self.found, CutAgents) else ()
+        hoop = {name: most for name in named if (most := self._hoop(name)) is not None}
         figures: dict[str, Any] = {
             "rule": "elastic",
             "plane": self.scene.plane,
@@ -658,7 +654,7 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": self.largest_stress.value,
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
-            "largest_hoop_stress_Pa": self._hoop() or None,
+            "largest_hoop_stress_Pa": hoop or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "method": self.found.solution.method,
             "iterations": self.iterations,

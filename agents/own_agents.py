@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from dis import get_instructions
 from inspect import signature
 from itertools import islice
 from operator import index
@@ -80,16 +79,14 @@ def _own_names(agent: type, base: type) -> dict[str, Any]:
 
 
 def _check_names(name: str, agent: type, base: type) -> None:
-    """Refuse what is called as every agent's own, and Parameters and States that are not kept."""
-    has = {*dir(base)}
-    for begin in (vars(each).get("__init__") for each in base.__mro__):
-        steps = get_instructions(begin) if isinstance(begin, FunctionType) else ()
-        has |= {step.argval for step in steps if step.opname == "STORE_ATTR"}
+    """Refuse names that the base uses itself, and Parameters and States that are not kept."""
+    begins = [vars(one).get("__init__") for one in base.__mro__]
+    used = {*dir(base)}.union(*(f.__code__.co_names for f in begins if isinstance(f, FunctionType)))
     for key, value in _own_names(agent, base).items():
         plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
-        hides = key in has if isinstance(value, Declaration) else plain
-        told = f"{key}: every {base.__name__} has it already; give that of {agent.__name__} another"
-        require(not hides, f"{told} name")
+        hides = key in used if isinstance(value, Declaration) else plain
+        told = f"{key}: {base.__name__} uses this name; take another in {agent.__name__}"
+        require(not hides, told)
     told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
     fits = base is MaterialAgent or not declared([agent], State)
     require(fits, f"{told} plain attribute, seen in model.agents")

@@ -11,6 +11,7 @@ from typing import Any
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
+from kaju.errors import brief
 
 from .boundary_agent import BoundaryAgent
 from .materials import Material
@@ -77,7 +78,7 @@ class FaceAgent(FixedAgent):
         """Take a load (N) and pass it on, when the order of work asks for it."""
         wrong, load = self.model.engine.guard.wrong, self.due(asked)
         if not is_number(load):
-            raise wrong(self, "due", f"must return a load (N), got {load!r:.60}")
+            raise wrong(self, "due", f"must return a load (N), got {brief(load)}")
         self.take(load)
         if self.pass_on(load) is not None:  # type: ignore[func-returns-value]
             raise wrong(self, "pass_on", "must return nothing: self.model.hand_over hands over")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from inspect import signature
+from dis import get_instructions
+from inspect import signature, unwrap
 from itertools import islice
 from operator import index
 from types import FunctionType
 from typing import Any
 
-from kaju.errors import AgentError, ParameterError, require, suggestion
+from kaju.errors import AgentError, ParameterError, brief, require, suggestion
 
 from .boundary_agent import BOUNDARIES, BoundaryAgent
 from .face_agent import FaceAgent
@@ -38,7 +39,7 @@ def own_classes(
     """Return the classes of agents that a model is given; refuse what it cannot use."""
     check_class("material_agent", material_agent, MaterialAgent)
     rule = 'boundary_agents: must be a mapping such as {"rigid": MyWall}'
-    require(isinstance(boundary_agents, Mapping | None), f"{rule}, got {boundary_agents!r:.80}")
+    require(isinstance(boundary_agents, Mapping | None), f"{rule}, got {brief(boundary_agents)}")
     for name, agent in (boundary_agents or {}).items():
         require(
             name in BOUNDARIES,
@@ -57,19 +58,33 @@ def check_class(name: str, agent: object, base: type) -> None:
     usual = BOUNDARIES["rigid"] if base is BoundaryAgent else base
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(
-            f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write `class "
+            f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}; write `class "
             f"Mine(kaju.{usual.__name__})` and give the class itself"
         )
     _check_hooks(name, agent, base)
     _check_names(name, agent, base)
-    start, own = tuple(signature(base).parameters), signature(agent)
+    own = {k: v for k, v in _own_names(agent, base).items() if isinstance(v, FunctionType)}
+    for hook in own.keys() & {*HOOKS[base]}:
+        _check_call(f"{name}: {agent.__name__}.{hook}", own[hook], getattr(base, hook))
+    cure = "; take *start and call super().__init__(*start) first"
+    _check_call(f"{name}: {agent.__name__}.__init__", agent, base, cure)
+
+
+def _check_call(whose: str, own: Any, usual: Any, cure: str = "") -> None:
+    """Refuse what cannot be called as the usual one is."""
+    start = tuple(signature(usual).parameters)
     try:
-        own.bind(*start)
+        signature(own).bind(*start)
     except TypeError:
-        raise ParameterError(
-            f"{name}: {agent.__name__}.__init__ takes {own}, but a model calls it with "
-            f"({', '.join(start)}); take *start and call super().__init__(*start) first"
-        ) from None
+        told = f"takes {signature(own)}, but a model calls it with ({', '.join(start)})"
+        raise ParameterError(f"{whose} {told}{cure}") from None
+
+
+def every_name(base: type) -> set[str]:
+    """Return the names of a class's attributes, and of those that its `__init__`s set."""
+    begins = [unwrap(vars(one).get("__init__", one)) for one in base.__mro__]
+    steps = [step for f in begins if isinstance(f, FunctionType) for step in get_instructions(f)]
+    return {*dir(base)} | {step.argval for step in steps if step.opname == "STORE_ATTR"}
 
 
 def _own_names(agent: type, base: type) -> dict[str, Any]:
@@ -80,8 +95,7 @@ def _own_names(agent: type, base: type) -> dict[str, Any]:
 
 def _check_names(name: str, agent: type, base: type) -> None:
     """Refuse names that the base uses itself, and Parameters and States that are not kept."""
-    begins = [vars(one).get("__init__") for one in base.__mro__]
-    used = {*dir(base)}.union(*(f.__code__.co_names for f in begins if isinstance(f, FunctionType)))
+    used = every_name(base)
     for key, value in _own_names(agent, base).items():
         plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
         hides = key in used if isinstance(value, Declaration) else plain
@@ -158,7 +172,7 @@ class OwnAgents:
         books: dict[str, type] = dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict)
         for name, kind in {"material": Material, "shares": Shares, **books}.items():
             if not isinstance(getattr(agent, name), kind):
-                raise self.wrong(agent, name, f"has become {getattr(agent, name)!r:.60}")
+                raise self.wrong(agent, name, f"has become {brief(getattr(agent, name))}")
         known = self.names.get(type(agent), ())
         for name in [name for name in vars(agent) if known and not hasattr(type(agent), name)]:
             near = [] if name in known else get_close_matches(name, known, n=1, cutoff=0.85)
@@ -169,16 +183,16 @@ class OwnAgents:
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
         checked: list[Any] = []
-        no_emission = "returned {!r:.60}, which is no Emission: (arm, direction, share, sense)"
+        no_emission = "returned {}, which is no Emission: (arm, direction, share, sense)"
         rows = sent if hasattr(sent, "__iter__") else [sent]
         for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
             try:
                 arm, direction, share, sense = row
             except (TypeError, ValueError):
-                raise self.wrong(agent, "emissions", no_emission.format(row)) from None
+                raise self.wrong(agent, "emissions", no_emission.format(brief(row))) from None
             unfit = self._unfit(agent, arm, direction, sense, share=share)
             if unfit:
-                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{unfit}")
+                raise self.wrong(agent, "emissions", f"returned {brief(row)}{unfit}")
             checked.append((int(arm), int(direction), share, sense))  # True would mask an array
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
@@ -190,18 +204,18 @@ class OwnAgents:
             direction, magnitude, copies, sense = load
         except (TypeError, ValueError):
             told = "a kaju.Load is needed, such as load._replace(magnitude=0.5)"
-            raise self.wrong(agent, hook, f"hands over {load!r:.100}; {told}") from None
+            raise self.wrong(agent, hook, f"hands over {brief(load)}; {told}") from None
         unfit = self._unfit(agent, arm, direction, sense, magnitude=magnitude, copies=copies)
         if unfit:
             over = f" over arm {arm!r}" if isinstance(agent, MaterialAgent) else ""
-            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{unfit}")
+            raise self.wrong(agent, hook, f"hands over {brief(load)}{over}{unfit}")
         return Load(int(direction), float(magnitude), float(copies), sense)
 
     def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
         """Return what a boundary gives back; refuse what is no load, or larger than the load."""
         if not isinstance(back, Load):
             told = "must return None or a kaju.Load, such as self.turn(load, arm), got"
-            raise self.wrong(boundary, "give_back", f"{told} {back!r:.60}")
+            raise self.wrong(boundary, "give_back", f"{told} {brief(back)}")
         checked = self.load(boundary, "give_back", back, 0)
         if checked.total > load.total * (1.0 + 1e-12):
             what = f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add load"
@@ -212,7 +226,9 @@ class OwnAgents:
         """Return how far an agent yields along an axis; refuse what is no number."""
         short = agent.shortening(axis)
         if not is_number(short):
-            raise self.wrong(agent, "shortening", f"must return a finite number, got {short!r:.60}")
+            raise self.wrong(
+                agent, "shortening", f"must return a finite number, got {brief(short)}"
+            )
         return float(short)
 
     def _unfit(

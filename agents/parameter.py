@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, brief
 
 
 class Declaration:
@@ -146,7 +146,7 @@ class State(Declaration):
             self.kind += " (State(0.0) takes any)"
         if not is_number(default):
             raise ParameterError(
-                f"State: its default must be a number, True or False, got {default!r:.60}"
+                f"State: its default must be a number, True or False, got {brief(default)}"
             )
 
     def __get__(self, agent: Any, owner: type) -> Any:

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple, Self
 
+from numpy.random import default_rng
+
 from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
-from kaju.errors import ParameterError, require
+from kaju.errors import ParameterError, brief, require
 from kaju.result_kinds import NOTEBOOK, fetch
 
 
@@ -50,7 +52,7 @@ class SteppedModel(Model):
         self, rng: Any = None, seed: int | None = None, order: Any = None, **of_mesa: Any
     ) -> None:
         told = "order: a function of the agents for which loads wait is needed"
-        require(order is None or callable(order), f"{told}, got {order!r:.60}")
+        require(order is None or callable(order), f"{told}, got {brief(order)}")
         self.order = order
         if rng is not None and seed is not None:
             raise ParameterError("seed: is another word for rng; give one of them")
@@ -58,7 +60,13 @@ class SteppedModel(Model):
         self.step = self._one_step  # Mesa wraps this one: it counts and tells the time
         self.steps_taken, self._stepping = 0, False
         number_agents_of(self)
-        super().__init__(rng=rng if seed is None else seed, **of_mesa)
+        given = rng if seed is None else seed
+        try:
+            default_rng(given)
+        except (TypeError, ValueError):
+            told = "rng: its seed must be a whole number, not below 0"
+            raise ParameterError(f"{told}, got {brief(given)}") from None
+        super().__init__(rng=given, **of_mesa)
         track_figures(self)
         self.first_states = self.rng.bit_generator.state, self.random.getstate()
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats, first_largest
-from kaju.errors import ConvergenceError, ParameterError
+from kaju.errors import ConvergenceError, ParameterError, brief
 from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
 from kaju.model.elastic.corners import singular_round
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -197,7 +197,7 @@ def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:
     try:
         field = np.asarray(stiffness, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"stiffness: must be numbers, got {stiffness!r:.80}") from error
+        raise ParameterError(f"stiffness: must be numbers, got {brief(stiffness)}") from error
     shape = scene.lattice.shape
     if field.shape != shape:
         raise ParameterError(

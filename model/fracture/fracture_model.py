@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats, first_largest
-from kaju.errors import MechanismError, SceneError, by_name, require
+from kaju.errors import MechanismError, SceneError, brief, by_name, require
 from kaju.model.network import SpringNetwork, hexagon_body
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
@@ -99,7 +99,7 @@ class FractureModel(Stepper[FractureResult]):
         seed: int = 0,
     ) -> None:
         right = isinstance(subject, SpringNetwork | Scene)
-        require(right, f"subject: a SpringNetwork or a Scene is needed, got {subject!r:.80}")
+        require(right, f"subject: a SpringNetwork or a Scene is needed, got {brief(subject)}")
         ends = most_breaks is None or most_breaks >= 1
         require(ends, f"most_breaks: at least 1, got {most_breaks}")
         self.subject = _breakable(subject)
@@ -136,7 +136,7 @@ class FractureModel(Stepper[FractureResult]):
             f"{scale.shape}",
         )
         strong = bool(np.isfinite(scale).all() and (scale > 0.0).all())
-        require(strong, f"strength: must be finite and above 0, got {strength!r:.60}")
+        require(strong, f"strength: must be finite and above 0, got {brief(strength)}")
         require(0.0 <= scatter < 1.0, f"scatter: a share from 0 to below 1, got {scatter}")
         if weibull is None:
             return np.asarray(scale * (1.0 + scatter * draw.uniform(-1.0, 1.0, count)))

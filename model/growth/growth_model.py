@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import SceneError, by_name, require
+from kaju.errors import SceneError, brief, by_name, require
 from kaju.model.elastic.arguments import SMALLEST
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.grid import grid_of
@@ -96,7 +96,7 @@ class GrowthModel(Stepper[GrowthResult]):
     ) -> None:
         scene_needed(scene)
         known = isinstance(rule, GrowthRule) or (isinstance(rule, str) and rule in RULES)
-        require(known, f"rule: a GrowthRule, or {', '.join(map(repr, RULES))}, got {rule!r:.80}")
+        require(known, f"rule: a GrowthRule, or {', '.join(map(repr, RULES))}, got {brief(rule)}")
         require(0.0 < volume <= 1.0, f"volume: a share above 0, at most 1, got {volume}")
         across = max(scene.lattice.shape)
         told = f"filter_radius: from 0 to the {across} cells of the body, got {filter_radius}"
@@ -145,7 +145,7 @@ class GrowthModel(Stepper[GrowthResult]):
         require(
             right and bool(np.all((grown >= 0.0) & (grown <= 1.0))),
             f"rule: {type(self.rule).__name__}.grow must return {self.design.size} densities "
-            f"from 0 to 1, one a cell, got {grown!r:.80}",
+            f"from 0 to 1, one a cell, got {brief(grown)}",
         )
         change = float(np.abs(grown - self.design).max())
         self.design = grown

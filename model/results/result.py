@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError
+from kaju.errors import ResultError, brief
 from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
@@ -144,7 +144,7 @@ class OnCells:
         try:
             points = np.asarray(points, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ResultError(f"points: must be numbers (m), got {points!r:.80}") from error
+            raise ResultError(f"points: must be numbers (m), got {brief(points)}") from error
         d = self.grid.lattice.dimension
         if points.ndim != 2 or points.shape[1] != d:
             raise ResultError(

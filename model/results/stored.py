@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from kaju.errors import ResultError
+from kaju.errors import ResultError, brief
 from kaju.model.scene import Scene
 
 Arrays = dict[str, NDArray[Any]]
@@ -228,7 +228,7 @@ def read(form: Any, plain: Any, name: str, arrays: Mapping[str, NDArray[Any]], s
 def _holding(kind: type, plain: Any, name: str) -> Any:
     if not isinstance(plain, kind):
         what = "a table" if kind is dict else "a list"
-        raise _wrong(name or "json", f"must be {what}, and is {plain!r:.40}")
+        raise _wrong(name or "json", f"must be {what}, and is {brief(plain)}")
     return plain
 
 
@@ -243,7 +243,7 @@ def _plain(form: Any, plain: Any, name: str) -> Any:
         first = error.errors()[0]
         where = ".".join(map(str, (name or "json", *first["loc"])))
         rule = first["msg"].removeprefix("Input should ").replace("be a ", "be ", 1)
-        raise _wrong(where, f"must {rule}, and is {first['input']!r:.40}") from error
+        raise _wrong(where, f"must {rule}, and is {brief(first['input'])}") from error
 
 
 def _odd_number(value: Any) -> float | None:

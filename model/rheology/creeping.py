@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, ResultError, by_name, require
+from kaju.errors import ParameterError, ResultError, brief, by_name, require
 from kaju.model.elastic.solve import solve_cells
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.scene import Scene
@@ -127,7 +127,7 @@ class CreepModel(Stepper[AnyTimeResult]):
     ) -> None:
         known = isinstance(subject, Scene | SpringNetwork | ThreeElement)
         asked = "subject: a Scene, a SpringNetwork or a ThreeElement is needed"
-        require(known, f"{asked}, got {subject!r:.80}")
+        require(known, f"{asked}, got {brief(subject)}")
         if history is None and isinstance(subject, Scene):
             history = subject.history
         if not isinstance(history, History):

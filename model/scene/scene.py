@@ -15,7 +15,7 @@ from pydantic import model_validator
 from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.errors import ParameterError, SceneError, SceneFileError, brief
 from kaju.files import text_of_file
 from kaju.result_kinds import NOTEBOOK, fetch
 
@@ -476,7 +476,7 @@ def scene_needed(given: object) -> None:
     """Refuse what is no scene, such as the name of a file."""
     if not isinstance(given, Scene):
         raise ParameterError(
-            f"scene: a Scene is needed, got {given!r:.80}; kaju.load_scene reads one from a file"
+            f"scene: a Scene is needed, got {brief(given)}; kaju.load_scene reads one from a file"
         )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.errors import ParameterError, SceneError, SceneFileError, brief
 from kaju.files import atomic_file
 
 from .description import LONGEST, TABLES, Body, Description, LoadTable, with_shared
@@ -27,7 +27,7 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     """Return the table in a TOML text; paths in it start from `folder`."""
     if not isinstance(text, str) or text.endswith(".toml"):
         raise ParameterError(
-            f"text: the TOML of a scene is needed, got {text!r:.80}; kaju.load_scene reads a file"
+            f"text: the TOML of a scene is needed, got {brief(text)}; kaju.load_scene reads a file"
         )
     if len(text) > LONGEST:
         raise SceneError(

@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from kaju.errors import ParameterError, SceneError, suggestion
+from kaju.errors import ParameterError, SceneError, brief, suggestion
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 Coordinate = Annotated[Number, Field(ge=-1e12, le=1e12)]
@@ -75,7 +75,7 @@ else:
             if unnamed:
                 raise ParameterError(
                     f"{cls.__name__}: its parts are given by name ({', '.join(cls.model_fields)}), "
-                    f"got {unnamed[0]!r:.80}; kaju.load_scene(path) reads a scene from a file"
+                    f"got {brief(unnamed[0])}; kaju.load_scene(path) reads a scene from a file"
                 )
             try:
                 return super().__call__(**values)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import ResultError, by_name
+from kaju.errors import ResultError, brief, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.results.archive import answer_of, stored_at
 from kaju.model.results.result import BodyResult, line_of
@@ -220,7 +220,7 @@ def _comparable(given: Any) -> Answer:
     if not isinstance(answer, BodyResult):
         raise ResultError(
             "compare: takes results of load transfer and of elasticity, and references, got "
-            f"{answer!r:.80}"
+            f"{brief(answer)}"
         )
     if answer.scene.outlined and answer.scene.lattice.dimension == 3:
         raise ResultError(

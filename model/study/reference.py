@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ParameterError, ResultError, brief
 from kaju.model.results.archive import Stored
 from kaju.model.results.stored import Column
 
@@ -74,7 +74,7 @@ class Reference(Stored):
             try:
                 values = np.array(given, dtype=np.float64)
             except (TypeError, ValueError) as error:
-                raise ParameterError(f"{name}: must be numbers, got {given!r:.80}") from error
+                raise ParameterError(f"{name}: must be numbers, got {brief(given)}") from error
             n, d = self.points.shape if name != "points" else (*values.shape, 0, 0)[:2]
             shape = (n, d, d) if name == "stress" else (n, d)
             if values.shape != shape or d not in (2, 3) or not n:

@@ -35,7 +35,7 @@ from kaju.agents.own_agents import OwnAgents
 from kaju.agents.parameter import State, declared
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
-from kaju.errors import AgentError
+from kaju.errors import AgentError, brief
 from kaju.model.scene.lattice import BUILT_IN, Lattice
 from kaju.stepping import Order, chosen
 
@@ -220,7 +220,7 @@ class AgentEngine:
         if not isinstance(sender, MaterialAgent):
             raise AgentError(
                 "hand_over: the agent that hands over comes first, as in hand_over(self, arm, "
-                f"load), got {sender!r:.60}"
+                f"load), got {brief(sender)}"
             )
         checked, arm = self.guard.load(sender, "hand_over", load, arm), int(arm)
         if not checked.magnitude > self.least:
@@ -254,7 +254,7 @@ class AgentEngine:
         """Return what an agent sends out for each newton by its shares: by sense and direction."""
         shares, form = agent.shares, agent.form
         if not isinstance(shares, Shares):
-            raise self.guard.wrong(agent, "shares", f"must have kaju.Shares, has {shares!r:.60}")
+            raise self.guard.wrong(agent, "shares", f"must have kaju.Shares, has {brief(shares)}")
         sent = self._sent.get((shares, form))
         if sent is None:
             problem = check_shares(shares, self.two_senses)
@@ -347,7 +347,7 @@ class AgentEngine:
                 if value == known.get(agent, state.default):
                     continue
                 if not state.allows(value):
-                    told = f"must be a {state.kind}, and is {value!r:.60}"
+                    told = f"must be a {state.kind}, and is {brief(value)}"
                     raise self.guard.wrong(agent, name, told)
                 known[agent] = value
                 changes.append((self.generation, number, float(value)))

@@ -13,11 +13,11 @@ from typing import Any, Literal
 from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.own_agents import own_classes
+from kaju.agents.own_agents import every_name, own_classes
 from kaju.agents.parameter import Parameter, State, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
-from kaju.errors import ParameterError, require, unknown
+from kaju.errors import ParameterError, brief, require, unknown
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.description import TABLES
 from kaju.model.stepped_model import SteppedModel
@@ -70,7 +70,7 @@ class LoadModel(SteppedModel):
     rule : object, optional
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     scenario : mesa Scenario, optional
-        Its numbers are read as if they were keywords; a keyword overrides it.
+        Its numbers (or a dict's) are read as if they were keywords; a keyword overrides it.
     **kwargs
         Numbers of the scene's rule to replace, such as ``threshold=0.001``, and values of the
         parameters that your agents declare; see `kaju.Parameter`.
@@ -110,7 +110,8 @@ class LoadModel(SteppedModel):
         scenario: Any = None,
         **kwargs: Any,
     ) -> None:
-        kept = {"scenario": scenario} if scenario is not None and hasattr(Model, "scenario") else {}
+        of_mesa = hasattr(Model, "scenario") and hasattr(scenario, "to_dict")
+        kept = {"scenario": scenario} if of_mesa else {}
         SteppedModel.__init__(self, rng, seed, order, **kept)
         kwargs = numbers_of(scenario) | kwargs
         scene_needed(scene)
@@ -253,12 +254,17 @@ class LoadModel(SteppedModel):
 
 
 def numbers_of(scenario: Any) -> dict[str, Any]:
-    """Return the numbers that a Scenario of Mesa's gives a model."""
+    """Return the numbers of a Scenario of Mesa's, of another object and its class, or a dict."""
     if scenario is None:
         return {}
     of_mesa = {"model", "rng", "seed", "scenario_id", "replication_id"}
-    held = scenario.to_dict() if hasattr(scenario, "to_dict") else vars(scenario)
-    return {n: value for n, value in held.items() if n not in of_mesa and not n.startswith("_")}
+    held = scenario if isinstance(scenario, Mapping) else None
+    if held is None:
+        told = "scenario: an object or a dict whose numbers have names is needed"
+        require(type(scenario).__module__ != "builtins", f"{told}, got {brief(scenario)}")
+        held = {n: getattr(scenario, n) for n in dir(scenario) if n not in of_mesa}
+    own = {str(n): v for n, v in held.items() if n not in of_mesa and not callable(v)}
+    return {name: value for name, value in own.items() if not name.startswith("_")}
 
 
 def keywords_into(
@@ -278,9 +284,9 @@ def keywords_into(
         return scene, {}
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
-    for name in parameters.keys() & {*rule, *own, *FIGURES}:
-        whose = "the rule" if name in rule else model.__name__
-        told = "has a number of this name already; give the parameter another name"
+    for name in parameters.keys() & {*rule, *own, *FIGURES, *every_name(model)}:
+        whose = "the rule" if name in rule else f"every {model.__name__}"
+        told = "has this name already; give the parameter another name"
         raise ParameterError(f"{name}: {whose} {told}")
     for name in given.keys() - parameters.keys() - rule:
         known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})

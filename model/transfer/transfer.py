@@ -15,7 +15,7 @@ from kaju.agents.parameter import is_number
 from kaju.agents.rules import PrescribedRule, ShareRule
 from kaju.agents.shares import Emission, Sense, Shares
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError, require
+from kaju.errors import ParameterError, SceneError, brief, require
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.scene.lattice import Cells, Lattice
@@ -173,7 +173,7 @@ class Transfer:
 
 
 def _check_rule(rule: ShareRule) -> None:
-    told = f"rule: an object is needed, not its class, got {rule!r:.80}"
+    told = f"rule: an object is needed, not its class, got {brief(rule)}"
     require(not isinstance(rule, type), told)
     for name in ("shares", "threshold", "accumulate", "sense"):
         told = "a rule has shares(material, dimension), threshold, accumulate and sense"

@@ -133,15 +133,21 @@ def check_type(name: str, value: object, form: Any) -> None:
             value.encode()
     except ValidationError as error:
         rule = error.errors()[0]["msg"].replace("Input should", "should")
-        raise ParameterError(f"{name}: {rule}, got {value!r:.80}") from None
+        raise ParameterError(f"{name}: {rule}, got {brief(value)}") from None
     except UnicodeEncodeError as error:
-        raise ParameterError(f"{name}: {value!r:.80} is no text ({error.reason})") from None
+        raise ParameterError(f"{name}: {brief(value)} is no text ({error.reason})") from None
 
 
 def require(holds: bool, rule: str) -> None:
     """Raise a `ParameterError` that says which rule an argument breaks, unless it holds."""
     if not holds:
         raise ParameterError(rule)
+
+
+def brief(value: object) -> str:
+    """Return how a value is written, cut to what a message bears."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:79]}…"
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -21,7 +21,7 @@ from time import monotonic
 from types import FrameType
 from typing import Any, TypeVar
 
-from kaju.errors import ConvergenceError, ParameterError
+from kaju.errors import ConvergenceError, ParameterError, brief
 
 A = TypeVar("A")
 Answer = TypeVar("Answer")
@@ -37,19 +37,17 @@ _one_of_many = ContextVar("_one_of_many", default=False)
 
 
 def chosen(order: Order[A], waiting: list[A]) -> list[A]:
-    """Return the agents that an order of your own lets act, each once."""
-    most = 10 * len(waiting) + 10  # an order may name an agent twice, but must come to an end
+    """Return the agents that an order of your own lets act."""
     answer = order(list(waiting))
     try:
-        named = list(islice(answer, most))
-        acting = list(dict.fromkeys(named))
-        right = len(acting) > 0 and set(acting) <= set(waiting) and len(named) < most
+        acting = list(islice(answer, len(waiting) + 1))  # it may never come to an end
+        right = 0 < len(acting) == len({*acting} & {*waiting})
     except TypeError:
         acting, right = [], False
     if not right:
         raise ParameterError(
-            f"order: must return at least one of the {len(waiting)} agents that it gets, and no "
-            f"others; it returned {len(acting)} ({answer!r:.60})"
+            f"order: must return at least one of the {len(waiting)} agents that it gets, each "
+            f"once, and no others; it returned {len(acting)} ({brief(answer)})"
         )
     return acting
 

@@ -118,3 +118,6 @@ def test_the_numbers_of_a_scenario_are_read():
     )
     with pytest.raises(ParameterError, match=r"treshold: .*did you mean 'threshold'"):
         LoadModel(plate(), scenario=Scenario(treshold=0.1))
+    of_class = type("Mine", (), {"threshold": 0.1})()
+    for given in (of_class, {"threshold": 0.1}):
+        assert LoadModel(plate(), scenario=given).threshold == 0.1

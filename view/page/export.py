@@ -20,7 +20,7 @@ import numpy as np
 
 from kaju.agents.parameter import Parameter, declared
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import KajuError, ParameterError, ResultFileError, by_name, check_type
+from kaju.errors import KajuError, ParameterError, ResultFileError, brief, by_name, check_type
 from kaju.files import atomic_file
 from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 from kaju.model.results.archive import from_file
@@ -181,7 +181,7 @@ def packed_page(
     elif isinstance(of, Scene) and of.lattice.kind not in BUILT_IN:
         of = LoadModel(of)  # the page knows no neighbours of such cells
     if not (isinstance(of, (Scene, Result)) or hasattr(of, "run")):
-        raise ParameterError(f"of: a scene, a model or a result is needed, got {of!r:.80}")
+        raise ParameterError(f"of: a scene, a model or a result is needed, got {brief(of)}")
     shown: Scene | Result
     account = None
     own = _own_data(of) if isinstance(of, SteppedModel) else {}

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError
+from kaju.errors import ResultError, brief
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.triangulation import SQUARE
@@ -196,7 +196,7 @@ class CutAgents(PairAgents):
         """Return which of the scene's materials is at points (m), -1 outside of the body."""
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-            raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {points!r:.80}")
+            raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {brief(points)}")
         scene = self.ground.asked
         number = {material.name: k for k, material in enumerate(scene.cell_materials)}
         found = np.full(len(points), number.get(str(scene.body.material), -1))

@@ -15,6 +15,7 @@ from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.agents.own_agents import OwnAgents
 from kaju.agents.parameter import is_number
 from kaju.arrays import Floats, Ints
+from kaju.errors import brief
 from kaju.model.elastic.relaxation.push_state import PushEngine
 from kaju.model.elastic.relaxation.push_table import PushTable, cells_beside
 from kaju.model.scene.cell_types import AIR
@@ -117,7 +118,8 @@ class AgentPushEngine(PushEngine):
         """Bring a load to a face or support: at once, or when all agents of a wave have acted."""
         left = self.state.levels[sender.level].left
         if self.own and not (is_number(load) and target in range(len(left))):
-            what = f"hands over {load!r:.60} N to {target!r:.60}; its neighbours are `place.links`"
+            over = f"hands over {brief(load)} N to {brief(target)}"
+            what = f"{over}; its neighbours are `place.links`"
             raise self.guard.wrong(sender, "hand_over", what)
         if self.outbox is not None:
             self.outbox.append((target, load))

@@ -11,10 +11,9 @@ import io
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, TextIO
+from typing import Annotated, NoReturn, TextIO
 
 import typer
-import typer.core
 
 from kaju import __version__
 from kaju.errors import KajuError
@@ -29,25 +28,17 @@ VERBS = (
 )
 """All commands, in the order in which they are told."""
 
-
-class Verbs(typer.core.TyperGroup):
-    """The verbs; a scene alone is run."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the verb that is meant, and its words."""
-        return super().resolve_command(ctx, ["run", *args] if args[0].endswith(".toml") else args)
-
-
 app = typer.Typer(
-    cls=Verbs,
-    help="Agents that carry load through a body.",
+    help="Agents that carry load through a body. Begin with: kaju demo",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 for _verb in VERBS:
-    app.command(_verb.__name__.rstrip("_"))(_verb)
+    # Paragraphs in one line each, for the terminal to break.
+    _told = "\n\n".join(" ".join(part.split()) for part in (_verb.__doc__ or "").split("\n\n"))
+    app.command(_verb.__name__.rstrip("_"), help=_told)(_verb)
 
 
 @app.callback(invoke_without_command=True)

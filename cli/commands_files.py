@@ -26,8 +26,8 @@ def check(
 ) -> None:
     """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
 
-    A scene with true outlines is solved roughly, and one of the elastic rule begun. A stored result
-    is read to its end, every array; and its books, forces and energies must balance.
+    Scenes with true outlines are solved roughly; of those with the elastic rule the computation is
+    begun. A stored result is read to its end, and its books, forces and energies must balance.
     """
     if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
         _check_result(file, as_json)
@@ -79,12 +79,9 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
         typer.echo(json.dumps(verdict, indent=2))
     else:
         growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
-        typer.echo(f"verdict              {certificate.verdict}")
-        typer.echo(f"each load by itself  at most {alone:.4g} of it is passed on at once")
-        typer.echo(
-            f"were they added up   {growth} times as much load a generation (the spectral "
-            "radius, boundaries included)"
-        )
+        typer.echo(f"verdict  {certificate.verdict}")
+        typer.echo(f"         of each load at most {alone:.4g} is passed on in one piece")
+        typer.echo(f"         if loads that meet were added: {growth} times as much a generation")
     raise typer.Exit(0 if certificate.stable else 1)
 
 

@@ -209,16 +209,12 @@ def sweep(
 
 
 def _verb(name: str) -> Any:
+    import kaju
     from kaju.model.study.sweep import by_its_kind
 
-    if name == "auto":
-        return by_its_kind
-    import kaju
-
-    verbs = {"agents": "LoadModel", "solve": "solve", "stability": "stability"}
-    if name not in verbs:
-        raise ParameterError(f"--run: auto, {', '.join(verbs)}, got {name!r}")
-    return getattr(kaju, verbs[name])
+    verbs = {"auto": "", "agents": "LoadModel", "solve": "solve", "stability": "stability"}
+    require(name in verbs, f"--run: {', '.join(verbs)}, got {name!r}")
+    return getattr(kaju, verbs[name]) if verbs[name] else by_its_kind
 
 
 def _varied(text: str) -> tuple[str, Any]:

@@ -33,42 +33,11 @@ class Task(NamedTuple):
     console: Console
 
 
-def written(
-    console: Console,
-    target: Folder,
-    pictures: options.Drawn,
-    compute: Callable[[], Result],
-    page: str = "",
-) -> Result:
-    """Compute a result, print its key figures and write its folder.
-
-    After Ctrl-C (exit code 130), or a missed tolerance, what there is goes without pictures.
-    """
-    from kaju.model.results.result import Result
-
-    try:
-        result = compute()
-    except KeyboardInterrupt as stop:
-        best = options.best_of(stop, Result)
-        console.figures(best.summary())
-        console.say(*target.write(best, "none"))
-        typer.echo(f"{NOTE}; it is in {target.path}", err=True)
-        raise typer.Exit(130) from None
-    except ConvergenceError as error:
-        if isinstance(error.best, Result):
-            console.say(*target.write(error.best, "none"))
-        raise
-    console.figures(result.summary())
-    console.say(*target.write(result, pictures))
-    if pictures is not options.Drawn.none:
-        console.say(f"look first at {target.path / (page or f'{result.pictures[0]}.png')}")
-    return result
-
-
 def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., None]]:
     """Let a function of a `Task` and of options of its own be a verb, with the options of all.
 
-    `ending`: what the folder of its results is called behind the scene's name.
+    The verb prints the result's key figures and writes its folder, called by scene and `ending`.
+    After Ctrl-C (exit code 130), or a missed tolerance, what there is goes without pictures.
     """
 
     def verb(do: Callable[..., Result]) -> Callable[..., None]:
@@ -83,10 +52,28 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
             quiet: options.Quiet = False,
             **own: Any,
         ) -> None:
-            task = Task(scene, options.scene_of(scene, settings), Console(as_json, quiet))
-            folder = out or Path(f"{'scene' if scene.stem == '-' else scene.stem}-{ending}")
+            from kaju.model.results.result import Result
+
+            console, name = Console(as_json, quiet), "scene" if scene.stem == "-" else scene.stem
+            task = Task(scene, options.scene_of(scene, settings), console)
+            target = Folder(out or Path(f"{name}-{ending}"), force)
             drawn = options.Drawn.none if no_pictures else pictures
-            written(task.console, Folder(folder, force), drawn, lambda: do(task, **own))
+            try:
+                result = do(task, **own)
+            except KeyboardInterrupt as stop:
+                best = options.best_of(stop, Result)
+                console.figures(best.summary())
+                console.say(*target.write(best, "none"))
+                typer.echo(f"{NOTE}; it is in {target.path}", err=True)
+                raise typer.Exit(130) from None
+            except ConvergenceError as error:
+                if isinstance(error.best, Result):
+                    console.say(*target.write(error.best, "none"))
+                raise
+            console.figures(result.summary())
+            console.say(*target.write(result, drawn))
+            if drawn is not options.Drawn.none:
+                console.say(f"look first at {target.path / f'{result.pictures[0]}.png'}")
 
         # Typer reads the options of all and the verb's own from one signature.
         shared = list(signature(command, eval_str=True).parameters.values())[:-1]
@@ -99,41 +86,59 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
     return verb
 
 
-LOW = {"body.size": [0.2, 0.05], "body.cells": [20, 5], "loads.0.cell": [10, 4]}
-"""What makes the worked plate so low that its load reaches the ground and wakes agents there."""
+PRESSED = """\
+A steel plate stands on the ground. A force of 2 N presses on one of its 400 cells, at the top.
+That cell wakes as an agent: it keeps a share of the load, and hands shares to its neighbours, which
+do the same. After {} generations {} cells are awake, and the run ends: all loads that are left are
+10 mN or less, too small to wake a cell.
+"""
+WATCH = """\
+Now open this page in a browser: {}
+  Press Play to watch the load come in; click a cell to see what it took, kept and passed on;
+  drag the red arrow by its ring to press elsewhere. (These shares are chosen, their forces do not
+  balance: press Elasticity to see how far that is from what the plate really does.)
+The same as a film: {}
+"""
 
 
 def demo(
     out: options.Out = None,
-    pictures: options.Draw = options.Drawn.one,
-    no_pictures: options.DrawNone = False,
+    pictures: options.Pictures = True,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Run the worked example: a steel plate pressed at one cell of its top edge.
-
-    Writes a page to open in a browser, a picture and films. A second film shows a plate so low
-    that the load reaches the ground, which answers.
-    """
+    """Press on a steel plate; write a page, a picture and a film of how the load finds its way."""
     from kaju.model.scene import Scene
     from kaju.model.transfer.load_transfer import LoadTransfer
 
-    console, folder = Console(as_json, quiet), out or Path("kaju-demo")
-    drawn = options.Drawn.none if no_pictures else pictures
-    scene = Scene.from_toml(options.worked_plate())
-    place = Folder(folder, force)
-    name = "plate.html"
-    result = written(console, place, drawn, lambda: _run_agents(scene, console), name)
-    if drawn is not options.Drawn.none:
+    console, place = Console(as_json, quiet), Folder(out or Path("kaju-demo"), force)
+    result = LoadTransfer(Scene.from_toml(options.worked_plate())).reset().run()
+    if as_json:
+        console.figures(result.summary())
+    files = place.write(result, "one" if pictures else "none")
+    page, film = place.path / "plate.html", place.path / "spawning.gif"
+    console.say(PRESSED.format(result.last.generations, len(result.last.cells)))
+    if pictures:
         from kaju.view import animate
         from kaju.view.page import export_page
 
-        export_page(result, folder / name, title="A load finds its way")
-        console.say("it opens in a browser: press Play, click a cell, move the load; films of it:")
-        console.say(animate(result, folder / "spawning.gif"))
-        low = LoadTransfer(scene.with_overrides(LOW)).reset().run()
-        console.say(f"{animate(low, folder / 'ground.gif')} (a plate of a quarter of the height)")
+        export_page(result, page, title="A load finds its way")
+        animate(result, film)
+        console.say(WATCH.format(page, film))
+    console.say("Figures, arrays and a picture:", *files)
+
+
+THE_RULE = """
+A load P above γ wakes the cell it reaches:         P
+it keeps α₁P, which squeezes it, and hands          ↓
+α₂P straight ahead and α₃P along each side.     ┌───────┐
+Squeezed, it wants to get wider: the part β   ← │ keeps │ → (1−β)να₁P
+of that is free, the rest pushes outwards.      │  α₁P  │
+A load that is not above γ ends.                └───────┘
+                                          α₃P ↓   ↓ α₂P ↓ α₃P
+"""
+"""What α, β and γ are, with one labelled cell."""
 
 
 @of_a_scene("result")
@@ -150,23 +155,6 @@ def run(
     and tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
     """
     scene = task.scene if resolution is None else task.scene.refine(resolution)
-    return _run_agents(scene, task.console, allow_unstable)
-
-
-THE_RULE = """\
-A load P above γ wakes the cell it reaches:         P
-it keeps α₁P, which squeezes it, and hands          ↓
-α₂P straight ahead and α₃P along each side.     ┌───────┐
-Squeezed, it wants to get wider: the part β   ← │ keeps │ → (1−β)να₁P
-of that is free, the rest pushes outwards.      │  α₁P  │
-A load that is not above γ ends.                └───────┘
-                                          α₃P ↓   ↓ α₂P ↓ α₃P
-"""
-"""What α, β and γ are, with one labelled cell."""
-
-
-def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
-    """Let agents act by a scene's rule."""
     result: Result
     if scene.rule.kind == "elastic":
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
@@ -176,8 +164,9 @@ def _run_agents(scene: Scene, console: Console, allow_unstable: bool = False) ->
         from kaju.model.transfer.load_transfer import LoadTransfer
 
         result = LoadTransfer(scene, allow_unstable).reset().run()
-        console.say(THE_RULE)
-    console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
+    task.console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
+    if scene.rule.kind != "elastic":
+        task.console.say(THE_RULE)
     return result
 
 
@@ -186,7 +175,8 @@ def solve(
     task: Task,
     resolution: options.Resolution = None,
     tolerance: Annotated[
-        float | None, options.share("Relative error in the energy norm to keep; 0.01 or 1%.")
+        float | None,
+        options.share("Largest error allowed, a share in the energy norm; 0.01 or 1%."),
     ] = None,
     at: options.Places = None,
 ) -> Any:
@@ -203,19 +193,16 @@ def solve(
     return found
 
 
-def seconds(help: str) -> Any:
-    """Return an option that takes a time."""
-    return typer.Option(metavar="SECONDS", help=help)
-
-
 @of_a_scene("creep")
 def creep(
     task: Task,
     hold: Annotated[
-        float | None, seconds("For a scene without a history: apply its loads and hold them.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="Without a [history]: apply the loads and hold them."),
     ] = None,
     duration: Annotated[
-        float | None, seconds("How long; as long as the history unless given.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="How long; as long as the history unless given."),
     ] = None,
 ) -> Any:
     """Let a scene creep under its history: its materials give, flow, and recover.
@@ -243,7 +230,7 @@ def creep(
     if not said and scene.rule == PrescribedRule() and scene.lattice.boxes:
         scene = scene.replace(rule=ElasticRule())
     found = let_creep(scene, history, duration)
-    task.console.say(f"the body of the {scene.rule.kind} rule in time")
+    task.console.say(f"the body in time, by the {scene.rule.kind} rule")
     if not any(material.rheology for material in scene.cell_materials):
         task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
     return found
@@ -279,7 +266,7 @@ def break_(
     how: dict[str, Any] = {"measure": measure and measure.value}
     how["scatter"] = 0.1 if scatter is None else scatter
     result = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how).run()
-    task.console.say(f"{result.parts}s of the body break: {result.outcome}")
+    task.console.say(f"{result.breaks} {result.parts}s broke, one at a time; {result.outcome}")
     return result
 
 
@@ -310,5 +297,5 @@ def grow(
 
     how: dict[str, Any] = {"rule": rule.value, "volume": 0.5 if volume is None else volume}
     grown = GrowthModel(task.scene, filter_radius=radius, most_steps=steps, **how).run()
-    task.console.say(f"cells grow by the rule of {rule}: {grown.outcome}")
+    task.console.say(f"cells grew by the rule of {rule}; {grown.outcome}")
     return grown

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 UNITS = {
     key: unit
     for unit, keys in {
-        "N": "threshold load_taken load_dropped load_applied reaction residual_load",
+        "N": "threshold load_taken load_dropped reaction residual_load",
         "m": "max_displacement smallest_agent largest_agent displacement_left",
         "J": "potential_energy strain_energy energy_bounds",
         "s": "duration seconds",
@@ -33,12 +33,41 @@ UNITS = {
 }
 """Units of key figures; a key that ends in _N, _m, _J, _s or _Pa says its own."""
 
-WORDS = {
+MEANINGS = {
+    "avalanches": "breaks that follow without more load are one",
+    "boundary_agents": "places beside the body that loads reached",
+    "compliance_J": "work of the loads: the lower, the stiffer the body",
+    "energy_bounds": "the true energy lies between them",
+    "error_bound": "a share, in the energy norm; the true error is not larger",
+    "error_estimate": "a share: 0.05 is 5 % of the answer",
+    "free_boundary_agents": "in the air, which hands loads back as they came",
+    "generations": "rounds in which agents acted or spawned",
+    "grey": "0: every cell is full or empty; 1: all are half full",
+    "largest_change": "of a density, in the last step",
+    "largest_load_factor": "times the loads of the scene",
+    "load_dropped": "not above γ, so it woke nobody",
+    "load_taken": "by all agents; a load counts again in each that passes it on",
+    "material_agents": "cells of the body that a load above γ woke",
+    "numerical_J": "lost by steps in time that are not small",
+    "plane": "stress: a thin plate; strain: a slice of a long body",
+    "reaction": "force of the support on the body, along each axis",
+    "residual": "a share of the loads: what is left unbalanced",
+    "rigid_boundary_agents": "in the ground, which hands loads back reversed",
+    "set_free_at_jumps_J": "by loads that are put on or taken off at once",
+    "spectral_radius": "times as much load a generation, if loads that meet were added",
+}
+"""What key figures mean, if their names do not say it."""
+
+NAMES = {
     "spectral_radius": "growth_if_added_up",
     "seconds": "time_taken",
-    "largest_stress_Pa": "largest_mean_von_Mises_Pa",  # over an agent
+    "largest_stress_Pa": "largest_mean_von_Mises_Pa",
+    "load_dropped": "load_ended",
 }
 """Keys that say more to a reader under another name."""
+
+SAID = {"notes", "outcome", "model", "kaju_version"}
+"""Keys that stand in other lines, or are for files."""
 
 
 @dataclass(frozen=True)
@@ -61,37 +90,36 @@ class Console:
         """Print key figures: as a table with units, or as JSON."""
         if self.as_json:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
-        for name, text in _rows(summary):
-            self.say(f"  {name.replace('_', ' '):28} {text.replace('_', ' ')}")
+        for name, text, meaning in _rows(summary):
+            row = f"  {name.replace('_', ' '):28} {text.replace('_', ' '):12}  {meaning}"
+            self.say(row.rstrip())
         self.say(*(f"  note: {note}" for note in summary.get("notes", ())))
 
 
-def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield key figures as people read them, but for the notes and what is not known."""
+def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Yield key figures as people read them, with what they mean, if they are known."""
     for key, value in summary.items():
-        if key == "notes" or (value is None and key not in WORDS):
+        if key in SAID or value is None:
             continue
-        name, unit = WORDS.get(key, key), UNITS.get(key, "")
+        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "m", "J", "s", "Pa"):
             name, unit = stem, ending
         if isinstance(value, Mapping):
-            yield from ((f"{name} {part}", text_of(v, unit)) for part, v in value.items())
+            yield from ((f"{name} {part}", text_of(v, unit), meaning) for part, v in value.items())
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
                 units = {"relative_error": ""}  # of all else the entry's own
                 own = entry.get("unit", "")
                 told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
                 parts = [f"{k} {text_of(v, units.get(k, own))}" for k, v in told.items()]
-                yield f"{name} {number}", ", ".join(parts)
+                yield f"{name} {number}", ", ".join(parts), ""
         else:
-            yield name, text_of(value, unit)
+            yield name, text_of(value, unit), meaning
 
 
 def text_of(value: object, unit: str = "") -> str:
     """Return a key figure as people read it: four digits, and its unit."""
-    if value is None:
-        return "not known"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):

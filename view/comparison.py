@@ -234,7 +234,7 @@ def _grade(misfit: float) -> str:
         return "the answer of elasticity, nearly"
     if misfit < 0.3:
         return "close to elasticity"
-    return "the trend of elasticity" if misfit < 0.7 else "hardly closer than no answer at all"
+    return "the trend of elasticity" if misfit < 0.7 else "hardly better than no answer at all"
 
 
 def _off(comparison: Comparison, what: str) -> str:

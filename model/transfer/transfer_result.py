@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 
 NO_EQUILIBRIUM = (
-    "the prescribed rule keeps no equilibrium: forces do not balance, and its displacements may be "
-    'hardly better than no answer at all; rule = { kind = "elastic" } gives those of the body'
+    "the prescribed rule keeps no equilibrium: it shows how a pattern emerges; the body's "
+    "own displacements and stresses come from `kaju solve`, or with rule.kind = elastic"
 )
 
 

@@ -83,8 +83,8 @@ def ring(pressure: float) -> kaju.Scene:
 def test_peaks_of_a_ring_are_lames(name: str, pressure: float, truth: float) -> None:
     answer = kaju.solve(ring(pressure), tolerance=0.01, goal=name)
     np.testing.assert_allclose(answer.outline_stress(name)[1], truth, rtol=0.02)
-    goal = answer.goals[0]
-    assert abs(goal.value - truth) < goal.error_estimate
+    assert abs(answer.goals[0].value - truth) < answer.goals[0].error_estimate
+    assert answer.tolerance_kept == "estimated"
 
 
 def test_a_peak_is_stored(tmp_path: Path) -> None:

@@ -112,12 +112,8 @@ def test_the_numbers_of_a_scenario_are_read():
         def __init__(self, **numbers):
             self.__dict__.update(rng=None, _scenario_id=3, **numbers)
 
-    of_scenario = LoadModel(plate(), scenario=Scenario(threshold=0.1)).run()
-    assert of_scenario.summary()["material_agents"] == len(
-        LoadModel(plate(), threshold=0.1).run().last.cells
-    )
     with pytest.raises(ParameterError, match=r"treshold: .*did you mean 'threshold'"):
         LoadModel(plate(), scenario=Scenario(treshold=0.1))
     of_class = type("Mine", (), {"threshold": 0.1})()
-    for given in (of_class, {"threshold": 0.1}):
+    for given in (Scenario(threshold=0.1), of_class, {"threshold": 0.1}):
         assert LoadModel(plate(), scenario=given).threshold == 0.1

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import inf, radians
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SingularPlaceError, suggestion
@@ -190,7 +191,8 @@ class _Peak:
 
     Its estimated error is the larger of how far both fields differ there, and of a third of what
     the last generation changed. An agent's part in it is about √(its part of the gap) h² / r³ at
-    a distance r from the peak: the influence of a stress falls off as 1/r², its error as h/r³.
+    a distance r from the nearest place where the stress may be as large: the influence of a stress
+    falls off as 1/r², its error as h/r³.
     There is no estimate before agents where the stress is large are as small as the body is thin.
     """
 
@@ -238,8 +240,10 @@ class _Peak:
         self._error = self._off / largest
         size = pair.leaves.size * UNIT
         middle = (pair.leaves.lower + 0.5 * pair.leaves.size[:, None]) * UNIT
-        away = np.hypot(*(middle - along.place[at]).T)
-        away = np.maximum(away, NEAR * size[along.leaf[at]])
+        # elsewhere it may be as large, as all round a pressed bore
+        rows = np.flatnonzero(np.abs(along.moved) >= abs(self._value) - 2.0 * self._off)
+        away, nearest = cKDTree(along.place[rows]).query(middle)
+        away = np.maximum(away, NEAR * size[along.leaf[rows[nearest]]])
         return self._aimed(np.sqrt(pair.shares) * size**2 / away**3, often)
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:

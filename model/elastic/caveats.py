@@ -15,6 +15,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
+from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.resolved_body import relation
@@ -91,21 +92,64 @@ def no_limit(result: ElasticResult, agent: int) -> str:
         away = result.sharp_corners - result.lower[agent]
         near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
         return "a sharp corner, or the end of a support" if near.any() else ""
-    if result.near_steps[agent]:
+    if near_steps(result.grid, result.middle[agent, None])[0]:
         return "a step of an outline that is not along the axes"
     return singular_round(result.scene, result.lower[agent], float(result.size[agent]))[1]
 
 
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
-    """Return what is approximate beside the error that an answer estimates."""
-    found = [*_rough(result), *_loads(result)]
+    """Return what is not proved of an answer, or approximate beside the error it estimates."""
+    found = [*_missed(result), *_doubts(result), *_rough(result), *_loads(result)]
     if result.scene.outlined and result.scene.lattice.dimension == 2:
         return (*found, *_at_corners(result.sharp_corners))
     corners = sharp_corners(result.grid)
-    if result.near_steps.any():  # corners of steps have a note of their own
-        found.append(_steps(result, result.near_steps))
-        corners = corners[~near_steps(result.grid, corners)] if len(corners) else corners
+    near = near_steps(result.grid, result.middle)
+    if near.any():  # corners of steps have a note of their own
+        found.append(_steps(result, near))
+        corners = corners[~near_steps(result.grid, corners)]
     return (*found, *_at_corners(corners))
+
+
+MISSED = {
+    "": "after {steps} steps, which leave {above}",
+    "agents": "more agents than are allowed would be needed: they leave {above}",
+    "rounding": "rounding hides the difference between the two stresses, and leaves {above}",
+    "resolution": "the smallest agents allowed leave {above}; a larger resolution allows smaller "
+    "ones",
+    "corners": "agents would be too small to be counted before they agree where stress grows "
+    "without limit: they leave {above}; {most}",
+    "stalled": "more agents do not lower the error: they leave {above}; {most}",
+    "depth": "the smallest agents that can be counted leave {above}; {most}",
+}
+"""What is said of a tolerance that is missed, by why its agents stopped."""
+
+
+def _missed(result: ElasticResult) -> list[Caveat]:
+    """Say why a tolerance is missed, and where most of the error lies."""
+    found = result.found
+    if result.tolerance_kept != "missed" or not isinstance(found, PairAgents):
+        return []
+    kind = "an estimated" if found.no_bound or any(g.no_bound for g in found.goals) else "a proved"
+    above = f"{kind} error of {result.goal_error:.2g}, above the tolerance of {result.tolerance:g}"
+    agent, why = first_largest(result.gap), found.stopped
+    if why not in ("", "agents", "rounding") and found.ground.resolution is not None:
+        why = "resolution"
+    place, reason = result.middle[agent], ""
+    if not result.scene.outlined:
+        place, reason = singular_round(result.grid, result.lower[agent], result.size[agent])
+    most = f"most of it lies at {_point(place)} m" + (f", where {reason}" if reason else "")
+    said = MISSED[why].format(steps=len(found.generations), above=above, most=most)
+    return [Caveat("tolerance missed", said)]
+
+
+def _doubts(result: ElasticResult) -> list[Caveat]:
+    """Say where it is not proved that a tolerance is kept; pictures do not."""
+    if result.tolerance is None:
+        return []
+    doubts = [goal.doubt(result.tolerance) for goal in result.goals]
+    if not doubts and result.no_bound:
+        doubts = [f"the error is estimated, not proved: {result.no_bound}"]
+    return [Caveat("", doubt) for doubt in doubts if doubt]
 
 
 def _rough(result: ElasticResult) -> list[Caveat]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,20 +65,12 @@ def strain_of(stress: Floats, moduli: Moduli, kinds: Ints | slice) -> Floats:
     )
 
 
-def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
-    """Return the equivalent stress of von Mises."""
-    # `out_of_plane` is σ_zz of two-dimensional tensors, zero in plane stress.
-    d = stress.shape[-1]
-    normal = [stress[..., a, a] for a in range(d)] + ([out_of_plane] if d == 2 else [])
-    shear = sum(stress[..., a, b] ** 2 for a, b in combinations(range(d), 2))
-    x, y, z = normal
-    return np.asarray(np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * shear))
-
-
 def equivalent_stress(stress: Floats, moduli: Moduli, kinds: Ints, plane: str | None) -> Floats:
-    """Return the equivalent stress of materials, in plane strain with what acts across."""
-    across: Floats | float = 0.0
+    """Return the equivalent stress of von Mises, in plane strain with what acts across."""
+    trace, across = np.trace(stress, axis1=-2, axis2=-1), 0.0
     if plane == "strain":
         lateral, shear = moduli.lateral[kinds], moduli.shear[kinds]
-        across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-    return von_mises(stress, across)
+        across = lateral / (2 * (lateral + shear)) * trace
+    mean, d = (trace + across) / 3.0, stress.shape[-1]
+    square = ((stress - mean[..., None, None] * np.eye(d)) ** 2).sum(axis=(-2, -1))
+    return np.asarray(np.sqrt(1.5 * (square + ((across - mean) ** 2 if d == 2 else 0.0))))

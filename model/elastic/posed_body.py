@@ -15,9 +15,9 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
-from kaju.model.elastic.pair.leaves import BITS, LeafCells, corner_ends
+from kaju.model.elastic.pair.leaves import BITS, LeafCells, corner_ends, morton
 from kaju.model.elastic.scales import Scales
-from kaju.model.elastic.uneven_loads import Portions
+from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.resolved_body import MIXED
@@ -40,7 +40,9 @@ class LeafForces(NamedTuple):
     leaf: Ints
     direction: Ints  # Side of the leaf, -1 for its middle
     force: Floats
-    uneven: Portions | None = None  # Those that lie unevenly on their sides again, with moments
+    uneven: Ints  # Which of these lie unevenly on their sides
+    moment: Floats  # Their first moments, and what they are besides, as in `Portions`
+    rest: Floats
 
 
 @dataclass(eq=False)
@@ -89,17 +91,12 @@ class PosedBody:
             return np.empty((0, self.dimension), dtype=np.int64)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
-    def given(self, side: int) -> Floats:
-        """Return the scaled prescribed displacement beyond a side."""
+    def beyond(self, side: int) -> tuple[Floats, float]:
+        """Return the scaled displacement of what is beyond a side, and its stiffness per area."""
         condition = self.scene.side_condition(self.scene.lattice.sides[side])
-        if condition.displacement is None:
-            return np.zeros(self.dimension)
-        return np.asarray(condition.displacement) / self.scales.displacement
-
-    def foundation(self, side: int) -> float:
-        """Return the scaled stiffness per area of the foundation beyond a side."""
-        stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
-        return (stiffness or 0.0) * self.scales.length / self.scales.modulus
+        moved = np.asarray(condition.displacement or np.zeros(self.dimension))
+        bed = (condition.stiffness or 0.0) * self.scales.length / self.scales.modulus
+        return moved / self.scales.displacement, bed
 
     def start(self) -> LeafCells:
         """Return the first leaves: as large as body, supports and loads allow."""
@@ -154,97 +151,78 @@ class PosedBody:
     def unevenly_loaded(self, leaves: LeafCells) -> Flags:
         """Return leaves to be split because loads are not uniform over a side."""
         unfit, d = np.zeros(len(leaves), dtype=np.bool_), self.dimension
-        if not len(self.loaded):
-            return unfit
-        owner = leaves.find(self.loaded * self.cell)
-        large = (owner >= 0) & (leaves.size[owner] > self.cell)
-        owner, direction, force = owner[large], self._direction[large], self._force[large]
-        # A loaded face of a cell inside the leaf is not on the leaf's side.
-        offset = self.loaded[large] * self.cell - leaves.lower[owner]
-        depth = offset[np.arange(len(owner)), np.maximum(direction, 0) // 2]
-        edge = np.where(np.maximum(direction, 0) % 2, leaves.size[owner] - self.cell, 0)
-        wrong = (direction >= 0) & (depth != edge)
+        leaf, row, _, touches = self._laid(leaves)
+        large = leaves.size[leaf] > self.cell
+        leaf, row, touches = leaf[large], row[large], touches[large]
+        direction, force = self._direction[row], self._force[row]
         # Every side, or middle, of a leaf needs a load on all of its cells, equal on each.
-        side = owner * (2 * d + 1) + direction + 1
+        side = leaf * (2 * d + 1) + direction + 1
         _, group, count = np.unique(side, return_inverse=True, return_counts=True)
-        wrong |= count[group] != (leaves.size[owner] // self.cell) ** np.where(
-            direction < 0, d, d - 1
-        )
+        full = (leaves.size[leaf] // self.cell) ** np.where(direction < 0, d, d - 1)
         mean = np.stack([np.bincount(group, one, len(count)) for one in force.T], axis=1)
         unlike = np.abs(force - (mean / count[:, None])[group])
-        wrong |= (unlike > 1e-9 * np.abs(force).max(initial=0.0)).any(axis=1)
-        unfit[owner[wrong | (self._uneven_of[large] >= 0)]] = True
-        if self.ends_within:
-            # Loads that end within a side are approximated better by smaller leaves.
-            rest = self.forces(leaves).uneven or Portions.none(d)
-            size = leaves.size[rest.box] / self.cell
-            large = np.sqrt(size) * rest.rest > ENDED[d] * self._strength
-            unfit[rest.box[large & (leaves.size[rest.box] > self.smallest)]] = True
+        wrong = (unlike > 1e-9 * np.abs(force).max(initial=0.0)).any(axis=1)
+        wrong |= ~touches | (count[group] != full) | (self._uneven_of[row] >= 0)
+        unfit[leaf[wrong]] = True
+        if not len(self._uneven.row):
+            return unfit
+        # Loads that end within a side are approximated better by smaller leaves.
+        forces = self.forces(leaves)
+        leaf = forces.leaf[forces.uneven]
+        size = leaves.size[leaf]
+        large = np.sqrt(size / self.cell) * forces.rest > ENDED[d] * self._strength
+        unfit[leaf[large & (size > self.smallest)]] = True
         return unfit
 
-    @property
-    def ends_within(self) -> bool:
-        """Whether loads lie unevenly on faces of the scene's cells."""
-        return bool((self._uneven_of >= 0).any())
+    def _laid(self, leaves: LeafCells) -> tuple[Ints, Ints, Ints, Flags]:
+        """Return leaves and loads of cells that they share, how far the leaves are from the cells.
+
+        And which of the leaves have the loaded side, or middle.
+        """
+        # The leaves in a cell, or the one that holds it, follow one another in the order of codes.
+        at = np.flatnonzero(leaves.find(self.loaded * self.cell) >= 0)
+        code = morton(self.loaded[at] * self.cell)
+        first = np.searchsorted(leaves.code, code, "right") - 1
+        many = np.searchsorted(leaves.code, code + self.cell**self.dimension) - first
+        leaf = np.arange(many.sum()) + np.repeat(first - np.cumsum(many) + many, many)
+        row = np.repeat(at, many)
+        offset, direction = leaves.lower[leaf] - self.loaded[row] * self.cell, self._direction[row]
+        depth = offset[np.arange(len(leaf)), np.maximum(direction, 0) // 2]
+        end = np.where(direction % 2, self.cell - leaves.size[leaf], 0)
+        return leaf, row, offset, (direction < 0) | (depth == end)
 
     def forces(self, leaves: LeafCells) -> LeafForces:
         """Return the loads on leaves; a cell's load is shared by the smaller ones in it."""
-        d = self.dimension
-        if not len(self.loaded):
-            nothing = np.empty(0, dtype=np.int64)
-            return LeafForces(nothing, nothing, np.empty((0, d)))
-        owner = leaves.find(self.loaded * self.cell)
-        large = np.flatnonzero((owner >= 0) & (leaves.size[owner] >= self.cell))
-        # Smaller leaves share the loads of their cell, found by bisection in the sorted keys.
-        small = np.flatnonzero(leaves.size < self.cell)
-        key = self.scene.lattice.key(leaves.lower[small] // self.cell)
-        loaded_key = self._key // (2 * d + 1)
-        first, last = (np.searchsorted(loaded_key, key, side=end) for end in ("left", "right"))
-        leaf = np.repeat(small, last - first)
-        # One row for every leaf and load of its cell; these loads follow one another.
-        row = np.arange(len(leaf)) + np.repeat(last - np.cumsum(last - first), last - first)
-        direction = self._direction[row]
-        offset = leaves.lower[leaf] - self.loaded[row] * self.cell
-        depth = offset[np.arange(len(leaf)), np.maximum(direction, 0) // 2]
-        end = np.where(direction % 2, self.cell - leaves.size[leaf], 0)
-        touches = (direction < 0) | (depth == end)
+        leaf, row, offset, touches = self._laid(leaves)
         leaf, row, offset = leaf[touches], row[touches], offset[touches]
-        share = (leaves.size[leaf] / self.cell) ** (d - (self._direction[row] >= 0))
-        leaf, row = np.concatenate([owner[large], leaf]), np.concatenate([large, row])
-        share = np.concatenate([np.ones(len(large)), share])
-        offset = np.concatenate([np.zeros((len(large), d), dtype=np.int64), offset])
-        force, direction = share[:, None] * self._force[row], self._direction[row]
-        at = np.flatnonzero((self._uneven_of[row] >= 0) & (leaves.size[leaf] <= self.cell))
-        which = self._uneven_of[row[at]]
-        loads = Uneven(row[at], self._uneven.part[which], self._uneven.growth[which])
-        size = leaves.size[leaf[at]] / self.cell
-        uneven = Portions.of(
-            leaf[at], direction[at], self._force[row[at]], loads, offset[at] / self.cell, size
-        )
-        force[at] = uneven.force
+        direction, size = self._direction[row], leaves.size[leaf] / self.cell
+        share = np.minimum(size, 1.0) ** (self.dimension - (direction >= 0))
+        force, which = share[:, None] * self._force[row], self._uneven_of[row]
+        at = np.flatnonzero((which >= 0) & (size <= 1.0))
+        described = self._uneven.part[which[at]], self._uneven.growth[which[at]]
+        place = offset[at] / self.cell, size[at]
+        force[at], moment, rest = portions(direction[at], self._force[row[at]], *described, *place)
         acts = np.ones(len(leaf), dtype=np.bool_)
-        acts[at] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
-        uneven = Portions._make(column[acts[at]] for column in uneven)
-        return LeafForces(leaf[acts], direction[acts], force[acts], uneven)
+        acts[at] = some = force[at].any(axis=1) | moment.any(axis=(1, 2))
+        uneven = (np.cumsum(acts) - 1)[at[some]]
+        return LeafForces(
+            leaf[acts], direction[acts], force[acts], uneven, moment[some], rest[some]
+        )
 
     def _collect_loads(self, stage: int | None) -> None:
         """Sum the forces on the same face of a cell, in the order of their keys."""
         # Uneven ones stay apart: `_uneven_of` is the index of each in `_uneven`, -1 for others.
-        applied = self.scene.applied(stage)
-        d = self.dimension
+        applied, d = self.scene.applied(stage), self.dimension
         # A number for every side, or middle (-1), of cells.
         keys = self.scene.lattice.key(applied.cells) * (2 * d + 1) + applied.direction + 1
         nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
         self._uneven = applied.uneven or nothing
-        rows = self._uneven.row
-        alone = np.zeros(len(keys), dtype=np.int64)
-        alone[rows] = np.arange(1, len(rows) + 1)
-        apart = np.stack([keys, alone]) if len(rows) else keys
-        _, first, inverse = np.unique(apart, axis=-1, return_index=True, return_inverse=True)
-        self._key, self._uneven_of = keys[first], alone[first] - 1
+        keys[self._uneven.row] = -2 - np.arange(len(self._uneven.row))
+        keys, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        self._uneven_of = np.maximum(-2 - keys, -1)
         self.loaded, self._direction = applied.cells[first], applied.direction[first]
-        self._force = np.zeros((len(first), self.dimension))
-        np.add.at(self._force, inverse.ravel(), applied.force)
+        self._force = np.zeros((len(first), d))
+        np.add.at(self._force, inverse, applied.force)
 
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.equal.problem`."""

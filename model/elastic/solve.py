@@ -8,10 +8,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Floats, first_largest
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, brief
 from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
-from kaju.model.elastic.corners import singular_round
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, grid_of
@@ -19,7 +18,6 @@ from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.supports import is_torn
 from kaju.model.elastic.goals.quantities import AskedFor, asked
-from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
@@ -48,13 +46,13 @@ def solve_spawning(
     spawner = spawner_of(scene, tolerance, resolution, stage, goal)
     while not spawner.finished and not (spawner.generations and interrupt_requested()):
         spawner.step()
-    spawning = spawner.outcome()
-    spawning.notes += [NOTE] if interrupt_requested() else []
-    result = answer_of(spawning, tolerance, perf_counter() - start)
-    if spawning.stopped == "agents" and error_of(spawning) > tolerance:
+    found = spawner.outcome()
+    found.notes += [NOTE] if interrupt_requested() else []
+    result = ElasticResult(found, perf_counter() - start, tolerance)
+    if found.stopped == "agents" and result.tolerance_kept == "missed":
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an error of "
-            f"{error_of(spawning):.2g}, and a tolerance of {tolerance:g} needs more than the "
+            f"{result.goal_error:.2g}, and a tolerance of {tolerance:g} needs more than the "
             f"{spawner.most_agents} allowed; take a larger tolerance. The error's `best` holds "
             "the result so far",
             result.residuals,
@@ -81,50 +79,6 @@ def spawner_of(
             )
         return CutLoop(OutlinedBody(scene), tolerance, most_agents, peak_asked(scene, goal))
     return PairLoop(PosedBody(scene, stage, resolution), tolerance, most_agents, asked(goal))
-
-
-def answer_of(spawning: PairAgents, tolerance: float, seconds: float) -> ElasticResult:
-    """Return the agents of a refinement, finished or not, as a result with its notes."""
-    missed = missed_note(spawning, tolerance)
-    spawning.notes += [missed] if missed else []
-    return ElasticResult(spawning, seconds, tolerance)
-
-
-def missed_note(spawning: PairAgents, tolerance: float) -> str:
-    """Return a note on an error above the tolerance, "" if there is nothing to be noted."""
-    error, stopped, ground = error_of(spawning), spawning.stopped, spawning.ground
-    if error <= tolerance or stopped == "agents":
-        return ""
-    proved = not (spawning.no_bound or any(goal.no_bound for goal in spawning.goals))
-    kind = "a proved" if proved else "an estimated"
-    above = f"{kind} error of {error:.2g}, above the tolerance of {tolerance:g}"
-    if not stopped:
-        return f"after {len(spawning.generations)} steps, which leave {above}"
-    if stopped == "rounding":
-        return f"rounding hides the difference between the two stresses, and leaves {above}"
-    if ground.resolution is not None:
-        return f"the smallest agents allowed leave {above}; a larger resolution allows smaller ones"
-    agent, scene = first_largest(spawning.generations[-1].gap), ground.scene
-    metre = scene.lattice.cell_size / ground.cell
-    lower, size = metre * spawning.leaves.lower[agent], metre * spawning.leaves.size[agent]
-    place, reason = lower + 0.5 * size, ""
-    if not isinstance(ground, OutlinedBody):
-        place, reason = singular_round(scene, lower, size)
-    most = f"most of it lies at ({', '.join(f'{x:.4g}' for x in place)}) m"
-    most += f", where {reason}" if reason else ""
-    if stopped == "corners":
-        return (
-            f"agents would be too small to be counted before they agree where stress grows without "
-            f"limit: they leave {above}; {most}"
-        )
-    if stopped == "stalled":
-        return f"more agents do not lower the error: they leave {above}; {most}"
-    return f"the smallest agents that can be counted leave {above}; {most}"
-
-
-def error_of(spawning: PairAgents) -> float:
-    """Return the error that the tolerance limits."""
-    return max((one.relative_error for one in spawning.goals), default=spawning.error)
 
 
 def solve_cells(

@@ -13,7 +13,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import AskedFor
 from kaju.model.elastic.pair.family import Family
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.solve import answer_of, error_of, missed_note, spawner_of
+from kaju.model.elastic.solve import spawner_of
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
@@ -155,8 +155,8 @@ class SpawningModel(SteppedModel):
 
     @property
     def error(self) -> float:
-        """Error in the energy norm, relative; NaN before the first step."""
-        return self.history[-1].error if self.history else float("nan")
+        """Relative error, in the energy norm or of the goal; NaN before the first step."""
+        return self.result().goal_error if self.generation else float("nan")
 
     @property
     def agents(self) -> Any:
@@ -213,12 +213,13 @@ class SpawningModel(SteppedModel):
         """How the run ended, in words; empty while agents spawn."""
         if not self.spawner.finished:
             return ""
-        spawning = self.spawner.outcome()
-        if error_of(spawning) <= self.tolerance:
+        result = self.result()
+        if result.tolerance_kept != "missed":
             return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
-        agents = f"more than the {self.most_agents} agents allowed would be needed"
-        missed = missed_note(spawning, self.tolerance)
-        return f"stopped after {self.generation} steps: {missed or agents}"
+        missed = f"more than the {self.most_agents} agents allowed would be needed"
+        if self.spawner.stopped != "agents":
+            missed = result.caveats[0].full
+        return f"stopped after {self.generation} steps: {missed}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
@@ -248,4 +249,4 @@ class SpawningModel(SteppedModel):
         """
         if not self.generation:
             raise ResultError("result: nothing is computed yet; take a step first")
-        return answer_of(self.spawner.outcome(), self.tolerance, self.seconds)
+        return ElasticResult(self.spawner.outcome(), self.seconds, self.tolerance)

@@ -19,10 +19,9 @@ from kaju.arrays import Floats
 from kaju.errors import ParameterError, needing
 from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli, moduli_of
-from kaju.model.elastic.uneven_loads import Portions
+from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
-from kaju.model.scene.selection import Uneven
 from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
@@ -234,8 +233,7 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     corners = mesh.p[:, mesh.facets[:, facets[side]]]
     low, size = (corners.min(axis=1) - cell[:, side]).T, np.ptp(corners, axis=1).T
     size[np.arange(len(side)), own[side] // 2] = 1.0  # across a side: any
-    described = Uneven(load, part[row][load], slope[row][load])
-    found = Portions.of(side, own[side], force[load], described, low, size)
+    found = portions(own[side], force[load], part[row][load], slope[row][load], low, size)
     area = size.prod(axis=1)[:, None]
     mean, growth = np.zeros((len(facets), d)), np.zeros((len(facets), d, d))
     np.add.at(mean, side, found.force / area)

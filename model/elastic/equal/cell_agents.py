@@ -124,13 +124,6 @@ class CellAgents(OnCells):
         return np.asarray(self.factor[tuple((self.cells // division).T)])
 
     @property
-    def level(self) -> Ints:
-        """How often agents were halved, and the step in which they spawned: 0."""
-        return np.zeros(self.count, dtype=np.int64)
-
-    spawn_step = level
-
-    @property
     def energies(self) -> Floats:
         """Energy stored in each agent, with its share of the edges round it."""
         return energy_of_cells(self.problem, self.solution.displacement)[self.body]

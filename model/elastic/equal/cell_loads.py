@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, moved
-from kaju.model.elastic.uneven_loads import Portions
+from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import AppliedLoads
 
@@ -29,26 +29,20 @@ def face_forces(problem: ElasticProblem, loads: AppliedLoads) -> None:
     for axis, upper in product(range(d), (0, 1)):
         for some, share in ((direction < 0, 0.5), (direction == 2 * axis + upper, 1.0)):
             _push(problem, axis, upper, cells[some], share * force[some, axis])
-    portions = portions_of_cells(loads, problem.scales.force)
     for side in range(2 * d):
         for axis in (a for a in range(d) if a != side // 2):
             here = (direction == side) & (force[:, axis] != 0.0)
             if here.any():
                 _drag(problem, axis, side, cells[here], force[here, axis])
-        here = portions.side == side
-        if here.any():
-            _turn(problem, side, cells[portions.box[here]], portions.moment[here])
-
-
-def portions_of_cells(loads: AppliedLoads, unit: float) -> Portions:
-    """Return what faces have of uneven loads, in units of a force; `box` are rows of the loads."""
-    uneven = loads.uneven
-    if uneven is None or not len(uneven.row):
-        return Portions.none(loads.cells.shape[1])
-    scaled = uneven._replace(growth=uneven.growth / unit)
-    size, lower = np.ones(len(uneven.row)), np.zeros(uneven.part[:, 0].shape)
-    own = uneven.row, loads.direction[uneven.row], loads.force[uneven.row] / unit
-    return Portions.of(*own, scaled, lower, size)
+    if loads.uneven is None:
+        return
+    row, part, growth = loads.uneven
+    lower, size = np.zeros((len(row), d)), np.ones(len(row))
+    growth = growth / problem.scales.force
+    moment = portions(direction[row], force[row], part, growth, lower, size).moment
+    for side in np.unique(direction[row]).tolist():
+        here = direction[row] == side
+        _turn(problem, side, cells[row[here]], moment[here])
 
 
 class _Couples(NamedTuple):

@@ -13,19 +13,12 @@ from itertools import product
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Goal
 from kaju.model.elastic.pair.elements import quadratic_values
-from kaju.model.elastic.pair.family import Family
-from kaju.model.elastic.pair.history import (
-    Generation,
-    halvings,
-    settled,
-    trees_of,
-)
+from kaju.model.elastic.pair.history import Generation, settled, trees_of
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.space import NO_BOUND
@@ -118,21 +111,6 @@ class PairAgents(OnCells):
         return self.leaves.kind
 
     law = material
-
-    @property
-    def level(self) -> Ints:
-        """How often the largest of the first agents would be halved to give each agent."""
-        return halvings(self.leaves.size, int(self.generations[0].size.max()))
-
-    @cached_property
-    def _working(self) -> NDArray[Any]:
-        family = Family.of(self.generations, self.ground.dimension, 1.0)
-        return np.asarray(family.rows[family.working])
-
-    @property
-    def spawn_step(self) -> Ints:
-        """Step in which each agent spawned; 0 for the first."""
-        return np.asarray(self._working["spawn_step"])
 
     @property
     def energy(self) -> float:

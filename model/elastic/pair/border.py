@@ -14,7 +14,7 @@ from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.pair.leaf_mesh import Mesh, beyond
 from kaju.model.elastic.posed_body import PosedBody
-from kaju.model.elastic.uneven_loads import data_error, softest
+from kaju.model.elastic.uneven_loads import data_error
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, INSIDE, RIGID, ROLLER
 
 
@@ -82,8 +82,8 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     held = np.isin(kind, (RIGID, DISPLACED))[:, None] | ((kind == ROLLER)[:, None] & across)
     moved, bed = np.zeros((m, d)), np.zeros(m)
     for side in range(2 * d):
-        moved[support == side] = body.given(side)
-        bed[(support == side) & (kind == FOUNDATION)] = body.foundation(side)
+        moved[support == side], stiffness = body.beyond(side)
+        bed[(support == side) & (kind == FOUNDATION)] = stiffness
     moved[~held] = 0.0
     shift = _common_shift(moved, held, bed)
     moved = np.where(held, moved - shift, 0.0)
@@ -94,15 +94,13 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     np.add.at(inside, forces.leaf[within], forces.force[within])
     on = forces.leaf[~within], forces.direction[~within]
     np.add.at(load[:, :, 0], on, forces.force[~within])
-    rest, ragged = 0.0, np.zeros(0, dtype=np.int64)
-    if forces.uneven is not None and len(forces.uneven.box):
-        uneven, size = forces.uneven, leaves.size / body.cell
-        ragged = np.unique(uneven.box[uneven.rest > 0.0])
-        along = np.array([np.delete(np.arange(d), axis) for axis in range(d)])[uneven.side // 2]
-        moment = np.take_along_axis(uneven.moment, along[:, None], axis=2).swapaxes(1, 2)
-        np.add.at(load[:, :, 1:], (uneven.box, uneven.side), moment / size[uneven.box, None, None])
-        law = moduli_at(body.moduli, leaves.kind)
-        rest = data_error(uneven, size, softest(law.stretch, law.lateral, law.shear, d))
+    leaf, on_side = forces.leaf[forces.uneven], forces.direction[forces.uneven]
+    size, law = leaves.size / body.cell, moduli_at(body.moduli, leaves.kind)
+    ragged = np.unique(leaf[forces.rest > 0.0])
+    along = np.array([np.delete(np.arange(d), axis) for axis in range(d)])[on_side // 2]
+    moment = np.take_along_axis(forces.moment, along[:, None], axis=2).swapaxes(1, 2)
+    np.add.at(load[:, :, 1:], (leaf, on_side), moment / size[leaf, None, None])
+    rest = data_error(leaf, forces.rest, size, law, d)
     own = load[mesh.owner, mesh.side]
     straight = np.where(held, own[:, 0], 0.0)
     load[mesh.owner, mesh.side] = np.where(held[:, None], 0.0, own)

@@ -254,7 +254,7 @@ class CutAgents(PairAgents):
         return found
 
     def pieces(self) -> tuple[Ints, list[Floats]]:
-        """Return what the agents hold as squares and triangles (m), and whose each is.
+        """Return what the agents hold (m), squares and then triangles, and whose each is.
 
         Curves are drawn by tangents or chords as far apart as the agents are large.
         """
@@ -262,8 +262,8 @@ class CutAgents(PairAgents):
         whole, cut = np.flatnonzero(~self.cut), self.cut[mesh.leaf]
         lower, size = (own[whole] * UNIT * edge for own in (self.leaves.lower, self.leaves.size))
         squares = lower[:, None] + SQUARE * size[:, None, None]
-        agent = np.concatenate([whole, mesh.leaf[cut]])
-        return agent, [*squares, *edge * mesh.place[mesh.triangle[cut]]]
+        parts = squares, edge * mesh.place[mesh.triangle[cut]]
+        return np.append(whole, mesh.leaf[cut]), [part for part in parts if len(part)]
 
     def rings(self) -> list[tuple[Floats, Floats]]:
         """Return the closed lines (m) that hold the body, on their left, and how they move (m)."""

@@ -2,10 +2,10 @@
 
 First agents, as rigid blocks, hand on forces and couples by their edges: the least squares of
 the tractions that balance all loads. Airy's function then makes of this stress the one of least
-complementary energy. It has no traction on free edges: there phi and its slopes are those of a
-linear function, one for each stretch of free edges; along a roller the slope across is constant.
-Round a hole that bears forces of unknown size phi takes several values: beyond a cut from the hole
-to the right, vertices have copies, which differ by a linear function with three unknowns.
+complementary energy. It has no traction on free edges: along a run of these phi is a linear
+function; along a roller the slope across is constant. Round a hole that bears forces of unknown
+size phi takes several values: beyond a cut from the hole to the right, vertices have copies, which
+differ by a linear function. All these linear functions are unknowns that no agent has.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import (
+    EDGE_OF_SIDE,
     EDGES,
     airy_of_tractions,
     edge_tractions,
@@ -28,7 +29,6 @@ from kaju.model.elastic.pair.leaf_mesh import (
     Entries,
     PlaneMesh,
     backwards,
-    coo,
     followed,
 )
 from kaju.model.elastic.pair.levels import Blocks, summed
@@ -55,61 +55,75 @@ def loops_of(start: Ints, end: Ints) -> list[Ints]:
 
 
 class Airy:
-    """Unknowns of phi: of vertices, copies and edges, then three for each cut."""
+    """Unknowns of phi: of vertices, copies and edges, three for each cut, then those of runs."""
 
     def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
-        start, end = mesh.along()
-        # 3 where tractions are none, 1 (along x) or 2 along rollers and beds, 0 where all is held.
-        given, axis = sides.given, mesh.axis[mesh.border]
-        self.kind = np.where(given.all(axis=1), 3, np.where(given.any(axis=1), 1 + axis, 0))
-        self.loops = []
-        for loop in loops_of(start, end):
-            change = np.flatnonzero(self.kind[loop] != self.kind[np.roll(loop, 1)])
-            self.loops.append(np.roll(loop, -change[0]) if len(change) else loop)
-        # Which of phi, phi_x and phi_y the tractions give all round each loop.
-        by_x, by_y = np.array([given[loop].all(axis=0) for loop in self.loops]).T
-        self.closed = np.stack([by_x & by_y, by_y, by_x], axis=1)
-        a, b = mesh.place[start], mesh.place[end]
+        loops = loops_of(*mesh.along())
+        self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
+        self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
+        self.before = np.arange(len(self.row)) - 1
+        self.before[self.begins] += count
+        self.start, self.end = (one[self.row] for one in mesh.along())
+        # Along which edges phi is linear, phi_x is even, phi_y is even: where tractions are none.
+        given = sides.given[self.row]
+        self.linear = np.stack([given.all(axis=1), given[:, 1], given[:, 0]])
+        self.closed = np.logical_and.reduceat(self.linear, self.begins, axis=1).T
+        a, b = mesh.place[self.start], mesh.place[self.end]
         turn = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
-        self.hole = np.array([turn[loop].sum() < 0 for loop in self.loops])  # clockwise
-        self.loop_part = mesh.part[mesh.owner[[loop[0] for loop in self.loops]]]
+        self.hole = np.add.reduceat(turn, self.begins) < 0  # clockwise
+        self.part = mesh.part[mesh.owner[self.row]]
         self._cut(a, b)
         self.points = len(self.base)
         self.jump = 3 * self.points + mesh.edges
-        self.size = self.jump + 3 * len(self.cuts)
         self.place = mesh.place[self.base] / cell
+        self.size = self.jump + 3 * len(self.cuts)
+        self.runs: list[tuple[Ints, Flags]] = []
+        for on in self.linear:
+            number, early = self._numbered(on)
+            self.runs.append((self.size + number, early))
+            self.size += int(number[on].max(initial=-1)) + 1
+
+    def _numbered(self, on: Flags) -> tuple[Ints, Flags]:
+        """Return the number of the run of every edge, and which run on from their loop's end."""
+        opens = on & ~on[self.before]
+        opens[self.begins[np.logical_and.reduceat(on, self.begins)]] = True
+        number = np.cumsum(opens) - 1
+        early = on & (number < (number + ~opens)[self.begins][self.loop])
+        return number + early * np.add.reduceat(opens, self.begins, dtype=int)[self.loop], early
 
     def _cut(self, a: Ints, b: Ints) -> None:
         """Cut the body to the right of every hole that something holds: `cuts` are their loops.
 
         Beyond a cut agents see copies of the vertices, where phi has jumped: `corner` are the
         vertices or copies at their corners; `base` is the vertex that each is a copy of, and
-        `beyond` tells which cuts each lies beyond.
+        `beyond` tells how often it has jumped at each cut.
         """
-        mesh = self.mesh
-        place, corner, lower, upper = mesh.place, mesh.corner, mesh.leaves.lower, mesh.leaves.upper
+        mesh, corner = self.mesh, self.mesh.corner
+        lower, upper, high = mesh.leaves.lower, mesh.leaves.upper, mesh.place[corner][..., 1]
         self.cuts = np.flatnonzero(self.hole & ~self.closed.all(axis=1))
-        base = np.arange(mesh.vertices)
-        beyond = np.zeros((len(base), len(self.cuts)), dtype=np.int64)
+        sheet = np.zeros((*corner.shape, len(self.cuts)), dtype=np.int64)
         for cut, number in enumerate(self.cuts.tolist()):
-            low, high = a[self.loops[number]], b[self.loops[number]]
-            right = low[:, 0] == max(low[:, 0].max(), high[:, 0].max())
-            right &= low[:, 0] == high[:, 0]
-            height = min(low[right, 1].min(), high[right, 1].min()) + 0.5
+            ends = np.stack([a, b])[:, self.loop == number]
+            far = ends[..., 0].max()
+            height = ends[:, (ends[..., 0] == far).all(axis=0), 1].min(axis=0).min() + 0.5
             # An agent on the cut sees what lies below it with the jump.
-            on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= low[right][0, 0])
-            below = on[:, None] & (place[mesh.corner][..., 1] < height)
-            own = np.unique(corner[below])
-            # A vertex that no other agent sees would stand alone; copies follow their vertices.
-            own = own[np.isin(own, corner[~below]) | (own >= mesh.vertices)]
-            table = np.arange(len(base))
-            table[own] = len(base) + np.arange(len(own))
-            corner = np.where(below, table[corner], corner)
-            base = np.append(base, base[own])
-            beyond = np.concatenate([beyond, beyond[own]])
-            beyond[len(table) :, cut] += 1
-        self.corner, self.base, self.beyond = corner, base, beyond
+            on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= far)
+            sheet[..., cut] = on[:, None] & (high < height)
+        some = np.isin(corner, corner[sheet.any(axis=2)])
+        rows, at = np.unique(
+            np.column_stack([corner[some], sheet[some]]), axis=0, return_inverse=True
+        )
+        # The first of the rows of a vertex is the vertex itself.
+        first = np.searchsorted(rows[:, 0], rows[:, 0])
+        copies = np.flatnonzero(first < np.arange(len(rows)))
+        own = rows[:, 0].copy()
+        own[copies] = mesh.vertices + np.arange(len(copies))
+        self.corner = corner.copy()
+        self.corner[some] = own[at.ravel()]
+        self.base = np.append(np.arange(mesh.vertices), rows[copies, 0])
+        jumped = (rows - rows[first])[copies, 1:]
+        self.beyond = np.concatenate([np.zeros((mesh.vertices, len(self.cuts)), int), jumped])
 
     def blocks(self, matrices: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
         """Return the compliance of the agents and of the beds."""
@@ -124,42 +138,16 @@ class Airy:
             beds = summed(np.einsum("bpi,bpj->bij", rows, rows), dof[owner], self.size)
         return Blocks(dof, matrices, size**-2.0, scale, self.size, beds, without_plane)
 
-    def seen(self, rows: Ints, end: int | Ints) -> Ints:
-        """Return the vertices or copies at the ends of border edges, as their agents see them."""
-        corner = on_sides(2)[self.mesh.side[rows], end]
-        return np.asarray(self.corner[self.mesh.owner[rows], corner])
-
-    def way(self) -> tuple[sp.csr_array, Ints, sp.csr_array | None]:
-        """Return what all unknowns are by the free ones, which these are, and how they turn."""
+    def way(self) -> tuple[sp.csr_array, Ints]:
+        """Return what all unknowns are by the free ones, and which these are."""
         fixed = np.zeros(self.size, dtype=np.bool_)
         copies = np.arange(self.mesh.vertices, self.points)
         follow: Entries = [(3 * copies + k, 3 * self.base[copies] + k, 1.0) for k in range(3)]
         follow += self._jumps(copies, self.beyond[copies])
         follow += self._hanging() + self._border(fixed) + self._shut(fixed)
         way, follows = followed(follow, self.size)
-        # A linear function has no stress: phi and its slopes vanish in every part, along the
-        # longest stretch of free edges, or somewhere.
-        first, middle, long, part = self._stretches
-        order = np.lexsort((long, part))
-        for one in first[order[np.append(np.diff(part[order]) > 0, True)]].tolist():
-            for k in range(3):
-                terms = way[[3 * one + k]].indices
-                fixed[terms[(terms < 3 * self.points) & (terms % 3 == k)]] = True
         free = np.flatnonzero(~(follows | fixed))
-        number = np.full(self.size, -1)
-        number[free] = np.arange(len(free))
-        way = sp.csr_array(way[:, free])
-        # Let linear functions along free stretches turn about their middles, not their ends: of
-        # the columns where phi begins so much is added to those of its slopes.
-        some = np.flatnonzero((long > 0.0) & (number[3 * first] >= 0))
-        if not len(some):
-            return way, free, None
-        first, arm = first[some], self.place[first[some]] - middle[some]
-        turn = sp.csr_array((len(free), len(free)))
-        for k in (1, 2):
-            at = number[3 * first], np.arange(len(some)), arm[:, k - 1]
-            turn = turn + coo([at], (len(free), len(some))) @ way[3 * first + k]
-        return sp.csr_array(way + way @ turn), free, turn
+        return sp.csr_array(way[:, free]), free
 
     def _jumps(self, point: Ints, times: Ints, terms: list[tuple[int, int]] = LINEAR) -> Entries:
         """Add the linear functions of cuts, each so many times, to phi at vertices or copies."""
@@ -202,45 +190,53 @@ class Airy:
         return entries + [(3 * self.points + one, bulge, 0.25) for one in mesh.halves]
 
     def _border(self, fixed: Flags) -> Entries:
-        """Say what tractions along the border are none, walking along its loops."""
-        mesh, row = self.mesh, np.concatenate(self.loops)
-        loop = np.repeat(np.arange(len(self.loops)), [len(one) for one in self.loops])
-        kind, (start, end) = self.kind[row], mesh.along()
-        opens = (np.diff(loop, prepend=-1) > 0) | (np.diff(kind, prepend=-1) != 0)
-        stretch, begins = np.cumsum(opens) - 1, start[row[opens]]
-        fixed[3 * self.points + mesh.border[row[kind > 0]]] = True
-        # Vertices of a stretch but the first follow it; those beyond cuts less the jumps. Within an
-        # edge both ends are seen on one sheet; between edges the sheet may change.
-        own, first = end[row], begins[stretch]
+        """Say what tractions along the border are none, run by run of its edges."""
+        mesh, row, start, end = self.mesh, self.row, self.start, self.end
+        fixed[3 * self.points + mesh.border[row[self.linear.any(axis=0)]]] = True
+        # How often the sheet has changed before each edge: within an edge both ends are seen on
+        # one, which may be another one along the next edge.
         back = backwards(mesh.side[row]).astype(np.int64)
-        passed = self.beyond[self.seen(row, back)] - self.beyond[self.seen(row, 1 - back)]
-        total = np.cumsum(passed, axis=0)
-        total -= (total - passed)[opens][stretch]
-        # What is given all along a loop closes by itself, since the loads balance: its first vertex
-        # does not follow itself.
-        last = start[[one[0] for one in self.loops]][loop] == own
-        entries: Entries = []
+        ends = on_sides(2)[mesh.side[row, None], np.stack([back, 1 - back], axis=1)]
+        seen = self.beyond[self.corner[mesh.owner[row, None], ends]]
+        passed = seen[:, 0] - seen[:, 1]
+        before = np.cumsum(passed, axis=0) - passed
+        before -= before[self.begins][self.loop]
+        around = np.add.reduceat(passed, self.begins)[self.loop]
+        # Linear functions count from the middles of their runs.
+        free = np.flatnonzero(self.linear[0])
+        run = np.unique(self.runs[0][0][free], return_inverse=True)[1]
+        weight = mesh.length[mesh.border[row[free]]]
+        middle, long = np.zeros((2, len(row))), np.zeros(len(row))
+        long[free] = np.bincount(run, weight)[run]
+        for k, x in enumerate(0.5 * (self.place[start] + self.place[end])[free].T):
+            middle[k, free] = np.bincount(run, weight * x)[run] / long[free]
+        entries, master = Entries(), np.arange(3 * self.points).reshape(-1, 3)
         for k, by in LINEAR:
-            on = (kind == 3) | ((kind == 3 - k) & (k == by) & (k > 0))
-            on &= ~(last & self.closed[loop, k])
-            arm = (self.place[own] - self.place[first])[on, by - 1] if by > k else 1.0
-            entries.append((3 * own[on] + k, 3 * first[on] + by, arm))
-            entries += self._jumps(own[on], total[on], [(k, by)])
-        # Of each stretch its first vertex, its middle, its length if it is free, and its part.
-        count = np.bincount(stretch)
-        middle = np.stack([np.bincount(stretch, x) / count for x in self.place[own].T], axis=1)
-        long = np.bincount(stretch, np.where(kind == 3, mesh.length[mesh.border[row]], 0.0))
-        self._stretches = begins, middle, long, self.loop_part[loop[opens]]
+            on, (unknown, early) = self.linear[k], self.runs[by]
+            # The first vertex of every edge, and the last one of a run.
+            last = self.before[on[self.before] & ~on]
+            edge = np.concatenate([np.flatnonzero(on), last])
+            vertex = np.concatenate([start[on], end[last]])
+            times = (before + early[:, None] * around)[edge]
+            times[len(edge) - len(last) :] += passed[last]
+            arm = self.place[vertex, by - 1] - middle[by - 1, edge] if by > k else 1.0
+            entries.append((3 * vertex + k, unknown[edge], arm))
+            entries += self._jumps(vertex, times, [(k, by)])
+            if k == by:
+                master[vertex, k] = unknown[edge]
+        # A linear function has no stress: one vanishes in every part, along its longest free run,
+        # or at a vertex.
+        order = np.lexsort((-start, long, self.part))
+        chosen = order[np.append(np.diff(self.part[order]) > 0, True)]
+        fixed[master[start[chosen]]] = True
         return entries
 
     def _shut(self, fixed: Flags) -> Entries:
         """Say that forces and couples of cuts that the border leaves no room for are none."""
-        shut, entries = self.closed[self.cuts], Entries()
-        fixed[self.jump :] = shut.ravel()
+        shut, part, entries = self.closed[self.cuts], self.part[self.begins], Entries()
+        fixed[self.jump : self.jump + shut.size] = shut.ravel()
         for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
-            left = np.flatnonzero(
-                (self.loop_part[self.cuts] == self.loop_part[outer]) & ~shut[:, k]
-            )
+            left = np.flatnonzero((part[self.cuts] == part[outer]) & ~shut[:, k])
             # All together they are none: the last is less than none by the others.
             row = self.jump + 3 * left + k
             fixed[row[-1:]] = len(left) == 1
@@ -259,56 +255,43 @@ def bed_rows(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
 
 def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size: Floats) -> Floats:
     """Return phi of each agent, (n, 16), of a stress that balances loads of agents."""
-    # Unknown are force and couple of each edge, but where the traction is given.
+    # Agents are rigid blocks: `works` are the works of tractions of their sides, forces and first
+    # moments, on their motions. `hands` are such tractions of what edges hand on: a force, and the
+    # first moment of its component across.
+    side, axis, sign = np.arange(4), np.arange(4) // 2, np.array([-1.0, 1.0, -1.0, 1.0])
+    works, hands = np.zeros((3, 4, 2, 2)), np.zeros((4, 3, 2, 2))
+    works[0, :, 0, 0] = works[1, :, 0, 1] = 1.0
+    works[2, side, 0, 1 - axis] = 0.5 * sign * [1.0, 1.0, -1.0, -1.0]
+    works[2, side, 1, axis] = [-1.0, -1.0, 1.0, 1.0]
+    hands[:, 0, 0, 0] = hands[:, 1, 0, 1] = hands[side, 2, 1, axis] = sign
+    # A row of `matrix` is a force on an agent, or its couple over its edge.
+    n, number = len(mesh.leaves), np.arange(3 * mesh.edges).reshape(-1, 3)
+    own = mesh.edge[:, EDGE_OF_SIDE]
+    row, column = np.arange(3 * n).reshape(n, 3, 1, 1), number[own][:, None]
+    share = np.einsum("rsij,seij->rse", works, hands)
+    at, values = np.broadcast_arrays(row, column, share)[:2], np.broadcast_to(share, (n, 3, 4, 3))
+    matrix = sp.csr_array((values.ravel(), tuple(x.ravel() for x in at)), (3 * n, number.size))
+    # Unknown is what edges hand on but where the traction is given; halves follow the whole edge.
     free = np.ones((mesh.edges, 3), dtype=np.bool_)
     free[mesh.border, :2] = ~sides.given
     free[mesh.border, 2] = ~sides.given[np.arange(len(mesh.border)), mesh.side // 2]
-    # The least squares of the tractions: a row of `matrix` is a force on an agent, or its couple
-    # over h. Halves follow the whole edge.
-    n, edges = len(mesh.leaves), mesh.edges
-    number = 3 * np.arange(edges)[:, None] + np.arange(3)
-    own = mesh.edge[:, on_sides(2)[:, 2] - 4]  # by side
-    entries: Entries = []
-    for side in range(4):
-        axis, sign = side // 2, 2.0 * (side % 2) - 1.0
-        turn = 1.0 if axis else -1.0
-        for row, column, value in (
-            (0, 0, 1.0), (1, 1, 1.0), (2, 1 - axis, -0.5 * sign * turn), (2, 2, turn),
-        ):  # fmt: skip
-            entries.append((3 * np.arange(n) + row, number[own[:, side], column], sign * value))
-    matrix = coo(entries, (3 * n, 3 * edges))
-    follow: Entries = []
-    whole, across = number[mesh.whole], 1 - mesh.axis[mesh.whole]
+    whole, across, follow = number[mesh.whole], 1 - mesh.axis[mesh.whole], Entries()
     for half, lean in zip(mesh.halves, (-1.5, 1.5), strict=True):
-        for k, share in enumerate((0.5, 0.5, 0.25)):
-            follow.append((number[half, k], whole[:, k], share))
+        follow += [(number[half, k], whole[:, k], (0.5, 0.5, 0.25)[k]) for k in range(3)]
         follow.append((number[half, across], whole[:, 2], lean))
-    every, follows = followed(follow, 3 * edges)
+    every, follows = followed(follow, number.size)
     chosen = np.flatnonzero(free.ravel() & ~follows)
-    way = sp.csr_array(every[:, chosen])
-    # Couples weigh as tractions of the same size.
-    weight = np.tile([1.0, 1.0, 1.0 / 12.0], edges)[chosen]
-    balance = sp.csr_array(matrix @ way)
-    wanted = -_resultants(load, body)
+    # The least squares, in which first moments weigh as tractions of the same size.
+    weight = np.tile([1.0, 1.0, 1.0 / 12.0], mesh.edges)[chosen]
+    balance = sp.csr_array(matrix @ every[:, chosen])
+    wanted = np.einsum("rsij,nsij->nr", works, -load)
+    wanted[:, :2] -= body
     normal = sp.csc_array(balance @ sp.diags_array(weight) @ balance.T)
     factors = factors_of(normal)
-    found = factors.solve(wanted)
-    found = found + factors.solve(wanted - normal @ found)
-    flow = (way @ (weight * (balance.T @ found))).reshape(-1, 3)
-    traction = load.copy()
-    for side in range(4):
-        axis, sign = side // 2, 2.0 * (side % 2) - 1.0
-        traction[:, side, 0] += sign * flow[own[:, side], :2]
-        traction[:, side, 1, axis] += sign * flow[own[:, side], 2]
-        # A body force is met by a stress that grows along each axis: half of it at either end.
-        traction[:, side, 0, axis] += 0.5 * body[:, axis]
+    found = factors.solve(wanted.ravel())
+    found = found + factors.solve(wanted.ravel() - normal @ found)
+    flow = (every[:, chosen] @ (weight * (balance.T @ found))).reshape(-1, 3)
+    traction = load + np.einsum("nse,seij->nsij", flow[own], hands)
+    # A body force is met by a stress that grows along each axis: half of it at either end.
+    traction[:, side, 0, axis] += 0.5 * body[:, axis]
     return np.asarray(size[:, None] * np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction))
-
-
-def _resultants(load: Floats, body: Floats) -> Floats:
-    """Return the loads' forces on each agent, and their couples about its middle over its edge."""
-    force, moment = load[:, :, 0], load[:, :, 1]
-    total = force.sum(axis=1) + body
-    couple = 0.5 * (force[:, 1, 1] - force[:, 0, 1]) - 0.5 * (force[:, 3, 0] - force[:, 2, 0])
-    couple = couple + moment[:, 2, 1] + moment[:, 3, 1] - moment[:, 0, 0] - moment[:, 1, 0]
-    return np.concatenate([total, couple[:, None]], axis=1).ravel()

@@ -115,14 +115,14 @@ class Fitting:
         return float(np.vdot(forces_of(self.sides), fit))
 
 
-def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints, None]:
+def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     """Return what all unknowns are by the free ones, and which these are."""
     d = sides.held.shape[1]
     # What a held node follows is held as well.
     held = mesh.masters(np.asarray(held_by(mesh, sides).any(axis=0)))
     free = np.flatnonzero((~(mesh.follows[:, None] | held)).ravel())
     both = sp.csr_array(sp.kron(mesh.ties, sp.eye_array(d), format="csr"))
-    return sp.csr_array(both[:, free]), free, None
+    return sp.csr_array(both[:, free]), free
 
 
 def held_by(mesh: Mesh, sides: Sides) -> Flags:

@@ -55,7 +55,7 @@ def settled(
     rubber, free = d == 2 and is_rubber(body.moduli, body.scene.plane), way_of(mesh, sides)
     direct = DIRECT_RUBBER if rubber else DIRECT
     if d == 3 and before is None and len(free[1]) > direct:
-        level = FieldLevel(blocks, free[0], *hats_of(fields[0], *free[:2]))
+        level = FieldLevel(blocks, free[0], *hats_of(fields[0], *free))
     else:
         level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)
     for field, old, gap in zip(fields, olds, gaps, strict=True):

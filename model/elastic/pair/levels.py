@@ -204,7 +204,7 @@ class FieldLevel:
 
 def level_of(
     blocks: Blocks,
-    free: tuple[sp.csr_array, Ints, sp.csr_array | None],
+    free: tuple[sp.csr_array, Ints],
     before: FieldLevel | None,
     family: tuple[Ints, Ints] | None,
     maps: Floats,
@@ -213,8 +213,7 @@ def level_of(
     """Return the equations of a generation; up to `direct` free unknowns it has factors."""
     # family: the parent of each agent, and which of its parts it is.
     # maps: What an agent's own unknowns, taken component by component, are by its parent's.
-    # turn: By how much unknowns are less than those that `way` is told for.
-    way, unknown, turn = free
+    way, unknown = free
     if before is None or family is None or way.shape[1] <= direct:
         return FieldLevel(blocks, way)
     parent, part = family
@@ -229,12 +228,12 @@ def level_of(
         rows = rows * old.scale[parent[agent]] / blocks.scale[agent, local][:, None]
     alone = first[unknown] < 0
     if alone.any():
-        # Unknowns that no agent has (of cuts) stand last in every generation.
+        # Unknowns that no agent has (of cuts and runs) stand last in every generation.
         rows[alone], columns[alone] = 0.0, old.size - 1
         rows[alone, 0], columns[alone, 0] = 1.0, old.size - (blocks.size - unknown[alone])
     place = np.arange(len(unknown) + 1) * m
     rise = sp.csr_array((rows.ravel(), columns.ravel(), place), (len(unknown), old.size))
-    return FieldLevel(blocks, way, before, rise if turn is None else rise - turn @ rise)
+    return FieldLevel(blocks, way, before, rise)
 
 
 def handed_down(own: Floats, family: tuple[Ints, Ints], maps: Floats) -> Floats:

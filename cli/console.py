@@ -143,8 +143,8 @@ class Folder:
             raise ResultFileError(f"{path}: is a file; --out needs a folder")
         if Path.cwd().is_relative_to(path.resolve()):
             raise ResultFileError(
-                f"{path}: is the working folder, and results need a folder of their own; take a "
-                f"new one, such as {path / 'result'}"
+                f"{path}: is the working folder or holds it, and results need a folder of their "
+                f"own; take a new one, such as {Path.cwd() / 'result'}"
             )
         if is_there(path) and any(path.iterdir()) and not force:
             raise ResultFileError(

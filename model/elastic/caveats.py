@@ -159,7 +159,7 @@ def _rough(result: ElasticResult) -> list[Caveat]:
     if result.goal or kept == "proved" or not error > ROUGH:
         return []
     if not isfinite(error):
-        said = "the lower bound of the energy is 0, so it has no relative error: "
+        said = "the lower bound of the energy is 0, so no relative error can be given: "
         said += "supports bear the loads where they act, and hardly any energy is stored"
         if not result.spawned:
             said = "sides that meet are moved apart: the energy has no limit as cells shrink"
@@ -189,14 +189,14 @@ def _steps(result: ElasticResult, near: Flags) -> Caveat:
     energy = density * result.size**result.scene.lattice.dimension
     share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
     said = (
-        f"round and slanted outlines are steps of {h:.3g} m, and proofs are about the body of "
-        "cells: its energy differs from that of the body described by an estimated "
+        f"round and slanted outlines are steps of {h:.3g} m: the energy of this stepped body, "
+        "which proofs are about, differs from that of the body described by an estimated "
         f"{100 * share:.1g} %"
     )
     if near[first_largest(result.von_mises)]:
         said += (
-            f"; the largest stress, at {_point(result.largest_stress.at)} m, lies at a step: it "
-            "is not real, and grows with smaller agents"
+            f"; the largest stress, at {_point(result.largest_stress.at)} m, lies at a step: a "
+            "round outline has no such stress, and it grows with smaller agents"
         )
         if not near.all():
             stress = np.where(near, 0.0, result.von_mises)
@@ -213,9 +213,9 @@ def _at_corners(corners: Floats) -> list[Caveat]:
         return []
     places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
     more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
-    many = f"{len(corners)} corner" + ("s" if len(corners) > 1 else "")
-    said = f"with smaller cells the stress grows without limit at the corner {places} m{more}"
-    return [Caveat(f"no limit of stress at {many}", said)]
+    at = "corners" if len(corners) > 1 else "corner"
+    said = f"with smaller cells the stress grows without limit at the {at} {places} m{more}"
+    return [Caveat(f"no limit of stress at {len(corners)} {at}", said)]
 
 
 def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:

@@ -53,8 +53,8 @@ def solve_spawning(
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an error of "
             f"{result.goal_error:.2g}, and a tolerance of {tolerance:g} needs more than the "
-            f"{spawner.most_agents} allowed; take a larger tolerance. The error's `best` holds "
-            "the result so far",
+            f"{spawner.most_agents} allowed; take a larger tolerance. `best` of this exception "
+            "is the result so far",
             result.residuals,
             result,
         )
@@ -74,8 +74,8 @@ def spawner_of(
     if scene.outlined and scene.lattice.dimension == 2:
         if resolution is not None or stage not in (None, 1):
             raise ParameterError(
-                "resolution, stage: are not taken within true outlines, whose agents spawn where "
-                'the tolerance asks for it; leave them out, or take regions with outline = "cells"'
+                "resolution, stage: true outlines have neither, since their agents spawn as the "
+                'tolerance asks; leave them out, or take regions with outline = "cells"'
             )
         return CutLoop(OutlinedBody(scene), tolerance, most_agents, peak_asked(scene, goal))
     return PairLoop(PosedBody(scene, stage, resolution), tolerance, most_agents, asked(goal))

@@ -31,14 +31,14 @@ def tangent_error(
     most = most[moved[most] > 0.05 * moved.max()]
     names = tuple(network.names[int(node)] for node in most)
     place = np.round(network.positions[most[0]], 6).tolist()
-    shown = ", ".join(repr(name) for name in names)
-    where = f"the nodes {shown} (the first lies at {place} before any load)"
+    shown = f"node{'s' if len(names) > 1 else ''} {', '.join(map(repr, names))}"
+    where = f"the {shown} (the first lies at {place} before any load)"
     ends = along_springs(network, mode)
     stretched = stiffness @ np.einsum("ij,ij->i", ends, geometry.direction) ** 2
     if stretched > 1e-10 * (stiffness @ np.einsum("ij,ij->i", ends, ends)):  # to first order
         return BucklingError(
-            f"at stage {stage:.6g} the network buckles: under its pressed springs {where} give "
-            "way without resistance; press less, hold these nodes, or brace them by springs",
+            f"at stage {stage:.6g} the network buckles: pressed springs let {where} move sideways "
+            "without resistance; press less, hold what moves, or brace it by springs",
             names,
         )
     return MechanismError(

@@ -462,9 +462,7 @@ def check_outlines(scene: Description, body: ResolvedBody) -> None:
                 raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
     for refused, told in _unproved(scene, body):
         if refused:
-            raise SceneError(
-                f'{told}, or take outline = "cells"; true outlines are not proved with it'
-            )
+            raise SceneError(f'{told}, or take outline = "cells": true outlines cannot have this')
 
 
 def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, str]]:
@@ -488,8 +486,9 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         yield not soft, f"materials.{material.name}.poissons_ratio: take less than 1/2"
     for name, side in scene.sides.items():
         moved = side.kind == "displaced"
-        where = f"sides.{name}: is {side.kind}"
-        yield side.kind == "foundation" or (moved and not solid), f"{where}; take rigid or roller"
+        bed = side.kind == "foundation"
+        where = f"sides.{name}: is {'an elastic bed' if bed else 'moved'}"
+        yield bed or (moved and not solid), f"{where}; take rigid or roller"
         yield moved and scene.loads, f"{where}; leave the loads out"
     for number, load in enumerate(scene.loads):
         for key in ("cell", "point", "region", "couple", "pressure_slope"):

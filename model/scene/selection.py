@@ -276,7 +276,7 @@ def _faces_on_plane(body: ResolvedBody, corners: Corners, axis: int, where: str)
     here = f"{'xyz'[axis]} = {corners[0][axis]:g} m"
     if off > _NEAR or not 0 <= plane <= lattice.shape[axis]:
         near = min(max(plane, 0), lattice.shape[axis]) * lattice.cell_size
-        raise SceneError(f"{where}: no faces of cells lie at {here}; the nearest do at {near:g} m")
+        raise SceneError(f"{where}: no faces of cells lie at {here}; the nearest are at {near:g} m")
     lower, upper = _covered(lattice, corners)
     lower[axis], upper[axis] = plane, plane + 1
     if count((lower, upper)) == 0:
@@ -289,7 +289,7 @@ def _faces_on_plane(body: ResolvedBody, corners: Corners, axis: int, where: str)
         covered = len(_body_cells(body, (lower, upper), where))
         inside = "inside the body" if covered else "in the air or on the ground"
         raise SceneError(
-            f"{where}: no surface of the body lies in this box at {here}; it is {inside}"
+            f"{where}: no surface of the body lies in this box at {here}, {inside}; move the box"
         )
     _check_free(body, chosen, where)
     part = _part(lattice, chosen.cells, corners, skip=axis)

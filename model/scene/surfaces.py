@@ -68,8 +68,8 @@ def _one_body(mesh: Any, key: str, scale: float) -> tuple[Floats, bool]:
     if (count % 2).any():
         x, y, z = scale * mesh.vertices[edges[count % 2 > 0][0, 0]]
         raise SceneFileError(
-            f"{key}: is not closed: an edge at ({x:.4g}, {y:.4g}, {z:.4g}) m bounds one triangle, "
-            "or three; mend it where it was made"
+            f"{key}: is not closed: the edge at ({x:.4g}, {y:.4g}, {z:.4g}) m belongs to one "
+            "triangle or three, not two; repair the surface in the program that wrote the file"
         )
     given = mesh.faces.copy()
     mend: Any = trimesh.repair.fix_winding  # untyped

@@ -178,8 +178,8 @@ def _check_apart(lines: list[Floats]) -> None:
         if inside.any() and not inside.all():
             x, y = np.array(inner.corners)[int(np.argmax(inside))]
             raise _wrong(
-                f"two outlines cross or touch near ({x:.4g}, {y:.4g}) m; join them to one path in "
-                "the drawing"
+                f"two outlines cross or touch near ({x:.4g}, {y:.4g}) m; join them into one path "
+                "in the drawing"
             )
 
 

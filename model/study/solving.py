@@ -173,7 +173,7 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
         _refuse_others(
             "tolerance resolution previous stage stiffness",
             given,
-            "stiffness: needs equal cells, which take no {name}; leave one of both out",
+            "stiffness: needs equal cells, which take no {name}; leave out stiffness or {name}",
         )
         return solve_cells(scene, tolerance, resolution, stiffness=given["stiffness"], **kept)
     if tolerance is None and goal is None:

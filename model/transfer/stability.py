@@ -81,8 +81,8 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
         verdict = f"{growth}: {remedy}"
         if generations is not None:
             verdict = (
-                f"the loads come to rest after {generations} generations, as what is not above the "
-                f"threshold ends; with a much lower one, {growth}"
+                f"the loads come to rest after {generations} generations, because loads up to the "
+                f"threshold end; with a much lower threshold {growth}"
             )
         elif not known_to_end:
             verdict = f"{growth}, unless the threshold ends them: only the run can tell"

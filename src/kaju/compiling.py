@@ -18,8 +18,8 @@ from typing import Any
 from kaju.errors import needing
 
 with needing(
-    "compiled loops need numba, which a browser's Python has not: growth and bodies of "
-    "more than 50,000 cells are for a Python outside; elsewhere pip install numba"
+    "kaju's compiled loops need numba: pip install numba. Python in a browser does not have it: "
+    "there growth and bodies of more than 50,000 cells cannot be computed"
 ):
     import numba
     from numba import types

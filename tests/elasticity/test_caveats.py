@@ -58,7 +58,7 @@ def test_steps_are_owned_up_to_and_their_effect_is_told_within_a_factor_of_three
     estimate = float(note.split("estimated ")[1].split()[0]) / 100
     true = abs(result.strain_energy / truth - 1.0)
     assert true / 3 < estimate < 3 * true
-    assert "about the body of cells" in note
+    assert "stepped body" in note
     assert note in result.summary()["notes"]
 
 

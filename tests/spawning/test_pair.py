@@ -225,7 +225,7 @@ def test_agents_that_run_out_say_so_and_keep_what_they_have(monkeypatch):
 def test_a_corner_that_no_agents_prove_is_given_up_early():
     hopeless = kaju.solve(plane_body(94), tolerance=0.03)  # foam and a stiff corner
     assert hopeless.agents < 6000
-    assert "too small to be counted" in hopeless.notes[0]
+    assert "even the smallest agents possible" in hopeless.notes[0]
 
 
 def test_a_side_that_moves_beside_small_first_agents_is_moved_without_gaps():

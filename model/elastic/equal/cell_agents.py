@@ -35,8 +35,8 @@ class CellAgents(OnCells):
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
     no_bound: ClassVar[str] = (
-        "errors of equal cells are estimated; with a tolerance agents have two opinions, which "
-        "prove theirs"
+        "the error of equal cells is only estimated; solve with a tolerance, and agents spawn, "
+        "whose error has a bound"
     )
     goals: ClassVar[tuple[()]] = ()
     generations: ClassVar[tuple[()]] = ()

@@ -214,9 +214,9 @@ class _Peak:
             axis, upper = SIDES[side]
             if len(axes) > 1 and (ends[..., axis] == upper * problem.shape[axis]).any():
                 raise SingularPlaceError(
-                    f"{no_limit} meets the rigid side {side!r}; let that be a roller, or let the "
-                    "fillet or hole that is meant be a named region of air that meets neither this "
-                    "side nor other outlines, or give no goal"
+                    f"{no_limit} meets the rigid side {side!r}; make this side a roller, or give "
+                    "no goal, or make the hole or fillet a region of air with a name of its own, "
+                    "which meets neither this side nor other outlines"
                 )
 
     def judge(self, pair: CutPair) -> Judged:

@@ -113,13 +113,13 @@ def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
 MISSED = {
     "": "after {steps} steps, which leave {above}",
     "agents": "more agents than are allowed would be needed: they leave {above}",
-    "rounding": "rounding hides the difference between the two stresses, and leaves {above}",
+    "rounding": "the two stresses differ by no more than rounding errors, which leave {above}",
     "resolution": "the smallest agents allowed leave {above}; a larger resolution allows smaller "
     "ones",
-    "corners": "agents would be too small to be counted before they agree where stress grows "
-    "without limit: they leave {above}; {most}",
+    "corners": "where stress grows without limit, even the smallest agents possible differ by more "
+    "than the tolerance: they leave {above}; {most}",
     "stalled": "more agents do not lower the error: they leave {above}; {most}",
-    "depth": "the smallest agents that can be counted leave {above}; {most}",
+    "depth": "the smallest agents possible leave {above}; {most}",
 }
 """What is said of a tolerance that is missed, by why its agents stopped."""
 

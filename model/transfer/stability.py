@@ -52,7 +52,7 @@ def stability(scene: Scene) -> Certificate:
     --------
     >>> import kaju
     >>> kaju.stability(kaju.load_scene("plate.toml")).verdict
-    'every load ends within 8 generations'
+    'every load ends after at most 8 generations'
     """
     return certify(scene, Transfer(scene))
 
@@ -90,7 +90,7 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
         verdict = "no load exceeds the threshold: nothing happens"
     else:
         unit = "generation" if generations == 1 else "generations"
-        verdict = f"every load ends within {generations} {unit}"
+        verdict = f"every load ends after at most {generations} {unit}"
     stable = generations is not None
     return Certificate(
         lower, upper, radius, largest_share, generations, stable, verdict, known_to_end

@@ -12,7 +12,7 @@ def test_the_plate_ends_within_eight_generations():
     assert certificate.stable
     assert certificate.spectral_radius == pytest.approx(1.15)
     assert certificate.generations == 8
-    assert certificate.verdict == "every load ends within 8 generations"
+    assert certificate.verdict == "every load ends after at most 8 generations"
 
 
 def test_added_up_the_plate_is_refused_with_a_remedy_that_works():

@@ -164,15 +164,15 @@ export class Workshop {
     const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
     const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
-    return [choose, ...asks, make("div", { className: "editor" }, this.gutter, this.field),
+    return [choose, ...asks, out, ...bars, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => this.run(), { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
-      out, ...bars, game, score, ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
+      ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
     const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, grew } = this.result, n = (x) => general(x, 4);
     if (grew) return t("atLine", { n: grew, e: t("grew") });
     const states = (run.states ?? []).filter(([, , whether]) => whether).map(([name, meaning]) => `, ${run[`state ${name}`].value.reduce((a, b) => a + b, 0)} ${page.say(meaning)}`);
-    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join(""), r: n(ground), f: n(this.foot()) }) + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "");
+    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t("footGot", { r: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "");
   }
   /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {

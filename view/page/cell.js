@@ -103,7 +103,8 @@ MODES.push({
   },
   key(page, { key }) { return key === "Enter" && page.picked >= 0; },
   press(page, { offsetX, offsetY }) {
-    const cell = page.view.cellAt(offsetX, offsetY);
+    const { view, close: { cx, cy, s }, picked, run: { lattice: L } } = page, beside = picked >= 0 && L.dimension === 2 && !L.hexagon ? L.cell(picked).map((c, a) => c + Math.round((a ? cy - offsetY : offsetX - cx) / (1.02 * s))) : null;
+    const cell = view.cellAt(offsetX, offsetY) ?? (beside && L.contains(beside) ? beside : null);   // a neighbour in the close-up is the next to be looked at
     if (cell && page.run.kinds[page.run.lattice.key(cell)] >= 0) { page.picked = page.run.lattice.key(cell); page.later(); }
     return true;
   },
@@ -136,7 +137,7 @@ function cellCards(page) {
   const line = (word, value) => make("tr", {}, ...cells(word, newtons(value)));
   const edge = sum((r) => r.from >= 0 && run.kinds[r.from] < 0);
   const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
-  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) : "" })),
+  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
     card(t("cameIn", { g, c: cellName(L, k) }), table),
     card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t("keeps"), "α₁P", newtons(own))), ...parts)),
     card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
@@ -157,6 +158,7 @@ function thick(ctx, x, y, dx, dy, length, width, ink, inks, ghost) {
 function paintCell(page, box) {
   const { view: { ctx }, view: small, run, inks, t, picked: k } = page, { lattice: L } = run, { row } = studied(page), hex = L.hexagon;
   const s = Math.min(box.w / 2.45, box.h / 2.45), cx = box.x + box.w / 2, cy = box.y + box.h / 2, out = (arm) => [L.normals[arm][0], -L.normals[arm][1]];
+  page.close = { cx, cy, s };
   const outline = (x, y, size = s) => small.outline([x, y], size);
   const font = FONT.replace("12px", s > 130 ? "13px" : "12px"), bold = `600 ${FONT.replace("12px", s > 130 ? "15px" : "12px")}`;
   const corner = small.corners(small.at(...small.centre(L.cell(k)))), right = Math.max(...corner.map((p) => p[0]));

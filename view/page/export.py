@@ -50,7 +50,7 @@ def _in(language: str | None, text: Text | None) -> str | None:
 
 MODULES = (
     "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
-    "markdown.js", "paint.js", "charts.js", "state.js",
+    "paint.js", "charts.js", "state.js",
     "loads.js", "cell.js", "lesson.js", "twin.js", "cutting.js",
     "panels.js", "page.js", "motion.js",
 )  # fmt: skip

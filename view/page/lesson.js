@@ -1,19 +1,19 @@
 // A lesson in the page: predict, step, explain, try. Questions are asked one by one; what is typed
 // and ticked is kept on this computer; the page shows no further than the question has got.
-import { button, draw, icon, make, MODES, numberOf, segments, tick } from "./controls.js";
-import { inline, rendered } from "./markdown.js";
+import { button, draw, icon, inline, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, chartsCard, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
 import { general, local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
-const MOST_LETTERS = 400, SMALL = 4;               // of an answer; so many generations have a small picture
+const MOST_LETTERS = 2000, SMALL = 4;              // of an answer; so many generations have a small picture
 
 export class Lesson {
   constructor(page, { key, minutes, age, index, opens, questions, teacher, presets }) {
     Object.assign(this, { page, key, minutes, age, index, opens, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
+    addEventListener("storage", ({ key }) => { if (key === this.place) { this.read(); page.rebuild(); } });   // answers typed in another page of the lesson
   }
   /** Open where the reader was, in this page or another one of the lesson; that one at the question that asks for it, at its end. */
   begin() { if (this.opens) this.page.goTo(Infinity); if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
@@ -22,15 +22,13 @@ export class Lesson {
     try {
       const kept = JSON.parse(localStorage.getItem(this.place) ?? "{}");
       localStorage.setItem(this.place, JSON.stringify(kept));
-      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], was: Math.max(this.was, kept.at ?? 0), kept: Boolean(kept.when) });
-      this.keeps = true;
+      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [], was: Math.max(this.was, kept.at ?? 0), kept: Boolean(kept.when), keeps: true });
     } catch { this.keeps = false; }
   }
   keep() {
     const { answers, guesses, firsts, done, at } = this;
     try { localStorage.setItem(this.place, JSON.stringify({ answers, guesses, firsts, done, at, when: new Date().toISOString() })); this.keeps = this.kept = true; } catch { this.keeps = false; }
-    const { saved } = this;
-    if (saved) { saved.textContent = this.told; saved.classList.toggle("bad", !this.keeps); }
+    if (this.saved) { this.saved.textContent = this.told; this.saved.classList.toggle("bad", !this.keeps); }
   }
   get told() { return this.keeps && !this.kept ? "" : this.page.t(this.keeps ? "savedHere" : "notSaved"); }
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
@@ -54,10 +52,18 @@ export class Lesson {
   /** Open a step that a reader asks for: who has not guessed yet guesses first. */
   enter(n) {
     const open = this.of("predict").find((q) => (q.kind === "cells" ? !this.isDone(q) : !this.answered(q)));
-    if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.page.announce(this.page.t("answerFirst")); } else this.open(n);
+    if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.ask(); } else this.open(n);
+  }
+  /** Say that the question is to be answered first, beside the field that waits. */
+  ask() {
+    const { page, saved } = this, word = page.t("answerFirst");
+    page.playing = false; page.announce(word);
+    if (saved) { saved.textContent = word; saved.className = "saved bad"; saved.scrollIntoView({ block: "nearest" }); }
+    if (this.question.kind !== "cells") page.root.querySelector("aside textarea, aside input.field")?.focus({ preventScroll: true });
   }
   go(at, quiet = false) {
     const { page } = this;
+    if (page.run.generation > 60) page.look.speed = Math.max(page.look.speed, [8, 15, 30, 60].find((n) => page.run.generation < 20 * n) ?? 60);   // nobody watches for minutes
     this.at = at; this.step = this.question?.step ?? this.step;
     page.playing = false;
     if (this.kept) this.keep();
@@ -71,12 +77,9 @@ export class Lesson {
     page.seek(Math.min(g, this.limit));
     if (page.host) { page.root.querySelector("aside .body")?.scrollTo?.(0, 0); }
   }
-  /** Load a preset, and go to where the question looks. */
-  load(preset) { this.page.load(preset); this.page.seek(Math.min(this.question?.show?.generation ?? 0, this.limit)); }
   get next() {
-    const own = this.of(this.step), n = own.indexOf(this.question);
-    if (n >= 0 && n + 1 < own.length) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(own[n + 1])) };
-    const step = STEPS.indexOf(this.step) + 1;
+    const own = this.of(this.step), more = this.question && own[own.indexOf(this.question) + 1], step = STEPS.indexOf(this.step) + 1;
+    if (more) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(more)) };
     return step < STEPS.length ? { step, word: "nextStep", go: () => this.finish(step) } : null;
   }
   get back() {
@@ -90,13 +93,11 @@ export class Lesson {
     return q.kind === "number" && q.step !== "predict" ? q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
   }
   finish(step) {
-    this.done = this.done.filter((name) => name !== this.step);
-    if (this.of(this.step).every((q) => this.isDone(q))) this.done.push(this.step);
-    this.keep(); this.enter(step);
+    this.done = [...this.done.filter((name) => name !== this.step), ...(this.of(this.step).every((q) => this.isDone(q)) ? [this.step] : [])];
+    if (this.kept) this.keep(); this.enter(step);
   }
   answer(q, value, field) {
-    if (field === undefined) this.answers[q.key] = value;
-    else this.answers[q.key] = Object.assign([...(this.answers[q.key] ?? q.fields.map(() => ""))], { [field]: value });
+    this.answers[q.key] = field === undefined ? value : Object.assign([...(this.answers[q.key] ?? q.fields.map(() => ""))], { [field]: value });
     this.keep();
     this.page.later();
   }
@@ -269,12 +270,10 @@ function questionCards(lesson, q) {
 
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
-  const { page: { t } } = lesson, given = lesson.answers[q.key], label = q.kind === "cells" ? t("surprise") : t("yourAnswer"), count = make("small", { className: "soft" });
+  const { page: { t } } = lesson, given = lesson.answers[q.key], label = q.kind === "cells" ? t("surprise") : t("yourAnswer");
   const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
-  const tell = () => { count.textContent = t("letters_of", { n: area.value.length, m: MOST_LETTERS }); };
-  area.oninput = () => { lesson.answer(q, area.value, i); tell(); };
-  tell();
-  return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area, count];
+  area.oninput = () => lesson.answer(q, area.value, i);
+  return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area];
 }
 
 function numberCard(lesson, q, field, i) {
@@ -307,13 +306,13 @@ function stepCards(page) {
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
   const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
-  parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => lesson.load(preset)));
-  const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  const near = lesson.question?.show?.rule ? [fold(t("rule"), rulePanel(page, true), true), ...charts.splice(0)] : [];   // what is typed and read
-  if (lesson.step === "step") return [...tries, ...about, ...code, ...(lesson.question?.show?.sentence ? [parts.verdict] : []), ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
-  if (lesson.step === "explain") return [...tries, ...about, ...code, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
-  const rest = ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]()));
-  return [...near, ...tries, ...about, ...code, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
+  parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
+  const tries = touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
+  const typed = lesson.question?.show?.rule, near = typed ? [fold(t("rule"), rulePanel(page, true), true)] : [], read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const first = [...near, ...tries, ...code, ...cards, ...(typed ? read : story), ...(typed ? story : read), ...about];
+  if (lesson.step === "step") return [...first, ...(lesson.question?.show?.sentence ? [parts.verdict] : []), ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : []), look];
+  const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !typed)).map((name) => fold(t(name), panels[name]())) : [];
+  return [...first, ...(free ? [parts.verdict] : []), ...rest, ...charts, look];
 }
 
 // ----------------------------------------------------------------------------------- on paper
@@ -345,7 +344,8 @@ function paperOf(page) {
 }
 
 function loadWords({ scene }) {
-  return scene?.loads?.length ? [...scene.loads.slice(0, 3).map((l) => quantity(Math.hypot(...l.force), "N")), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
+  const sizes = (scene?.loads ?? []).map((l) => quantity(Math.hypot(...l.force), "N")), unlike = [...new Set(sizes)].slice(0, 3), times = (n) => (n > 1 ? `${n} × ` : "");
+  return sizes.length ? [...unlike.map((size) => times(sizes.filter((other) => other === size).length) + size), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
 const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(Number.isInteger(f.answer) ? f.answer : Number(f.answer.toPrecision(4))))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${local(String(f.tolerance))})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
@@ -402,5 +402,5 @@ function ruleBox(page) {
   shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P");
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
   const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, "ν": nu }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
-  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: t("ruleInWords") }), make("p", { textContent: values })));
+  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}` }), make("p", { textContent: values })));
 }

@@ -48,7 +48,7 @@ export class MotionPage extends Page {
   frame() {
     const { dimension: d, points, parts } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
     for (const i of parts) for (let a = 0; a < d; a++) { low[a] = Math.min(low[a], points[i * d + a]); high[a] = Math.max(high[a], points[i * d + a]); }
-    const extent = this.extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
+    const extent = this.extent = Math.max(...this.sides = high.map((h, a) => h - low[a])) || 1;
     const room = this.moved ? Math.max(SHOWN * extent, this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
     this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room); this.edge = 0.5 * room / this.unit;
     this.run.lattice = { shape: high.map((h, a) => (h - low[a] + room) / this.unit), dimension: d, hexagon: false };
@@ -57,7 +57,7 @@ export class MotionPage extends Page {
   /** Small displacements are magnified: the largest is shown as a fifteenth of the body. */
   get usual() {
     const { extent } = this, far = this.scale("move").far;
-    return far > 0.01 * extent || !far ? 1 : roundDown(SHOWN * extent / far);
+    return far > 0.5 * SHOWN * extent || !far ? 1 : roundDown(SHOWN * extent / far);
   }
   get touchable() { return false; }
   get deformable() { return Boolean(this.moved); }
@@ -117,7 +117,7 @@ export class MotionPage extends Page {
   }
 
   drawBody() {
-    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.loads.list.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
+    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.whole.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     const { secret } = this.lesson ?? {};         // neither colours nor a deformed shape tell what is to be guessed
     this.times = look.deformed && this.moved && !secret ? this.magnification() : 0;
@@ -134,7 +134,7 @@ export class MotionPage extends Page {
     }
     if (scale) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") })].filter(Boolean).join(" · ");
   }
   middle(part) {
     const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));
@@ -222,8 +222,8 @@ export class MotionPage extends Page {
   }
   words() {
     const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
-    const moment = counts ? t(`along_${along}`) : along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")}`;
-    this.tellTime(`${moment}${counts ? "" : " ·"} ${t("moment", { g, n: run.generation })}`);   // of what is counted once is enough
+    const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
+    this.tellTime(along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${moment()} ${t("moment", { g, n: run.generation })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along !== "share" && g < run.generation) || this.limit < run.generation;   // how it ended is told at the end
     this.tell();
     this.drawCurves();

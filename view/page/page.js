@@ -32,7 +32,7 @@ export class Page {
     this.loads = new Loads(this);
     this.studio = header.python ? new Workshop(this, header.python) : null;
     this.lesson = lesson ? new Lesson(this, lesson) : null;
-    if (this.lesson) this.look.speed = this.at?.length > 60 ? 8 : 1;   // nobody watches a hundred frames for minutes
+    if (this.lesson) this.look.speed = 1;
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
     this.root = element.shadowRoot;
     this.root.replaceChildren(this.host);
@@ -55,11 +55,11 @@ export class Page {
   say(text) { return typeof text === "object" && text ? text[this.language] ?? text.en ?? Object.values(text)[0] : text; }
   nameOf(preset) { return preset.word ? this.t(preset.word) : this.say(preset.name); }
   /** Take what the header brings: here a scene, and a run unless the page makes it. */
-  begin({ scene, cells, run = null, presets = [] }) {
+  begin({ scene, cells, run = null, presets = [], lesson }) {
     this.start = { scene: structuredClone(scene), cells: cells.slice(), word: "asItWas" };
     this.scene = structuredClone(scene); this.cells = cells.slice(); this.stage = scene.stages;
     this.senseful = "sense" in scene.rule;
-    this.presets = [this.start, ...(presets.length || this.own ? presets : usual(scene))];
+    this.presets = [this.start, ...(presets.length || this.own || lesson ? presets : usual(scene))];
     const { shape } = scene.lattice, load = scene.loads[0];    // cut cubes where the first load presses
     if (shape.length === 3) this.look.cut = { axis: 1, at: load ? load.cell[1] : shape[1] >> 1, only: false };
     this.adopt(run ?? this.compute());
@@ -182,7 +182,7 @@ export class Page {
     this.moved = null;
   }
   seek(g) {
-    if (g > this.limit && Number.isFinite(g)) this.announce(this.t("answerFirst"));
+    if (g > this.limit && Number.isFinite(g)) this.lesson.ask();
     g = Math.min(g, this.limit);
     this.goTo(g);
     this.later();
@@ -190,6 +190,7 @@ export class Page {
   /** Whether Play goes no further from here. */
   get ended() { return this.g >= this.limit || (this.g >= this.run.generation && this.over); }
   toggle(on = !this.playing) {
+    if (on && this.limit === 0) { this.lesson.ask(); return; }
     this.playing = on;
     if (on && this.ended) this.goTo(0);
     if (on) this.mode?.play?.(this);
@@ -309,7 +310,8 @@ export class Page {
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
     const ruled = this.deformable && !box.w && (moved || !this.lesson) ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
-    this.parts.cap.textContent = this.told || [scaled, ruled, sensed].filter(Boolean).join(" · ");
+    const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "";   // on a phone the panel is a long way down
+    this.parts.cap.textContent = this.told || [took, scaled, ruled, sensed].filter(Boolean).join(" · ");
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;
@@ -341,9 +343,7 @@ export class Page {
     this.parts.cap = make("div", { className: "cap", role: "status" });
     this.parts.tip = make("div", { className: "tip", hidden: true });
     this.stageBox = make("div", { className: "stage" }, make("div", {}, this.canvas, this.parts.cap, this.parts.tip));
-    this.canvas.addEventListener("pointerdown", (event) => this.press(event));
-    this.canvas.addEventListener("pointermove", (event) => this.move(event));
-    this.canvas.addEventListener("pointerup", (event) => this.release(event));
+    for (const [name, does] of [["down", "press"], ["move", "move"], ["up", "release"]]) this.canvas.addEventListener(`pointer${name}`, (event) => this[does](event));
     this.canvas.addEventListener("pointercancel", () => { this.hold = null; this.later(); });
     this.canvas.addEventListener("dblclick", (event) => { if (this.mode?.double) this.mode.double(this, event); else this.loads.double(event); });
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });

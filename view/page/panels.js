@@ -1,6 +1,5 @@
 // What stands round the picture: header, bar, timeline and side, and the panels of the side.
-import { button, choice, icon, iconButton, labelled, make, offered, segments, slider, tick } from "./controls.js";
-import { rendered } from "./markdown.js";
+import { button, choice, icon, iconButton, labelled, make, offered, rendered, segments, slider, tick } from "./controls.js";
 import { lessonSide } from "./lesson.js";
 import { loadsPanel } from "./loads.js";
 import { largestForce, savePng, saveScene, saveTable } from "./scene.js";
@@ -18,7 +17,7 @@ export function buildHeader(page) {
   parts.undo = iconButton("undo", t("undo"), () => page.past.undo(), { disabled: !page.past?.can(-1) });
   parts.redo = iconButton("redo", t("redo"), () => page.past.redo(), { disabled: !page.past?.can(1) });
   parts.mode = make("span", { className: page.own ? "mode own" : "mode", textContent: page.whose });
-  const score = page.studio ? [make("output", { className: "score", textContent: page.studio.challenge()[0] })] : [];
+  const score = page.studio && (lesson?.step ?? "try") === "try" ? [make("output", { className: "score", textContent: page.studio.challenge()[0] })] : [];
   const right = make("div", { className: "right" }, ...(page.touchable || lesson ? [parts.undo, parts.redo] : []),
     labelled("link", t("copyLink"), () => copyLink(page)), menu, language,
     iconButton("theme", t("theme"), () => page.dress(!page.dark), { className: "icon theme", ariaPressed: String(page.dark) }));

@@ -58,14 +58,14 @@ function paintDifference(page, canvas, both) {
 // -------------------------------------------------------------------------------------- ruler
 
 const rulerEnds = ({ look, run: { lattice: { shape: [nx, ny] } } }) => {
-  const { from, to, axis, at } = look.twin.ruler;
-  return from ? [from, to] : axis === 0 ? [[0, at + 0.5], [nx, at + 0.5]] : [[at + 0.5, 0], [at + 0.5, ny]];
+  const { axis, at } = look.twin.ruler;
+  return axis === 0 ? [[0, at + 0.5], [nx, at + 0.5]] : [[at + 0.5, 0], [at + 0.5, ny]];
 };
 /** What lies under the ruler: keys and places (m), both profiles with largest value and half width, the force through it. */
 export function profileOf(page, both) {
   const { run, look } = page, { ruler } = look.twin, { h } = run.lattice, { keys, at } = cellsOn(run, ...rulerEnds(page)), places = at.map((x) => x * h), { axis } = loadAxis(run.scene);
   const told = (values) => { if (!values) return null; const list = keys.map((k) => values[k]); return { list, largest: list.length ? Math.max(...list) : 0, half: halfWidth(places, list) }; };
-  const through = (values) => (values && both.quantity === "along" && !ruler.from && ruler.axis !== axis ? cutsOf(run, values).find((cut) => cut.at === ruler.at)?.carried ?? 0 : null);
+  const through = (values) => (values && both.quantity === "along" && ruler.axis !== axis ? cutsOf(run, values).find((cut) => cut.at === ruler.at)?.carried ?? 0 : null);
   return { keys, at: places, rule: { ...told(both.rule), through: through(both.rule) }, elastic: both.elastic && { ...told(both.elastic), through: through(both.elastic) } };
 }
 function csvOfRuler(page) {
@@ -80,11 +80,10 @@ function paintRuler(page, view) {
     for (const p of [a, b]) { ctx.beginPath(); ctx.arc(...p, 6, 0, 7); ctx.stroke(); if (width < 5) { ctx.fillStyle = inks.paper; ctx.fill(); } }
   }
 }
-function lay(page, event) {                    // snaps to rows and columns, Shift frees it
-  const { view, run: { lattice: { shape } }, hold } = page, { twin } = page.look, p = [(event.offsetX - view.x0) / view.u, (view.y0 - event.offsetY) / view.u];
-  const { axis = 0 } = twin.ruler, within = p.map((c, a) => Math.max(0, Math.min(shape[a], c)));
-  twin.ruler = event.shiftKey && hold.start ? { from: hold.start, to: within } : { axis, at: Math.max(0, Math.min(shape[1 - axis] - 1, Math.floor(p[1 - axis]))) };
-  hold.start ??= within;
+function lay(page, event) {                    // snaps to rows and columns
+  const { view, run: { lattice: { shape } } } = page, { twin } = page.look, p = [(event.offsetX - view.x0) / view.u, (view.y0 - event.offsetY) / view.u];
+  const { axis } = twin.ruler;
+  twin.ruler = { axis, at: Math.max(0, Math.min(shape[1 - axis] - 1, Math.floor(p[1 - axis]))) };
   page.later();
 }
 
@@ -103,19 +102,19 @@ function profileChart(page, both, { at, rule, elastic }) {
   return draw("svg", { class: "chart", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": `${t(both.quantity)}: ${t("theRule")}, ${t("elastic")}` }, draw("text", { x: 0, y: 12 }, `${t(both.quantity)}`), ...parts);
 }
 function rulerCard(page, both) {
-  const { t, look: { twin: { ruler } }, run: { lattice: { h, shape } } } = page, profile = profileOf(page, both), { rule, elastic } = profile, [a, b] = rulerEnds(page);
-  const title = ruler.from ? t("freeRuler", { x: `${general(100 * h * Math.hypot(b[0] - a[0], b[1] - a[1]), 3)} cm` })
-    : t("rulerAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, side: t(ruler.axis ? "left" : "top") });
+  const { t, look: { twin: { ruler } }, run: { lattice: { h, shape } } } = page, profile = profileOf(page, both), { rule, elastic } = profile;
+  const title = t(ruler.axis ? "columnAt" : "rowAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, n: ruler.axis ? ruler.at + 1 : shape[1] - ruler.at, side: t(ruler.axis ? "left" : "top") });
   const wide = (half) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : t("widest")), cells = (show) => [rule, elastic].map((one, n) => make("td", { className: n ? "elastic" : "rule", textContent: one ? show(one) : "–" }));
   const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...cells(show));
   const table = make("table", {}, make("tr", {}, make("td"), make("th", { scope: "col", className: "rule", textContent: t("theRule") }), make("th", { scope: "col", className: "elastic", textContent: t("elastic") })),
     row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", (one) => wide(one.half)), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
-  return [make("h2", { textContent: title }), profileChart(page, both, profile), table];
+  page.ruled = `${title} · ${t("halfWidth")}: ${[["theRule", rule], ["elastic", elastic]].filter(([, one]) => one).map(([word, one]) => `${t(word)} ${one.half ? t("inCells", { n: general(one.half.width / h, 3) }) : "–"}`).join(", ")}`;
+  return [make("h2", { textContent: title }), table, profileChart(page, both, profile)];
 }
 /** Its buttons stand beside what every picture writes anew: a click on what is replaced would be lost. */
 function rulerTools(page) {
   const { t, look, run: { lattice: { shape } } } = page, save = () => page.announce(t("saved", { name: hand("ruler.csv", new Blob([csvOfRuler(page)], { type: "text/csv" })) }));
-  const turn = () => { const axis = 1 - (look.twin.ruler.axis ?? 0); look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); };
+  const turn = () => { const axis = 1 - look.twin.ruler.axis; look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); };
   return make("div", { className: "tools" }, button(t("saveProfile"), save), button(t("turnRuler"), turn));
 }
 
@@ -189,12 +188,12 @@ MODES.push({
       ...(page.solid ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
       button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) }), page.twin?.line ?? ""];
   },
-  cards: (page) => (page.twin ? [page.twin.numbers, page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page))] : []),
+  cards: (page) => (page.twin ? [page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page)), page.twin.numbers] : []),
   draw(page) {
     const { twin, canvas, inks, t, look } = page, two = settings(page), both = bothOf(page), main = canvas.parentElement, wide = page.stageBox.clientWidth > 560;
     const swipe = !page.solid && (two.layout === "swipe" || !wide), { answer } = page.elastic;
     (swipe ? main : page.stageBox)[swipe ? "append" : "insertBefore"](...(swipe ? [twin.elastic] : [twin.elastic, twin.gap]));
-    twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = !wide || !answer; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
+    twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = !wide || !answer || two.alone; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
     page.drawnWith = [];
     const views = twin.views = { rule: paintAnswer(page, canvas, "rule", both) };
     page.view = views.rule;
@@ -211,10 +210,10 @@ MODES.push({
     twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
     const [drawn] = page.drawnWith;
     twin.line.textContent = t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
-    page.parts.cap.textContent = page.told || "";
     twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked));
     twin.card.hidden = !two.ruler;
     if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
+    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : "");
   },
   press(page, event) {
     if (!settings(page).ruler) return false;
@@ -231,7 +230,7 @@ MODES.push({
   release(page) { if (settings(page).ruler) page.past.note(); return false; },
   key(page, event) {
     const { ruler } = settings(page), by = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, -1], ArrowRight: [1, 1] }[event.key];
-    if (!ruler || ruler.from || !event.shiftKey || !by || by[0] !== ruler.axis) return false;
+    if (!ruler || !event.shiftKey || !by || by[0] !== ruler.axis) return false;
     ruler.at = Math.max(0, Math.min(page.run.lattice.shape[1 - ruler.axis] - 1, ruler.at + by[1]));
     page.past.note(); page.later();
     return true;

@@ -48,7 +48,7 @@ def test_a_sentence_that_is_untrue_is_found():
     rows = next(claim for claim in claims if "9, 7, 5, 5" in claim.text)
     assert lesson_measures.fault(of, rows) is None
     wrong = replace(rows, text=rows.text.replace("9, 7", "9, 8"))
-    assert "8 is none of" in lesson_measures.fault(of, wrong)
+    assert "do not tell" in lesson_measures.fault(of, wrong)
     shape = next(claim for claim in claims if "closes downwards" in claim.text)
     assert "not true" in lesson_measures.fault(of, replace(shape, held_by=("not narrows()",)))
 
@@ -145,7 +145,7 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
     assert len(set(cards.locator("img").evaluate_all("l => l.map((i) => i.src)"))) == len(ORDER)
     tab.get_by_role("button", name="10", exact=True).click()
     ages = [card.get_attribute("data-age") for card in cards.all() if card.is_visible()]
-    assert ages == ["10"] * 3
+    assert ages == ["10"] * 2
     tab.get_by_role("button", name="日本語").click()
     assert "授業" in tab.locator("h1").inner_text()
 
@@ -180,7 +180,7 @@ def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp
     for key, broken in (("Enter", 1), ("ArrowUp", 1), ("ArrowUp", 0)):
         page.tab.get_by_label("Festigkeit (N): Zahl").press(key)
         page.until("!page.studio.pending")
-        assert f", {broken} gebrochen; der Boden bekam 0 N" in page.text("aside .flow")
+        assert f", {broken} gebrochen." in page.text("aside .flow")
         assert page.js("page.values('state broken').filter((v) => v === 1).length") == broken
     assert page.js("page.studio.values") == {"strength": 1.17}
     page.tab.get_by_label("Festigkeit (N): Zahl").fill("0,6")
@@ -200,7 +200,7 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
         page.until("page.run.atRest")
         page.tab.keyboard.press("End")
         page.tab.wait_for_timeout(200)
-        end, count = map(int, page.text(".count").split()[-3::2])
+        end, count = page.js("[page.g, page.run.generation]")
         assert end == count >= 3
         assert page.js("(page.draw(), page.canvas.toDataURL())") != first
 

@@ -487,7 +487,9 @@ class ElasticResult(BodyResult):
 
     def _hoop(self, name: str) -> float | None:
         """Return the largest hoop stress (Pa) along an outline, None where nothing ends."""
-        stress = self.outline_stress(name)[1]
+        self.outline_stress(name)  # refuses other names
+        assert isinstance(self.found, CutAgents)
+        stress = self.found.scales.stress * self.found.along[name].counted().moved
         return float(stress[np.abs(stress).argmax()]) if len(stress) else None
 
     @property

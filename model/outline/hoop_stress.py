@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.pair.leaves import LeafCells
 
-from .arc_triangles import CLOSE
-from .true_shapes import UNIT, nearest_of
+from .arc_triangles import CLOSE, ArcFrames
+from .posed_outlines import along, rigid_sides_at
+from .true_shapes import UNIT, leaf_at, nearest_of
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_pair import CutPair
@@ -32,6 +34,12 @@ class HoopStress:
     balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
     moved: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
+    counts: Flags
+    """Which may be the largest: of outlines that meet a rigid side those of rounded parts."""
+
+    def counted(self) -> HoopStress:
+        """Return those that may be the largest."""
+        return HoopStress(**{name: column[self.counts] for name, column in vars(self).items()})
 
     def apart(self, at: int) -> float:
         """Return by how much the stress at a place may be off.
@@ -79,7 +87,27 @@ class HoopStress:
         d = means[:, 2:4] / np.maximum(np.hypot(*means[:, 2:4].T), 1e-300)[:, None]
         first = np.unique(group, return_index=True)[1]
         outward = np.stack([d[:, 1], -d[:, 0]], axis=1)
-        return cls(leaf[first], means[:, :2], outward, *means[:, 4:].T)
+        balanced, moved = means[:, 4:].T
+        counts = _may_be_largest(pair, region)[leaf[first]]
+        return cls(leaf[first], means[:, :2], outward, balanced, moved, counts)
+
+
+def _may_be_largest(pair: CutPair, region: int) -> Flags:
+    """Tell of which leaves an outline's stress counts: of rounded parts, if a rigid side is met."""
+    body, every = pair.problem.body.regions[region], np.ones(len(pair.leaves), dtype=np.bool_)
+    if not rigid_sides_at(along(body, pair.problem.shape), pair.problem):
+        return every
+    turned = turn_in(pair.leaves, body.arcs) > 0.0
+    return turned if turned.any() else every
+
+
+def turn_in(leaves: LeafCells, arcs: Floats) -> Floats:
+    """Return the angle by which arcs turn in each leaf."""
+    frames, turn = ArcFrames(arcs), np.zeros(len(leaves))
+    for points, share in ((frames.start, 0.25), (frames.tip, 0.5), (frames.end, 0.25)):
+        leaf = leaf_at(leaves, points)
+        turn += np.bincount(leaf + 1, share * np.abs(frames.turn), len(turn) + 1)[1:]
+    return turn
 
 
 def _ends_of_body(pair: CutPair, region: int) -> tuple[Floats, Ints]:

@@ -119,6 +119,17 @@ class OutlineProblem:
         return bool(self.weight.any() and curved)
 
 
+def rigid_sides_at(points: Floats, problem: OutlineProblem) -> list[str]:
+    """Return the rigid sides on which some points lie, shape (..., 2)."""
+    at = points[((points >= 0.0) & (points <= problem.shape)).all(axis=-1)]
+    return [
+        side
+        for side, axes in problem.held.items()
+        if len(axes) > 1
+        and (at[:, SIDES[side][0]] == problem.shape[SIDES[side][0]] * SIDES[side][1]).any()
+    ]
+
+
 class UnlikeError(Exception):
     """The polygons do not have all of the body yet."""
 

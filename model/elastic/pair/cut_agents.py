@@ -287,7 +287,7 @@ class CutAgents(PairAgents):
                 f"{loose} part{'s' * (loose > 1)} of the body hang on nothing and bear nothing; "
                 "if a support was meant, give it"
             )
-        for name, along in self.along.items():
+        for name, along in ((name, one.counted()) for name, one in self.along.items()):
             if name == asked or not len(along.moved):
                 continue
             at = int(np.abs(along.moved).argmax())

@@ -19,10 +19,16 @@ from kaju.model.elastic.goals.quantities import (
     quantities_of,
 )
 from kaju.model.outline.arc_triangles import ArcFrames
-from kaju.model.outline.hoop_stress import HoopStress
+from kaju.model.outline.hoop_stress import HoopStress, turn_in
 from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
-from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, along, check_alone
-from kaju.model.outline.true_shapes import UNIT, covering, leaf_at
+from kaju.model.outline.posed_outlines import (
+    OutlinedBody,
+    UnlikeError,
+    along,
+    check_alone,
+    rigid_sides_at,
+)
+from kaju.model.outline.true_shapes import UNIT, covering
 from kaju.model.scene import Scene
 
 from .cut_agents import CutAgents
@@ -174,11 +180,7 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
     stress = np.sqrt((pair.means[0] ** 2).sum(axis=(1, 2)))
     often = np.zeros(len(leaves), dtype=np.int64)
     for region in body.regions:
-        frames = ArcFrames(region.arcs)
-        turn = np.zeros(len(leaves))
-        for points, share in ((frames.start, 0.25), (frames.tip, 0.5), (frames.end, 0.25)):
-            leaf = leaf_at(leaves, points)
-            turn += np.bincount(leaf + 1, share * np.abs(frames.turn), len(turn) + 1)[1:]
+        turn = turn_in(leaves, region.arcs)
         bent = turn > TURN * tolerance**0.5
         stressed = stress > STRESSED * stress[turn > 0.0].max(initial=0.0)
         more = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
@@ -209,19 +211,20 @@ class _Peak:
             raise SingularPlaceError(
                 f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
             )
-        ends = along(self._region, problem.shape)
-        for side, axes in problem.held.items():
-            axis, upper = SIDES[side]
-            if len(axes) > 1 and (ends[..., axis] == upper * problem.shape[axis]).any():
+        self._no_bound, frames = NO_BOUND, ArcFrames(self._region.arcs)
+        for side in rigid_sides_at(along(self._region, problem.shape), problem)[:1]:
+            told = f"meets the rigid side {side!r}"
+            ends = np.stack([frames.start, frames.end], axis=1)[frames.turn != 0.0]
+            if not len(ends) or rigid_sides_at(ends, problem):
                 raise SingularPlaceError(
-                    f"{no_limit} meets the rigid side {side!r}; make this side a roller, or give "
-                    "no goal, or make the hole or fillet a region of air with a name of its own, "
-                    "which meets neither this side nor other outlines"
+                    f"{no_limit} {told}, and has no rounded part away from it; make this side a "
+                    "roller, name the outline of the fillet or hole that is meant, or give no goal"
                 )
+            self._no_bound += f", and {name!r} {told}: this is the largest of its rounded parts"
 
     def judge(self, pair: CutPair) -> Judged:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
-        before, along = self._value, HoopStress.along(pair, self._which)
+        before, along = self._value, HoopStress.along(pair, self._which).counted()
         nothing = np.zeros(len(pair.leaves))
         often = coarse_along(pair, self._tolerance)
         if not len(along.place):
@@ -248,7 +251,7 @@ class _Peak:
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
-        goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, NO_BOUND)
+        goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, self._no_bound)
         return Judged((goal,), self._error, part, False, AIM**2 * STEP, often)
 
     def _too_thick(self, pair: CutPair, along: HoopStress) -> Ints:

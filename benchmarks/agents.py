@@ -10,7 +10,7 @@ programs write no ledger, no history and no certificate.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -235,5 +235,7 @@ def squares(sides: list[int]) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    for line in squares([int(word) for word in sys.argv[1:]] or [20, 100, 300, 1000]):
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("cells", nargs="*", type=int, help="along a side; 20 100 300 1000 of none")
+    for line in squares(parser.parse_args().cells or [20, 100, 300, 1000]):
         print(line, flush=True)

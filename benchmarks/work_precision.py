@@ -1,19 +1,13 @@
 """Time and memory against error, for kaju and for finite elements.
 
-python benchmarks/work_precision.py [--quick] [--resume] [--problem=plate] [--publish] [FOLDER]
-
---quick takes some minutes. --resume keeps the rows that the folder has and measures the others.
---publish makes it the record in docs (table, picture) that README and docs/work-precision.md
-quote; a test compares them.
-
 The peers need scikit-fem (the mesh of quadratic elements), pyamg and pypardiso; what is
 not installed is named in its rows.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -72,9 +66,15 @@ def _line(m: Measurement) -> str:
 
 
 if __name__ == "__main__":
-    folders = [Path(word) for word in sys.argv[1:] if not word.startswith("-")]
-    folder = (folders or [Path(__file__).parent / "results"])[0]
-    named = [word.removeprefix("--problem=") for word in sys.argv if "--problem=" in word]
-    run(folder, "--quick" in sys.argv, tuple(named), print, resume="--resume" in sys.argv)
-    if "--publish" in sys.argv:
-        publish(folder, Path(__file__).parents[1])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "results")
+    parser.add_argument("--quick", action="store_true", help="some minutes")
+    parser.add_argument("--resume", action="store_true", help="measure what the folder has not")
+    parser.add_argument("--problem", action="append", default=[], help="this body alone")
+    parser.add_argument(
+        "--publish", action="store_true", help="make it the record in docs, which README quotes"
+    )
+    told = parser.parse_args()
+    run(told.folder, told.quick, tuple(told.problem), print, resume=told.resume)
+    if told.publish:
+        publish(told.folder, Path(__file__).parents[1])

@@ -2,12 +2,11 @@
 
 An arrow that others imply is left out; a dashed one leads upwards. A test holds the drawing to the
 imports.
-
-    python docs/draw_rooms.py
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
 from collections import Counter
 from collections.abc import Iterator
@@ -137,5 +136,6 @@ def svg(whole: nx.DiGraph) -> str:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__).parse_args()
     DRAWING.write_text(svg(rooms()), encoding="utf-8")
     print(DRAWING)

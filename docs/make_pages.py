@@ -1,4 +1,4 @@
-"""Make the lessons' pages: python docs/make_pages.py [FOLDER], docs/pages unless given.
+"""Make the lessons' pages, their index and those of the gallery.
 
 A lesson is a text in docs/lessons, in three languages; its page holds all three. Where the rule
 runs a lesson has one page with presets; other lessons show recorded runs, one a page. The index
@@ -8,8 +8,8 @@ browser's own storage, where the lessons write it.
 
 from __future__ import annotations
 
+import argparse
 import html
-import sys
 from base64 import b64encode
 from dataclasses import replace
 from io import BytesIO
@@ -236,5 +236,7 @@ def make(folder: Path) -> list[Path]:
 
 
 if __name__ == "__main__":
-    for page in make(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "pages"):
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=HERE / "pages")
+    for page in make(parser.parse_args().folder):
         print(page)

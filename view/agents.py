@@ -127,11 +127,7 @@ def _happened(stage: Stage, generation: int | None) -> str:
     if generation == 0:
         return "before the first generation: the load has not been taken yet"
     agents = int((stage.spawn_step <= generation).sum())
-    taken = float(stage.history.load[stage.history.generation == generation].sum())
-    return (
-        f"generation {generation} of {stage.generations}: "
-        f"{counted(agents, 'material agent')}, {quantity(taken, 'N')} taken"
-    )
+    return f"generation {generation} of {stage.generations}: {counted(agents, 'cell')} awake"
 
 
 def plot_agents(
@@ -175,7 +171,7 @@ def plot_agents(
     picture.entries += _entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
     gamma = f"γ = {quantity(load_plots.threshold_of(result), 'N')}"
     notes = [_happened(stage, generation), "; ".join([*picture.notes, gamma])]
-    return picture.finish("Agents", notes)
+    return picture.finish("Agents" if generation is None else "Cells wake and pass loads on", notes)
 
 
 def _finish_states(

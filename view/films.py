@@ -130,7 +130,7 @@ def _write_gif(shown: Iterator[Image.Image], path: Path, fps: float, hold: float
     sheet = Image.new("RGB", (width, height * len(images)))
     for number, image in enumerate(images):
         sheet.paste(image, (0, height * number))
-    sheet = sheet.quantize(256, Image.Quantize.MAXCOVERAGE)
+    sheet = sheet.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=1)
     tops = range(0, height * len(images), height)
     first, *rest = (sheet.crop((0, top, width, top + height)) for top in tops)
     durations = _durations(len(images), fps, hold)

@@ -1,7 +1,6 @@
 """A muscle: agents whose stiffness follows their load, so that it gives less and less."""
 
-import sys
-from pathlib import Path
+import argparse
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -42,8 +41,11 @@ def draw(path):
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("picture", nargs="?", help="a file to draw it into")
+    path = parser.parse_args().picture
     for gain in (0.0, 2.0, 10.0):
         once, twice = stretch(0.5, gain), stretch(1.0, gain)
         print(f"gain {gain:4}: {1e3 * once:.2f} mm under 0.5 N, {twice / once:.2f} times under 1 N")
-    if len(sys.argv) > 1:
-        draw(Path(sys.argv[1]))
+    if path:
+        draw(path)

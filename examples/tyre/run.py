@@ -1,8 +1,7 @@
 """A tyre in a curve: loads along a ring, and ground that gives back what reaches it."""
 
-import sys
+import argparse
 from math import cos, radians, sin
-from pathlib import Path
 
 from kaju import LoadModel, PrescribedRule, Scene, plot
 
@@ -52,11 +51,14 @@ def outer_half(result):
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("picture", nargs="?", help="a file to draw it into")
+    path = parser.parse_args().picture
     for sideways in (0.0, 0.3, 0.6):
         part, given = outer_half(run(sideways))
         print(
             f"{sideways:.1f} of the weight outwards: the outer half takes {part:.1%} of all loads, "
             f"the ground gives back {given:.0f} N"
         )
-    if len(sys.argv) > 1:
-        plot(run(0.6), "taken", crop=False).savefig(Path(sys.argv[1]), dpi=90)
+    if path:
+        plot(run(0.6), "taken", crop=False).savefig(path, dpi=90)

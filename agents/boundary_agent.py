@@ -14,8 +14,8 @@ from .shares import Load
 class BoundaryAgent(PlacedAgent):
     """A cell beside the body that a load has woken.
 
-    Subclass one of the three kinds to try a boundary of your own: `give_back` says what
-    becomes of a load, `turn` where it goes. What is not given back counts as absorbed. A model
+    Subclass one of the three kinds to make a boundary of your own: `give_back` returns what goes
+    back of a load, `turn` where that points. What is not given back counts as absorbed. A model
     takes your classes as ``boundary_agents={"free": ..., "rigid": ..., "roller": ...}``.
 
     Examples
@@ -105,8 +105,11 @@ class RigidBoundaryAgent(BoundaryAgent):
     Examples
     --------
     >>> import kaju
-    >>> kaju.RigidBoundaryAgent.name  # what `boundary_agents` calls it
-    'rigid'
+    >>> model = kaju.LoadModel(kaju.load_scene("plate.toml").replace(sides={"top": "rigid"}))
+    >>> result = model.run()
+    >>> wall = next(iter(model.agents_by_type[kaju.RigidBoundaryAgent]))  # above the body
+    >>> wall.turn(kaju.Load(direction=3, magnitude=0.5), arm=3)  # upwards; it comes back downwards
+    Load(direction=2, magnitude=0.5, copies=1.0, sense='push')
     """
 
     name = "rigid"
@@ -117,13 +120,16 @@ class RigidBoundaryAgent(BoundaryAgent):
 
 
 class RollerBoundaryAgent(BoundaryAgent):
-    """A smooth wall: it reverses the part of a load across it, and leaves the part along it.
+    """A smooth wall: it gives back the component of a load along its normal reversed, the rest not.
 
     Examples
     --------
     >>> import kaju
-    >>> kaju.RollerBoundaryAgent.name  # what `boundary_agents` calls it
-    'roller'
+    >>> model = kaju.LoadModel(kaju.load_scene("plate.toml").replace(sides={"top": "roller"}))
+    >>> result = model.run()
+    >>> wall = next(iter(model.agents_by_type[kaju.RollerBoundaryAgent]))  # above the body
+    >>> [wall.turn(kaju.Load(way, magnitude=0.5), arm=3).direction for way in (3, 1)]  # +y, +x
+    [2, 1]
     """
 
     name = "roller"

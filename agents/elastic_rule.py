@@ -1,14 +1,11 @@
 """The elastic rule: shares that follow from Young's modulus and Poisson's ratio.
 
-The body is cut into square or cubic cells; an agent stands on every face between two cells
-and feels what pushes along the face's normal. Let it yield by δ while all others hold
-still. The cell ahead is squeezed and pushes on with C₁₁δ, the cell behind is stretched and
-pulls with C₁₁δ, each neighbour beside is dragged along by the shear stress μδ, and the four
-faces round each of the two cells feel ±(C₁₂ + μ)δ. In two dimensions these forces are per
-thickness, in three per cell edge. What held the agent before, k δ with k = 2C₁₁ +
-2(dimension − 1)μ, is the sum of the first four. So an agent that takes a load P yields by
-P/k and passes all of it on, in shares that only depend on ν. Agents that go on like this
-until nothing is left have solved the equations of elasticity on the staggered grid of
+An agent stands on every face between two square or cubic cells. If it moves by δ along its normal
+while all others hold still, it presses on the cell ahead and pulls at the cell behind with C₁₁δ,
+drags each neighbour beside with μδ, and the faces round both cells feel ±(C₁₂ + μ)δ (forces per
+thickness in two dimensions, per edge in three). All but the last add up to kδ with k = 2C₁₁ +
+2(dimension − 1)μ. So an agent moves by P/k under a load P and passes all of it on, in shares that
+depend on ν alone. When no load is left, the agents have solved elasticity on the staggered grid of
 Harlow & Welch (1965) and Virieux (1986).
 """
 
@@ -69,8 +66,10 @@ class ElasticRule:
     Loads that meet on a face are added up, with their sign. A load up to the threshold stays where
     it is, and more may be added to it.
 
-    Raises `ParameterError` if a number is out of its range, or a share is given to another order
-    than "wave".
+    Raises
+    ------
+    ParameterError
+        If a number is out of its range, or `share` is given with an order other than "wave".
 
     Examples
     --------

@@ -38,9 +38,9 @@ class Place:
 class FaceAgent(FixedAgent):
     """A face between two cells, or two blocks of cells, that a load has woken.
 
-    Subclass it to try a rule of your own: `due` says how much of its load the agent takes
-    when its turn comes, `take` what it does with it, `pass_on` whom it hands how much. What is no
-    number, or no neighbour, is an `AgentError`.
+    Subclass it to make a rule of your own: `due` returns how much of its load the agent takes now,
+    `take` moves the face, `pass_on` hands the load on. What is no number, or no neighbour, raises
+    an `AgentError`.
 
     Examples
     --------

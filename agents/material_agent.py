@@ -76,10 +76,9 @@ class PlacedAgent(FixedAgent):
 class MaterialAgent(PlacedAgent):
     """A cell of material that a load has woken.
 
-    Subclass it to try agents of your own: `take` says what the agent does with a load,
-    `emissions` which shares leave it, `pass_on` who gets how much, `shortening` how far it yields.
-    Agents of a subclass are always objects. Everything that a subclass hands over is checked: an
-    impossible load, or one without a neighbour to take it, raises an `AgentError`.
+    Subclass it to make agents of your own: `take` keeps a share of a load, `emissions` returns the
+    shares that leave, `pass_on` hands them over, `shortening` returns the strain. Everything that a
+    subclass hands over is checked: an impossible load raises an `AgentError`.
 
     Examples
     --------

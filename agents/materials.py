@@ -19,7 +19,10 @@ from kaju.model.rheology.element import ThreeElement
 class Material:
     """An isotropic, linear elastic material.
 
-    Raises `ParameterError` if a number is out of its range or not a number.
+    Raises
+    ------
+    ParameterError
+        If a number is out of its range or not a number.
 
     Examples
     --------
@@ -60,10 +63,12 @@ with files("kaju.agents").joinpath("materials.toml").open("rb") as _file:
 
 
 def material(name: str) -> Material:
-    """Return the library's material of that name.
+    """Return the `Material` that the library has under a name; `kaju materials` lists them.
 
-    Raises `ParameterError` if the library has no such material; the message suggests a near
-    spelling.
+    Raises
+    ------
+    ParameterError
+        If the library has no such material.
 
     Examples
     --------

@@ -52,7 +52,10 @@ class Parameter(Declaration):
     text : str
         What it means, with its unit: the label of the slider.
 
-    Raises `ParameterError` if the bounds are missing or do not enclose the default.
+    Raises
+    ------
+    ParameterError
+        If the bounds are missing or do not enclose the default.
 
     Examples
     --------
@@ -122,7 +125,10 @@ class State(Declaration):
     meaning : str
         What it means, with its unit: the label of its colours.
 
-    Raises `ParameterError` if the default is not a finite number.
+    Raises
+    ------
+    ParameterError
+        If the default is not a finite number.
 
     Examples
     --------

@@ -36,7 +36,10 @@ class ShareRule(Protocol):
 class Coefficients:
     """The four numbers of the prescribed rule for one material.
 
-    Raises `ParameterError` if a share is negative or not a number, or beta lies outside [0, 1].
+    Raises
+    ------
+    ParameterError
+        If a share is negative or not a number, or beta lies outside [0, 1].
 
     Examples
     --------
@@ -73,7 +76,10 @@ class PrescribedRule(Coefficients):
 
     `alpha` and `beta`, as in `Coefficients`, hold for every material not named in `materials`.
 
-    Raises `ParameterError` if a coefficient is out of range or the threshold is not above 0.
+    Raises
+    ------
+    ParameterError
+        If a coefficient is out of range or the threshold is not above 0.
 
     Examples
     --------

@@ -112,13 +112,9 @@ class Shares:
     def emissions(
         self, direction: int, sense: Sense, way: Neighbourhood, opposite: Sequence[int]
     ) -> tuple[Emission, ...]:
-        """Return what leaves the agent for each newton that it takes.
-
-        `direction`: where the load's force points; `way`: the neighbours, sorted by where it
-        travels; `opposite`: for every direction the one that points the other way. Ahead and beside
-        the sense is kept; under a push the neighbour behind is pulled.
-        """
+        """Return what leaves the agent for each newton of a load whose force has a `direction`."""
         other: Sense = "pull" if sense == "push" else "push"
+        # Ahead and beside the sense is kept; under a push the neighbour behind is pulled.
         passed = [((arm, direction, sense), self.forward * w) for arm, w in way.ahead]
         passed += [((arm, direction, other), self.backward * w) for arm, w in way.behind]
         outwards = sense if self.poisson >= 0.0 else other

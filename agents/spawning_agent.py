@@ -10,11 +10,7 @@ from .materials import Material
 
 
 class SpawningAgent(Agent):
-    """One of the agents of a `SpawningModel`.
-
-    It retires when it spawns children, which then do its work, but it stays their parent; or when
-    it holds nothing of the body.
-    """
+    """One of the agents of a `SpawningModel`; it retires when it spawns, or holds no body."""
 
     row: int  # its number in the order of spawning, from 0, as in the model's `family`
     parent: SpawningAgent | None  # who spawned it, None for the first ones

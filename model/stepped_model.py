@@ -39,7 +39,10 @@ class SteppedModel(Model):
         The model's `figures` after every step. Set another one to collect what you like. From
         Mesa 3.5 on they are the data set "figures" of `data_registry`, too.
 
-    Raises `ParameterError` if both seeds are given.
+    Raises
+    ------
+    ParameterError
+        If both seeds are given.
     """
 
     step: Callable[[], None]

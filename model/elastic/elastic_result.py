@@ -223,13 +223,15 @@ class ElasticResult(BodyResult):
 
     @property
     def energy(self) -> Floats:
-        """Energy (J) stored in each agent, with its share of the edges round it, shape (agents,).
+        """Energy (J) stored in each agent, shape (agents,); together that of the body without beds.
 
-        It sums to the energy of the body, a foundation's left out. Of equal cells, divided by the
-        agent's stiffness, it is the derivative of that energy by this stiffness at given
-        displacements; of the compliance F·u under given forces the derivative is minus twice that.
+        On equal cells -2 `energy` / `stiffness` is the derivative of the compliance F·u with
+        respect to the stiffness of each cell, under given forces.
 
-        Raises `ResultError` of agents that spawned in space.
+        Raises
+        ------
+        ResultError
+            If agents spawned in space.
         """
         energies = getattr(self.found, "energies", None)
         if energies is None:
@@ -241,13 +243,15 @@ class ElasticResult(BodyResult):
 
     @property
     def gap(self) -> Floats:
-        """Squared difference of the two stresses of each agent (J); agents spawn where it is large.
+        """Squared difference of the two stresses of each agent (J), shape (agents,).
 
-        The integral of the squared difference of both stresses, weighed by the compliance. Summed
-        over all agents it is twice the distance of `energy_bounds`, where loads act alone. In
-        space, where agents have one opinion, it is their estimated squared error.
+        It is twice the energy of the difference. If only forces act, its sum is twice the distance
+        of `energy_bounds`. In space it is the estimated squared error of each agent.
 
-        Raises `ResultError` if agents did not spawn.
+        Raises
+        ------
+        ResultError
+            If agents did not spawn.
         """
         if not self.spawned:
             raise ResultError("gap: equal cells have only one stress; solve with a tolerance")
@@ -330,21 +334,17 @@ class ElasticResult(BodyResult):
         return self.found.no_bound
 
     def balanced_stress_at(self, points: Floats) -> Floats:
-        """Return the stress (Pa) of the opinion that balances, at points (m).
+        """Return at points (m) the stress (Pa) that balances the loads, shape (points, 2, 2).
 
-        It hands on exactly what arrives: forces balance in every agent and across every side. Of
-        points on a side between two agents either may be taken.
-
-        Raises `ResultError` if agents did not spawn in the plane, or points lie outside of the
-        body.
+        Raises
+        ------
+        ResultError
+            If agents did not spawn in the plane, or points lie outside of the body.
         """
         return self._opinions_at(points)[0]
 
     def fitted_stress_at(self, points: Floats) -> Floats:
-        """Return the stress (Pa) of the opinion that fits, that of `displacement_at`.
-
-        As `balanced_stress_at`.
-        """
+        """Return at points (m) the stress (Pa) of `displacement_at`, as `balanced_stress_at`."""
         return self._opinions_at(points)[1]
 
     def _opinions_at(self, points: Floats) -> list[Floats]:
@@ -427,13 +427,15 @@ class ElasticResult(BodyResult):
         return sharp_corners(self.scene)
 
     def intensity(self, at: tuple[float, ...]) -> Intensity:
-        """Return the stress intensity factors of a crack or a re-entrant corner of the plane.
+        """Return the stress intensity factors of a crack or a re-entrant corner of a plane body.
 
-        `at` is the corner (m), or the middle of the end of a slit of air one cell wide, which
-        stands for a crack longer by a third of that: of 50 cells within 2 %. Sides are free, and
-        there is one material around. The error of the factors is estimated.
+        `at` is the corner (m), or the middle of the end of a slit of air one cell wide. The slit
+        stands for a crack that is longer by a third of a cell; for 50 cells this is within 2 %.
 
-        Raises `ParameterError` if there is no such corner or slit, or no room for a ring round it.
+        Raises
+        ------
+        ParameterError
+            If there is no such corner or slit, with free sides and one material all around.
 
         Examples
         --------
@@ -472,11 +474,13 @@ class ElasticResult(BodyResult):
     def outline_stress(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along a named true outline, and the hoop stress (Pa) there.
 
-        Means along each agent of the stress of the displacement, of which nothing is proved.
-        `notes` tell by how much the stress in balance differs. Where two materials meet
-        along the outline the stress is that of the material outside: the one inside has another.
+        Each is the mean along one agent, of the stress of the displacement; it is not proved. If
+        two materials meet there, it is the stress of the outer one.
 
-        Raises `ResultError` if no region with a true outline in the plane has that name.
+        Raises
+        ------
+        ResultError
+            If no region with a true outline in the plane has that name.
         """
         known = self.found.along if isinstance(self.found, CutAgents) else {}
         if name not in known:
@@ -535,13 +539,14 @@ class ElasticResult(BodyResult):
         return Carrying(self.middle, self.size, self.size**2 * thick, stress)
 
     def value_of(self, quantity: Quantity | Place) -> float | Floats:
-        """Return a quantity in m, Pa or N: of a place the displacement.
+        """Return a quantity (m, Pa or N), as in `goals` if it is one; for a place its displacement.
 
-        One that the tolerance is about has the value that it has among the `goals`.
-
-        Raises `ParameterError` if it is of another dimension, outside of the body, or unknown;
-        `SingularPlaceError` if it is a stress where stresses have no limit; `ResultError` if
-        along an outline nothing ends.
+        Raises
+        ------
+        ParameterError
+            If it is unknown, of another dimension, outside of the body, or without a limit there.
+        ResultError
+            If it is the stress along an outline at which the body does not end.
         """
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
@@ -564,8 +569,12 @@ class ElasticResult(BodyResult):
         There are `resolution` cells per cell of the scene along each axis, by default those of
         `grid`, which are the agents themselves where these are equal.
 
-        Raises `ParameterError` if the resolution is no whole number from 1 upwards, `ResultError`
-        if there would be too many cells.
+        Raises
+        ------
+        ParameterError
+            If the resolution is not a whole number, 1 or more.
+        ResultError
+            If there would be too many cells.
         """
         check_numbers(None, resolution)
         return EqualArrays(self, int(resolution or self.subdivision))
@@ -635,9 +644,12 @@ class ElasticResult(BodyResult):
         return pd.DataFrame(found | {"von_mises (Pa)": self.von_mises})
 
     def to_vtk(self, path: str | Path) -> Path:
-        """Write the agents as an unstructured grid that ParaView reads (.vtu or .vtk).
+        """Write agents as an unstructured grid for ParaView (.vtu, .vtk), cut ones as polygons.
 
-        Those within outlines as polygons. Raises `MissingExtraError` if meshlane is not installed.
+        Raises
+        ------
+        MissingExtraError
+            If meshlane is not installed.
         """
         d, near = self.scene.lattice.dimension, float(self.size.min())
         names = ("size", "level", "spawn_step", "material", "von_mises")

@@ -187,13 +187,15 @@ class Compliance(GrowthRule):
 
 @dataclass(eq=False)
 class Remodelling(GrowthRule):
-    """Bone's rule: every cell grows until what it and its neighbours carry is a set stimulus.
+    """Bone's rule: each cell grows until its stimulus, a mean over neighbours, meets its aim.
 
-    The stimulus is p U / x: the energy that a unit of filled volume saves. It needs neither volume
-    nor compliance of the body. Densities rest where the stimulus misses its aim by less than the
-    lazy zone.
+    The stimulus is p U / x, the energy that a unit of filled volume saves. A density rests where
+    the stimulus misses its aim by less than `lazy`.
 
-    Raises `ParameterError` if a number breaks its rule, or the gain is not stable.
+    Raises
+    ------
+    ParameterError
+        If a number breaks its rule, or the gain is not stable.
     """
 
     name = "remodelling"

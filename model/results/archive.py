@@ -40,8 +40,12 @@ class Stored:
     def save(self, path: str | Path) -> Path:
         """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads results.
 
-        Raises `ResultError` if agents of your own have left something that no result can hold, such
-        as NaN; `ResultFileError` if the file cannot be written.
+        Raises
+        ------
+        ResultError
+            If agents of your own have left a value that no result can hold, such as NaN.
+        ResultFileError
+            If the file cannot be written.
         """
         target = Path(path)
         if target.suffix != ".npz":
@@ -69,7 +73,10 @@ class Stored:
     def load(cls, path: str | Path) -> Self:
         """Read what `save` wrote.
 
-        Raises `ResultFileError` if the file is missing, is damaged, or holds something else.
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, is damaged, or holds something else.
         """
         return cast(Self, read_stored(path, {cls.kind: cls}.get, f"not of {cls.kind!r}"))
 
@@ -135,12 +142,17 @@ def reading(path: str | Path) -> Iterator[None]:
 
 
 def load_result(path: str | Path) -> Result:
-    """Read a result that some result's `save` wrote.
+    """Return the result that `Result.save` wrote.
 
-    `path`: an ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces
-    with ``result.xdmf``.
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        An ``.npz`` file, or a folder with ``result.npz`` or, in pieces, ``result.xdmf``.
 
-    Raises `ResultFileError` if the file is missing, or is no result of kaju's.
+    Raises
+    ------
+    ResultFileError
+        If the file is missing, or is no result of kaju's.
 
     Examples
     --------

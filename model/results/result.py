@@ -217,11 +217,12 @@ class BodyResult(OnCells, Result):
     ) -> pandas.DataFrame:
         """Return displacement and stress along a line between two points (m).
 
-        Of `count` points, evenly spaced, each in the body has a row, with its distance from `start`
-        (m).
+        There are `count` points, evenly spaced; each that lies in the body has a row.
 
-        Raises `ResultError` if the ends are the same or of another dimension, or the line misses
-        the body.
+        Raises
+        ------
+        ResultError
+            If the ends are the same or of another dimension, or the line misses the body.
         """
         import pandas as pd
 
@@ -241,17 +242,17 @@ class BodyResult(OnCells, Result):
         return pd.DataFrame(columns)
 
     def cuts(self, axis: str | None = None) -> Cuts:
-        """Return the force through every cut across an axis, and what it would have to be.
+        """Return the force (N) through every cut across an axis, and what equilibrium asks for.
 
-        There is one a layer of cells, or of agents where these are larger. What agents of the
-        prescribed rule keep does not hold up what lies on them; elasticity is in equilibrium at
-        every cut, as far as its equations are solved.
+        There is a cut for each layer of cells, or of agents if these are larger. `axis` is "x", "y"
+        or "z"; unless given, the one along which the loads press most.
 
-        `axis`: "x", "y" or "z", across which the body is cut; unless given the one along which the
-        loads press most.
-
-        Raises `ParameterError` if there is no such axis, or cells do not lie in layers across it
-        (hexagons: only y); `ResultError` if the body has more than five million cells.
+        Raises
+        ------
+        ParameterError
+            If there is no such axis, or cells do not lie in layers across it (hexagons: only y).
+        ResultError
+            If the body has more than five million cells.
 
         Examples
         --------

@@ -37,7 +37,10 @@ _LEAST, _MOST = 1e-100, 1e100
 class ThreeElement:
     """A Voigt element (K_f, D_f) in series with a damper D_d.
 
-    Raises `ParameterError` if a number is outside its range, or K_f and D_f are both 0.
+    Raises
+    ------
+    ParameterError
+        If a number is outside its range, or K_f and D_f are both 0.
 
     Examples
     --------

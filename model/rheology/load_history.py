@@ -30,11 +30,13 @@ class Corner(NamedTuple):
 class History:
     """A factor over time, linear between its corners.
 
-    It is 0 up to and at time 0 (a first factor other than 0 is a jump there) and keeps its
-    last factor for ever. Two corners at the same time are a jump; exactly there the history has the
-    value *before* the jump.
+    It is 0 up to time 0, where it may jump, and keeps its last factor for ever. Two corners at one
+    time are a jump; exactly there it has the factor *before* the jump.
 
-    Raises `ParameterError` if the times fall, do not start at 0, or a number is not finite.
+    Raises
+    ------
+    ParameterError
+        If the times fall, do not start at 0, or a number is not finite.
 
     Examples
     --------

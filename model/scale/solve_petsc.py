@@ -50,16 +50,23 @@ def solve_petsc(
 ) -> ElasticResult | PiecedResult:
     """Solve a scene of squares or cubes as linear elasticity on PETSc, each process its own piece.
 
-    All processes call it alike, under ``mpirun``. Resolution, stage and errors are those of
-    `kaju.solve`; one process returns an `ElasticResult`, of several each its piece.
+    All processes call it alike, under ``mpirun``.
 
     Parameters
     ----------
     tolerance : float, optional
         Relative error, in the energy norm, to which the equations of equal cells are solved; 1e-11
-        unless given.
+        unless given. `resolution`, `stage` and other errors are those of `kaju.solve`.
 
-    Raises `MissingExtraError` if petsc4py or mpi4py is not installed.
+    Returns
+    -------
+    ElasticResult or PiecedResult
+        The whole answer if there is one process, otherwise the piece of each.
+
+    Raises
+    ------
+    MissingExtraError
+        If petsc4py or mpi4py is not installed.
 
     Examples
     --------

@@ -34,7 +34,7 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_agents import CutAgents
-from kaju.model.elastic.pair.family import Family
+from kaju.model.elastic.pair.history import Family
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying, Cuts

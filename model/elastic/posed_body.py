@@ -15,7 +15,8 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
-from kaju.model.elastic.pair.leaves import BITS, LeafCells, corner_ends, morton
+from kaju.model.elastic.pair.elements import corner_ends
+from kaju.model.elastic.pair.leaves import BITS, LeafCells, morton
 from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene

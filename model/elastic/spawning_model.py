@@ -11,7 +11,7 @@ from kaju.agents.spawning_agent import SpawningAgent
 from kaju.errors import ResultError, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import AskedFor
-from kaju.model.elastic.pair.family import Family
+from kaju.model.elastic.pair.history import Family
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.solve import spawner_of
 from kaju.model.outline.posed_outlines import OutlinedBody

@@ -33,8 +33,7 @@ from kaju.model.elastic.goals.quantities import (
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.border import Sides, torn
 from kaju.model.elastic.pair.gap import stress_of
-from kaju.model.elastic.pair.leaf_mesh import Mesh
-from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.scene import Scene, body_cells
 from kaju.model.scene.regions import LoadRegion

@@ -25,7 +25,7 @@ from kaju.model.elastic.pair.elements import (
     on_sides,
     without_plane,
 )
-from kaju.model.elastic.pair.leaf_mesh import (
+from kaju.model.elastic.pair.leaves import (
     Entries,
     PlaneMesh,
     backwards,

@@ -20,7 +20,7 @@ from kaju.model.outline.true_shapes import SMOOTH, nearest_of
 
 from .airy import loops_of
 from .cut_mesh import CutMesh, joined
-from .leaf_mesh import Entries, coo
+from .leaves import Entries, coo
 
 ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
 BALANCED = 1e-9

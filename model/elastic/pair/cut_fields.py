@@ -19,7 +19,7 @@ from kaju.model.outline.true_shapes import Law
 from .cut_border import Border, Known
 from .cut_elements import middles, quadratic_strain, stress_rows
 from .cut_mesh import CutMesh
-from .leaf_mesh import Entries, coo
+from .leaves import Entries, coo
 
 SHORT = 0.1
 """Edges that are shorter, in edges of the agent, join vertices that are near: without them random

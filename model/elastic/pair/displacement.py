@@ -22,8 +22,7 @@ from kaju.model.elastic.pair.elements import (
     strains,
 )
 from kaju.model.elastic.pair.gap import at_points, roots_of
-from kaju.model.elastic.pair.leaf_mesh import Mesh
-from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.pair.levels import Blocks, FieldLevel, summed
 from kaju.model.elastic.posed_body import PosedBody
 

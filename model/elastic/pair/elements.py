@@ -18,12 +18,16 @@ from math import perm, sqrt
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.pair.leaves import corner_ends
 
 DEEPEST_STEP = 3
 """An agent is halved at most so often in one generation."""
 _PLACES = [(i, j) for i in range(4) for j in range(4 - i)]
 """Exponents of x and y of the monomials of a cubic."""
+
+
+def corner_ends(dimension: int) -> Ints:
+    """Return the corners of a box by their ends along the axes, shape (2^dimension, dimension)."""
+    return np.array(list(product((0, 1), repeat=dimension)))
 
 
 @lru_cache(maxsize=3)

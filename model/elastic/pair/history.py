@@ -1,8 +1,8 @@
-"""The generations of agents: how each settles, what is kept of it, and how the tree grows."""
+"""The generations of agents: how each settles, what is kept of it, and their family."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -14,8 +14,7 @@ from kaju.model.elastic.moduli import by_law, equivalent_stress, is_rubber
 from kaju.model.elastic.pair.border import Sides, check_held, sides_of
 from kaju.model.elastic.pair.displacement import moved_by, way_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
-from kaju.model.elastic.pair.leaf_mesh import Mesh, mesh_of
-from kaju.model.elastic.pair.leaves import BITS, LeafCells, corners
+from kaju.model.elastic.pair.leaves import BITS, LeafCells, Mesh, corners, mesh_of
 from kaju.model.elastic.pair.levels import DIRECT, FieldLevel, descent, handed_down, level_of
 from kaju.model.elastic.pair.opinions import Opinions, balance
 from kaju.model.elastic.pair.space import SETTLED, Bricks, hats_of
@@ -79,6 +78,24 @@ def settled(
     return answer
 
 
+NOBODY = -1  # Parent of the first agents, and first child of those that have none
+WORKING = -1  # Retirement of agents that have not retired
+
+_ROW = np.dtype(
+    [
+        ("code", np.int64),
+        ("size", np.int64),
+        ("parent", np.int64),
+        ("first_child", np.int64),
+        ("spawn_step", np.int64),
+        ("retired_step", np.int64),
+        ("cause", np.float64),
+        ("gap", np.float64),
+        ("chosen", np.bool_),
+    ]
+)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Generation:
     """One step of spawning: figures of all agents together, then arrays with a row for each."""
@@ -126,11 +143,6 @@ class Generation:
         )
 
 
-def halvings(size: Ints, largest: int) -> Ints:
-    """Return how often the largest edge would be halved to give each edge (units)."""
-    return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
-
-
 def generation_of(found: Any, chosen: Flags, proved: bool) -> Generation:
     """Return what is kept of a generation of which some agents are to spawn."""
     bounds, body, leaves = found.bounds, found.body, found.leaves
@@ -143,6 +155,139 @@ def generation_of(found: Any, chosen: Flags, proved: bool) -> Generation:
     return Generation(bounds.error, bounds.energy, lower, upper, *arrays)
 
 
+class Family:
+    """All agents as rows of a table, in the order in which they spawned.
+
+    An agent that spawns retires: its children take its place. To keep neighbours of similar
+    size, a child may spawn children of its own in the same step.
+
+    Parameters
+    ----------
+    dimension : int
+    metre : float
+        Length (m) of the unit in which generations count.
+
+    Attributes
+    ----------
+    rows : structured array, shape (agents,)
+        With the fields
+
+        - code, size: Morton code of the lower corner, and edge (units);
+        - parent: row of the parent, -1 for the first agents;
+        - first_child: row of the first of its 4 (in three dimensions 8) children, which
+          follow one another; -1 without;
+        - spawn_step, retired_step: when it spawned, 0 for the first agents, and when it
+          retired, -1 if it has not;
+        - cause: gap (J) of its parent, for which it spawned; 0 for the first agents, NaN for
+          those that keep neighbours alike in size;
+        - gap: what its two opinions differ in, or did at last (J); NaN if it has had none;
+        - chosen: whether it spawned children for that gap, or will in the next step.
+    working : int array
+        Rows of the agents that have not retired, along a space-filling curve.
+    step : int
+        Number of the last generation.
+    """
+
+    def __init__(self, dimension: int, metre: float) -> None:
+        self.dimension, self.metre = dimension, metre
+        self.rows = np.empty(0, dtype=_ROW)
+        self.working: Ints = np.empty(0, dtype=np.int64)
+        self.step = -1
+
+    @classmethod
+    def of(cls, generations: Iterable[Generation], dimension: int, metre: float) -> Family:
+        """Return the family of the agents that stood in generations, gaps in J."""
+        family = cls(dimension, metre)
+        for generation in generations:
+            family.grow(generation.code, generation.size)
+            family.settle(generation.gap, generation.chosen)
+        return family
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents, shape (agents, dimension)."""
+        return np.asarray(self.corners() * self.metre, dtype=np.float64)
+
+    @property
+    def size(self) -> Floats:
+        """Edges (m) of the agents, shape (agents,)."""
+        return np.asarray(self.rows["size"] * self.metre)
+
+    @property
+    def level(self) -> Ints:
+        """How often the largest of the first agents would be halved to give each agent."""
+        size = self.rows["size"]
+        largest = size[self.rows["spawn_step"] == 0].max()
+        return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
+
+    def corners(self, start: int = 0) -> Ints:
+        """Return the lower corners (units) of the rows from `start` onwards."""
+        return corners(self.rows["code"][start:], self.dimension)
+
+    def grow(self, code: Ints, size: Ints) -> None:
+        """Add the agents of the next generation (units), in the order of their codes."""
+        self.step += 1
+        if self.step == 0:
+            self.working = self._append(code, size, NOBODY, 0.0)
+            return
+        # Every agent of the new generation lies in a working one: parents spawn until the rows of
+        # their children have the sizes of the generation.
+        before = self.working
+        holder = before[np.searchsorted(self.rows["code"][before], code, side="right") - 1]
+        self.rows["retired_step"][np.setdiff1d(before, holder)] = self.step
+        parents = np.unique(holder[self.rows["size"][holder] > size])
+        while len(parents):
+            children = self._spawn(parents)
+            own, edge = self.rows["code"][children], self.rows["size"][children]
+            at, last = (np.searchsorted(code, end) for end in (own, own + edge**self.dimension))
+            empty = at == last  # within outlines some hold nothing of the body
+            self.rows["retired_step"][children[empty]] = self.step
+            stands = ~empty
+            stands[~empty] = size[at[~empty]] == edge[~empty]
+            holder[at[stands]] = children[stands]
+            parents = children[~stands & ~empty]
+        self.working = holder
+
+    def settle(self, gap: Floats, chosen: Flags) -> None:
+        """Note the gaps (J) of the working agents, and which are marked."""
+        self.rows["gap"][self.working] = gap
+        self.rows["chosen"][self.working] = chosen
+
+    def standing(self, step: int) -> Ints:
+        """Return the rows of the agents of a generation, along a space-filling curve."""
+        spawned, retired = self.rows["spawn_step"], self.rows["retired_step"]
+        there = np.flatnonzero((spawned <= step) & ((retired == WORKING) | (retired > step)))
+        return there[np.argsort(self.rows["code"][there])]
+
+    def children(self, row: int) -> range:
+        """Return the rows of an agent's children."""
+        first = int(self.rows["first_child"][row])
+        return range(0) if first == NOBODY else range(first, first + (1 << self.dimension))
+
+    def _spawn(self, parents: Ints) -> Ints:
+        """Let agents retire; return the rows of their children."""
+        many, rows = 1 << self.dimension, self.rows
+        half = rows["size"][parents] // 2
+        # The codes of a family follow one another, as far apart as a child has unit cells.
+        code = rows["code"][parents, None] + np.arange(many) * half[:, None] ** self.dimension
+        cause = np.where(rows["chosen"][parents], rows["gap"][parents], np.nan)
+        rows["retired_step"][parents] = self.step
+        rows["first_child"][parents] = len(rows) + many * np.arange(len(parents))
+        half, parents, cause = (np.repeat(values, many) for values in (half, parents, cause))
+        return self._append(code.ravel(), half, parents, cause)
+
+    def _append(self, code: Ints, size: Ints, parent: Ints | int, cause: Floats | float) -> Ints:
+        fresh = np.zeros(len(code), dtype=_ROW)
+        fresh["code"], fresh["size"], fresh["parent"], fresh["cause"] = code, size, parent, cause
+        fresh["first_child"], fresh["retired_step"] = NOBODY, WORKING
+        fresh["spawn_step"], fresh["gap"] = self.step, np.nan
+        self.rows = np.concatenate([self.rows, fresh])
+        return np.arange(len(self.rows) - len(fresh), len(self.rows))
+
+
 def trees_of(
     first: LeafCells, generations: list[Generation], whole: bool = True
 ) -> list[LeafCells]:
@@ -150,24 +295,22 @@ def trees_of(
 
     Within outlines they need not fill these (be `whole`), and halve as often as it takes.
     """
-    d, trees, sound = first.dimension, [first], bool(generations)
+    d, trees, sound = first.dimension, [first], False
     for number, one in enumerate(generations):
-        leaves, code, size = trees[-1], one.code, one.size
-        parent = np.searchsorted(leaves.code, code, "right") - 1
-        ratio = leaves.size[parent] // np.maximum(size, 1)
-        # They lie side by side, in parents, and fill these.
-        sound = sound and bool(np.all(np.diff(code) >= size[:-1] ** d) and np.all(parent >= 0))
-        sound = sound and bool(np.all(ratio * size == leaves.size[parent]))
-        sound = sound and bool(np.all((code - leaves.code[parent]) % size**d == 0))
-        most = BITS[d] if not whole else DEEPEST_STEP if number else 0
-        sound = sound and bool(np.all(np.isin(ratio, 2 ** np.arange(most + 1))))
-        if sound and whole:
-            filled = np.bincount(parent, (size / leaves.size[parent]) ** d, len(leaves))
-            sound = bool(np.all(np.abs(filled - 1.0) < 1e-9))
+        leaves, size = trees[-1], np.append(one.size, 1 << 62)
+        for _ in range(1 + (BITS[d] if not whole else DEEPEST_STEP if number else 0)):
+            # The first that begins in each, and the first beyond: a smaller one is a part of it.
+            at, end = np.searchsorted(one.code, [leaves.code, leaves.code + leaves.size**d])
+            if not whole:
+                leaves, at = leaves.only(end > at), at[end > at]
+            sound = np.array_equal(leaves.code, one.code) and np.array_equal(leaves.size, one.size)
+            if sound:
+                break
+            leaves = leaves.split(size[at] < leaves.size)
+        sound = sound and not (whole and len(leaves.balanced()) > len(leaves))
         if not sound:
             break
-        trees.append(LeafCells(corners(code, d), size, leaves.kind[parent], code))
-        sound = not whole or len(trees[-1].balanced()) == len(code)
+        trees.append(leaves)
     if not sound:
         raise ResultError("its agents do not stand side by side in the body")
     return trees[1:]

@@ -29,7 +29,7 @@ from kaju.model.elastic.pair.elements import (
     without_plane,
 )
 from kaju.model.elastic.pair.gap import Bounds, at_points, bounds_of, roots_of, stress_of
-from kaju.model.elastic.pair.leaf_mesh import PlaneMesh
+from kaju.model.elastic.pair.leaves import PlaneMesh
 from kaju.model.elastic.pair.levels import FieldLevel, handed_down, level_of
 
 

@@ -20,6 +20,7 @@ from kaju.errors import ParameterError
 from kaju.model.elastic.pair.border import support_names
 from kaju.model.elastic.pair.displacement import Fitting, held_by
 from kaju.model.elastic.pair.elements import (
+    corner_ends,
     gauss,
     on_sides,
     quadratic_values,
@@ -27,7 +28,6 @@ from kaju.model.elastic.pair.elements import (
     strain_rows,
 )
 from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
-from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.elastic.pair.levels import DIRECT, Blocks, FieldLevel
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED

@@ -73,10 +73,10 @@ class ElasticRule:
 
     Examples
     --------
-    >>> from kaju import ElasticRule
-    >>> rule = ElasticRule(order="wave", threshold=1e-3)
-    >>> rule.order, rule.threshold
-    ('wave', 0.001)
+    >>> from kaju import ElasticRule, material
+    >>> shares = ElasticRule.shares(material("steel"))
+    >>> round(shares.forward, 4), round(shares.friction, 4)
+    (0.3704, 0.1296)
     """
 
     threshold: float | None = None

@@ -26,10 +26,13 @@ class Material:
 
     Examples
     --------
-    >>> from kaju import Material
-    >>> mine = Material("resin", youngs_modulus=3e9, poissons_ratio=0.35)
-    >>> mine.density is None
-    True
+    >>> from kaju import Material, Scene, solve
+    >>> resin = Material("resin", youngs_modulus=3e9, poissons_ratio=0.35)
+    >>> body = {"cells": [5, 5], "cell_size": 0.01, "material": "resin"}
+    >>> sides, loads = {"left": "roller", "bottom": "roller"}, [{"side": "top", "pressure": 3e6}]
+    >>> pressed = Scene(body=body, sides=sides, loads=loads, materials={"resin": resin})
+    >>> round(solve(pressed).strain[0, 1, 1], 9)
+    -0.001
     """
 
     name: str

@@ -46,7 +46,7 @@ class Parameter(Declaration):
     Parameters
     ----------
     default : int, float or bool
-        Its value, unless the model gets another; if it and the bounds are whole, all values are.
+        Its value, unless the model gets another. If it and the bounds are int, all values must be.
     low, high : int or float, optional
         The smallest and the largest value; not needed for a bool.
     text : str
@@ -121,7 +121,7 @@ class State(Declaration):
     Parameters
     ----------
     default : bool, int or float
-        Its value when an agent wakes. If it is whole, all values must be: begin sums at 0.0.
+        Its value when an agent wakes. An int allows whole numbers only, so begin sums at 0.0.
     meaning : str
         What it means, with its unit: the label of its colours.
 

@@ -43,10 +43,10 @@ class Coefficients:
 
     Examples
     --------
-    >>> from kaju import Coefficients, PrescribedRule
-    >>> soft = Coefficients(alpha=(0.6, 0.3, 0.1))
-    >>> PrescribedRule(materials={"rubber": soft}).materials["rubber"].beta
-    0.5
+    >>> from kaju import Coefficients, PrescribedRule, material
+    >>> rule = PrescribedRule(materials={"rubber": Coefficients(alpha=(0.6, 0.3, 0.1))})
+    >>> [rule.shares(material(name), dimension=2).forward for name in ("rubber", "steel")]
+    [0.3, 0.5]
     """
 
     alpha: tuple[float, float, float] | None = None
@@ -83,10 +83,10 @@ class PrescribedRule(Coefficients):
 
     Examples
     --------
-    >>> from kaju import PrescribedRule
-    >>> rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), threshold=1e-3)
-    >>> rule.threshold, rule.accumulate
-    (0.001, False)
+    >>> from kaju import PrescribedRule, material
+    >>> rule = PrescribedRule(alpha=(0.5, 0.4, 0.2), beta=1.0, threshold=1e-3)
+    >>> rule.shares(material("steel"), dimension=2)
+    Shares(own=0.5, forward=0.4, backward=0.0, friction=0.2, poisson=0.0, widening=0.3)
     """
 
     threshold: float = 0.01

@@ -45,7 +45,9 @@ class Emission(NamedTuple):
     Examples
     --------
     >>> import kaju
-    >>> kaju.Emission(arm=2, direction=2, share=0.5)
+    >>> model = kaju.LoadModel(kaju.load_scene("plate.toml"))
+    >>> model.step()
+    >>> next(iter(model.agents)).emissions(kaju.Load(direction=2, magnitude=1.0))[0]
     Emission(arm=2, direction=2, share=0.5, sense='push')
     """
 
@@ -91,7 +93,7 @@ class Shares:
     --------
     >>> from kaju import Shares
     >>> shares = Shares(own=0.5, forward=0.5, backward=0.0, friction=0.25, poisson=0.075)
-    >>> shares.own + shares.forward  # of each newton
+    >>> shares.forward + 2 * shares.friction  # in the plane: what goes on along the load
     1.0
     """
 

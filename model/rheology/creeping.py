@@ -63,17 +63,19 @@ def creep(
         How long (s); by default as long as the history.
     times : array_like, optional
         Times at which the result is wanted (s), rising, up to `duration`; by default 101, evenly
-        spread, and the corners of the history. The time steps do not depend on them.
+        spread, and the corners of the history. Each takes memory, and none changes the time steps.
     tolerance : float
-        Error allowed while time grows by the factor e, as a share of the largest stretch; see
-        `kaju.model.rheology.integrate`.
+        Error allowed while time grows by the factor e, as a share of the largest stretch.
     rheology : ThreeElement or sequence of them
         Networks: the material of the springs; one element is scaled to the stiffness of each
         spring, a sequence is taken as it is.
     most_steps : int
         Time steps after which a run gives up.
 
-    Large bodies of several materials keep arrays for every time asked for, so ask for few.
+    Returns
+    -------
+    CreepResult, NetworkCreepResult, TransferCreepResult or ElasticCreepResult
+        Displacement and more at each of the times, by the kind of `subject` and of its rule.
 
     Raises
     ------

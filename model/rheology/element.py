@@ -44,10 +44,10 @@ class ThreeElement:
 
     Examples
     --------
-    >>> from kaju import ThreeElement
+    >>> from kaju import History, ThreeElement, creep
     >>> noodle = ThreeElement(K_f=2.0, D_f=1.0, D_d=10.0)
-    >>> noodle.K_f / noodle.D_f  # 1/s
-    2.0
+    >>> creep(noodle, History.step().hold(4.0), times=[4.0]).displacement.round(4)  # m, under 1 N
+    array([0.8998])
     """
 
     K_f: float

@@ -40,7 +40,7 @@ class Lattice(ABC):
     """A regular arrangement of equal cells; the base class of your own lattices.
 
     A subclass gives `kind`, `forms`, `form`, `outline` and `centres`. Give it to a body as
-    ``Body(..., lattice=Triangles)``. A scene file names it by its kind, once the class exists.
+    ``body={"lattice": Triangles, ...}``. A scene file names it by its kind, once the class exists.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ class Lattice(ABC):
     Examples
     --------
     >>> import numpy as np
-    >>> from kaju import Lattice, Squares
+    >>> from kaju import Squares  # a subclass
     >>> squares = Squares((2, 2), 0.01)
-    >>> isinstance(squares, Lattice)
-    True
-    >>> squares.centres(np.array([[0, 1]])).tolist()
+    >>> squares.centres(np.array([[0, 1]])).tolist()  # (m)
     [[0.005, 0.015]]
+    >>> squares.neighbours(np.array([[0, 1]]), 2).tolist()  # the cell below
+    [[0, 0]]
     """
 
     shape: tuple[int, ...]
@@ -468,28 +468,28 @@ class BoxLattice(Lattice):
 
 
 class Squares(BoxLattice):
-    """Squares.
+    """A lattice of squares, the usual one in the plane.
 
     Examples
     --------
     >>> from kaju import Squares
     >>> squares = Squares((2, 3), 0.01)
-    >>> squares.size, squares.dimension
-    (6, 2)
+    >>> squares.extent, squares.direction_names  # (m), and how faces are numbered
+    ((0.02, 0.03), ('-x', '+x', '-y', '+y'))
     """
 
     kind: ClassVar[str] = "square"
 
 
 class Cubes(BoxLattice):
-    """Cubes.
+    """A lattice of cubes, the only one in space.
 
     Examples
     --------
     >>> from kaju import Cubes
     >>> cubes = Cubes((2, 3, 4), 0.01)
-    >>> cubes.size, cubes.dimension
-    (24, 3)
+    >>> cubes.size, cubes.extent  # cells, and (m)
+    (24, (0.02, 0.03, 0.04))
     """
 
     kind: ClassVar[str] = "cube"

@@ -169,6 +169,11 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
         Where to compare (m). By default in the middles of the larger cells of the two answers,
         where both have body; a `Reference` that does not know these is compared at its own points.
 
+    Returns
+    -------
+    Comparison
+        `displacement` and `stress`, each with `misfit` and `max_error`; `energy_error`.
+
     Raises
     ------
     ResultError

@@ -107,9 +107,8 @@ def fit_rule(
 ) -> Fit:
     """Find the α and β for which the prescribed rule is closest to a reference.
 
-    The coefficients fit this body under these loads only. The root of the weighted mean square of
-    the misfits is minimised; the result says what got worse. Agents never pass on more along the
-    load than they take.
+    They fit this body under these loads only, and minimise the root of the weighted mean square of
+    the misfits. Agents never pass on more along the load than they take.
 
     Parameters
     ----------
@@ -123,6 +122,11 @@ def fit_rule(
         ``{"displacement": 1, "stress": 2}`` weighs both.
     evaluations : int
         About how often the rule is run.
+
+    Returns
+    -------
+    Fit
+        The `rule`, and its `misfit` before and after.
 
     Raises
     ------

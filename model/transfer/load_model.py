@@ -47,7 +47,8 @@ class LoadModel(SteppedModel):
     """Load transfer, one generation a step.
 
     In each step every agent takes the loads that reached it in the step before and passes its
-    shares on. Staged loading runs once per stage, each time from the start with larger loads.
+    shares on. Loads in several stages run once per stage, each time from the start with more load,
+    unless the scene's `loading` is "continue".
 
     Parameters
     ----------
@@ -59,14 +60,14 @@ class LoadModel(SteppedModel):
     material_agent, boundary_agents : type of MaterialAgent, mapping of types of BoundaryAgent
         Your own classes; those of boundaries by "free", "rigid" or "roller".
     allow_unstable : bool
-        Run even if the certificate says that loads will grow; it stops before they overflow.
+        Run even if `stability` says that loads will grow; it stops before they overflow.
     max_generations : int
         A stage is stopped after this many generations.
     rng, seed : int, optional
         Seed of the model's random numbers; the rule itself draws none.
     order : callable, optional
-        Of the agents for which loads wait it returns those that act in this step, one after
-        another; the others wait. None: all act at once.
+        A function of the agents for which loads wait; it returns those that act in this step, one
+        after another. None: all act at once.
     rule : object, optional
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     scenario : mesa Scenario, optional
@@ -78,7 +79,7 @@ class LoadModel(SteppedModel):
     Raises
     ------
     StabilityError
-        If the certificate finds the run unstable and `allow_unstable` is False.
+        If `stability` says that loads will grow and `allow_unstable` is False.
     SceneError
         If the scene asks for something that only the elastic rule can do.
     ParameterError

@@ -46,7 +46,16 @@ def not_known(agents: list[str]) -> Certificate:
 
 
 def stability(scene: Scene) -> Certificate:
-    """State whether the loads of a scene will end under its prescribed rule.
+    """Return the certificate of a scene: whether its loads end under its prescribed rule.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Certificate
+        `stable`, and in words the `verdict`, with what to do if loads do not end.
 
     Examples
     --------

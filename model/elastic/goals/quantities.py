@@ -80,9 +80,10 @@ class Stress(_Parsed):
 
     Examples
     --------
-    >>> from kaju import Stress
-    >>> Stress({"box": [[0.02, 0.02], [0.03, 0.03]]}, "yy").component
-    'yy'
+    >>> from kaju import Stress, load_scene, solve
+    >>> lower_half = Stress({"box": [[0.0, 0.0], [0.2, 0.1]]}, "yy")
+    >>> round(solve(load_scene("plate.toml")).value_of(lower_half))  # Pa
+    -5000
     """
 
     at: Place
@@ -102,9 +103,9 @@ class Reaction(_Parsed):
 
     Examples
     --------
-    >>> from kaju import Reaction
-    >>> Reaction("bottom", "y")
-    Reaction(side='bottom', along='y')
+    >>> from kaju import Reaction, load_scene, solve
+    >>> round(solve(load_scene("plate.toml")).value_of(Reaction("bottom", "y")), 6)  # N
+    2.0
     """
 
     side: str

@@ -31,7 +31,7 @@ class Material:
     >>> body = {"cells": [5, 5], "cell_size": 0.01, "material": "resin"}
     >>> sides, loads = {"left": "roller", "bottom": "roller"}, [{"side": "top", "pressure": 3e6}]
     >>> pressed = Scene(body=body, sides=sides, loads=loads, materials={"resin": resin})
-    >>> round(solve(pressed).strain[0, 1, 1], 9)
+    >>> round(float(solve(pressed).strain[0, 1, 1]), 9)
     -0.001
     """
 

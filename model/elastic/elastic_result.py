@@ -450,12 +450,7 @@ class ElasticResult(BodyResult):
         """
         from .intensity import intensity
 
-        if self.stiffness is not None:
-            raise ResultError(
-                "intensity: needs one material all around the tip, and in this answer every "
-                "cell has its own stiffness"
-            )
-        return intensity(self, self.error_estimate, at)
+        return intensity(self, at)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""

@@ -10,18 +10,21 @@ is taken over the arcs of a ring, away from the tip, where the answer is good.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.corners import ON_EDGE
-from kaju.model.results.result import BodyResult
+from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
+
+if TYPE_CHECKING:
+    from kaju.model.elastic.elastic_result import ElasticResult
 
 Complex = NDArray[np.complex128]
 
@@ -70,8 +73,13 @@ class _Tip(NamedTuple):
         return self.half - np.arcsin(np.minimum(self.slit / away, 1.0)) * (1.0 + ON_EDGE)
 
 
-def intensity(result: BodyResult, error: float, at: tuple[float, ...]) -> Intensity:
-    """Return the factors from an answer with an error; see `ElasticResult.intensity`."""
+def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
+    """Return the factors from an answer; see `ElasticResult.intensity`."""
+    if result.stiffness is not None:
+        raise ResultError(
+            "intensity: needs one material all around the tip, and in this answer every cell has "
+            "its own stiffness"
+        )
     grid = result.grid
     point = np.asarray(at, dtype=np.float64)
     if grid.lattice.dimension != 2 or point.shape != (2,):
@@ -87,8 +95,8 @@ def intensity(result: BodyResult, error: float, at: tuple[float, ...]) -> Intens
     modes = [_Mode(tip.half, opens) for opens in (True, False)]
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)
     inner = [_factor(result, tip, mode, 0.5 * (radius + least)) for mode in modes]
+    share = FELT * result.error_estimate + WIDTH * 2.0 * tip.slit / radius
     off = max(abs(opening - inner[0]), abs(shear - inner[1]))
-    share = FELT * error + WIDTH * 2.0 * tip.slit / radius
     off += share * max(abs(opening), abs(shear))
     return Intensity(opening, shear, (modes[0].exponent, modes[1].exponent), off, radius)
 
@@ -117,14 +125,13 @@ def _tip_at(grid: Scene, point: Floats) -> _Tip:
     )
 
 
-def _room(result: BodyResult, tip: _Tip) -> float:
+def _room(result: ElasticResult, tip: _Tip) -> float:
     """Return how far from a tip there is nothing but it (m): other edges, loads, materials."""
     grid, h = result.grid, result.grid.lattice.cell_size
     first = np.floor(tip.at / h + ON_EDGE).astype(np.int64)
     low, high = grid.bounds()
     low, high = np.maximum(low - 1, first - FARTHEST), np.minimum(high + 1, first + FARTHEST)
-    ranges = [np.arange(a, b) for a, b in zip(low, high, strict=True)]
-    cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, 2)
+    cells = np.indices(high - low).reshape(2, -1).T + low
     away = (cells + 0.5) * h - tip.at
     x, y = tip.turn @ away.T
     empty = np.abs(np.arctan2(y, x)) > tip.widest(np.hypot(x, y))
@@ -145,64 +152,46 @@ class _Mode:
     @property
     def exponent(self) -> float:
         """The least λ of the mode."""
-        sign = 1.0 if self.opens else -1.0
-
-        def free(x: float) -> float:
-            return float(np.sin(2 * x * self.half) + sign * x * np.sin(2 * self.half))
-
-        return 0.5 if self.half == np.pi else float(brentq(free, 0.5, 0.99))
-
-    def potentials(self, exponent: float) -> tuple[complex, complex]:
-        """Return a and b, for a stress of 1 (2πr)^(λ-1) ahead of the tip."""
-        turn = np.cos(2 * exponent * self.half), exponent * np.cos(2 * self.half)
-        if self.opens:
-            b = -(turn[0] + turn[1])
-            unit = exponent * (exponent + 1 + b)
-        else:
-            b = turn[0] - turn[1]
-            unit = exponent * (exponent - 1 + b)
-        size = (2 * np.pi) ** (exponent - 1) / unit * (1.0 if self.opens else 1.0j)
-        return size, size * b
+        sign, turn = 2.0 * self.opens - 1.0, 2.0 * self.half
+        if self.half == np.pi:
+            return 0.5
+        return float(brentq(lambda x: np.sin(x * turn) + sign * x * np.sin(turn), 0.5, 0.99))
 
     def fields(
         self, z: Complex, exponent: float, shear: float, kolosov: float
     ) -> tuple[Floats, Floats]:
-        """Return displacements and stresses at places round the tip."""
-        a, b = self.potentials(exponent)
-        power = z ** (exponent - 1.0)
-        phi, slope, psi = a * power * z, exponent * a * power, b * power * z
+        """Return displacements and stresses at places, of a stress (2πr)^(λ-1) ahead of the tip."""
+        sign, turn = 2.0 * self.opens - 1.0, 2.0 * self.half
+        b = -sign * np.cos(exponent * turn) - exponent * np.cos(turn)
+        a = (2 * np.pi) ** (exponent - 1) / (exponent * (exponent + sign + b))
+        power = (a if self.opens else 1j * a) * z ** (exponent - 1.0)
+        phi, slope, psi = power * z, exponent * power, b * power * z
         curve = (exponent - 1.0) * slope * np.conj(z) / z + exponent * b * power
         moved = (kolosov * phi - z * np.conj(slope) - np.conj(psi)) / (2.0 * shear)
-        total, difference = 4.0 * slope.real, 2.0 * curve
-        yy, xy = 0.5 * (total + difference.real), 0.5 * difference.imag
-        stress = np.stack([[total - yy, xy], [xy, yy]])
+        yy, xy = 2.0 * slope.real + curve.real, curve.imag
+        stress = np.stack([[4.0 * slope.real - yy, xy], [xy, yy]])
         return np.stack([moved.real, moved.imag]), stress
 
 
-def _factor(result: BodyResult, tip: _Tip, mode: _Mode, outer: float) -> float:
+def _factor(result: ElasticResult, tip: _Tip, mode: _Mode, outer: float) -> float:
     """Return the factor of a mode from a ring round the tip."""
-    material = result.scene.cell_materials[tip.kind]
-    nu = material.poissons_ratio
-    shear = material.youngs_modulus / (2.0 * (1.0 + nu))
-    kolosov = 3.0 - 4.0 * nu if result.scene.plane == "strain" else (3.0 - nu) / (1.0 + nu)
+    _, lateral, shear = (float(modulus[tip.kind]) for modulus in scene_moduli(result.scene))
+    law = shear, (lateral + 3.0 * shear) / (lateral + shear)  # The second is Kolosov's
     (rings, across), (angles, around) = (np.polynomial.legendre.leggauss(n) for n in POINTS)
-    inner = RING * outer
-    r = (inner + 0.5 * (outer - inner) * (rings + 1.0))[:, None]
+    # The radius as a share of the ring's width, and from 1 within to 0 without, smoothly: -∂q/∂r
+    s = 0.5 * (rings[:, None] + 1.0)
+    r, slope = outer * (RING + (1.0 - RING) * s), 6.0 * s * (1.0 - s)
     widest = tip.widest(r)
-    weight = 0.5 * (outer - inner) * across[:, None] * widest * around * r
-    # From 1 within to 0 without, smoothly: -∂q/∂r.
-    s = (r - inner) / (outer - inner)
-    weight = weight * 6.0 * s * (1.0 - s) / (outer - inner)
+    weight = (0.5 * across[:, None] * widest * around * r * slope).ravel()
     z = (r * np.exp(1j * widest * angles)).ravel()
     normal = np.stack([z.real, z.imag]) / np.abs(z)
 
     def work(first: tuple[Floats, Floats], second: tuple[Floats, Floats]) -> float:
         pulls = [np.einsum("ijn,jn->in", stress, normal) for _, stress in (first, second)]
-        density = (pulls[0] * second[0] - pulls[1] * first[0]).sum(axis=0)
-        return float(weight.ravel() @ density)
+        return float(weight @ (pulls[0] * second[0] - pulls[1] * first[0]).sum(axis=0))
 
     points = tip.at + np.stack([z.real, z.imag], axis=1) @ tip.turn
     moved = tip.turn @ result.displacement_at(points).T
     stress = np.einsum("ai,nij,bj->abn", tip.turn, result.stress_at(points), tip.turn)
-    dual = mode.fields(z, -mode.exponent, shear, kolosov)
-    return work((moved, stress), dual) / work(mode.fields(z, mode.exponent, shear, kolosov), dual)
+    dual = mode.fields(z, -mode.exponent, *law)
+    return work((moved, stress), dual) / work(mode.fields(z, mode.exponent, *law), dual)

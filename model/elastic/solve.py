@@ -34,13 +34,7 @@ def solve_spawning(
     goal: AskedFor | None = None,
     stage: int | None = None,
 ) -> ElasticResult:
-    """Solve a scene by agents of many sizes: `kaju.solve` with a tolerance.
-
-    The first agents are as large as the body, its materials, supports and loads let them be. Those
-    that are furthest off spawn 4 (in three dimensions 8) children of half their size, generation by
-    generation, until the error is within the tolerance. The scene's cells say where the body is; it
-    is never rasterised as a whole.
-    """
+    """Solve a scene by agents of many sizes: `kaju.solve` with a tolerance."""
     start = perf_counter()
     tolerance = TOLERANCE if tolerance is None else tolerance
     spawner = spawner_of(scene, tolerance, resolution, stage, goal)
@@ -90,13 +84,7 @@ def solve_cells(
     previous: ElasticResult | None = None,
     stiffness: ArrayLike | None = None,
 ) -> ElasticResult:
-    """Solve a scene as linear elasticity, on equal cells: `kaju.solve` without a tolerance.
-
-    The equations are solved to `tolerance` in the energy norm: see `solve_problem`. There are
-    `resolution` cells per cell of the scene along every axis, by default as many as in the previous
-    result, or 1, and 2 where a member is only one cell wide, which could not carry shear. An
-    iteration starts from the previous answer; with a field of stiffness few cells iterate as well.
-    """
+    """Solve a scene on equal cells, `kaju.solve` without a tolerance: this is of the equations."""
     start = perf_counter()
     check_numbers(tolerance, resolution, least=SMALLEST)
     field = None if stiffness is None else checked_stiffness(scene, stiffness)
@@ -132,6 +120,7 @@ def _grid(
     """Return the grid, and the previous displacement of its faces if its cells are the same."""
     if previous is None:
         return grid_of(scene, stage, resolution or 1, stiffness=stiffness), None
+    # By default there are as many cells as before.
     found = previous.found
     if not isinstance(found, CellAgents):
         raise ParameterError(

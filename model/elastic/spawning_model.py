@@ -29,13 +29,11 @@ class SpawningModel(SteppedModel):
     The first agents are as large as the body, its materials, supports and loads let them be. In the
     plane each has two opinions about the load: a displacement that fits its neighbours without a
     gap, and a stress that balances the loads. In the first step all agents find theirs. In every
-    later step those whose opinions differ most spawn 4 children of half their size and retire; a
-    few more do so because neighbours may differ in size by a factor of two only; then all find
-    their opinions again. The sum of all differences proves the error, and the model ends when it is
-    within the tolerance. In space agents have the first opinion only, 8 children, and an estimated
-    error. Within true outlines agents that hold nothing of the body vanish.
-
-    Agents are computed on arrays; objects that show them are made when `agents` is read.
+    later step those whose opinions differ most spawn 4 children of half their size and retire, and
+    so do larger neighbours of these; then all find their opinions again. The sum of all differences
+    proves the error, and the model ends when it is within the tolerance. In space agents have the
+    first opinion only, 8 children, and an estimated error. Within true outlines agents that hold
+    nothing of the body vanish. Objects that show agents are made when `agents` is read.
 
     Parameters
     ----------
@@ -55,9 +53,8 @@ class SpawningModel(SteppedModel):
     generation : int
         Steps taken.
     error : float
-        Relative error of the stress in the energy norm, or of the goal; the run ends when it is
-        within the tolerance. In the plane it is proved, in space estimated; that of a goal is
-        estimated.
+        Relative error in the energy norm, or of the goal; the run ends when it is within the
+        tolerance.
     running : bool
         False when the error is within the tolerance, or no more agents may spawn.
 
@@ -70,13 +67,8 @@ class SpawningModel(SteppedModel):
 
     Examples
     --------
-    >>> from kaju import Scene, SpawningModel
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> model = SpawningModel(scene, tolerance=0.1)
+    >>> import kaju
+    >>> model = kaju.SpawningModel(kaju.load_scene("plate.toml"), tolerance=0.1)
     >>> result = model.run()
     >>> result.tolerance_kept, result.error_bound < 0.1
     ('proved', True)
@@ -96,10 +88,9 @@ class SpawningModel(SteppedModel):
     ) -> None:
         super().__init__(rng, seed)
         scene_needed(scene)
-        self.scene, self.stage = scene, stage
-        self.tolerance, self.resolution = tolerance, resolution
+        self.scene, self.goal = scene, goal
+        self.tolerance, self.resolution, self.stage = tolerance, resolution, stage
         self.most_agents: int | None = most_agents
-        self.goal = goal
         self._objects: list[SpawningAgent] = []
         self.reset()
 
@@ -111,7 +102,6 @@ class SpawningModel(SteppedModel):
         self.spawner = spawner_of(self.scene, self.tolerance, *asked)
         self.ground, self.most_agents = self.spawner.body, self.spawner.most_agents
         self._begin(self.spawner.leaves)
-        self.running = True
         self.seconds = perf_counter() - began
 
     def _begin(self, leaves: LeafCells) -> None:
@@ -134,7 +124,7 @@ class SpawningModel(SteppedModel):
         """Let agents spawn, but for the first time, and all of them find their opinions."""
         began = perf_counter()
         self.spawner.step()
-        leaves, last = self.spawner.last.leaves, self.history[-1]
+        leaves, last = self.spawner.last.leaves, self.spawner.generations[-1]
         if self.generation > 1:
             self._grow(leaves)
         elif isinstance(self.ground, OutlinedBody):  # only now it is known what they hold
@@ -144,14 +134,9 @@ class SpawningModel(SteppedModel):
         self.seconds += perf_counter() - began
 
     @property
-    def history(self) -> list[Any]:
-        """The generations so far, in scaled units; those of `result` are in J and Pa."""
-        return self.spawner.generations
-
-    @property
     def generation(self) -> int:
         """Steps taken."""
-        return len(self.history)
+        return len(self.spawner.generations)
 
     @property
     def error(self) -> float:
@@ -177,34 +162,22 @@ class SpawningModel(SteppedModel):
 
     def _made(self) -> list[SpawningAgent]:
         """Return the objects of all rows; make those that are not there yet."""
-        start, family = len(self._objects), self.family
-        if start == len(family):
-            return self._objects
-        rows, materials = family.rows[start:], self.scene.cell_materials
-        for row, parent, level, lower, size, kind, step, cause in zip(
-            range(start, len(family)),
-            rows["parent"].tolist(),
+        start, family, materials = len(self._objects), self.family, self.scene.cell_materials
+        rows, names = family.rows[start:], ("level", "lower", "size", "spawn_step", "cause")
+        births = (
             family.level[start:].tolist(),
-            (family.corners(start) * family.metre).tolist(),
+            map(tuple, (family.corners(start) * family.metre).tolist()),
             family.size[start:].tolist(),
-            self._kinds[start:].tolist(),
             rows["spawn_step"].tolist(),
             rows["cause"].tolist(),
-            strict=True,
-        ):
-            spawned_by = self._objects[parent] if parent >= 0 else None
-            agent = SpawningAgent(
-                self,
-                row=row,
-                parent=spawned_by,
-                level=level,
-                lower=tuple(lower),
-                size=size,
-                # one that never stood is as its parent is
-                material=spawned_by.material if spawned_by and kind < 0 else materials[kind],
-                spawn_step=step,
-                cause=cause,
-            )
+        )
+        kinds = zip(rows["parent"].tolist(), self._kinds[start:].tolist(), strict=True)
+        for row, ((parent, kind), *birth) in enumerate(zip(kinds, *births, strict=True), start):
+            above = self._objects[parent] if parent >= 0 else None
+            # one that never stood is as its parent is
+            material = above.material if above and kind < 0 else materials[kind]
+            born = dict(zip(names, birth, strict=True))
+            agent = SpawningAgent(self, row=row, parent=above, material=material, **born)
             self._objects.append(agent)
         return self._objects
 

@@ -16,12 +16,13 @@ from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.leaves import corner_ends
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.shapes import Box
 
-from .corners import sharp_corners, singular_at, singular_round
+from .corners import sharp_corners, singular_at
 
 if TYPE_CHECKING:
     from kaju.model.scene.description import LoadTable
@@ -94,7 +95,8 @@ def no_limit(result: ElasticResult, agent: int) -> str:
         return "a sharp corner, or the end of a support" if near.any() else ""
     if near_steps(result.grid, result.middle[agent, None])[0]:
         return "a step of an outline that is not along the axes"
-    return singular_round(result.scene, result.lower[agent], float(result.size[agent]))[1]
+    ends = result.lower[agent] + result.size[agent] * corner_ends(result.lower.shape[1])
+    return next(filter(None, (singular_at(result.scene, end) for end in ends)), "")
 
 
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
@@ -111,17 +113,15 @@ def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
 
 
 MISSED = {
-    "": "after {steps} steps, which leave {above}",
-    "agents": "more agents than are allowed would be needed: they leave {above}",
-    "rounding": "the two stresses differ by no more than rounding errors, which leave {above}",
-    "resolution": "the smallest agents allowed leave {above}; a larger resolution allows smaller "
-    "ones",
-    "corners": "where stress grows without limit, even the smallest agents possible differ by more "
-    "than the tolerance: they leave {above}; {most}",
-    "stalled": "more agents do not lower the error: they leave {above}; {most}",
-    "depth": "the smallest agents possible leave {above}; {most}",
+    "": "agents that have not yet spawned to the end",
+    "agents": "more agents than are allowed would be needed: these",
+    "rounding": "the two stresses differ by no more than rounding errors, which",
+    "resolution": "the smallest agents allowed",
+    "corners": "where stress grows without limit, even the smallest agents possible",
+    "stalled": "more agents do not lower the error: these",
+    "depth": "the smallest agents possible",
 }
-"""What is said of a tolerance that is missed, by why its agents stopped."""
+"""Who leaves an error above the tolerance, by why agents stopped."""
 
 
 def _missed(result: ElasticResult) -> list[Caveat]:
@@ -129,16 +129,16 @@ def _missed(result: ElasticResult) -> list[Caveat]:
     found = result.found
     if result.tolerance_kept != "missed" or not isinstance(found, PairAgents):
         return []
+    why, agent = found.stopped, first_largest(result.gap)
+    hint, reason = f"most of it lies at {_point(result.middle[agent])} m", no_limit(result, agent)
+    hint += f": {reason}" if reason else ""
+    if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
+        why, hint = "resolution", "a larger resolution allows smaller ones"
     kind = "an estimated" if found.no_bound or any(g.no_bound for g in found.goals) else "a proved"
-    above = f"{kind} error of {result.goal_error:.2g}, above the tolerance of {result.tolerance:g}"
-    agent, why = first_largest(result.gap), found.stopped
-    if why not in ("", "agents", "rounding") and found.ground.resolution is not None:
-        why = "resolution"
-    place, reason = result.middle[agent], ""
-    if not result.scene.outlined:
-        place, reason = singular_round(result.grid, result.lower[agent], result.size[agent])
-    most = f"most of it lies at {_point(place)} m" + (f", where {reason}" if reason else "")
-    said = MISSED[why].format(steps=len(found.generations), above=above, most=most)
+    said = (
+        f"{MISSED[why]} leave {kind} error of {result.goal_error:.2g}, above the tolerance of "
+        f"{result.tolerance:g}; {hint}"
+    )
     return [Caveat("tolerance missed", said)]
 
 
@@ -153,16 +153,16 @@ def _doubts(result: ElasticResult) -> list[Caveat]:
 
 
 def _rough(result: ElasticResult) -> list[Caveat]:
-    error = result.error_estimate
-    # What is said of goals is about their own error, and a proof says more than an estimate.
-    kept = result.tolerance_kept
+    """Say what to do about a large error that is not proved; of goals their own errors tell."""
+    error, kept = result.error_estimate, result.tolerance_kept
     if result.goal or kept == "proved" or not error > ROUGH:
         return []
+    if not isfinite(error) and result.spawned:
+        said = "the lower bound of the energy is 0, so no relative error can be given: supports "
+        said += "bear the loads where they act, and hardly any energy is stored"
+        return [Caveat("error not known", said)]
     if not isfinite(error):
-        said = "the lower bound of the energy is 0, so no relative error can be given: "
-        said += "supports bear the loads where they act, and hardly any energy is stored"
-        if not result.spawned:
-            said = "sides that meet are moved apart: the energy has no limit as cells shrink"
+        said = "sides that meet are moved apart: the energy has no limit as cells shrink"
         return [Caveat("error not known", said)]
     said = f"the error is about {error:.0%} in the energy norm"
     if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
@@ -175,12 +175,9 @@ def _rough(result: ElasticResult) -> list[Caveat]:
 
 def _loads(result: ElasticResult) -> list[Caveat]:
     """Say which loads do not act just where they are described, and how far off they are."""
-    grid = result.grid
-    return [
-        Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}")
-        for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True))
-        if (off := _off_place(load, chosen, grid))
-    ]
+    loads = enumerate(zip(result.grid.loads, result.grid.selections, strict=True))
+    off = {f"loads.{k}": _off_place(load, at, result.grid) for k, (load, at) in loads}
+    return [Caveat(f"{name} spread by cells", f"{name}: {how}") for name, how in off.items() if how]
 
 
 def _steps(result: ElasticResult, near: Flags) -> Caveat:
@@ -198,9 +195,9 @@ def _steps(result: ElasticResult, near: Flags) -> Caveat:
             f"; the largest stress, at {_point(result.largest_stress.at)} m, lies at a step: a "
             "round outline has no such stress, and it grows with smaller agents"
         )
-        if not near.all():
-            stress = np.where(near, 0.0, result.von_mises)
-            agent = first_largest(stress)
+        stress = np.where(near, 0.0, result.von_mises)
+        agent = first_largest(stress)
+        if stress[agent]:
             said += (
                 f". More than a cell away from steps it is {stress[agent]:.3g} Pa, at "
                 f"{_point(result.middle[agent])} m (von Mises)"

@@ -78,15 +78,6 @@ def singular_at(scene: Scene, point: Floats) -> str:
     return ""
 
 
-def singular_round(scene: Scene, lower: Floats, size: float) -> tuple[Floats, str]:
-    """Return a corner of a box (m) where stresses have no limit, and why; or its middle."""
-    for end in product((0.0, 1.0), repeat=len(lower)):
-        corner = lower + size * np.array(end)
-        if reason := singular_at(scene, corner):
-            return corner, reason
-    return lower + 0.5 * size, ""
-
-
 def _sides(scene: Scene, kinds: Ints) -> tuple[int, ...]:
     """Return four kinds, those merged that hold in the same way or are of the same stiffness."""
     materials = scene.cell_materials
@@ -105,24 +96,16 @@ def _reason(around: tuple[int, ...]) -> str:
         straight = all(pairs) or pairs in ([True, False, True, False], [False, True, False, True])
         return "" if straight else "materials meet in a corner"
     for first, quarters in product(range(4), (1, 2, 3)):
-        wedge = [around[(first + k) % 4] for k in range(quarters)]
-        before, after = around[first - 1], around[(first + quarters) % 4]
-        if min(wedge) >= 0 and before < 0 and after < 0:
-            reason = _reason_of_wedge(wedge, {before, after})
-            if reason:
-                return reason
-    return ""
-
-
-def _reason_of_wedge(wedge: list[int], sides: set[int]) -> str:
-    """Return why stresses have no limit at the tip of a wedge between sides of some kinds."""
-    if len(set(wedge)) > 1:
-        straight = len(wedge) == 2 and sides == {ROLLER}
-        return "" if straight else "the boundary between two materials ends at the surface"
-    if sides == {AIR, RIGID}:
-        return "a support ends"
-    if len(wedge) == 3:
-        return "a re-entrant corner"
-    if len(wedge) == 2 and ROLLER in sides and len(sides) == 2:
-        return "a roller ends"
+        wedge = {around[(first + k) % 4] for k in range(quarters)}
+        sides = {around[first - 1], around[(first + quarters) % 4]}
+        if min(wedge) < 0 or max(sides) >= 0:
+            continue
+        if len(wedge) > 1 and not (quarters == 2 and sides == {ROLLER}):
+            return "the boundary between two materials ends at the surface"
+        if len(wedge) == 1 and sides == {AIR, RIGID}:
+            return "a support ends"
+        if len(wedge) == 1 and quarters == 3:
+            return "a re-entrant corner"
+        if len(wedge) == 1 and quarters == 2 and len(sides) == 2:  # one of them a roller
+            return "a roller ends"
     return ""

@@ -22,7 +22,7 @@ from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.shapes import Box
 
-from .corners import sharp_corners, singular_at
+from .corners import singular_at
 
 if TYPE_CHECKING:
     from kaju.model.scene.description import LoadTable
@@ -102,10 +102,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
     """Return what is not proved of an answer, or approximate beside the error it estimates."""
     found = [*_missed(result), *_doubts(result), *_rough(result), *_loads(result)]
-    if result.scene.outlined and result.scene.lattice.dimension == 2:
-        return (*found, *_at_corners(result.sharp_corners))
-    corners = sharp_corners(result.grid)
-    near = near_steps(result.grid, result.middle)
+    corners, near = result.sharp_corners, near_steps(result.grid, result.middle)
     if near.any():  # corners of steps have a note of their own
         found.append(_steps(result, near))
         corners = corners[~near_steps(result.grid, corners)]
@@ -155,7 +152,7 @@ def _doubts(result: ElasticResult) -> list[Caveat]:
 def _rough(result: ElasticResult) -> list[Caveat]:
     """Say what to do about a large error that is not proved; of goals their own errors tell."""
     error, kept = result.error_estimate, result.tolerance_kept
-    if result.goal or kept == "proved" or not error > ROUGH:
+    if result.goals or kept == "proved" or not error > ROUGH:
         return []
     if not isfinite(error) and result.spawned:
         said = "the lower bound of the energy is 0, so no relative error can be given: supports "

@@ -64,14 +64,11 @@ CLOSEST = 1e-3
 
 
 class LargestStress(NamedTuple):
-    """The largest equivalent (von Mises) stress of an answer."""
+    """The largest equivalent (von Mises) stress of an answer, that of an agent."""
 
-    value: float
-    """In Pa, in the middle of an agent."""
-    at: tuple[float, ...]
-    """The agent's middle (m)."""
-    no_limit: str
-    """Why it grows without limit as agents shrink; empty if it has a limit."""
+    value: float  # Pa
+    at: tuple[float, ...]  # The agent's middle (m)
+    no_limit: str  # Why it grows without limit as agents shrink; empty if it has a limit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,13 +171,6 @@ class ElasticResult(BodyResult):
             return np.zeros_like(self.material)
         return self.family.level[self.family.working]
 
-    @property
-    def spawn_step(self) -> Ints:
-        """Step in which each agent spawned; 0 for the first."""
-        if not self.spawned:
-            return np.zeros_like(self.material)
-        return np.asarray(self.family.rows["spawn_step"][self.family.working])
-
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the agents' middles, shape (agents, dimension)."""
@@ -275,21 +265,21 @@ class ElasticResult(BodyResult):
         `error_estimate`, when they are first asked for; the cells' own energy may lie outside.
         With a field of stiffness there are none.
         """
-        if self.spawned:
-            last = self.generations[-1]
-            return None if last.lower is None or last.upper is None else (last.lower, last.upper)
         plane = self.scene.lattice.dimension == 2 and self.stiffness is None
-        if not plane or not np.isfinite(self.error_estimate):  # the energy has no limit
-            return None
-        try:
-            body = PosedBody(self.grid, self.stage)
-            agents = PairLoop(body, max(self.error_estimate, CLOSEST))
-            while not agents.finished and not (agents.last and interrupt_requested()):
-                agents.step()
-        except KajuError:  # they cannot stand on it
-            return None
-        bounds, unit = agents.last.bounds, body.scales.energy
-        return bounds.lower * unit, bounds.upper * unit
+        found: Any = self.found
+        if not self.spawned:
+            if not plane or not np.isfinite(self.error_estimate):  # the energy has no limit
+                return None
+            try:
+                found = PairLoop(
+                    PosedBody(self.grid, self.stage), max(self.error_estimate, CLOSEST)
+                )
+                while not found.finished and not (found.last and interrupt_requested()):
+                    found.step()
+            except KajuError:  # agents cannot stand on it
+                return None
+        last = found.generations[-1]
+        return None if last.lower is None else (last.lower, last.upper)
 
     @property
     def error_bound(self) -> float | None:
@@ -333,39 +323,29 @@ class ElasticResult(BodyResult):
         """Why there is no `error_bound`, in words; empty if there is one."""
         return self.found.no_bound
 
-    def balanced_stress_at(self, points: Floats) -> Floats:
-        """Return at points (m) the stress (Pa) that balances the loads, shape (points, 2, 2).
+    def opinions_at(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the stress (Pa) that balances, and that of `displacement_at`, at points (m).
+
+        Of points on a side between two agents either may be taken.
 
         Raises
         ------
         ResultError
             If agents did not spawn in the plane, or points lie outside of the body.
         """
-        return self._opinions_at(points)[0]
-
-    def fitted_stress_at(self, points: Floats) -> Floats:
-        """Return at points (m) the stress (Pa) of `displacement_at`, as `balanced_stress_at`."""
-        return self._opinions_at(points)[1]
-
-    def _opinions_at(self, points: Floats) -> list[Floats]:
         if not isinstance(self.found, PairAgents) or not self.found.two_minds:
             raise ResultError(
-                "balanced_stress_at, fitted_stress_at: only agents that spawned in the plane have "
-                "two stresses; solve with a tolerance"
+                "opinions_at: only agents that spawned in the plane have two stresses; solve with "
+                "a tolerance"
             )
-        both = self.found.opinions_at(*self.found.located(points))
-        return [self.found.scales.stress * stress for stress in both]
+        balanced, fitted = self.found.opinions_at(*self.found.located(points))
+        return self.found.scales.stress * balanced, self.found.scales.stress * fitted
 
     @property
     def goal_error(self) -> float:
         """Error that the tolerance is about, relative: the largest of its goals."""
         errors = (goal.relative_error for goal in self.found.goals)
         return max(errors, default=self.error_estimate)
-
-    @property
-    def goal(self) -> tuple[Quantity, ...]:
-        """What the tolerance is about; empty if it is the energy norm."""
-        return tuple(goal.quantity for goal in self.found.goals)
 
     @property
     def goals(self) -> tuple[Goal, ...]:
@@ -375,8 +355,7 @@ class ElasticResult(BodyResult):
     @property
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its figures and agents; none of equal cells."""
-        scales = self.found.scales
-        return tuple(one.in_units(scales.energy, scales.stress) for one in self.found.generations)
+        return tuple(self.found.generations)
 
     @cached_property
     def family(self) -> Family:
@@ -424,7 +403,7 @@ class ElasticResult(BodyResult):
         """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
         if isinstance(self.found, CutAgents):
             return self.found.ground.without_limit
-        return sharp_corners(self.scene)
+        return sharp_corners(self.grid)
 
     def intensity(self, at: tuple[float, ...]) -> Intensity:
         """Return the stress intensity factors of a crack or a re-entrant corner of a plane body.
@@ -510,9 +489,9 @@ class ElasticResult(BodyResult):
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
 
-        Of agents that spawned in the plane the mean of their two opinions, `balanced_stress_at`
-        and `fitted_stress_at`, of which `error_bound` is proved; it jumps a little from agent to
-        agent. Of others `stress`, running from each to the next.
+        Of agents that spawned in the plane the mean of `opinions_at`, of which `error_bound` is
+        proved; it jumps a little from agent to agent. Of others `stress`, running from each to the
+        next.
         """
         return self.found.scales.stress * self.found.stress_at(*self.found.located(points))
 
@@ -603,10 +582,10 @@ class ElasticResult(BodyResult):
             "subdivision": self.subdivision,
         }
         if self.tolerance is not None:
-            asked = [described(quantity) for quantity in self.goal] or None
+            asked = [described(goal.quantity) for goal in self.goals] or None
             figures |= {"tolerance": self.tolerance, "goal": asked}
             figures["tolerance_kept"] = self.tolerance_kept
-            if not self.goal and self.spawned:
+            if not self.goals and self.spawned:
                 bound = finite(self.error_bound)
                 figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
         if self.goals:
@@ -629,7 +608,6 @@ class ElasticResult(BodyResult):
         found |= {
             "size (m)": self.size,
             "level": self.level,
-            "spawn_step": self.spawn_step,
             "material": names[self.material],
         }
         found |= {f"displacement_{axis} (m)": self.displacement[:, a] for a, axis in axes}
@@ -647,7 +625,7 @@ class ElasticResult(BodyResult):
             If meshlane is not installed.
         """
         d, near = self.scene.lattice.dimension, float(self.size.min())
-        names = ("size", "level", "spawn_step", "material", "von_mises")
+        names = ("size", "level", "material", "von_mises")
         values = {name: getattr(self, name) for name in names}
         values |= {name: getattr(self, name).reshape(-1, d * d) for name in ("stress", "strain")}
         parts = [self.lower[:, None] + corner_order(d) * self.size[:, None, None]]

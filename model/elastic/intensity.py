@@ -131,7 +131,7 @@ def _room(result: ElasticResult, tip: _Tip) -> float:
     first = np.floor(tip.at / h + ON_EDGE).astype(np.int64)
     low, high = grid.bounds()
     low, high = np.maximum(low - 1, first - FARTHEST), np.minimum(high + 1, first + FARTHEST)
-    cells = np.indices(high - low).reshape(2, -1).T + low
+    cells = np.indices(tuple(high - low)).reshape(2, -1).T + low
     away = (cells + 0.5) * h - tip.at
     x, y = tip.turn @ away.T
     empty = np.abs(np.arctan2(y, x)) > tip.widest(np.hypot(x, y))

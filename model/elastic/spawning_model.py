@@ -129,7 +129,7 @@ class SpawningModel(SteppedModel):
             self._grow(leaves)
         elif isinstance(self.ground, OutlinedBody):  # only now it is known what they hold
             self._begin(leaves)
-        self.family.settle(last.gap * self.ground.scales.energy, last.chosen)
+        self.family.settle(last.gap, last.chosen)
         self.running = not self.spawner.finished
         self.seconds += perf_counter() - began
 

@@ -79,5 +79,5 @@ def test_generations_are_kept_in_a_file_and_drawn(tmp_path) -> None:
         assert result.generations[-1].error == result.error_bound <= 0.03
         np.testing.assert_array_equal(result.gap, fresh.gap)
         assert result.gap.sum() == pytest.approx(2.0 * np.diff(result.energy_bounds)[0], rel=0.05)
-        np.testing.assert_array_equal(result.spawn_step, fresh.spawn_step)
+        np.testing.assert_array_equal(result.level, fresh.level)
         kaju.plot(result, "agents", generation=0, colour="gap")

@@ -169,7 +169,7 @@ def test_everything_is_stored(tmp_path, make):
     box = {"box": [low, [x + 0.25 if make is cube else x + 0.03 for x in low]]}
     result = solve(make(), tolerance=0.3, goal=["top", Stress(box, "xx"), Reaction("bottom", "y")])
     again = load_result(result.save(tmp_path / "answer"))
-    assert again.goal == result.goal
+    assert again.goals == result.goals
     assert again.summary() == result.summary()
     assert again.goals[1:] == result.goals[1:]
     told = json.loads(json.dumps(result.summary()))

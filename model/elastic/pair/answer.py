@@ -115,7 +115,7 @@ class PairAgents(OnCells):
     @property
     def energy(self) -> float:
         """Energy of the body and of what it lies on."""
-        return self.generations[-1].energy
+        return self.generations[-1].energy / self.scales.energy
 
     @property
     def error(self) -> float:

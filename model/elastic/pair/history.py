@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -129,30 +129,17 @@ class Generation:
         """Return its figures without the arrays."""
         return f"Generation(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"
 
-    def in_units(self, energy: float, stress: float) -> Generation:
-        """Return it with energies and stresses times units of these."""
-        lower, upper = (x if x is None else energy * x for x in (self.lower, self.upper))
-        return replace(
-            self,
-            energy=energy * self.energy,
-            lower=lower,
-            upper=upper,
-            gap=energy * self.gap,
-            fitted=stress * self.fitted,
-            balanced=stress * self.balanced,
-        )
-
 
 def generation_of(found: Any, chosen: Flags, proved: bool) -> Generation:
     """Return what is kept of a generation of which some agents are to spawn."""
-    bounds, body, leaves = found.bounds, found.body, found.leaves
+    bounds, body, leaves, unit = found.bounds, found.body, found.leaves, found.body.scales
     balanced, fitted = (
-        equivalent_stress(stress, body.moduli, leaves.kind, body.asked.plane)
+        unit.stress * equivalent_stress(stress, body.moduli, leaves.kind, body.asked.plane)
         for stress in found.means
     )
-    lower, upper = (bounds.lower, bounds.upper) if proved else (None, None)
-    arrays = (leaves.code, leaves.size, found.shares, fitted, balanced, chosen)
-    return Generation(bounds.error, bounds.energy, lower, upper, *arrays)
+    lower, upper = (unit.energy * x if proved else None for x in (bounds.lower, bounds.upper))
+    arrays = (leaves.code, leaves.size, unit.energy * found.shares, fitted, balanced, chosen)
+    return Generation(bounds.error, unit.energy * bounds.energy, lower, upper, *arrays)
 
 
 class Family:

@@ -143,7 +143,7 @@ def _grows(transfer: Transfer, lower: float, upper: float, surely: bool) -> tupl
         return (
             f"a load that an agent of {name!r} passes on in one piece is not smaller than the "
             f"load it took, so it {'never ends' if surely else 'may never end'}",
-            "lower forward (α₂), friction (α₃) and α₁ below 1",
+            "lower α₂ (passed ahead), α₃ (to each side) and α₁ below 1",
         )
     way = transfer.lattice.way(0, 0).beside
     beside = sum(each.friction for each in way)
@@ -157,7 +157,7 @@ def _grows(transfer: Transfer, lower: float, upper: float, surely: bool) -> tupl
     friction = (1.0 - shares.forward - (sideways - beside * shares.friction)) / beside
     remedies = [
         f"{word} below {limit:.4g}"
-        for word, limit in (("forward (α₂)", forward), ("friction (α₃)", friction))
+        for word, limit in (("α₂ (passed ahead)", forward), ("α₃ (to each side)", friction))
         if limit > 0.0
     ]
     remedy = f"lower {' or '.join(remedies)}" if remedies else "lower all shares of it"

@@ -193,8 +193,8 @@ def test_a_click_opens_the_cell_and_a_slider_moves_its_arrows(shown):
     row = page.tab.locator(".cards table").first.locator("tr").nth(1).inner_text()
     assert row.split("\t") == ["↓", "1 N", "1", "(10, 19): woke it"]
     assert "from neighbours it woke\t325 mN" in page.text(".cards")
-    assert "1 N in, 1.15 N out" in page.text(".cards")
-    assert page.text(".cards").startswith("In all it took 1.45 N, kept 725 mN")
+    assert "becomes 1.15 N that" in page.text(".cards")
+    assert page.text(".cards").startswith("In all it took 1.45 N, and is squeezed by 725 mN")
     field = page.tab.get_by_role("textbox", name="α₂ passed ahead")
     field.fill("0,4")
     field.press("Enter")

@@ -16,7 +16,7 @@ from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
 from kaju.model.elastic.pair.answer import PairAgents
-from kaju.model.elastic.pair.leaves import corner_ends
+from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.resolved_body import relation
@@ -95,7 +95,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
         return "a sharp corner, or the end of a support" if near.any() else ""
     if near_steps(result.grid, result.middle[agent, None])[0]:
         return "a step of an outline that is not along the axes"
-    ends = result.lower[agent] + result.size[agent] * corner_ends(result.lower.shape[1])
+    ends = result.lower[agent] + result.size[agent] * corner_order(result.lower.shape[1])
     return next(filter(None, (singular_at(result.scene, end) for end in ends)), "")
 
 

@@ -2,10 +2,7 @@
 
 First agents, as rigid blocks, hand on forces and couples by their edges: the least squares of
 the tractions that balance all loads. Airy's function then makes of this stress the one of least
-complementary energy. It has no traction on free edges: along a run of these phi is a linear
-function; along a roller the slope across is constant. Round a hole that bears forces of unknown
-size phi takes several values: beyond a cut from the hole to the right, vertices have copies, which
-differ by a linear function. All these linear functions are unknowns that no agent has.
+complementary energy: read `sheets` on its border.
 """
 
 from __future__ import annotations
@@ -32,98 +29,26 @@ from kaju.model.elastic.pair.leaves import (
     followed,
 )
 from kaju.model.elastic.pair.levels import Blocks, summed
-
-LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
-"""Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""
+from kaju.model.elastic.pair.sheets import Rim, Sheets
 
 
-def loops_of(start: Ints, end: Ints) -> list[Ints]:
-    """Return the rows of the border's edges in the order of a walk, loop by loop."""
-    following = np.full(max(start.max(), end.max()) + 1, -1)
-    following[start] = np.arange(len(start))
-    step, left = following[end].tolist(), [True] * len(start)
-    loops = []
-    for first in range(len(start)):
-        loop = []
-        while left[first]:
-            left[first] = False
-            loop.append(first)
-            first = step[first]
-        if loop:
-            loops.append(np.array(loop))
-    return loops
-
-
-class Airy:
-    """Unknowns of phi: of vertices, copies and edges, three for each cut, then those of runs."""
+class Airy(Sheets):
+    """Unknowns of phi of squares."""
 
     def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
-        loops = loops_of(*mesh.along())
-        self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
-        self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
-        self.before = np.arange(len(self.row)) - 1
-        self.before[self.begins] += count
-        self.start, self.end = (one[self.row] for one in mesh.along())
-        # Along which edges phi is linear, phi_x is even, phi_y is even: where tractions are none.
-        given = sides.given[self.row]
-        self.linear = np.stack([given.all(axis=1), given[:, 1], given[:, 0]])
-        self.closed = np.logical_and.reduceat(self.linear, self.begins, axis=1).T
-        a, b = mesh.place[self.start], mesh.place[self.end]
-        turn = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
-        self.hole = np.add.reduceat(turn, self.begins) < 0  # clockwise
-        self.part = mesh.part[mesh.owner[self.row]]
-        self._cut(a, b)
-        self.points = len(self.base)
-        self.jump = 3 * self.points + mesh.edges
-        self.place = mesh.place[self.base] / cell
-        self.size = self.jump + 3 * len(self.cuts)
-        self.runs: list[tuple[Ints, Flags]] = []
-        for on in self.linear:
-            number, early = self._numbered(on)
-            self.runs.append((self.size + number, early))
-            self.size += int(number[on].max(initial=-1)) + 1
+        back, none = backwards(mesh.side)[:, None], np.zeros((len(mesh.side), 3))
+        ends = on_sides(2)[mesh.side, :2]
+        ends = np.where(back, ends[:, ::-1], ends)
+        rim = Rim(mesh.owner, ends, mesh.border, sides.given, none, none[:, 0])
+        super().__init__(mesh.place / cell, mesh.corner, mesh.edges, mesh.part, rim)
 
-    def _numbered(self, on: Flags) -> tuple[Ints, Flags]:
-        """Return the number of the run of every edge, and which run on from their loop's end."""
-        opens = on & ~on[self.before]
-        opens[self.begins[np.logical_and.reduceat(on, self.begins)]] = True
-        number = np.cumsum(opens) - 1
-        early = on & (number < (number + ~opens)[self.begins][self.loop])
-        return number + early * np.add.reduceat(opens, self.begins, dtype=int)[self.loop], early
-
-    def _cut(self, a: Ints, b: Ints) -> None:
-        """Cut the body to the right of every hole that something holds: `cuts` are their loops.
-
-        Beyond a cut agents see copies of the vertices, where phi has jumped: `corner` are the
-        vertices or copies at their corners; `base` is the vertex that each is a copy of, and
-        `beyond` tells how often it has jumped at each cut.
-        """
-        mesh, corner = self.mesh, self.mesh.corner
-        lower, upper, high = mesh.leaves.lower, mesh.leaves.upper, mesh.place[corner][..., 1]
-        self.cuts = np.flatnonzero(self.hole & ~self.closed.all(axis=1))
-        sheet = np.zeros((*corner.shape, len(self.cuts)), dtype=np.int64)
-        for cut, number in enumerate(self.cuts.tolist()):
-            ends = np.stack([a, b])[:, self.loop == number]
-            far = ends[..., 0].max()
-            height = ends[:, (ends[..., 0] == far).all(axis=0), 1].min(axis=0).min() + 0.5
-            # An agent on the cut sees what lies below it with the jump.
-            on = (lower[:, 1] < height) & (height < upper[:, 1]) & (lower[:, 0] >= far)
-            sheet[..., cut] = on[:, None] & (high < height)
-        some = np.isin(corner, corner[sheet.any(axis=2)])
-        rows, at = np.unique(
-            np.column_stack([corner[some], sheet[some]]), axis=0, return_inverse=True
-        )
-        # The first of the rows of a vertex is the vertex itself.
-        first = np.searchsorted(rows[:, 0], rows[:, 0])
-        copies = np.flatnonzero(first < np.arange(len(rows)))
-        own = rows[:, 0].copy()
-        own[copies] = mesh.vertices + np.arange(len(copies))
-        self.corner = corner.copy()
-        self.corner[some] = own[at.ravel()]
-        self.base = np.append(np.arange(mesh.vertices), rows[copies, 0])
-        jumped = (rows - rows[first])[copies, 1:]
-        self.beyond = np.concatenate([np.zeros((mesh.vertices, len(self.cuts)), int), jumped])
+    def start_of(self, hole: Flags) -> tuple[float, float]:
+        """Return a place from which a cut begins, the same in every generation."""
+        ends, unit = self.ends[:, hole], 1.0 / self.cell
+        right = ends[..., 0].max()
+        height = ends[:, (ends[..., 0] == right).all(axis=0), 1].min()
+        return right - 0.5 * unit, height + 0.5 * unit
 
     def blocks(self, matrices: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
         """Return the compliance of the agents and of the beds."""
@@ -138,27 +63,7 @@ class Airy:
             beds = summed(np.einsum("bpi,bpj->bij", rows, rows), dof[owner], self.size)
         return Blocks(dof, matrices, size**-2.0, scale, self.size, beds, without_plane)
 
-    def way(self) -> tuple[sp.csr_array, Ints]:
-        """Return what all unknowns are by the free ones, and which these are."""
-        fixed = np.zeros(self.size, dtype=np.bool_)
-        copies = np.arange(self.mesh.vertices, self.points)
-        follow: Entries = [(3 * copies + k, 3 * self.base[copies] + k, 1.0) for k in range(3)]
-        follow += self._jumps(copies, self.beyond[copies])
-        follow += self._hanging() + self._border(fixed) + self._shut(fixed)
-        way, follows = followed(follow, self.size)
-        free = np.flatnonzero(~(follows | fixed))
-        return sp.csr_array(way[:, free]), free
-
-    def _jumps(self, point: Ints, times: Ints, terms: list[tuple[int, int]] = LINEAR) -> Entries:
-        """Add the linear functions of cuts, each so many times, to phi at vertices or copies."""
-        row, cut = np.nonzero(times)
-        own, entries = point[row], Entries()
-        for k, by in terms:
-            value = times[row, cut] * (self.place[own, by - 1] if by > k else 1.0)
-            entries.append((3 * own + k, self.jump + 3 * cut + by, value))
-        return entries
-
-    def _hanging(self) -> Entries:
+    def hanging(self) -> Entries:
         """Let the middles of whole edges, and the bulges of their halves, follow these."""
         mesh, corner = self.mesh, self.corner
         owner, number = np.zeros(mesh.edges, dtype=np.int64), np.zeros(mesh.edges, dtype=np.int64)
@@ -175,7 +80,7 @@ class Airy:
         times = self.beyond[seen(half, 1)] + self.beyond[start] - self.beyond[seen(half, 0)]
         length, bulge = mesh.length[mesh.whole] / self.cell, 3 * self.points + mesh.whole
         along, across = 1 + axis, 2 - axis
-        entries = self._jumps(middle, -times)
+        entries = self.jumps(middle, -times)
         # Along the edge phi is Hermite's cubic, its slope across that of the ends but for the
         # bulge.
         for end, sign in ((3 * start, 1.0), (3 * last, -1.0)):
@@ -188,60 +93,6 @@ class Airy:
             ]
         entries.append((3 * middle + across, bulge, 1.0))
         return entries + [(3 * self.points + one, bulge, 0.25) for one in mesh.halves]
-
-    def _border(self, fixed: Flags) -> Entries:
-        """Say what tractions along the border are none, run by run of its edges."""
-        mesh, row, start, end = self.mesh, self.row, self.start, self.end
-        fixed[3 * self.points + mesh.border[row[self.linear.any(axis=0)]]] = True
-        # How often the sheet has changed before each edge: within an edge both ends are seen on
-        # one, which may be another one along the next edge.
-        back = backwards(mesh.side[row]).astype(np.int64)
-        ends = on_sides(2)[mesh.side[row, None], np.stack([back, 1 - back], axis=1)]
-        seen = self.beyond[self.corner[mesh.owner[row, None], ends]]
-        passed = seen[:, 0] - seen[:, 1]
-        before = np.cumsum(passed, axis=0) - passed
-        before -= before[self.begins][self.loop]
-        around = np.add.reduceat(passed, self.begins)[self.loop]
-        # Linear functions count from the middles of their runs.
-        free = np.flatnonzero(self.linear[0])
-        run = np.unique(self.runs[0][0][free], return_inverse=True)[1]
-        weight = mesh.length[mesh.border[row[free]]]
-        middle, long = np.zeros((2, len(row))), np.zeros(len(row))
-        long[free] = np.bincount(run, weight)[run]
-        for k, x in enumerate(0.5 * (self.place[start] + self.place[end])[free].T):
-            middle[k, free] = np.bincount(run, weight * x)[run] / long[free]
-        entries, master = Entries(), np.arange(3 * self.points).reshape(-1, 3)
-        for k, by in LINEAR:
-            on, (unknown, early) = self.linear[k], self.runs[by]
-            # The first vertex of every edge, and the last one of a run.
-            last = self.before[on[self.before] & ~on]
-            edge = np.concatenate([np.flatnonzero(on), last])
-            vertex = np.concatenate([start[on], end[last]])
-            times = (before + early[:, None] * around)[edge]
-            times[len(edge) - len(last) :] += passed[last]
-            arm = self.place[vertex, by - 1] - middle[by - 1, edge] if by > k else 1.0
-            entries.append((3 * vertex + k, unknown[edge], arm))
-            entries += self._jumps(vertex, times, [(k, by)])
-            if k == by:
-                master[vertex, k] = unknown[edge]
-        # A linear function has no stress: one vanishes in every part, along its longest free run,
-        # or at a vertex.
-        order = np.lexsort((-start, long, self.part))
-        chosen = order[np.append(np.diff(self.part[order]) > 0, True)]
-        fixed[master[start[chosen]]] = True
-        return entries
-
-    def _shut(self, fixed: Flags) -> Entries:
-        """Say that forces and couples of cuts that the border leaves no room for are none."""
-        shut, part, entries = self.closed[self.cuts], self.part[self.begins], Entries()
-        fixed[self.jump : self.jump + shut.size] = shut.ravel()
-        for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
-            left = np.flatnonzero((part[self.cuts] == part[outer]) & ~shut[:, k])
-            # All together they are none: the last is less than none by the others.
-            row = self.jump + 3 * left + k
-            fixed[row[-1:]] = len(left) == 1
-            entries.append((np.repeat(row[-1:], max(len(row) - 1, 0)), row[:-1], -1.0))
-        return entries
 
 
 def bed_rows(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:

@@ -18,11 +18,11 @@ from kaju.model.outline.true_shapes import UNIT
 from kaju.model.results.cuts import Cuts, axis_of_cuts
 from kaju.model.scene.shapes import Shape
 
-from .airy import loops_of
 from .answer import PairAgents
 from .cut_border import Border
 from .cut_pair import CutPair
 from .opinions import tensors
+from .sheets import loops_of
 
 EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
 APART = 0.02  # share of a peak by which it may be off both fields there without a note

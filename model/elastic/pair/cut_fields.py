@@ -14,16 +14,20 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
+from kaju.model.outline.posed_outlines import UnlikeError
 from kaju.model.outline.true_shapes import Law
 
-from .cut_border import Border, Known
+from .cut_border import Border
 from .cut_elements import middles, quadratic_strain, stress_rows
 from .cut_mesh import CutMesh
-from .leaves import Entries, coo
+from .leaves import Entries, coo, followed
+from .sheets import Sheets
 
 SHORT = 0.1
 """Edges that are shorter, in edges of the agent, join vertices that are near: without them random
 body 33 keeps an error of 0.16, where 0.04 is proved."""
+BALANCED = 1e-9
+"""Of the sum of all forces: by so much the loads of a part that nothing holds may not balance."""
 MOST_STEPS = 20  # of conjugate gradients
 SETTLED = 1e-10
 """Share of the energy that the last of them gains at most: the second, but for needles."""
@@ -118,8 +122,13 @@ class CutFitting(CutField):
         fixed[:nodes][loose[mesh.parts]] = True
         fixed[nodes:][loose[mesh.parts[mesh.ends[:, 0]]]] = True
         child, above = near_others(mesh, size, np.asarray(~fixed[:nodes].any(axis=1)))
-        near = _summed([(2 * child + j, 2 * above + j, 1.0) for j in (0, 1)], fixed.size)
-        free = sp.csr_array(near[:, np.flatnonzero(~fixed.ravel())])
+        # those near to others have what these have, and more of their own
+        more = fixed.size + 2 * np.arange(len(child))
+        near: Entries = [(2 * child + j, 2 * above + j, 1.0) for j in (0, 1)]
+        near += [(2 * child + j, more + j, 1.0) for j in (0, 1)]
+        way, follows = followed(near, fixed.size + 2 * len(child))
+        follows[: fixed.size] |= fixed.ravel()
+        free = sp.csr_array(way[: fixed.size, np.flatnonzero(~follows)])
         self.unknowns = free.shape[1]
         dof = (2 * of[:, :, None] + np.arange(2)).reshape(-1, 12)
         pull = free.T @ force.ravel()
@@ -162,24 +171,32 @@ class Balancing(CutField):
         whole = np.concatenate([self.root, stress.reshape(len(at), -1, 1)], axis=2)
         whole = np.asarray(np.linalg.qr(whole, mode="r"))
         self.root, self.beside = whole[..., :12], whole[..., 12]
-        nodes = len(mesh.place)
-        dof = (3 * mesh.triangle[:, :, None] + np.arange(3)).reshape(-1, 9)
-        dof = np.concatenate([dof, 3 * nodes + mesh.edge], axis=1)
-        known = Known(mesh, border, weight)
-        free: Flags = ~np.asarray(known.fixed[: 3 * nodes].reshape(-1, 3).any(axis=1))
+        sheets = Sheets(
+            mesh.place,
+            mesh.triangle,
+            len(mesh.ends),
+            mesh.parts[mesh.triangle[:, 0]],
+            border.rim(mesh, weight),
+        )
+        if sheets.unbalanced > BALANCED:
+            raise UnlikeError("a part of the body that bears loads hangs on nothing, or could move")
+        free = np.ones(len(mesh.place), dtype=np.bool_)
+        free[border.ends[~border.held.all(axis=1)]] = False
         child, above = near_others(mesh, size, free)
-        away = mesh.place[child] - mesh.place[above]
-        entries: Entries = [(3 * child + j, 3 * above + j, 1.0) for j in (0, 1, 2)]
-        entries += [(3 * child, 3 * above + 1 + axis, away[:, axis]) for axis in (0, 1)]
-        near = _summed(entries, known.count)
-        strip = self._stripped(dof, known.count)
-        free_ones = near[:, np.flatnonzero(~known.fixed)]
-        way = strip @ sp.hstack([free_ones, near @ known.free], format="csr")
+        away, more = mesh.place[child] - mesh.place[above], sheets.size + 3 * np.arange(len(child))
+        near: Entries = [(3 * child + j, 3 * above + j, 1.0) for j in (0, 1, 2)]
+        near += [(3 * child, 3 * above + 1 + axis, away[:, axis]) for axis in (0, 1)]
+        near += [(3 * child + j, more + j, 1.0) for j in (0, 1, 2)]
+        way, _, known = sheets.way(near, 3 * len(child))
+        strip = self._stripped(sheets, len(known))
+        way = strip @ way
         self.unknowns = way.shape[1]
-        self.settle(way, (strip @ (near @ known.value)).reshape(-1, 12) + self._across(known))
+        self.settle(way, (strip @ known).reshape(-1, 12))
 
-    def _stripped(self, dof: Ints, count: int) -> sp.csr_array:
+    def _stripped(self, sheets: Sheets, count: int) -> sp.csr_array:
         """Return triangles' unknowns by the shared ones, less linear functions, which bear none."""
+        dof = (3 * sheets.corner[:, :, None] + np.arange(3)).reshape(-1, 9)
+        dof = np.concatenate([dof, 3 * sheets.points + self.mesh.edge], axis=1)
         at = self.mesh.place[self.mesh.triangle]
         away, row = at - at[:, :1], np.arange(dof.size).reshape(-1, 12)
         entries: Entries = [(row.ravel(), dof.ravel(), 1.0)]
@@ -189,17 +206,6 @@ class Balancing(CutField):
         out = coo(entries, (dof.size, count))
         out.eliminate_zeros()
         return out
-
-    def _across(self, known: Known) -> Floats:
-        """Return what triangles that a ray crosses see of φ beyond it, less linear functions."""
-        at = self.mesh.place[self.mesh.triangle]
-        out = np.zeros((*at.shape[:2], 3))
-        for ray in known.rays:
-            passed = ray.passed(np.broadcast_to(at.mean(axis=1, keepdims=True), at.shape), at)
-            out += passed[..., None] * ray.at(at)
-        out[..., 0] -= out[:, :1, 0] + np.einsum("nkd,nd->nk", at - at[:, :1], out[:, 0, 1:])
-        out[..., 1:] -= out[:, :1, 1:].copy()
-        return np.concatenate([out.reshape(-1, 9), np.zeros((len(at), 3))], axis=1)
 
     def bearing(self, points: Floats) -> Floats:
         """Return the stress (xx, yy, xy) that bears the weight at points: σ_ii = −weight_i x_i."""
@@ -260,14 +266,3 @@ def near_others(mesh: CutMesh, size: Floats, free: Flags) -> tuple[Ints, Ints]:
     above = breadth_first_order(tree, n, directed=False)[1][:n]
     child = np.flatnonzero(above < n)
     return child, above[child].astype(np.int64)
-
-
-def _summed(entries: Entries, size: int) -> sp.csc_array:
-    """Return what unknowns are, where each is its own and what it has of others, further on."""
-    one = sp.csr_array(sp.eye_array(size, format="csr"))
-    step = power = coo(entries, (size, size))
-    step.sum_duplicates()
-    while power.nnz:
-        one, power = one + power, power @ step
-        power.eliminate_zeros()
-    return sp.csc_array(one)

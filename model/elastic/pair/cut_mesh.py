@@ -77,12 +77,6 @@ class CutMesh:
         return np.asarray(across / np.hypot(*self.run.T)[:, None])
 
     @cached_property
-    def border(self) -> tuple[Ints, Ints]:
-        """Edges beyond which there is no body, and their vertices, the body to the left."""
-        triangle, side = np.nonzero(self.beside[self.edge, 1] < 0)
-        return self.edge[triangle, side], self.around[triangle, side]
-
-    @cached_property
     def parts(self) -> Ints:
         """The part of the body that each vertex belongs to: triangles joined by vertices."""
         return joined(self.ends, len(self.place))

@@ -193,7 +193,7 @@ def balance(
     airy = Airy(found.mesh, found.sides, found.body.cell)
     matrices = [(agents, root[:, :16].T @ root[:, :16]) for agents, root in found.soft_roots]
     blocks = airy.blocks(matrices, found.size)
-    level = level_of(blocks, airy.way(), before, family, child_maps(True), direct)
+    level = level_of(blocks, airy.way(airy.hanging())[:2], before, family, child_maps(True), direct)
     for own, old, gap in zip(fields, earlier, gaps, strict=True):
         own.phi = _begun(own, old, family)
         rest = -blocks.gather(_pull(own))

@@ -1,0 +1,269 @@
+"""What Airy's function phi of a body is along its border, and beyond cuts.
+
+Along a run of free edges phi is a linear function, and what known tractions add up to; along a
+roller the slope across is a constant likewise. Round a hole that bears forces phi takes several
+values: beyond a cut from the hole to the right, vertices have copies, which differ by a linear
+function. It is known if all tractions round the hole are. All other linear functions are unknowns
+that no square or triangle has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Flags, Floats, Ints
+
+from .leaves import Entries, followed
+
+LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
+"""Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""
+CLOSED = 1e-11  # Of the sum of all forces: a hole bears none if they are less
+
+
+def loops_of(start: Ints, end: Ints) -> list[Ints]:
+    """Return the rows of the border's edges in the order of a walk, loop by loop."""
+    following = np.full(max(start.max(), end.max()) + 1, -1)
+    following[start] = np.arange(len(start))
+    step, left = following[end].tolist(), [True] * len(start)
+    loops = []
+    for first in range(len(start)):
+        loop = []
+        while left[first]:
+            left[first] = False
+            loop.append(first)
+            first = step[first]
+        if loop:
+            loops.append(np.array(loop))
+    return loops
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """Edges of the border, walked with the body on the left."""
+
+    owner: Ints  # The square or triangle that each is a side of; shape (m,)
+    ends: Ints  # Which of its corners each goes from and to; shape (m, 2)
+    edge: Ints
+    given: Flags  # Components of the traction that are known; shape (m, 2)
+    # By how much these make phi grow beyond a linear function, and its slopes; shape (m, 3)
+    growth: Floats
+    bulge: Floats  # And by how much the slope across is off a linear one in the middle; shape (m,)
+
+
+class Sheets:
+    """Unknowns of phi: of vertices, copies and edges, three for each cut, those of runs, and one.
+
+    Beyond cuts elements see copies of vertices, where phi has jumped: `corner` are the vertices or
+    copies at their corners; `base` is the vertex that each is a copy of, and `beyond` tells how
+    often it has jumped at each cut. The last unknown is the number one, by which the known enters.
+    """
+
+    def __init__(self, place: Floats, corner: Ints, edges: int, part: Ints, rim: Rim) -> None:
+        self.place, self.corner, self.vertices = place, corner, len(place)
+        start, end = (corner[rim.owner, one] for one in rim.ends.T)
+        loops = loops_of(start, end)
+        self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
+        self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
+        self.before = np.arange(len(self.row)) - 1
+        self.before[self.begins] += count
+        self.start, self.end = start[self.row], end[self.row]
+        self.rim = Rim(*(column[self.row] for column in vars(rim).values()))
+        # Along which edges phi is linear, phi_x is even, phi_y is even, but for what is known.
+        given = self.rim.given
+        self.linear = np.stack([given.all(axis=1), given[:, 1], given[:, 0]])
+        self.closed = np.logical_and.reduceat(self.linear, self.begins, axis=1).T
+        self.ends = np.stack([place[self.start], place[self.end]])
+        (ax, ay), (bx, by) = np.moveaxis(self.ends, 2, 1)
+        self.hole = np.add.reduceat(ax * by - bx * ay, self.begins) < 0  # clockwise
+        self.part = part[self.rim.owner]
+        around = self._grown()
+        self._cut(np.abs(around).max(axis=1) > CLOSED * self.forces)
+        self.points = len(self.base)
+        self.place = place[self.base]
+        self.jump = self.size = 3 * self.points + edges
+        self.size += 3 * len(self.cuts)
+        self.runs: list[tuple[Ints, Flags]] = []
+        self.component = np.full(self.size, -1)  # of a linear function that unknowns are
+        self.component[: 3 * self.points] = np.tile(np.arange(3), self.points)
+        for k, on in enumerate(self.linear):
+            number, early = self._numbered(on)
+            self.runs.append((self.size + number, early))
+            many = int(number[on].max(initial=-1)) + 1
+            self.component = np.append(self.component, np.full(many, k))
+            self.size += many
+        self._close(around)
+        self.one, self.size = self.size, self.size + 1
+
+    def _numbered(self, on: Flags) -> tuple[Ints, Flags]:
+        """Return the number of the run of every edge, and which run on from their loop's end."""
+        opens = on & ~on[self.before]
+        opens[self.begins[np.logical_and.reduceat(on, self.begins)]] = True
+        number = np.cumsum(opens) - 1
+        early = on & (number < (number + ~opens)[self.begins][self.loop])
+        return number + early * np.add.reduceat(opens, self.begins, dtype=int)[self.loop], early
+
+    def _summed(self, values: Floats | Ints) -> Floats:
+        """Return the sums of values along loops before each edge."""
+        total = np.cumsum(values, axis=0) - values
+        return np.asarray(total - total[self.begins][self.loop])
+
+    def _grown(self) -> Floats:
+        """Add up what is known of phi and its slopes; return that of loops, where they are closed.
+
+        `known` is what they are at the start of each edge, had they been none at its loop's.
+        """
+        growth = self.rim.growth.copy()
+        slope = self._summed(growth[:, 1:])
+        growth[:, 0] += (slope * (self.ends[1] - self.ends[0])).sum(axis=1)
+        self.known, self.growth = np.column_stack([self._summed(growth[:, 0]), slope]), growth
+        self.forces = float(np.abs(growth[:, 1:]).sum()) or 1.0
+        return np.where(self.closed, np.add.reduceat(growth, self.begins), 0.0)
+
+    def start_of(self, hole: Flags) -> tuple[float, float]:
+        """Return a place in a hole from which a cut meets its border once, and no vertex."""
+        (x0, y0), (x1, y1) = np.moveaxis(self.ends, 2, 1)
+        heights = np.unique(np.clip(self.place[:, 1], y0[hole].min(), y0[hole].max()))
+        k = int(np.diff(heights).argmax())
+        y = 0.5 * (heights[k] + heights[k + 1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.where((y0 > y) != (y1 > y), x0 + (y - y0) / (y1 - y0) * (x1 - x0), -np.inf)
+        last = x[hole].max()
+        return 0.5 * (last + x[x < last].max()), y
+
+    def _cut(self, borne: Flags) -> None:
+        """Cut the body to the right of holes that are held or bear a force, the loops `cuts`."""
+        corner, each = self.corner, np.arange(len(self.corner))
+        at = self.place[corner]
+        low, high = (at[each, find(at[..., 1], axis=1)] for find in (np.argmin, np.argmax))
+        self.cuts = np.flatnonzero(self.hole & (borne | ~self.closed.all(axis=1)))
+        sheet = np.zeros((*corner.shape, len(self.cuts)), dtype=np.int64)
+        for cut, number in enumerate(self.cuts.tolist()):
+            x, y = self.start_of(self.loop == number)
+            on = (low[:, 1] < y) & (y < high[:, 1])
+            run = (high - low)[on]
+            on[on] = low[on, 0] + (y - low[on, 1]) / run[:, 1] * run[:, 0] > x
+            # An element on the cut sees what lies below it with the jump.
+            sheet[..., cut] = on[:, None] & (at[..., 1] < y)
+        some = np.isin(corner, corner[sheet.any(axis=2)])
+        rows, place = np.unique(
+            np.column_stack([corner[some], sheet[some]]), axis=0, return_inverse=True
+        )
+        # The first of the rows of a vertex is the vertex itself.
+        first = np.searchsorted(rows[:, 0], rows[:, 0])
+        copies = np.flatnonzero(first < np.arange(len(rows)))
+        own = rows[:, 0].copy()
+        own[copies] = self.vertices + np.arange(len(copies))
+        self.corner = corner.copy()
+        self.corner[some] = own[place.ravel()]
+        self.base = np.append(np.arange(self.vertices), rows[copies, 0])
+        jumped = (rows - rows[first])[copies, 1:]
+        self.beyond = np.concatenate([np.zeros((self.vertices, len(self.cuts)), int), jumped])
+
+    def _close(self, around: Floats) -> None:
+        """Find the known jumps of cuts, by what phi grows by round their holes."""
+        # How often the sheet has changed before each edge: within an edge both ends are seen on
+        # one, which may be another one along the next edge.
+        seen = self.beyond[self.corner[self.rim.owner[:, None], self.rim.ends]]
+        self.passed = seen[:, 0] - seen[:, 1]
+        often = np.add.reduceat(self.passed, self.begins)
+        at, own = self.ends[0, self.begins], often[self.cuts, np.arange(len(self.cuts))]
+        self.jumps_by = -around[self.cuts] / own[:, None]
+        rest = around + often @ self.jumps_by
+        self.jumps_by[:, 0] -= (self.jumps_by[:, 1:] * at[self.cuts]).sum(axis=1)
+        rest[:, 0] = around[:, 0] + (
+            often * (self.jumps_by[:, 0] + at @ self.jumps_by[:, 1:].T)
+        ).sum(axis=1)
+        self.unbalanced = float(np.abs(rest[self.closed]).max(initial=0.0)) / self.forces
+        """Share of all forces by which those on a part of the body do not balance."""
+
+    def way(self, more: Entries, others: int = 0) -> tuple[sp.csr_array, Ints, Floats]:
+        """Return what all unknowns are by the free ones, which these are, and what is known.
+
+        `more` says what else follows; behind the unknowns there are `others` that it may name.
+        """
+        fixed, size = np.zeros(self.size + others, dtype=np.bool_), self.size + others
+        copies = np.arange(self.vertices, self.points)
+        follow: Entries = [(3 * copies + k, 3 * self.base[copies] + k, 1.0) for k in range(3)]
+        follow += self.jumps(copies, self.beyond[copies]) + more
+        along, anchors = self._border(fixed)
+        way, follows = followed(follow + along + self._shut(fixed), size)
+        # A linear function has no stress: one vanishes in every part.
+        for vertex, k in np.ndindex(len(anchors), 3):
+            terms = way[[3 * anchors[vertex] + k]].indices
+            terms = terms[terms < len(self.component)]
+            fixed[terms[self.component[terms] == k]] = True
+        fixed[self.one] = True
+        free = np.flatnonzero(~(follows | fixed))
+        known = way @ (np.arange(size) == self.one).astype(np.float64)
+        return sp.csr_array(way[:, free]), free, known
+
+    def jumps(self, point: Ints, times: Ints, terms: list[tuple[int, int]] = LINEAR) -> Entries:
+        """Add the linear functions of cuts, each so many times, to phi at vertices or copies."""
+        row, cut = np.nonzero(times)
+        own, entries = point[row], Entries()
+        for k, by in terms:
+            value = times[row, cut] * (self.place[own, by - 1] if by > k else 1.0)
+            entries.append((3 * own + k, self.jump + 3 * cut + by, value))
+        return entries
+
+    def _border(self, fixed: Flags) -> tuple[Entries, Ints]:
+        """Say what phi is by the tractions along the border, run by run of its edges.
+
+        Also returned is a vertex of the longest free run of each part, or else any on its border.
+        """
+        start, end, passed = self.start, self.end, self.passed
+        before, around = self._summed(passed), np.add.reduceat(passed, self.begins)[self.loop]
+        total = np.add.reduceat(self.growth, self.begins)[self.loop]
+        first = self.begins[self.loop]
+        # Linear functions count from the middles of their runs.
+        free, (x, y) = np.flatnonzero(self.linear[0]), self.ends.mean(axis=0).T
+        run = np.unique(self.runs[0][0][free], return_inverse=True)[1]
+        weight = np.hypot(*(self.ends[1] - self.ends[0])[free].T)
+        middle, long = np.zeros((2, len(start))), np.zeros(len(start))
+        long[free] = np.bincount(run, weight)[run]
+        for k, along in enumerate((x, y)):
+            middle[k, free] = np.bincount(run, weight * along[free])[run] / long[free]
+        bent = np.flatnonzero(self.linear.any(axis=0))
+        fixed[bulge := 3 * self.points + self.rim.edge[bent]] = True
+        entries = self._as_known(bulge, self.rim.bulge[bent])
+        for k, by in LINEAR:
+            on, (unknown, early) = self.linear[k], self.runs[by]
+            # The first vertex of every edge, and the last one of a run.
+            last = self.before[on[self.before] & ~on]
+            edge = np.concatenate([np.flatnonzero(on), last])
+            vertex = np.concatenate([start[on], end[last]])
+            times = (before + early[:, None] * around)[edge]
+            times[len(edge) - len(last) :] += passed[last]
+            arm = self.place[vertex, by - 1] - middle[by - 1, edge] if by > k else 1.0
+            entries.append((3 * vertex + k, unknown[edge], arm))
+            entries += self.jumps(vertex, times, [(k, by)])
+            known = (self.known + early[:, None] * total)[edge]
+            known[len(edge) - len(last) :] += self.growth[last]
+            if k == by:
+                entries += self._as_known(3 * vertex + k, known[:, k])
+            else:  # those that run on from a loop's end have grown all along it
+                ahead = self.place[vertex, by - 1] - self.ends[0, first[edge], by - 1]
+                entries += self._as_known(3 * vertex, (early * total[:, by])[edge] * ahead)
+        order = np.lexsort((-start, long, self.part))
+        return entries, start[order[np.append(np.diff(self.part[order]) > 0, True)]]
+
+    def _as_known(self, row: Ints, value: Floats) -> Entries:
+        some = np.flatnonzero(value)
+        return [(row[some], np.full(len(some), self.one), value[some])]
+
+    def _shut(self, fixed: Flags) -> Entries:
+        """Say what forces and couples of cuts are known, or what the border leaves room for."""
+        shut, part = self.closed[self.cuts], self.part[self.begins]
+        cut, given = np.nonzero(shut)
+        fixed[self.jump : self.jump + shut.size] = shut.ravel()
+        entries = self._as_known(self.jump + 3 * cut + given, self.jumps_by[cut, given])
+        for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
+            left = np.flatnonzero((part[self.cuts] == part[outer]) & ~shut[:, k])
+            # All together they are none: the last is less than none by the others.
+            row = self.jump + 3 * left + k
+            fixed[row[-1:]] = len(left) == 1
+            entries.append((np.repeat(row[-1:], max(len(row) - 1, 0)), row[:-1], -1.0))
+        return entries

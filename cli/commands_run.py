@@ -113,7 +113,8 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, place = Console(as_json, quiet), Folder(out or Path("kaju-demo"), force)
-    result = LoadTransfer(Scene.from_toml(options.worked_plate())).reset().run()
+    plate = Scene.from_toml(options.worked_plate()).with_overrides({"loads.0.steps": 1})
+    result = LoadTransfer(plate).reset().run()
     if as_json:
         console.figures(result.summary())
     files = place.write(result, "one" if pictures else "none")

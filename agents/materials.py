@@ -7,6 +7,7 @@ the entry is a stand-in for one direction and small strains, and its source says
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 from math import inf
@@ -61,11 +62,19 @@ class Material:
 
 
 with files("kaju.agents").joinpath("materials.toml").open("rb") as _file:
-    LIBRARY = {name: Material(name, **entries) for name, entries in tomllib.load(_file).items()}
+    _tables = tomllib.load(_file)
+_ALSO = {w.lower(): name for name, table in _tables.items() for w in table.pop("also", ())}
+LIBRARY = {name: Material(name, **entries) for name, entries in _tables.items()}
 """The named materials, by name."""
 
 
-def material(name: str) -> Material:
+def meant_material(name: str, known: Iterable[str]) -> str:
+    """Return " (did you mean 'steel'?)" of a slip or another word; bronze is no bone."""
+    meant = _ALSO.get(name.lower(), name)
+    return suggestion(meant, [one for one in known if abs(len(one) - len(meant)) < 2], 0.8)
+
+
+def material(name: str, key: str = "material") -> Material:
     """Return the `Material` that the library has under a name; `kaju materials` lists them.
 
     Raises
@@ -83,6 +92,6 @@ def material(name: str) -> Material:
         return LIBRARY[name]
     except (KeyError, TypeError):
         raise ParameterError(
-            f"material: the library has no {name!r}{suggestion(str(name), LIBRARY)}; "
+            f"{key}: the library has no {name!r}{meant_material(str(name), LIBRARY)}; "
             f"it has {', '.join(LIBRARY)}"
         ) from None

@@ -63,7 +63,8 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
     if described.outlined or described.rule.kind == "elastic":  # nothing that loads could grow by
         _begin(described)
         words = "the scene can be read and begun; kaju solve answers it"
-        typer.echo(json.dumps({"stable": True, "verdict": words}) if as_json else words)
+        told = {"stable": True, "verdict": words, "notes": described.notes}
+        typer.echo(json.dumps(told) if as_json else "\n  note: ".join((words, *described.notes)))
         return
     certificate = stability(described)
     radius, alone = certificate.spectral_radius, certificate.largest_share

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from kaju.agents.elastic_rule import ElasticRule
-from kaju.agents.materials import LIBRARY, Material
+from kaju.agents.materials import Material, material, meant_material
 from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.errors import ParameterError, SceneError, SceneFileError, require, suggestion
 from kaju.files import text_of_file
@@ -204,12 +204,7 @@ class MaterialTable(Described):
         """Return the material; whoever keeps it by name gives it that name."""
         given = {name: part for name, part in self if name != "base" and part is not None}
         if self.base is not None:
-            if self.base not in LIBRARY:
-                raise ParameterError(
-                    f"base: the library has no {self.base!r}{suggestion(self.base, LIBRARY)}; "
-                    f"it has {', '.join(LIBRARY)}"
-                )
-            return replace(LIBRARY[self.base], **given)
+            return replace(material(self.base, "base"), **given)
         for key in ("youngs_modulus", "poissons_ratio"):
             if key not in given:
                 raise ParameterError(f"{key}: is needed, or a base from the library")
@@ -423,7 +418,7 @@ def check_rule(rule: Rule, materials: list[str]) -> None:
         if name not in materials:
             raise SceneError(
                 f"rule.materials.{name}: the scene has no such material"
-                f"{suggestion(name, materials)}; it has {', '.join(dict.fromkeys(materials))}"
+                f"{meant_material(name, materials)}; it has {', '.join(dict.fromkeys(materials))}"
             )
 
 

@@ -17,7 +17,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.materials import LIBRARY, Material
+from kaju.agents.materials import LIBRARY, Material, meant_material
 from kaju.arrays import Flags, Ints
 from kaju.errors import SceneError, SupportError, suggestion
 
@@ -294,10 +294,11 @@ def _materials(
     for name, key in keys.items():
         if name not in found and name not in NOT_BODY:
             names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
-            written = name if name.isidentifier() else json.dumps(name)  # as TOML quotes keys
+            bare = name.isascii() and name.isidentifier()  # else TOML quotes keys
+            written = name if bare else json.dumps(name, ensure_ascii=False)
             raise SceneError(
-                f"{key}: there is no material {name!r}{suggestion(name, names)}; describe it under "
-                f"[materials.{written}] or use {', '.join(names)}"
+                f"{key}: there is no material {name!r}{meant_material(name, names)}; describe "
+                f"it under [materials.{written}] or use {', '.join(names)}"
             )
     return {name: found[name] for name in keys if name not in NOT_BODY}
 

@@ -194,13 +194,17 @@ class Scene(Description):
             )
         wide = max(self.lattice.extent)
         softest = 5e5 if wide >= 10.0 else 1e3  # Pa: a large body; foams and gels
+        asked = "are these metres and pascals? 1 mm is 0.001 m, 1 MPa is 1e6 Pa"
         for material in self.cell_materials:
             if (modulus := material.youngs_modulus) < softest:
-                found.append(
-                    f"materials.{material.name}: youngs_modulus = {modulus:g} Pa is soft for a "
-                    f"body of {wide:g} m; are these metres and pascals? 1 mm is 0.001 m, 1 MPa is "
-                    "1e6 Pa"
-                )
+                soft = f"materials.{material.name}: youngs_modulus = {modulus:g} Pa is soft for a"
+                found.append(f"{soft} body of {wide:g} m; {asked}")
+        if wide > 20.0 and all(one.youngs_modulus > 60e9 for one in self.cell_materials):
+            made_of = ", ".join(one.name for one in self.cell_materials)  # metals, glass
+            found.append(f"body: {wide:g} m are much for a body of {made_of}; {asked}")
+        if self.plane == "stress" and self.thickness > 20.0 * wide:
+            thick = f"body.thickness: {self.thickness:g} m are much for a plate of {wide:g} m"
+            found.append(f"{thick}; {asked}")
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"
             if isinstance(shape, ClosedSurface) and shape.ambiguous:

@@ -22,6 +22,14 @@ from .description import LONGEST, TABLES, Body, Description, LoadTable, with_sha
 from .pictures import Picture
 from .validation import plain
 
+SLIPS = {
+    r"=\s*([+-]?\d+,\d+)\s*[,}\n#]": "numbers have a point, no comma",
+    r"([+-]?\d+,0\d[\d.]*)": "numbers have no comma between thousands",
+    r"(\b\d[\d.e+-]*\s*([mck]?m|[kM]?N|[kMG]?Pa|kg|%)(?!\w))": "numbers have no units",
+    r"=\s*((?!true|false|inf|nan)[^\W\d]\w*)\s*[,}\n#]": "texts are in quotes",
+}
+"""What is looked for in a line that is no TOML, and what is said of it."""
+
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     """Return the table in a TOML text; paths in it start from `folder`."""
@@ -37,9 +45,11 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        comma = re.search(r"=\s*([+-]?\d+,\d+)\s*[,}\n#]", text + "\n")
-        meant = f"; numbers have a point, and {comma[1]} has a comma" if comma else ""
-        raise SceneError(f"is not valid TOML: {error}{meant}") from None
+        at = re.search(r"at line (\d+)", str(error))
+        line = f"{text.splitlines()[int(at[1]) - 1]}\n" if at else ""
+        slips = [(re.search(slip, line), told) for slip, told in SLIPS.items()]
+        meant = [f"; {told}, and there is {slip[1]!r}" for slip, told in slips if slip]
+        raise SceneError(f"is not valid TOML: {error}{''.join(meant[:1])}") from None
     except RecursionError:
         raise SceneError("is not a scene: its lists are nested too deeply") from None
     except ValueError:  # of Python, for whole numbers of thousands of digits

@@ -150,9 +150,9 @@ def brief(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:79]}…"
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
+def suggestion(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     """Return " (did you mean 'steel'?)" if a known name is spelt much like `name`, else ""."""
-    near = get_close_matches(name.lower(), list(known), n=1, cutoff=0.6)
+    near = get_close_matches(name.lower(), list(known), n=1, cutoff=cutoff)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 

@@ -147,7 +147,7 @@ def test_a_force_straight_at_a_corner_of_a_hexagon_enters_in_the_middle(cell, fo
         ({"point": [0.5, 0.1], "force": [0, 1]}, "loads.0.point: .* lies outside the array"),
         ({"side": "bottom", "force": [0, 1]}, "loads.0.side: 4 of its faces are held, .*rigid"),
         ({"region": {"box": [[0, 0.25], [1, 0.25]]}, "force": [0, 1]}, "no faces .* y = 0.25 m"),
-        ({"region": {"box": [[0, 0.1], [1, 0.1]]}, "force": [0, 1]}, "it is inside the body"),
+        ({"region": {"box": [[0, 0.1], [1, 0.1]]}, "force": [0, 1]}, ", inside the body"),
         ({"region": {"box": [[0.5, 0.3], [0.6, 0.3]]}, "force": [0, 1]}, "lies outside the array"),
         ({"region": {"box": [[0, 0], [1, 1]]}, "pressure": 1.0}, "a pressure acts on a surface"),
         ({"region": {"box": [[0, 0], [0, 0]]}, "force": [0, 1]}, "no thickness along x and y"),

@@ -247,5 +247,5 @@ def test_millimetres_and_gigapascals_are_asked_about():
     assert (
         "1 MPa is 1e6 Pa" in wrong.with_overrides({"materials.steel.youngs_modulus": 21e4}).notes[0]
     )
-    assert wrong.with_overrides({"materials.steel.youngs_modulus": 210e9}).notes == ()
+    assert "much for a body of steel" in wrong.with_overrides({"materials": {}}).notes[0]
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]

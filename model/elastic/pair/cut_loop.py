@@ -164,9 +164,9 @@ class CutLoop(PairLoop):
 
 def _unresolved(why: UnlikeError) -> SceneError:
     return SceneError(
-        f"body.regions: the outlines could not be resolved ({why}). This happens if an outline "
-        "nearly touches a line between agents, or is covered by another region (move it a "
-        "little), or if nothing holds a part of the body"
+        f"body.regions: the outlines could not be resolved ({why}). This happens if a region "
+        "covers all of the body (are its lengths in m?), if an outline nearly touches a line "
+        "between agents, or another one (move it a little), or if nothing holds a part of the body"
     )
 
 

@@ -110,7 +110,7 @@ def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
 
 
 MISSED = {
-    "": "agents that have not yet spawned to the end",
+    "": "agents of a run that is not finished",
     "agents": "more agents than are allowed would be needed: these",
     "rounding": "the two stresses differ by no more than rounding errors, which",
     "resolution": "the smallest agents allowed",

@@ -19,7 +19,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
-MOST_CELLS = 1_000_000  # Larger arrays, and solids, are not looked through
+MOST_CELLS = 1_000_000  # Larger arrays are not looked through
 ON_EDGE = 1e-6  # Of a cell: a point that is nearer to a line of the cells lies on it
 ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 """The four cells round a point of the plane, each beside the next."""

@@ -39,14 +39,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying, Cuts
 from kaju.model.results.mesh import corner_order, write_vtk
-from kaju.model.results.result import (
-    BALANCE,
-    BALANCE_OF_ERROR,
-    BodyResult,
-    Check,
-    Tiles,
-    finite,
-)
+from kaju.model.results.result import BALANCE, BALANCE_OF_ERROR, BodyResult, Check, Tiles, finite
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
 from kaju.stepping import interrupt_requested
@@ -265,15 +258,14 @@ class ElasticResult(BodyResult):
         `error_estimate`, when they are first asked for; the cells' own energy may lie outside.
         With a field of stiffness there are none.
         """
-        plane = self.scene.lattice.dimension == 2 and self.stiffness is None
         found: Any = self.found
         if not self.spawned:
+            plane = self.scene.lattice.dimension == 2 and self.stiffness is None
             if not plane or not np.isfinite(self.error_estimate):  # the energy has no limit
                 return None
             try:
-                found = PairLoop(
-                    PosedBody(self.grid, self.stage), max(self.error_estimate, CLOSEST)
-                )
+                body = PosedBody(self.grid, self.stage)
+                found = PairLoop(body, max(self.error_estimate, CLOSEST))
                 while not found.finished and not (found.last and interrupt_requested()):
                     found.step()
             except KajuError:  # agents cannot stand on it
@@ -369,11 +361,6 @@ class ElasticResult(BodyResult):
     def residuals(self) -> tuple[float, ...]:
         """Relative residual before every iteration, of the last generation."""
         return tuple(self.found.solution.residuals)
-
-    @property
-    def iterations(self) -> int:
-        """Number of iterations, of the last generation if there were several."""
-        return max(len(self.residuals) - 1, 0)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -577,7 +564,7 @@ class ElasticResult(BodyResult):
             "largest_hoop_stress_Pa": hoop or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "method": self.found.solution.method,
-            "iterations": self.iterations,
+            "iterations": max(len(self.residuals) - 1, 0),
             "residual": self.residuals[-1] if self.residuals else 0.0,
             "subdivision": self.subdivision,
         }
@@ -585,18 +572,14 @@ class ElasticResult(BodyResult):
             asked = [described(goal.quantity) for goal in self.goals] or None
             figures |= {"tolerance": self.tolerance, "goal": asked}
             figures["tolerance_kept"] = self.tolerance_kept
-            if not self.goals and self.spawned:
-                bound = finite(self.error_bound)
-                figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
         if self.goals:
             figures["goal_error"] = finite(self.goal_error)
             figures["goals"] = [goal.figures() for goal in self.goals]
-        figures |= self.found.history()
-        return figures | {
-            "notes": list(self.notes),
-            "seconds": self.seconds,
-            "kaju_version": __version__,
-        }
+        elif self.spawned:
+            bound = finite(self.error_bound)
+            figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
+        figures |= self.found.history() | {"notes": list(self.notes), "seconds": self.seconds}
+        return figures | {"kaju_version": __version__}
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per agent: place, size, material, displacement, strain and stress."""
@@ -605,11 +588,7 @@ class ElasticResult(BodyResult):
         names = np.array([material.name for material in self.grid.cell_materials])
         axes = list(enumerate(AXES[: self.scene.lattice.dimension]))
         found: dict[str, Any] = {f"{axis} (m)": self.middle[:, a] for a, axis in axes}
-        found |= {
-            "size (m)": self.size,
-            "level": self.level,
-            "material": names[self.material],
-        }
+        found |= {"size (m)": self.size, "level": self.level, "material": names[self.material]}
         found |= {f"displacement_{axis} (m)": self.displacement[:, a] for a, axis in axes}
         for name, unit, tensor in (("strain", "", self.strain), ("stress", " (Pa)", self.stress)):
             for (a, one), (b, other) in [*zip(axes, axes, strict=True), *combinations(axes, 2)]:
@@ -625,9 +604,10 @@ class ElasticResult(BodyResult):
             If meshlane is not installed.
         """
         d, near = self.scene.lattice.dimension, float(self.size.min())
-        names = ("size", "level", "material", "von_mises")
-        values = {name: getattr(self, name) for name in names}
-        values |= {name: getattr(self, name).reshape(-1, d * d) for name in ("stress", "strain")}
+        values: dict[str, Any] = {"size": self.size, "level": self.level}
+        values |= {"material": self.material, "von_mises": self.von_mises}
+        values |= {"stress": self.stress.reshape(-1, d * d)}
+        values |= {"strain": self.strain.reshape(-1, d * d)}
         parts = [self.lower[:, None] + corner_order(d) * self.size[:, None, None]]
         if isinstance(self.found, CutAgents):
             agent, parts = self.found.pieces()

@@ -6,17 +6,16 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import SupportError
-
-FREE = 1e-6  # A motion that strains what holds a body by less (in cells, moved by a cell) is free
+from kaju.model.elastic.corners import ON_EDGE
 
 
 def free_motion(rows: Floats, dimension: int) -> str:
     """Return in words a rigid motion that the rows do not stop, "" if there is none."""
     if not len(rows):
         return "move anywhere"
-    # What is left of every motion when those before it are stopped; lengths are in cells.
+    # What is left of every motion (by a cell) when those before it are stopped: a strain, in cells.
     square = np.concatenate([rows, np.zeros((rows.shape[1],) * 2)])
-    free = np.abs(np.diag(np.linalg.qr(square, mode="r"))) < FREE
+    free = np.abs(np.diag(np.linalg.qr(square, mode="r"))) < ON_EDGE
     for axis in range(dimension):
         if free[axis]:
             return f"move along {'xyz'[axis]}"

@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
-from kaju.model.elastic.corners import ON_EDGE
+from kaju.model.elastic.corners import MOST_CELLS, ON_EDGE
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
@@ -36,7 +36,6 @@ WIDTH = 0.7
 """What the width of a slit adds to its factors, over what is there of it and beyond: a slit is
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
 FELT = 0.6  # Share of the answer's error that factors may have: of Ls up to 0.33 were needed
-FARTHEST = 500  # So many cells round a tip are looked through
 
 
 class Intensity(NamedTuple):
@@ -130,7 +129,8 @@ def _room(result: ElasticResult, tip: _Tip) -> float:
     grid, h = result.grid, result.grid.lattice.cell_size
     first = np.floor(tip.at / h + ON_EDGE).astype(np.int64)
     low, high = grid.bounds()
-    low, high = np.maximum(low - 1, first - FARTHEST), np.minimum(high + 1, first + FARTHEST)
+    reach = int(0.5 * MOST_CELLS**0.5)
+    low, high = np.maximum(low - 1, first - reach), np.minimum(high + 1, first + reach)
     cells = np.indices(tuple(high - low)).reshape(2, -1).T + low
     away = (cells + 0.5) * h - tip.at
     x, y = tip.turn @ away.T
@@ -139,7 +139,7 @@ def _room(result: ElasticResult, tip: _Tip) -> float:
     applied = grid.applied(result.stage)
     loaded = np.isin(grid.lattice.key(np.maximum(cells, 0)), grid.lattice.key(applied.cells))
     gap = np.maximum(np.abs(away[other | loaded]) - 0.5 * h, 0.0)
-    return float(np.linalg.norm(gap, axis=1).min(initial=FARTHEST * h))
+    return float(np.linalg.norm(gap, axis=1).min(initial=reach * h))
 
 
 @dataclass(frozen=True)

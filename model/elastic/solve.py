@@ -23,6 +23,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene
+from kaju.model.solid.solid_agents import solved_agents
 from kaju.stepping import NOTE, interrupt_requested
 
 
@@ -95,15 +96,26 @@ def solve_cells(
         solution.discretisation = inf
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
     found = CellAgents(scene, stage, grid.division, solution, field, grid)
-    result = ElasticResult(found, perf_counter() - start)
+    return _converged(found, start, tolerance)
+
+
+def solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
+    """Solve a solid within true outlines on equal cells, whole, cut or empty."""
+    start = perf_counter()
+    return _converged(solved_agents(scene, resolution), start)
+
+
+def _converged(found: CellAgents, start: float, tolerance: float | None = None) -> ElasticResult:
+    """Return the answer, or raise it if its equations are not solved."""
+    result, solution = ElasticResult(found, perf_counter() - start), found.solution
     if not solution.converged:
         solution.notes += [NOTE] if interrupt_requested() else []
         asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
         raise ConvergenceError(
             f"solve: after {solution.iterations} iterations of {solution.method} the relative "
             f"residual is {solution.residuals[-1]:.2g}, short of {asked}; take a larger tolerance, "
-            "or a smaller contrast of materials and supports. The error's `best` holds the result "
-            "so far, its `residuals` the history",
+            "another resolution, or a smaller contrast of materials and supports. The error's "
+            "`best` holds the result so far, its `residuals` the history",
             result.residuals,
             result,
         )

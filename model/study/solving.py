@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from kaju.errors import ConvergenceError, OutOfMemoryError, ParameterError, by_name
+from kaju.errors import OutOfMemoryError, ParameterError, by_name
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.archive import question_of
 from kaju.model.scene import Scene
@@ -125,33 +124,14 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
         "{name}: is not taken within true outlines, whose agents %s; leave it out, or take "
         'regions with outline = "cells"'
     )
+    from kaju.model.elastic.solve import solve_solid, solve_spawning
+
     if scene.lattice.dimension == 3:
         how = "are equal cells, as many as `resolution` says"
         _refuse_others("resolution stage=1", given, why % how)
-        return _solve_solid(scene, given.get("resolution"))
-    from kaju.model.elastic.solve import solve_spawning
-
+        return solve_solid(scene, given.get("resolution"))
     _refuse_others("tolerance goal stage=1", given, why % "spawn where the tolerance asks for it")
     return solve_spawning(scene, given.get("tolerance"), goal=given.get("goal"))
-
-
-def _solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
-    """Solve a solid within true outlines on equal cells, whole, cut or empty."""
-    from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.solid.solid_agents import solved_agents
-
-    start = perf_counter()
-    found = solved_agents(scene, resolution)
-    result = ElasticResult(found, perf_counter() - start)
-    if not found.solution.converged:
-        raise ConvergenceError(
-            f"solve: after {found.solution.iterations} iterations the relative residual is "
-            f"{found.solution.residuals[-1]:.2g}; take another resolution. The error's `best` "
-            "holds the result so far",
-            result.residuals,
-            result,
-        )
-    return result
 
 
 def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:

@@ -86,7 +86,7 @@ def test_a_loop_starts_from_the_answer_before():
     loose = kaju.solve(scene, 1e-2, stiffness=changed, previous=first)
     tight = kaju.solve(scene, 1e-10, stiffness=changed, previous=first)
     assert loose.found.solution.method == tight.found.solution.method == "Galerkin multigrid"
-    assert loose.iterations < tight.iterations
+    assert len(loose.residuals) < len(tight.residuals)
     assert loose.strain_energy == pytest.approx(afresh.strain_energy, rel=2e-4)
     assert tight.strain_energy == pytest.approx(afresh.strain_energy, rel=1e-9)
 

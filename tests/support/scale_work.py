@@ -107,7 +107,7 @@ def compare(count):
                 )
                 / max(float(np.abs(force).max()) for force in own.reactions.values()),
                 "iterations": result.summary()["iterations"],
-                "own_iterations": default.iterations,
+                "own_iterations": default.summary()["iterations"],
                 "method": own.summary()["method"],
                 "error_estimate": [result.summary()["error_estimate"], own.error_estimate],
             }

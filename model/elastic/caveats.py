@@ -63,7 +63,7 @@ def refuse_singular(scene: Scene, goal: AskedFor, name: str = "goal") -> None:
 def near_steps(grid: Scene, points: Floats) -> Flags:
     """Tell which points (m) lie in or beside cells that slanted or round outlines cross."""
     lattice, near = grid.lattice, np.zeros(len(points), dtype=np.bool_)
-    h, within = lattice.cell_size, (1 / 6, 0.5, 5 / 6)  # Of a cell: nine or 27 points are asked
+    h, within = lattice.cell_size, (np.arange(3) + 0.5) / 3  # Points along the edge of a cell
     own = np.floor(points / h).astype(np.int64)
     for number, region in enumerate(grid.body.regions):
         if region.image is not None:  # pixels lie along the axes, and a stored scene has none

@@ -191,9 +191,10 @@ PLANE: Words = {
     "tip_moves": lambda seen: float(  # the loaded cell, upwards
         seen.movement(seen.run, *seen.scene.applied().cells[0])[1]
     ),
-    "tip": lambda seen: int(np.sign(seen.tip_moves())),
     "moved": lambda seen, *cell: float(np.linalg.norm(seen.movement(seen.run, *cell))),
-    "elastic_moved": lambda seen, *cell: float(np.linalg.norm(seen.movement(seen.elastic, *cell))),
+    "elastic_moved": lambda seen, *cell: float(  # a cell's own, which the page shows
+        1e9 * np.linalg.norm(seen.elastic.cells().displacement[cell])
+    ),
     "doubles_in_elasticity": _doubles_in_elasticity,
     "misfit": lambda seen: float(kaju.compare(seen.run, seen.elastic).displacement.misfit),
     # forces through rows, and how wide the pressure is

@@ -117,7 +117,7 @@ MODES.push({
   offered: (page) => page.deformable && page.scene?.lattice.kind === "square" && page.run.taken && page.limit > 0,
   open(page) {
     page.cutCards = Array.from({ length: 3 }, () => make("section", { className: "card" }));
-    page.cutCards[0].classList.add("warn");
+    page.cutCards[1].classList.add("warn");
     if (page.solvable) askElastic(page);
   },
   changed(page) { if (page.solvable) askElastic(page); },
@@ -133,7 +133,8 @@ MODES.push({
     paintNumbers(page.view, page.inks);
     if (cuts.length) paintBars(page, page.view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
-    const [say, cut, where] = page.cutCards;
+    const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);
+    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${quantity(read.carried, "N")}, ${t("elastic")} ${quantity(read.elastic, "N")}`;
     say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") }));
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));

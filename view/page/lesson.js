@@ -56,19 +56,17 @@ export class Lesson {
   }
   /** Say that the question is to be answered first, beside the field that waits. */
   ask() {
-    const { page, saved } = this, word = page.t("answerFirst");
-    page.playing = false; page.announce(word);
-    if (saved) { saved.textContent = word; saved.className = "saved bad"; saved.scrollIntoView({ block: "nearest" }); }
+    const { page, saved } = this;
+    Object.assign(saved, { textContent: page.t("answerFirst"), className: "saved bad" }).scrollIntoView({ block: "nearest" });
     if (this.question.kind !== "cells") page.root.querySelector("aside textarea, aside input.field")?.focus({ preventScroll: true });
   }
   go(at, quiet = false) {
     const { page } = this;
-    if (page.run.generation > 60) page.look.speed = Math.max(page.look.speed, [8, 15, 30, 60].find((n) => page.run.generation < 20 * n) ?? 60);   // nobody watches for minutes
     this.at = at; this.step = this.question?.step ?? this.step;
-    page.playing = false;
-    if (this.kept) this.keep();
+    page.playing = false; if (this.kept) this.keep();
     const { show, until } = this.question ?? {}, preset = page.presets[show?.preset];
     if (preset && !quiet) page.load({ ...preset, generation: 0 });
+    page.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => page.run.generation <= 20 * n) ?? 60;   // nobody watches for minutes
     if (show?.look) Object.assign(page.look, show.look);
     if (show?.cell) page.picked = page.run.lattice.key(show.cell);
     this.shown = this.question && this.guess && Object.keys(this.guess).length && this.firsts[this.question.key] ? "both" : "guess";
@@ -271,7 +269,7 @@ function questionCards(lesson, q) {
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
   const { page: { t } } = lesson, given = lesson.answers[q.key], label = q.kind === "cells" ? t("surprise") : t("yourAnswer");
-  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(q.draws ? "drawOrSay" : "inWords"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
   return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area];
 }
@@ -308,11 +306,11 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
   const tries = touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  const typed = lesson.question?.show?.rule, near = typed ? [fold(t("rule"), rulePanel(page, true), true)] : [], read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
-  const first = [...near, ...tries, ...code, ...cards, ...(typed ? read : story), ...(typed ? story : read), ...about];
-  if (lesson.step === "step") return [...first, ...(lesson.question?.show?.sentence ? [parts.verdict] : []), ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : []), look];
-  const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !typed)).map((name) => fold(t(name), panels[name]())) : [];
-  return [...first, ...(free ? [parts.verdict] : []), ...rest, ...charts, look];
+  const { rule: typed, sentence } = lesson.question?.show ?? {}, few = () => fold(t("rule"), rulePanel(page, true), true), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few()] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
+  if (lesson.step === "step") return [...first, ...(touchable && !near.length ? [few()] : []), look];
+  const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]())) : [];
+  return [...first, ...(free && !sentence ? [parts.verdict] : []), ...rest, ...charts, look];
 }
 
 // ----------------------------------------------------------------------------------- on paper

@@ -113,8 +113,8 @@ function rulerCard(page, both) {
 }
 /** Its buttons stand beside what every picture writes anew: a click on what is replaced would be lost. */
 function rulerTools(page) {
-  const { t, look, run: { lattice: { shape } } } = page, save = () => page.announce(t("saved", { name: hand("ruler.csv", new Blob([csvOfRuler(page)], { type: "text/csv" })) }));
-  const turn = () => { const axis = 1 - look.twin.ruler.axis; look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); };
+  const { t, look, run: { lattice: { shape } } } = page, turn = () => { const axis = 1 - look.twin.ruler.axis; look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); };
+  const save = () => page.announce(t("saved", { name: hand("ruler.csv", new Blob([csvOfRuler(page)], { type: "text/csv" })) }));
   return make("div", { className: "tools" }, button(t("saveProfile"), save), button(t("turnRuler"), turn));
 }
 
@@ -213,7 +213,8 @@ MODES.push({
     twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked));
     twin.card.hidden = !two.ruler;
     if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
-    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : "");
+    const k = twin.at >= 0 ? twin.at : page.picked;
+    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : page.run.kinds[k] >= 0 ? `(${page.run.lattice.cell(k).join(", ")}): ${linesAt(page, both, k).slice(0, 2).join(", ")}` : "");
   },
   press(page, event) {
     if (!settings(page).ruler) return false;

@@ -52,9 +52,9 @@ def refuse_singular(scene: Scene, goal: AskedFor, name: str = "goal") -> None:
         point = np.asarray(quantity.at)
         fits = len(point) == scene.lattice.dimension
         if fits and (reason := singular_at(scene, point)):
-            box = [(point - 2 * h).tolist(), (point + 2 * h).tolist()]
+            box = np.round([point - 2 * h, point + 2 * h], 9).tolist()
             raise SingularPlaceError(
-                f"{name}: the stress at {_point(point)} m has no limit, because there {reason}; "
+                f"{name}: the stress at {_point(point)} m has no limit ({reason}); "
                 f"ask for its mean over a region, such as Stress({{'box': {box}}}, "
                 f"{quantity.component!r}), or, at a re-entrant corner, for result.intensity"
             )
@@ -110,7 +110,7 @@ def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
 
 MISSED = {
     "": "agents of a run that is not finished",
-    "agents": "more agents than are allowed would be needed: these",
+    "agents": "more agents would be needed than are allowed: these",
     "rounding": "the two stresses differ by no more than rounding errors, which",
     "resolution": "the smallest agents allowed",
     "corners": "where stress grows without limit, even the smallest agents possible",

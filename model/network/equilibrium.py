@@ -32,7 +32,8 @@ def tangent_error(
     names = tuple(network.names[int(node)] for node in most)
     place = np.round(network.positions[most[0]], 6).tolist()
     shown = f"node{'s' if len(names) > 1 else ''} {', '.join(map(repr, names))}"
-    where = f"the {shown} (the first lies at {place} before any load)"
+    first = "the first lies " if len(names) > 1 else ""
+    where = f"the {shown} ({first}at {place} m before any load)"
     ends = along_springs(network, mode)
     stretched = stiffness @ np.einsum("ij,ij->i", ends, geometry.direction) ** 2
     if stretched > 1e-10 * (stiffness @ np.einsum("ij,ij->i", ends, ends)):  # to first order
@@ -43,7 +44,7 @@ def tangent_error(
         )
     return MechanismError(
         f"at stage {stage:.6g} the network is a mechanism: {where} can move without any spring "
-        "changing its length; add springs there, or hold more coordinates",
+        "changing its length; add springs or supports there",
         names,
     )
 

@@ -228,7 +228,7 @@ class Scene(Description):
         """Return the `notes`, and one more where the largest displacement (m) is not small."""
         share = displacement / max(self.lattice.extent)
         told = (
-            f"the largest displacement is {share:.2g} of the body's size: are these metres and "
+            f"the largest displacement is {share:.2g} times the body's size: are these metres and "
             "pascals? Displacements are taken to be small"
         )
         return (*self.notes, told) if share > 0.05 else self.notes

@@ -46,7 +46,7 @@ class LoadTransfer(Stepper[TransferResult]):
         refused = self.certificate.known and not self.certificate.stable
         if refused and not allow_unstable:
             raise StabilityError(
-                f"{self.certificate.verdict}; to watch it grow all the same, "
+                f"{self.certificate.verdict}; to watch the loads grow, "
                 "set allow_unstable=True (`kaju run --allow-unstable`)"
             )
         self.engine = engine_of(self.transfer)

@@ -35,8 +35,8 @@ class CellAgents(OnCells):
 
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
     no_bound: ClassVar[str] = (
-        "the error of equal cells is only estimated; solve with a tolerance, and agents spawn, "
-        "whose error has a bound"
+        "the error of equal cells is only estimated; with a tolerance agents spawn, and their "
+        "error has a bound"
     )
     goals: ClassVar[tuple[()]] = ()
     generations: ClassVar[tuple[()]] = ()

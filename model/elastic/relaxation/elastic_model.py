@@ -154,7 +154,7 @@ class ElasticModel(SteppedModel):
             self.share = self.certificate.share
             if not (self.certificate.stable or allow_unstable):
                 raise StabilityError(
-                    f"{self.certificate.verdict}; to watch it grow all the same, "
+                    f"{self.certificate.verdict}; to watch the loads grow, "
                     "set allow_unstable=True (`kaju run --allow-unstable`)"
                 )
         self.allow_unstable = allow_unstable

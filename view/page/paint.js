@@ -252,13 +252,13 @@ export function fillBox(view, corners, colour, hidden = []) {
     if (turn < 0) fillRimmed(view, PX, PY, 4, colour, LIGHT[n]);
   }
 }
-/** A face with a thin darker rim, so that single parts can be told. */
+/** A face with a darker rim, so that single parts can be told: half a pixel of either side is a line of one. */
 export function fillRimmed({ r }, px, py, n, colour, light) {
   let wide = 0, mx = 0, my = 0;
   for (let i = 0; i < n; i++) { mx += px[i] / n; my += py[i] / n; wide = Math.max(wide, Math.hypot(px[i] - px[0], py[i] - py[0])); }
   SHEET.fill(px, py, n, shade(colour, wide > 9 * r ? 0.76 * light : light));
   if (wide <= 9 * r) return;
-  const s = 1 - 1.8 * r / wide, qx = Float64Array.from(px, (x) => mx + s * (x - mx)), qy = Float64Array.from(py, (y) => my + s * (y - my));
+  const s = 1 - Math.SQRT2 * r / wide, qx = Float64Array.from(px, (x) => mx + s * (x - mx)), qy = Float64Array.from(py, (y) => my + s * (y - my));
   SHEET.fill(qx, qy, n, shade(colour, light));
 }
 

@@ -6,6 +6,7 @@ how far it is from the body and the loads that were described.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
@@ -100,12 +101,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
 
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
     """Return what is not proved of an answer, or approximate beside the error it estimates."""
-    found = [*_missed(result), *_doubts(result), *_rough(result), *_loads(result)]
-    corners, near = result.sharp_corners, near_steps(result.grid, result.middle)
-    if near.any():  # corners of steps have a note of their own
-        found.append(_steps(result, near))
-        corners = corners[~near_steps(result.grid, corners)]
-    return (*found, *_at_corners(corners))
+    return (*_of_error(result), *_of_loads(result.grid), *_of_outlines(result))
 
 
 MISSED = {
@@ -120,95 +116,83 @@ MISSED = {
 """Who leaves an error above the tolerance, by why agents stopped."""
 
 
-def _missed(result: ElasticResult) -> list[Caveat]:
-    """Say why a tolerance is missed, and where most of the error lies."""
-    found = result.found
-    if result.tolerance_kept != "missed" or not isinstance(found, PairAgents):
-        return []
-    why, agent = found.stopped, first_largest(result.gap)
-    hint, reason = f"most of it lies at {_point(result.middle[agent])} m", no_limit(result, agent)
-    hint += f": {reason}" if reason else ""
-    if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
-        why, hint = "resolution", "a larger resolution allows smaller ones"
-    kind = "an estimated" if found.no_bound or any(g.no_bound for g in found.goals) else "a proved"
-    said = (
-        f"{MISSED[why]} leave {kind} error of {result.goal_error:.2g}, above the tolerance of "
-        f"{result.tolerance:g}; {hint}"
-    )
-    return [Caveat("tolerance missed", said)]
-
-
-def _doubts(result: ElasticResult) -> list[Caveat]:
-    """Say where it is not proved that a tolerance is kept; pictures do not."""
-    if result.tolerance is None:
-        return []
-    doubts = [goal.doubt(result.tolerance) for goal in result.goals]
-    if not doubts and result.no_bound:
-        doubts = [f"the error is estimated, not proved: {result.no_bound}"]
-    return [Caveat("", doubt) for doubt in doubts if doubt]
-
-
-def _rough(result: ElasticResult) -> list[Caveat]:
-    """Say what to do about a large error that is not proved; of goals their own errors tell."""
-    error, kept = result.error_estimate, result.tolerance_kept
-    if result.goals or kept == "proved" or not error > ROUGH:
-        return []
-    if not isfinite(error) and result.spawned:
+def _of_error(result: ElasticResult) -> Iterator[Caveat]:
+    """Say why a tolerance is missed, what is not proved, and what to do about a large error."""
+    found, error, tolerance = result.found, result.error_estimate, result.tolerance
+    missed = result.tolerance_kept == "missed"
+    if missed and isinstance(found, PairAgents):
+        why, agent = found.stopped, first_largest(result.gap)
+        reason = no_limit(result, agent)
+        hint = f"most of it lies at {_point(result.middle[agent])} m"
+        hint += f": {reason}" if reason else ""
+        if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
+            why, hint = "resolution", "a larger resolution allows smaller ones"
+        proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))
+        of = f"{'a proved' if proved else 'an estimated'} error of {result.goal_error:.2g}"
+        said = f"{MISSED[why]} leave {of}, above the tolerance of {tolerance:g}; {hint}"
+        yield Caveat("tolerance missed", said)
+    if tolerance is not None:  # pictures do not tell
+        yield from (Caveat("", said) for goal in result.goals if (said := goal.doubt(tolerance)))
+        if result.no_bound and not result.goals:
+            yield Caveat("", f"the error is estimated, not proved: {result.no_bound}")
+    if result.goals or result.tolerance_kept == "proved" or not error > ROUGH:
+        return
+    if isfinite(error):
+        said = f"the error is about {error:.0%} in the energy norm"
+        name, value = "tolerance", f"{0.5 * min(tolerance or 0.1, error):.2g}"
+        if found.storage == "solid":  # no tolerance can be asked of these
+            name, value = "resolution", f"{2 * result.subdivision}"
+        if not missed:  # else the notes tell what hinders, which no smaller tolerance mends
+            said += f"; for a smaller one take {name}={value} (kaju solve FILE --{name} {value})"
+        yield Caveat(f"error about {error:.0%}", said)
+        return
+    said = "sides that meet are moved apart: the energy has no limit as cells shrink"
+    if result.spawned:
         said = "the lower bound of the energy is 0, so no relative error can be given: supports "
         said += "bear the loads where they act, and hardly any energy is stored"
-        return [Caveat("error not known", said)]
-    if not isfinite(error):
-        said = "sides that meet are moved apart: the energy has no limit as cells shrink"
-        return [Caveat("error not known", said)]
-    said = f"the error is about {error:.0%} in the energy norm"
-    if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
-        name, value = "tolerance", f"{0.5 * min(result.tolerance or 0.1, error):.2g}"
-        if result.found.storage == "solid":  # no tolerance can be asked of these
-            name, value = "resolution", f"{2 * result.subdivision}"
-        said += f"; for a smaller one take {name}={value} (kaju solve FILE --{name} {value})"
-    return [Caveat(f"error about {error:.0%}", said)]
+    yield Caveat("error not known", said)
 
 
-def _loads(result: ElasticResult) -> list[Caveat]:
+def _of_loads(grid: Scene) -> Iterator[Caveat]:
     """Say which loads do not act just where they are described, and how far off they are."""
-    loads = enumerate(zip(result.grid.loads, result.grid.selections, strict=True))
-    off = {f"loads.{k}": _off_place(load, at, result.grid) for k, (load, at) in loads}
-    return [Caveat(f"{name} spread by cells", f"{name}: {how}") for name, how in off.items() if how]
+    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
+        if off := _off_place(load, chosen, grid):
+            yield Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}")
 
 
-def _steps(result: ElasticResult, near: Flags) -> Caveat:
-    h = result.grid.lattice.cell_size
-    density = np.einsum("nij,nij->n", result.stress, result.strain)
-    energy = density * result.size**result.scene.lattice.dimension
-    share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
-    said = (
-        f"round and slanted outlines are steps of {h:.3g} m: the energy of this stepped body, "
-        "which proofs are about, differs from that of the body described by an estimated "
-        f"{100 * share:.1g} %"
-    )
-    if near[first_largest(result.von_mises)]:
-        said += (
-            f"; the largest stress, at {_point(result.largest_stress.at)} m, lies at a step: a "
-            "round outline has no such stress, and it grows with smaller agents"
+def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
+    """Say what steps of cells change of the body described, and where it has sharp corners."""
+    h, stress, corners = result.grid.lattice.cell_size, result.von_mises, result.sharp_corners
+    near = near_steps(result.grid, result.middle)
+    if near.any():
+        corners = corners[~near_steps(result.grid, corners)]
+        density = np.einsum("nij,nij->n", result.stress, result.strain)
+        energy = density * result.size**result.scene.lattice.dimension
+        share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
+        said = (
+            f"round and slanted outlines are steps of {h:.3g} m: the energy of this stepped body, "
+            "which proofs are about, differs from that of the body described by an estimated "
+            f"{100 * share:.1g} %"
         )
-        stress = np.where(near, 0.0, result.von_mises)
-        agent = first_largest(stress)
-        if stress[agent]:
+        away = np.where(near, 0.0, stress)
+        most, next_to = first_largest(stress), first_largest(away)
+        if near[most]:
             said += (
-                f". More than a cell away from steps it is {stress[agent]:.3g} Pa, at "
-                f"{_point(result.middle[agent])} m (von Mises)"
+                f"; the largest stress, at {_point(result.middle[most])} m, lies at a step: a "
+                "round outline has no such stress, and it grows with smaller agents"
             )
-    return Caveat(f"outlines are steps of {h:.3g} m", said)
-
-
-def _at_corners(corners: Floats) -> list[Caveat]:
-    if not len(corners):
-        return []
-    places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
-    more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
-    at = "corners" if len(corners) > 1 else "corner"
-    said = f"with smaller cells the stress grows without limit at the {at} {places} m{more}"
-    return [Caveat(f"no limit of stress at {len(corners)} {at}", said)]
+        if near[most] and away[next_to]:
+            said += (
+                f". More than a cell away from steps it is {away[next_to]:.3g} Pa, at "
+                f"{_point(result.middle[next_to])} m (von Mises)"
+            )
+        yield Caveat(f"outlines are steps of {h:.3g} m", said)
+    if many := len(corners):
+        places = ", ".join(map(_point, corners[:3].tolist()))
+        more = f" and {many - 3} more" if many > 3 else ""
+        at = "corners" if many > 1 else "corner"
+        said = f"with smaller cells the stress grows without limit at the {at} {places} m{more}"
+        yield Caveat(f"no limit of stress at {many} {at}", said)
 
 
 def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,7 +14,6 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
-from kaju.model.elastic.pair.elements import corner_ends
 from kaju.model.elastic.pair.leaves import BITS, LeafCells, morton
 from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.uneven_loads import portions
@@ -106,36 +104,24 @@ class PosedBody:
         across = ACROSS_LONGEST[self.dimension]
         widest = max(1.0, min(spans.max() / across, spans.min() / ACROSS_SHORTEST))
         exponent = int(log2(widest))
-        leaves = self._pure(covering(lower, upper, exponent), exponent)
-        leaves = self._until(leaves, self._beside_mixed)
-        leaves = self._until(leaves, self.unevenly_loaded)
-        return leaves.balanced()
-
-    def _pure(self, boxes: Ints, exponent: int) -> LeafCells:
-        """Split boxes of cells until each is of one kind; keep those of material."""
-        lower, size, kind = [], [], []
-        corners = corner_ends(self.dimension)
-        while len(boxes):
-            found = self.scene.box_kinds(boxes, exponent)
-            body = found >= 0
-            lower.append(boxes[body] * self.cell)
-            size.append(np.full(np.count_nonzero(body), self.cell << exponent, dtype=np.int64))
-            kind.append(found[body])
-            exponent -= 1
-            mixed = boxes[found == MIXED]
-            boxes = (mixed[:, None] + corners * (1 << max(exponent, 0))).reshape(-1, self.dimension)
-        sizes = np.concatenate(size)
-        if not len(sizes):
+        first, last = lower >> exponent, -((-upper) >> exponent)
+        boxes = (np.indices(tuple(last - first)).reshape(self.dimension, -1).T + first) << exponent
+        leaves = LeafCells.of(
+            boxes * self.cell,
+            np.full(len(boxes), self.cell << exponent),
+            self.scene.box_kinds(boxes, exponent),
+        )
+        while (mixed := leaves.kind == MIXED).any():
+            leaves, exponent = leaves.split(mixed), exponent - 1
+            new = np.flatnonzero(leaves.kind == MIXED)
+            leaves.kind[new] = self.scene.box_kinds(leaves.lower[new] // self.cell, exponent)
+        leaves = leaves.only(leaves.kind >= 0)
+        if not len(leaves):
             raise SceneError("body: no cell is of a material, so there is nothing to solve")
-        return LeafCells.of(np.concatenate(lower), sizes, np.concatenate(kind))
-
-    def _until(self, leaves: LeafCells, unfit: Callable[[LeafCells], Flags]) -> LeafCells:
-        """Split leaves until none is unfit."""
-        while True:
-            chosen = unfit(leaves)
-            if not chosen.any():
-                return leaves
-            leaves = leaves.split(chosen)
+        for unfit in (self._beside_mixed, self.unevenly_loaded):
+            while (chosen := unfit(leaves)).any():
+                leaves = leaves.split(chosen)
+        return leaves.balanced()
 
     def _beside_mixed(self, leaves: LeafCells) -> Flags:
         """Tell which leaves have a box of their own size beside them that is not of one kind."""
@@ -241,10 +227,3 @@ class PosedBody:
         square = wide * ((self._force**2).sum(axis=1) / share).sum()
         self._strength = float(np.sqrt(square / max(len(part), 1)))
         self.moduli = scene_moduli(scene, modulus)
-
-
-def covering(lower: Ints, upper: Ints, exponent: int) -> Ints:
-    """Return the boxes of 2^exponent cells, by their lower corners, that cover a box of cells."""
-    first, last = lower >> exponent, -((-upper) >> exponent)
-    ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
-    return np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1) << exponent

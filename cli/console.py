@@ -44,6 +44,7 @@ MEANINGS = {
     "generations": "rounds in which agents acted or spawned",
     "grey": "0: every cell is full or empty; 1: all are half full",
     "largest_change": "of a density, in the last step",
+    "largest_hoop_stress_Pa": "along the edge of the body, at that outline",
     "largest_load_factor": "times the loads of the scene",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
@@ -51,7 +52,6 @@ MEANINGS = {
     "numerical_J": "lost by steps in time that are not small",
     "plane": "stress: a thin plate; strain: a slice of a long body",
     "reaction": "force of the support on the body, along each axis",
-    "residual": "a share of the loads: what is left unbalanced",
     "rigid_boundary_agents": "in the ground, which hands loads back reversed",
     "set_free_at_jumps_J": "by loads that are put on or taken off at once",
     "spectral_radius": "times as much load a generation, if loads that meet were added",
@@ -66,7 +66,7 @@ NAMES = {
 }
 """Keys that say more to a reader under another name."""
 
-SAID = {"notes", "outcome", "model", "kaju_version"}
+SAID = {"notes", "outcome", "model", "kaju_version", "iterations", "residual", "subdivision"}
 """Keys that stand in other lines, or are for files."""
 
 

@@ -296,7 +296,7 @@ class CutAgents(PairAgents):
                 notes.append(
                     f"outline {name!r}: the largest hoop stress is {1e-6 * peak:.4g} MPa by the "
                     f"displacement, about {2e-6 * off:.2g} MPa off that of the stress in balance; "
-                    f"nothing is proved of either; goal={name!r} (--at {name}) is about it"
+                    f"neither is proved; for a more accurate one: goal={name!r} (--at {name})"
                 )
         return notes
 

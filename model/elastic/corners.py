@@ -11,7 +11,7 @@ Mechanics* 38, 1971). In space the same holds in the plane across an edge.
 from __future__ import annotations
 
 from functools import cache
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -56,25 +56,21 @@ def singular_at(scene: Scene, point: Floats) -> str:
     on_line = np.abs(place - np.rint(place)) <= ON_EDGE
     corner = np.where(on_line, np.rint(place), np.floor(place)).astype(np.int64)
     last = np.asarray(lattice.shape)
-    for along in range(lattice.dimension) if lattice.dimension == 3 else [None]:
-        across = [axis for axis in range(lattice.dimension) if axis != along]
+    for across in map(list, combinations(range(lattice.dimension), 2)):
         if not on_line[across].all():
             continue
         # At a corner of the cells an edge goes on to both sides.
-        for step in (0, -1) if along is not None and on_line[along] else (0,):
+        along = [axis for axis in range(lattice.dimension) if axis not in across]
+        for step in (0, -1) if on_line[along].any() else (0,):
             cells = np.repeat(corner[None], 4, axis=0)
             cells[:, across] += ROUND
-            if along is not None:
-                cells[:, along] += step
+            cells[:, along] += step
             # Those farther than one beyond the array are as the nearest.
             if reason := _reason(_sides(scene, scene.kinds(np.clip(cells, -1, last)))):
                 return reason
-    for load in scene.loads:
-        if (
-            load.point is not None
-            and np.abs(point - np.array(load.point)).max() < lattice.cell_size
-        ):
-            return "a force acts at a point, and is spread over a cell"
+    points = [load.point for load in scene.loads if load.point is not None]
+    if any(np.abs(point - np.array(at)).max() < lattice.cell_size for at in points):
+        return "a force acts at a point, and is spread over a cell"
     return ""
 
 

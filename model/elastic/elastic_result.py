@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -20,7 +19,6 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
 from kaju.model.elastic.goals.duals import goal_of
 from kaju.model.elastic.goals.quantities import (
-    AXES,
     HOOP,
     Goal,
     Place,
@@ -39,7 +37,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying, Cuts
 from kaju.model.results.mesh import corner_order, write_vtk
-from kaju.model.results.result import BALANCE, BALANCE_OF_ERROR, BodyResult, Check, Tiles, finite
+from kaju.model.results.result import BALANCE, BodyResult, Check, Tiles, finite, in_columns
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
 from kaju.stepping import interrupt_requested
@@ -54,6 +52,7 @@ if TYPE_CHECKING:
 
 CLOSEST = 1e-3
 """Bounds of equal cells are no closer: they take a second or two on a plate with a hole."""
+BALANCE_OF_ERROR = 1e-2  # By such a share of the error that is stated forces may be off
 
 
 class LargestStress(NamedTuple):
@@ -586,13 +585,10 @@ class ElasticResult(BodyResult):
         import pandas as pd
 
         names = np.array([material.name for material in self.grid.cell_materials])
-        axes = list(enumerate(AXES[: self.scene.lattice.dimension]))
-        found: dict[str, Any] = {f"{axis} (m)": self.middle[:, a] for a, axis in axes}
+        found: dict[str, Any] = in_columns("{} (m)", self.middle)
         found |= {"size (m)": self.size, "level": self.level, "material": names[self.material]}
-        found |= {f"displacement_{axis} (m)": self.displacement[:, a] for a, axis in axes}
-        for name, unit, tensor in (("strain", "", self.strain), ("stress", " (Pa)", self.stress)):
-            for (a, one), (b, other) in [*zip(axes, axes, strict=True), *combinations(axes, 2)]:
-                found[f"{name}_{one}{other}{unit}"] = tensor[:, a, b]
+        found |= in_columns("displacement_{} (m)", self.displacement)
+        found |= in_columns("strain_{}", self.strain) | in_columns("stress_{} (Pa)", self.stress)
         return pd.DataFrame(found | {"von_mises (Pa)": self.von_mises})
 
     def to_vtk(self, path: str | Path) -> Path:

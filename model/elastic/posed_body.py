@@ -86,8 +86,6 @@ class PosedBody:
     def sharp(self) -> Ints:
         """The unit cells round points at which stress is singular, shape (n, dimension)."""
         corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
-        if not len(corner):
-            return np.empty((0, self.dimension), dtype=np.int64)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
     def beyond(self, side: int) -> tuple[Floats, float]:

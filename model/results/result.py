@@ -36,10 +36,8 @@ class Curves:
     logarithmic: bool = False  # whether orders of magnitude are drawn; all are above 0 then
 
 
-# Shares by which a ledger, energies, and forces may be off without a word in the notes; and the
-# last of these as a share of the error that an answer states.
+# Shares by which a ledger, energies, and forces may be off without a word in the notes.
 BOOKS, ROUNDING, BALANCE = 1e-12, 1e-9, 1e-6
-BALANCE_OF_ERROR = 1e-2
 
 
 class Check(NamedTuple):
@@ -232,14 +230,10 @@ class BodyResult(OnCells, Result):
         if not len(points):
             where = f"from {list(start)} to {list(end)}"
             raise ResultError(f"profile: no point {where} lies in the body")
-        names = "xyz"[: len(first)]
         columns: dict[str, Any] = {"distance (m)": (points - first) @ direction}
-        columns |= {f"{name} (m)": points[:, a] for a, name in enumerate(names)}
-        moved, stress = self.displacement_at(points), self.stress_at(points)
-        columns |= {f"displacement_{name} (m)": moved[:, a] for a, name in enumerate(names)}
-        for (a, one), (b, other) in combinations_with_replacement(enumerate(names), 2):
-            columns[f"stress_{one}{other} (Pa)"] = stress[:, a, b]
-        return pd.DataFrame(columns)
+        columns |= in_columns("{} (m)", points)
+        columns |= in_columns("displacement_{} (m)", self.displacement_at(points))
+        return pd.DataFrame(columns | in_columns("stress_{} (Pa)", self.stress_at(points)))
 
     def cuts(self, axis: str | None = None) -> Cuts:
         """Return the force (N) through every cut across an axis, and what equilibrium asks for.
@@ -274,6 +268,15 @@ class BodyResult(OnCells, Result):
         raise ResultError(
             f"cuts: a {type(self).__name__} has not all stresses at once; cut a result of solve"
         )
+
+
+def in_columns(title: str, values: Any) -> dict[str, Any]:
+    """Return vectors, or symmetric tensors, component by component, with their axes in a title."""
+    axes, order = enumerate("xyz"[: values.shape[1]]), values.ndim - 1
+    return {
+        title.format("".join(name for _, name in one)): values[:, *(axis for axis, _ in one)]
+        for one in combinations_with_replacement(axes, order)
+    }
 
 
 def finite(number: float | None) -> float | None:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
@@ -31,7 +30,7 @@ from kaju.errors import (
 from kaju.files import hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
 from kaju.model.results.archive import Stored, reading
-from kaju.model.results.result import BodyResult
+from kaju.model.results.result import BodyResult, in_columns
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -156,16 +155,12 @@ class PiecedResult(BodyResult):
 
         names = np.array([material.name for material in self.grid.cell_materials])
         lattice, frames = self.grid.lattice, []
-        axes = "xyz"[: lattice.dimension]
         for piece in self.pieces:
             body = piece.cells["kind"] >= 0
             middle = lattice.centres(np.argwhere(body) + np.array(piece.lower))
             kind, moved, stress = (piece.cells[n][body] for n in ("kind", "displacement", "stress"))
-            columns: dict[str, Any] = {axis: middle[:, a] for a, axis in enumerate(axes)}
-            columns |= {"material": names[kind]}
-            columns |= {f"u_{axis}": moved[:, a] for a, axis in enumerate(axes)}
-            for a, b in combinations_with_replacement(range(len(axes)), 2):
-                columns[f"stress_{axes[a]}{axes[b]}"] = stress[:, a, b]
+            columns: dict[str, Any] = in_columns("{}", middle) | {"material": names[kind]}
+            columns |= in_columns("u_{}", moved) | in_columns("stress_{}", stress)
             frames.append(pandas.DataFrame(columns))
         return pandas.concat(frames, ignore_index=True)
 

@@ -14,7 +14,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError, suggestion
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.result import BOOKS, BodyResult, Check, idle_rheology
+from kaju.model.results.result import BOOKS, BodyResult, Check, idle_rheology, in_columns
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 from kaju.model.stepper import not_balanced
@@ -289,17 +289,13 @@ class TransferResult(BodyResult):
         import pandas
 
         stage, lattice = self.last, self.scene.lattice
-        names = "xyz"[: lattice.dimension]
         materials = np.array([material.name for material in self.scene.cell_materials])
-        columns: dict[str, Any] = {f"cell_{a}": stage.cells[:, i] for i, a in enumerate(names)}
+        columns: dict[str, Any] = in_columns("cell_{}", stage.cells)
         columns |= {"material": materials[stage.material], "spawn_step": stage.spawn_step}
         for direction, name in enumerate(lattice.direction_names):
             columns[f"taken_{name}"] = stage.taken[:, direction]
         columns["dropped"] = stage.dropped
         columns |= {name: state.values() for name, state in self.states.items()}
-        columns |= {f"displacement_{a}": self.displacement[:, i] for i, a in enumerate(names)}
-        for i, a in enumerate(names):
-            for j, b in enumerate(names[i:], start=i):
-                columns[f"strain_{a}{b}"] = self.strain[:, i, j]
-                columns[f"stress_{a}{b}"] = self.stress[:, i, j]
+        columns |= in_columns("displacement_{}", self.displacement)
+        columns |= in_columns("strain_{}", self.strain) | in_columns("stress_{}", self.stress)
         return pandas.DataFrame(columns)

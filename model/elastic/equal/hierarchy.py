@@ -227,21 +227,12 @@ class _Smallest:
         return x
 
     def _by_stencil(self, grid: MultigridLevel) -> Callable[[Floats], Floats]:
-        level = grid.level
-        assert grid.stencil is not None
-        number = np.full(grid.u.size, -1)
-        number[self._there] = np.arange(len(self._there))
-        (_planes, rows, length), n = level.box.shape, level.box.places
-        coefficients = level.data.reshape(-1, level.box.entries, length)
-        matrix = np.zeros((len(self._there),) * 2)
-        # Couplings: see `multigrid_levels.Stencil`.
-        for a, b, *way, entry, p, q, j in grid.stencil.couplings:
-            here = self._there[(a * n <= self._there) & (self._there < (a + 1) * n)]
-            other = here + (b - a) * n + (way[0] * rows + way[1]) * length + way[2]
-            spot = here - a * n + (p * rows + q) * length + j
-            some = number[other] >= 0
-            value = coefficients[level.rows[spot // length], entry, spot % length]
-            matrix[number[here[some]], number[other[some]]] = value[some]
+        matrix = np.empty((len(self._there),) * 2)
+        x, force = np.zeros_like(grid.u), np.empty_like(grid.u)
+        for column, place in zip(matrix, self._there, strict=True):
+            x[place] = 1.0
+            write_residual(x, x, force, grid.level, grid.level.box, share=0.0)
+            x[place], column[:] = 0.0, -force[self._there]
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
         matrix[np.diag_indices_from(matrix)] += GUARD  # Ghosts may be linearly dependent.

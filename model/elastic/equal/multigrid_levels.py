@@ -10,51 +10,26 @@ walls need no weights of their own. Places have three axes; a plane has one plac
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, pairwise, product
 from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 from .problem import ElasticProblem, rim_layer
-from .row_kernels import GHOST, Level, LevelBox, coarse_operator
+from .row_kernels import GHOST, Level, LevelBox
 from .staggered import modulus_between
 
 Offset = tuple[int, int, int]
 Entry = tuple[int, int, Offset]
 """Two components and the offset from the first's face to the second's."""
-
-TOGETHER = 4  # Terms that are added at once
-
-
-class Terms(NamedTuple):
-    """Sums of weighted rows: `place` (sum, row, entry, shift) and `weight` of every term."""
-
-    place: Ints  # Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)
-    weight: Floats  # Shape (terms,)
-    rows: Ints  # The rows that terms name, by their distance along the first two axes. Shape (n, 2)
-    sums: int  # Number of sums
-
-
-class Stencil(NamedTuple):
-    """The entries of one level and how they couple its faces."""
-
-    entries: tuple[Entry, ...]
-    couplings: Ints
-    """Component, other component, offset of the other, entry, offset of where it is stored: an
-    entry serves its own row and, mirrored, the other one. A component's first is its own. Shape
-    (couplings, 9)."""
-    starts: Ints  # First coupling of every component, and the end
-    own: Ints
-    next: Ints
-    """Entries of a face with itself, and with its next in the row."""
 
 
 def axes_of(dimension: int) -> tuple[int, ...]:
@@ -62,13 +37,12 @@ def axes_of(dimension: int) -> tuple[int, ...]:
     return (0, 2) if dimension == 2 else (0, 1, 2)
 
 
-def _unit(axis: int, length: int = 1) -> Offset:
-    first, second, third = (length * (axis == k) for k in range(3))
-    return first, second, third
+HERE: Offset = (0, 0, 0)
 
 
-def _add(one: Offset, other: Offset) -> Offset:
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+def _moved(offset: Offset, axis: int, steps: int) -> Offset:
+    x, y, z = (way + steps * (k == axis) for k, way in enumerate(offset))
+    return x, y, z
 
 
 def _opposite(offset: Offset) -> Offset:
@@ -76,115 +50,74 @@ def _opposite(offset: Offset) -> Offset:
 
 
 @lru_cache
-def finest_entries(dimension: int) -> tuple[tuple[Entry, ...], Ints]:
-    """Return the entries of the finest level, and what they are made of."""
-    # An entry is sign · (modulus + modulus) / 2 or the whole sum; the columns are: sign (±1 for a
-    # sum, 0 for one modulus taken negative, 2 for the diagonal), then twice a row of the law (0:
-    # C₁₁, 1: C₁₂, 1 + a + b: the edges between components) and the axis along which it is shifted,
-    # with the length of the shift.
-    axes = axes_of(dimension)
-    entries: list[Entry] = []
-    made: list[tuple[int, ...]] = []
+def law_entries(dimension: int) -> dict[Entry, list[tuple[int, Offset, int]]]:
+    """Return the finest level's entries: sums of moduli, each with where it lies and its sign."""
+    # Rows of the law are C₁₁, C₁₂, and 1 + a + b: the edges between components. Each belongs to a
+    # product of two strains, which are sums of faces: component, offset and sign.
+    axes, components = axes_of(dimension), range(dimension)
+    stretch = [[(a, HERE, -1), (a, _moved(HERE, axes[a], 1), 1)] for a in components]
+    energies = [(int(a != b), stretch[a], stretch[b]) for a, b in product(components, repeat=2)]
+    for a, b in combinations(components, 2):
+        shear = [(a, HERE, 1), (a, _moved(HERE, axes[b], -1), -1)]
+        shear += [(b, HERE, 1), (b, _moved(HERE, axes[a], -1), -1)]
+        energies.append((1 + a + b, shear, shear))
+    found: dict[Entry, list[tuple[int, Offset, int]]] = {}
+    for modulus, ours, theirs in energies:
+        for (a, here, sign), (b, there, other_sign) in product(ours, theirs):
+            x, y, z = (far - near for far, near in zip(there, here, strict=True))
+            if a <= b:
+                found.setdefault((a, b, (x, y, z)), []).append((modulus, here, sign * other_sign))
+    return found
 
-    def note(a: int, b: int, offset: Offset, sign: int, *moduli: tuple[int, int, int]) -> None:
-        entries.append((a, b, offset))
-        made.append((sign, *moduli[0], *moduli[-1]))
 
-    for a in range(dimension):
-        along = axes[a]
-        note(a, a, (0, 0, 0), 2, (0, 0, 0))
-        note(a, a, _unit(along), 0, (0, 0, 0))
-        note(a, a, _unit(along, -1), 0, (0, along, -1))
-        for b in range(dimension):
-            if b != a:
-                note(a, a, _unit(axes[b]), 0, (1 + a + b, axes[b], 1))
-                note(a, a, _unit(axes[b], -1), 0, (1 + a + b, 0, 0))
-        for b in range(a + 1, dimension):
-            edge, side, back = 1 + a + b, axes[b], _unit(along, -1)
-            note(a, b, (0, 0, 0), 1, (1, 0, 0), (edge, 0, 0))
-            note(a, b, _unit(side), -1, (1, 0, 0), (edge, side, 1))
-            note(a, b, back, -1, (1, along, -1), (edge, 0, 0))
-            note(a, b, _add(_unit(side), back), 1, (1, along, -1), (edge, side, 1))
-    return tuple(entries), np.array(made, dtype=np.int64)
+def _mirrored(entries: tuple[Entry, ...]) -> list[int]:
+    """Return which entries serve a second face of their own component, mirrored."""
+    return [slot for slot, (a, b, way) in enumerate(entries) if a == b and any(way)]
 
 
 @lru_cache
-def coarsening(dimension: int, depth: int) -> tuple[tuple[Terms, ...], Stencil]:
-    """Return the sums, axis by axis, that lead to the level at a depth, and its stencil."""
+def coarsening(
+    dimension: int, depth: int
+) -> tuple[tuple[sp.csr_array, ...], tuple[Entry, ...], tuple[Entry, ...]]:
+    """Return the sums, axis by axis, that lead to the level at a depth; finer entries, and its."""
     if depth > 3:
         return coarsening(dimension, 3)  # From there on all levels are alike.
-    if depth == 1:
-        entries = finest_entries(dimension)[0]
-        sources = {entry: ((0, 0), slot, 0) for slot, entry in enumerate(entries)}
-    else:
-        entries = coarsening(dimension, depth - 1)[1].entries
-        sources = {}
-        for slot, (a, b, way) in enumerate(entries):
-            sources[a, b, way] = ((0, 0), slot, 0)
-            if a == b and any(way):
-                back = _opposite(way)
-                sources[a, b, back] = ((back[0], back[1]), slot, back[2])
+    finer: tuple[Entry, ...] = ()
+    entries = tuple(law_entries(dimension))
+    if depth > 1:
+        finer = coarsening(dimension, depth - 1)[2]
+        back = [(*finer[slot][:2], _opposite(finer[slot][2])) for slot in _mirrored(finer)]
+        entries = (*finer, *back)
     steps = []
     for axis in axes_of(dimension):
-        terms, entries = _step(dimension, axis, sources)
-        steps.append(terms)
-        sources = {entry: ((0, 0), slot, 0) for slot, entry in enumerate(entries)}
-    return tuple(steps), stencil_of(dimension, entries)
+        step, entries = _step(dimension, axis, entries)
+        steps.append(step)
+    return tuple(steps), finer, entries
 
 
 def _step(
-    dimension: int, axis: int, sources: dict[Entry, tuple[tuple[int, int], int, int]]
-) -> tuple[Terms, tuple[Entry, ...]]:
+    dimension: int, axis: int, entries: tuple[Entry, ...]
+) -> tuple[sp.csr_array, tuple[Entry, ...]]:
     """Return the sums that coarsen one axis, and the entries that they make."""
     # Weights of a coarse face for fine ones, by their distance from twice its place: along its
-    # normal, and across it.
+    # normal, and across it. Columns are the entries at distance -1, then those at 0, 1 and 2.
     normal, across = {-1: 0.5, 0: 1.0, 1: 0.5}, {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
-    axes = axes_of(dimension)
-    found: dict[Entry, list[tuple[tuple[int, int], int, int, float]]] = {}
-    for (a, b, way), (row, slot, shift) in sources.items():
-        ours, theirs = (normal if axes[c] == axis else across for c in (a, b))
-        for fine, weight in ours.items():
-            for other, other_weight in theirs.items():
-                between = fine + way[axis] - other
-                if between % 2:
-                    continue
-                new = _add(way, _unit(axis, between // 2 - way[axis]))
-                # An offset whose first step, up to the axis, is backward is stored the other way.
-                if a == b and next((step < 0 for step in new[: axis + 1] if step), False):
-                    continue
-                if axis == 2:  # Rows were split into even and odd places.
-                    source = ((fine % 2, 0), slot, fine // 2 - 2)
-                else:
-                    source = (_add((*row, 0), _unit(axis, fine))[:2], slot, shift)
-                found.setdefault((a, b, new), []).append((*source, weight * other_weight))
-    entries = tuple(sorted(found))
-    rows = sorted({term[0] for terms in found.values() for term in terms})
-    number = {row: k for k, row in enumerate(rows)}
-    place, weights = [], []
-    for slot, entry in enumerate(entries):
-        terms = found[entry]
-        terms += [(*terms[0][:3], 0.0)] * (-len(terms) % TOGETHER)
-        place += [(slot, number[row], source, shift) for row, source, shift, _ in terms]
-        weights += [weight for *_, weight in terms]
-    return (Terms(np.array(place), np.array(weights), np.array(rows), len(entries)), entries)
-
-
-def stencil_of(dimension: int, entries: tuple[Entry, ...]) -> Stencil:
-    """Return the stencil of a level with given entries."""
-    zero: Offset = (0, 0, 0)
-    found: list[tuple[int, ...]] = []
+    axes, found = axes_of(dimension), []
     for slot, (a, b, way) in enumerate(entries):
-        found.append((a, b, *way, slot, *zero))
-        if a != b or any(way):
-            back = _opposite(way)
-            found.append((b, a, *back, slot, *back))
-    found.sort(key=lambda c: (c[0], c[:5] != (c[0], c[0], *zero), c[6:9], c[5]))
-    starts = np.searchsorted([c[0] for c in found], range(dimension + 1))
-    number = {entry: slot for slot, entry in enumerate(entries)}
-    own, after = (
-        np.array([number[c, c, way] for c in range(dimension)]) for way in (zero, (0, 0, 1))
-    )
-    return Stencil(entries, np.array(found), starts.astype(np.int64), own, after)
+        ours, theirs = (normal if axes[c] == axis else across for c in (a, b))
+        for fine, other in product(ours, theirs):
+            between = fine + way[axis] - other
+            if between % 2:
+                continue
+            new = _moved(way, axis, between // 2 - way[axis])
+            # An offset whose first step, up to the axis, is backward is stored the other way.
+            if a != b or not next((step < 0 for step in new[: axis + 1] if step), False):
+                column = (fine + 1) * len(entries) + slot
+                found.append(((a, b, new), column, ours[fine] * theirs[other]))
+    made, columns, weights = zip(*found, strict=True)
+    number = {entry: row for row, entry in enumerate(sorted(set(made)))}
+    rows, shape = [number[entry] for entry in made], (len(number), 4 * len(entries))
+    return sp.csr_array((weights, (rows, columns)), shape=shape), tuple(number)
 
 
 FIRST = GHOST + 1
@@ -196,15 +129,12 @@ class MultigridLevel(NamedTuple):
 
     cells: tuple[int, ...]
     level: Level
-    stencil: Stencil | None  # None where moduli of cells and edges are all there is
     u: Floats  # Displacement and
     load: Floats  # load of all places
 
 
-def _box(
-    cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None
-) -> LevelBox:
-    """Return the numbers of a level's arrays."""
+def _box(cells: tuple[int, ...], first: int, reach: int) -> LevelBox:
+    """Return the numbers of the arrays of a level by the law."""
     planes, *rows, length = (2 * ((n + 9) // 2) for n in cells)
     shape = planes, *(rows or (1,)), length
     begin, end = [first] * len(cells), [n + 5 for n in cells]
@@ -212,21 +142,9 @@ def _box(
         begin.insert(1, 0)
         end.insert(1, 1)
     step = (shape[1] * length, length, 1) if rows else (length, 1, 0)
-    starts, after = [0] * 4, [0] * 3
-    if stencil is not None:
-        starts[: len(stencil.starts)], after[: len(cells)] = stencil.starts, stencil.next
-    return LevelBox(
-        shape,
-        tuple(begin),
-        tuple(end),
-        len(cells),
-        prod(shape),
-        step,
-        reach,
-        0 if stencil is None else len(stencil.entries),
-        tuple(map(int, starts)),
-        tuple(map(int, after)),
-    )
+    places, nothing = prod(shape), (0, 0, 0)
+    numbers = len(cells), places, step, reach, 0, (*nothing, 0), nothing
+    return LevelBox(shape, tuple(begin), tuple(end), *numbers)
 
 
 def level_by_law(problem: ElasticProblem) -> MultigridLevel:
@@ -252,7 +170,8 @@ def level_by_law(problem: ElasticProblem) -> MultigridLevel:
     place[FIRST - 1 + planes :] -= planes - len(kept)
     place = np.minimum(place, described - 1)
     parts = [x.reshape(len(x), -1, shape[2]) for x in (law, inverse)]
-    number = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
+    alike = [(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part]
+    number = np.append(0, np.cumsum(~np.logical_and.reduce(alike)))
     if 2 * number[-1] < len(number):
         parts = [x.take(np.flatnonzero(np.diff(number, prepend=-1)), 1) for x in parts]
     else:
@@ -261,7 +180,7 @@ def level_by_law(problem: ElasticProblem) -> MultigridLevel:
     data, described_inverse = (x.ravel() for x in parts)
     level = Level(data, described_inverse, np.zeros((0, 3), dtype=np.int64), rows, box)
     n = problem.dimension * box.places
-    return MultigridLevel(problem.shape, level, None, np.empty(n), np.empty(n))
+    return MultigridLevel(problem.shape, level, np.empty(n), np.empty(n))
 
 
 def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
@@ -312,11 +231,6 @@ def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
     return law.reshape(-1, *shape), inverse
 
 
-def _numbered(like: Sequence[Flags]) -> Ints:
-    """Return a number for every row, the same if it is like the one before in every respect."""
-    return np.append(0, np.cumsum(~np.logical_and.reduce(like)))
-
-
 def spread(values: NDArray[Any], level: Level) -> NDArray[Any]:
     """Return for all faces the values that a level stores for its distinct rows."""
     if values.size == level.box.components * level.box.places:
@@ -328,69 +242,96 @@ def spread(values: NDArray[Any], level: Level) -> NDArray[Any]:
 def coarse_level(above: MultigridLevel, depth: int) -> MultigridLevel:
     """Return the next coarser level: the stencil P'AP."""
     fine, cells = above.level, tuple((n + 1) // 2 for n in above.cells)
-    d = len(cells)
-    sums, stencil = coarsening(d, depth)
-    box = _box(cells, GHOST, 2, stencil)
-    rows = _shared_coarse_rows(fine, box, sums)
-    described = (int(rows.max()) + 1) * box.shape[2]
-    data, inverse = np.zeros(described * len(stencil.entries)), np.zeros(d * described)
-    level = Level(data, inverse, _flat(stencil, box), rows, box)
-    if d == 2:
-        sums = (sums[0], sums[1], sums[1])
-    places, ways = [step.place for step in sums], [step.rows for step in sums]
-    ends, starts = (np.cumsum([0, *map(len, parts)]) for parts in (places, ways))
-    weight = np.concatenate([step.weight for step in sums])
-    joined = np.concatenate(places), weight, np.concatenate(ways), ends, starts
-    made, length = _finest_terms(fine), fine.box.shape[2]
-    few = 0 if fine.box.entries else len(sums[0].rows) * len(made)
-    first, second = sums[0].sums, sums[1].sums
-    sizes = few * length, (4 * first + second) * length, max(first, second) * length
-    room = (*map(np.zeros, sizes), np.zeros(int(starts[-1]) + 4, dtype=np.int64))
-    coarse_operator(fine, made, joined, level, stencil.own, room)
+    d, reach = len(cells), fine.box.reach
+    steps, finer, stencil = coarsening(d, depth)
+    box, couplings = _coupled(stencil, _box(cells, GHOST, 2))
+    (planes, many, length), first, end = box.shape, box.first, box.end
+    rows, entries = np.zeros((planes, many), dtype=np.int64), len(stencil)
+    # The first row is that of places that are not in use. Memory is taken as rows are written.
+    data, count = np.zeros((1 + planes * many, entries, length)), 1
+    shared = fine.rows.reshape(fine.box.shape[:2])
+    new = _unlike(shared, first[0], end[0], reach)
+    while new:
+        # Eight planes at once: all of them would take far more memory than the level.
+        together = [p for k, p in enumerate(new[:8]) if p == new[0] + k]
+        new = new[len(together) :]
+        near = shared.take(_made_of(together, reach), 0, mode="wrap")
+        lanes, wanted, places = [0], np.zeros(1, dtype=np.int64), [0]
+        if many > 1:
+            lanes = _unlike(near.T, first[1], end[1], reach)
+            wanted = _made_of(lanes, reach)
+            places = np.searchsorted(wanted, 2 * np.array(lanes) - 5).tolist()
+        at = (
+            [reach + 2 * k for k in range(len(together))],
+            places,
+            range(1, 2 * (end[2] - first[2]), 2),
+        )
+        fields = _coefficients(fine, finer, near.take(wanted, 1, mode="wrap"))
+        for axis, step in zip(axes_of(d), steps, strict=True):
+            lines = np.ascontiguousarray(np.moveaxis(fields, (1 + axis, 0), (0, 1)))
+            sums = [step @ lines[k : k + 4].reshape(step.shape[1], -1) for k in at[axis]]
+            sizes = len(sums), step.shape[0], *lines.shape[2:]
+            fields = np.moveaxis(np.reshape(sums, sizes), (0, 1), (1 + axis, 0))
+        made = np.moveaxis(fields, 0, 2).reshape(-1, entries, fields.shape[-1])
+        data[count : count + len(made), :, first[2] : end[2]] = made
+        number = count + np.arange(len(made)).reshape(len(together), -1)
+        which = np.searchsorted(lanes, range(first[1], end[1]), "right") - 1
+        rows[together, first[1] : end[1]] = number[:, which]
+        count += len(made)
+    for p in range(first[0], end[0]):
+        rows[p] = rows[p] if rows[p].any() else rows[p - 1]
+    own = np.moveaxis(data[:count, [stencil.index((a, a, HERE)) for a in range(d)]], 1, 0)
+    inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
+    level = Level(data[:count].ravel(), inverse.ravel(), couplings, rows.ravel(), box)
     n = d * box.places
-    return MultigridLevel(cells, level, stencil, np.zeros(n), np.zeros(n))
+    return MultigridLevel(cells, level, np.zeros(n), np.zeros(n))
 
 
-def _shared_coarse_rows(fine: Level, box: LevelBox, sums: Sequence[Terms]) -> Ints:
-    """Return numbers of coarse rows, the same as before where all fine rows are shared."""
-    # Rows that are not in use share the first.
-    fine_rows = fine.rows.reshape(fine.box.shape[:2])
-    reach = [np.unique(sums[0].rows[:, 0]), np.array([0])]
-    if len(sums) == 3:
-        beside, beyond = sums[0].rows[:, 1], sums[1].rows[:, 1]
-        reach[1] = np.arange(beside.min() + beyond.min(), beside.max() + beyond.max() + 1)
-    if fine.box.entries == 0:  # The law of a row reaches its neighbours.
-        reach = [np.arange(way.min() - 1, way.max() + 2) for way in reach]
-    used = [np.arange(box.first[k], box.end[k]) for k in (0, 1)]
-    seen = [
-        np.clip(2 * place - 4 + way[:, None], 0, n - 1)
-        for place, way, n in zip(used, reach, fine_rows.shape, strict=True)
-    ]
-    key = [fine_rows[p[:, None], q].ravel() for p in seen[0] for q in seen[1]]
-    rows = np.zeros(box.shape[:2], dtype=np.int64)
-    rows[np.ix_(*used)] = 1 + _numbered([k[1:] == k[:-1] for k in key]).reshape(
-        [len(place) for place in used]
-    )
-    return rows.ravel()
+def _made_of(places: list[int], reach: int) -> Ints:
+    """Return the fine places that make coarse ones, 2p - 5 to 2p - 2, and those these reach."""
+    span = np.arange(-5 - reach, -1 + reach)
+    return np.unique(2 * np.array(places)[:, None] + span)
 
 
-def _flat(stencil: Stencil, box: LevelBox) -> Ints:
-    """Return couplings as `row_kernels` wants them: place of coefficient and of other face."""
-    (_planes, rows, length), table = box.shape, stencil.couplings
-    far = (table[:, 2] * rows + table[:, 3]) * length + table[:, 4] + table[:, 1] * box.places
-    row = table[:, 6] * rows + table[:, 7]
-    return np.stack([row, table[:, 5] * length + table[:, 8], far], axis=1)
+def _unlike(rows: Ints, first: int, end: int, reach: int) -> list[int]:
+    """Return the coarse places, from first to end, that are not made of what the one before is."""
+    near = [rows.take(_made_of([p], reach), 0, mode="wrap") for p in range(first, end)]
+    unlike = [not np.array_equal(*two) for two in pairwise(near)]
+    return [first, *(p for p, new in enumerate(unlike, first + 1) if new)]
 
 
-def _finest_terms(fine: Level) -> Ints:
-    """Return the terms of the finest level's entries."""
-    # The columns are: the sign (see `finest_entries`), then for the two faces that have to
-    # be free to move, and for the two moduli, the component or the modulus, in how many rows from
-    # its own, and how far along the row.
-    entries, made = finest_entries(fine.box.components)
-    step = np.array([[fine.box.shape[1], 0], [1, 0], [0, 1]])  # In rows, and along them.
-    table = []
-    for (a, b, way), (sign, k, axis, shift, k2, axis2, shift2) in zip(entries, made, strict=True):
-        moduli = (k, *shift * step[axis]), (k2, *shift2 * step[axis2])
-        table.append((sign, a, 0, 0, b, *np.dot(way, step), *moduli[0], *moduli[1]))
-    return np.array(table, dtype=np.int64)
+def _coefficients(level: Level, entries: tuple[Entry, ...], near: Ints) -> Floats:
+    """Return a level's entries on some of its rows, mirrored ones too: (entries, *places)."""
+    # The ends of all axes are 0 or not asked for, so they may be rolled.
+    length, around = level.box.shape[2], (0, 1, 2)
+    if entries:
+        found = list(np.moveaxis(level.data.reshape(-1, len(entries), length)[near], 2, 0))
+        found += [np.roll(found[slot], entries[slot][2], around) for slot in _mirrored(entries)]
+    else:
+        inverse = level.inverse.reshape(level.box.components, -1, length)
+        law = level.data.reshape(-1, *inverse.shape[1:])[:, near]
+        moves, found = inverse[:, near] > 0.0, []
+        for (a, b, way), parts in law_entries(level.box.components).items():
+            whole = sum(sign * np.roll(law[k], here, around) for k, here, sign in parts)
+            free = moves[a] & np.roll(moves[b], _opposite(way), around)
+            found.append(np.where(free, whole, 0.0))
+    return np.stack(found)
+
+
+def _coupled(entries: tuple[Entry, ...], box: LevelBox) -> tuple[LevelBox, Ints]:
+    """Return a level's numbers with those of its couplings, and these: see `Level.couplings`."""
+    # An entry serves its own row and, mirrored, the row of the other face.
+    found: list[tuple[int, Offset, int, int, Offset]] = []
+    for slot, (a, b, way) in enumerate(entries):
+        found.append((a, HERE, slot, b, way))
+        if a != b or any(way):
+            found.append((b, _opposite(way), slot, a, _opposite(way)))
+    found.sort()
+    starts = tuple(sum(a < c for a, *_ in found) for c in range(4))
+    after = [entries.index((a, a, (0, 0, 1))) for a in range(box.components)]
+    (_planes, rows, length), table = box.shape, []
+    for _, (plane, row, place), slot, other, way in found:
+        far = ((way[0] * rows + way[1]) * length + way[2]) + other * box.places
+        table.append((plane * rows + row, slot * length + place, far))
+    box = box._replace(entries=len(entries), starts=starts, after=(*after, 0)[:3])
+    return box, np.array(table)

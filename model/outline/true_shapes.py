@@ -16,6 +16,7 @@ from kaju.model.scene.curves import Point, cross, crossings, parted_at
 from kaju.model.scene.lattice import area_of
 
 from .arc_triangles import (
+    CLOSE,
     ArcFrames,
     TouchError,
     angle,
@@ -23,6 +24,7 @@ from .arc_triangles import (
     in_triangles,
     keep_apart,
     kept_apart,
+    overlapping,
 )
 
 SMOOTH = 1e-9  # lines at a smaller angle have one direction
@@ -218,6 +220,17 @@ class TrueRegion:
             for line, inward in zip(self.lines, self.inward, strict=True)
         ]
 
+    def part_of(self, other: TrueRegion) -> float:
+        """Return 1 if it holds all of another region, 0 if nothing, and else 1/2."""
+        frames, others = ArcFrames(self.arcs), ArcFrames(other.arcs)
+        if len(overlapping(frames.triangles, others.triangles, CLOSE)[0]):
+            return 0.5
+        own, its = ([ArcFrames(line.arcs).start for line in one.lines] for one in (self, other))
+        held = holding([own], np.array([line[0] for line in its]))
+        if holding([its], np.array([line[0] for line in own])).any():
+            return 0.5
+        return float(held.all()) if held.all() or not held.any() else 0.5
+
 
 def holding(rings: list[list[Floats]], points: Floats) -> Flags:
     """Tell which regions hold which points, shape (regions, points): how often a ray meets them."""
@@ -266,23 +279,29 @@ class TrueBody:
 
     def softer(self, number: int) -> bool:
         """Tell whether a region is no stiffer than all that it may cover."""
-        law = self.regions[number].law
-        return all(law == law.with_other(below, stiffer=False) for below in self._below(number))
+        return self._beside(number, self._laws_below[number], stiffer=False)
 
     def mixed(self, number: int) -> bool:
         """Tell whether a region is neither no stiffer nor no softer than all it may cover."""
-        law = self.regions[number].law
-        stiffer = all(law == law.with_other(below, stiffer=True) for below in self._below(number))
-        return not stiffer and not self.softer(number)
+        below = self._laws_below[number]
+        return not any(self._beside(number, below, stiffer) for stiffer in (True, False))
 
-    def _below(self, number: int) -> set[Law]:
-        return self._laws_below[number]
+    def _beside(self, number: int, below: set[Law], stiffer: bool) -> bool:
+        law = self.regions[number].law
+        return all(law == law.with_other(other, stiffer) for other in below)
 
     @cached_property
     def _laws_below(self) -> list[set[Law]]:
-        found = [{self.law}]
-        for region in self.regions:
-            found.append(found[-1] | {region.law})
+        """The laws that each region may cover: of those that hold it the last one's, and later."""
+        found = []
+        for number, region in enumerate(self.regions):
+            below = {self.law, *(one.law for one in self.regions[:number])}
+            if not any(self._beside(number, below, stiffer) for stiffer in (True, False)):
+                below = {self.law}
+                for earlier in self.regions[:number]:
+                    if part := earlier.part_of(region):
+                        below = {earlier.law} | (below if part < 1.0 else set())
+            found.append(below)
         return found
 
     def kinks(self, least: float) -> Floats:

@@ -16,6 +16,7 @@ from itertools import combinations, product
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.moduli import constants_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
@@ -76,8 +77,7 @@ def singular_at(scene: Scene, point: Floats) -> str:
 
 def _sides(scene: Scene, kinds: Ints) -> tuple[int, ...]:
     """Return four kinds, those merged that hold in the same way or are of the same stiffness."""
-    materials = scene.cell_materials
-    stiffness = [(m.youngs_modulus, m.poissons_ratio) for m in materials]
+    stiffness = constants_of(scene).tolist()
     merged = {AIR: AIR, FOUNDATION: AIR, RIGID: RIGID, DISPLACED: RIGID, ROLLER: ROLLER}
     return tuple(
         merged[kind] if kind < 0 else stiffness.index(stiffness[kind]) for kind in kinds.tolist()

@@ -17,11 +17,14 @@ if TYPE_CHECKING:
 STIFF_PRESSURE = 9.0  # λ/μ (0.45 in ν) from which on the mixed form is the quicker one
 
 
+def constants_of(scene: Scene) -> Floats:
+    """Return Young's modulus (Pa) and Poisson's ratio of every material, shape (n, 2)."""
+    return np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
+
+
 def scene_moduli(scene: Scene, unit: float = 1.0) -> Moduli:
     """Return the moduli of a scene's materials, in units of so many Pa."""
-    materials = scene.cell_materials
-    youngs = np.array([material.youngs_modulus for material in materials])
-    ratio = np.array([material.poissons_ratio for material in materials])
+    youngs, ratio = constants_of(scene).T
     return moduli_of(youngs / unit, ratio, scene.plane)
 
 

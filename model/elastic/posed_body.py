@@ -13,7 +13,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.corners import ROUND, sharp_corners
-from kaju.model.elastic.moduli import scene_moduli
+from kaju.model.elastic.moduli import constants_of, scene_moduli
 from kaju.model.elastic.pair.leaves import BITS, LeafCells, morton
 from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.uneven_loads import portions
@@ -212,7 +212,7 @@ class PosedBody:
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.equal.problem`."""
         scene = self.scene
-        modulus = max(material.youngs_modulus for material in scene.cell_materials)
+        modulus = float(constants_of(scene)[:, 0].max())
         sides = map(scene.side_condition, scene.lattice.sides)
         self.scales = Scales.of_cells(scene, modulus, self._force, sides)
         self._force /= self.scales.force

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import ConvergenceError, ParameterError, brief
+from kaju.errors import ConvergenceError, ParameterError, require
 from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
@@ -18,6 +18,7 @@ from kaju.model.elastic.equal.problem import FaceFields
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.supports import is_torn
 from kaju.model.elastic.goals.quantities import AskedFor, asked
+from kaju.model.elastic.moduli import constants_of
 from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
@@ -149,17 +150,16 @@ def _grid(
 
 def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:
     """Return a field of relative stiffness, one number above 0 for every cell of the scene."""
+    shape = scene.lattice.shape
     try:
         field = np.asarray(stiffness, dtype=np.float64)
+        require(field.shape == shape, f"got shape {field.shape}")
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"stiffness: must be numbers, got {brief(stiffness)}") from error
-    shape = scene.lattice.shape
-    if field.shape != shape:
         raise ParameterError(
             f"stiffness: one number a cell is needed, an array of shape {shape} indexed from "
-            f"left and bottom, got shape {field.shape}"
-        )
-    stiffest = max(material.youngs_modulus for material in scene.cell_materials)
+            f"left and bottom: {error}"
+        ) from error
+    stiffest = constants_of(scene)[:, 0].max()
     with np.errstate(over="ignore"):
         wrong = (scene.rasterise() >= 0) & ~(np.isfinite(field * stiffest) & (field > 0.0))
     if wrong.any():

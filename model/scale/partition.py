@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags
 from kaju.errors import ParameterError, SceneError
-from kaju.model.elastic.equal.grid import constants_of, problem_of, sides_of
+from kaju.model.elastic.equal.grid import problem_of, sides_of
 from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.equal.system import lift
+from kaju.model.elastic.moduli import constants_of
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Flags, Floats
 from kaju.errors import ResultError, brief, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.moduli import constants_of
 from kaju.model.results.archive import answer_of, stored_at
 from kaju.model.results.result import BodyResult, line_of
 from kaju.model.scene import Scene
@@ -259,7 +260,7 @@ def _energy_error(judged: BodyResult, points: Floats, stress: Pair) -> float:
     c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
     """
     scene = judged.scene
-    modulus, ratio = _moduli(scene)[np.maximum(judged.material_at(points), 0)].T
+    modulus, ratio = constants_of(scene)[np.maximum(judged.material_at(points), 0)].T
     share = ratio if scene.plane == "strain" else ratio / (1.0 + ratio)
 
     def energy(tensors: Floats) -> float:
@@ -268,11 +269,6 @@ def _energy_error(judged: BodyResult, points: Floats, stress: Pair) -> float:
         return float(((1.0 + ratio) / modulus) @ square)
 
     return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
-
-
-def _moduli(scene: Scene) -> Floats:
-    """Return Young's modulus (Pa) and Poisson's ratio of every material, shape (n, 2)."""
-    return np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
 
 
 # Where answers are compared.
@@ -377,7 +373,7 @@ def _refuse_other_body(coarse: Scene, fine: Scene, exact: bool) -> None:
 def _moduli_at(scene: Scene, points: Floats) -> Floats:
     """Return Young's modulus and Poisson's ratio at points, 0 where there is no body."""
     kinds = scene.kinds(scene.lattice.locate(points))
-    return np.where((kinds >= 0)[:, None], _moduli(scene)[np.maximum(kinds, 0)], 0.0)
+    return np.where((kinds >= 0)[:, None], constants_of(scene)[np.maximum(kinds, 0)], 0.0)
 
 
 def _differ(one: Floats, other: Floats) -> Flags:

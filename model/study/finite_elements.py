@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, needing
 from kaju.factors import factors_of
-from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.moduli import Moduli, moduli_at, scene_moduli
 from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
@@ -177,10 +177,7 @@ def cells_of(mesh: Any) -> Index:
 def _element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
     """Return the moduli (Pa) of every element; see `surroundings` for `kinds`."""
     kind = kinds[tuple(cells_of(mesh) + 1)]
-    constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
-    youngs_modulus, poissons_ratio = np.array(constants).T
-    moduli = moduli_of(youngs_modulus, poissons_ratio, scene.plane)
-    return Moduli(*(modulus[kind] for modulus in moduli))
+    return moduli_at(scene_moduli(scene), kind)
 
 
 def _faces_of(mesh: Any, facets: Index) -> tuple[Index, Index]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.elastic.moduli import moduli_of
+from kaju.model.elastic.moduli import constants_of, moduli_of
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
@@ -61,11 +61,6 @@ def problem_of_scene(
         names = ", ".join(material.name for material in scene.cell_materials)
         raise ParameterError(f"materials ({names}): {error}") from error
     return problem, tuple(int(i) for i in lower)
-
-
-def constants_of(scene: Scene) -> Floats:
-    """Return Young's modulus (Pa) and Poisson's ratio of every material of the cells."""
-    return np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
 
 
 def sides_of(scene: Scene, lower: Ints, upper: Ints) -> dict[int, SideCondition]:

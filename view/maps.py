@@ -42,9 +42,8 @@ def quantity_of(
     """Return a field of a result, or one component of it."""
     if what == "von_mises":
         return Quantity(result.von_mises, "Von Mises stress", "Pa", signed=False)
-    if what == "taken":
-        taken: Floats = getattr(result, what)
-        return Quantity(taken.sum(axis=1), "Loads taken", "N", False, True)
+    if isinstance(result, TransferResult) and what == "taken":
+        return Quantity(result.last.taken.sum(axis=1), "Loads taken", "N", False, True)
     names = "xyz"[: result.scene.lattice.dimension]
     if what == "displacement":
         chosen = component or "magnitude"

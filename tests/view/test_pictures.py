@@ -141,8 +141,8 @@ def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, scene):
     monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
     result = LoadModel(scene).run()
     paths = plot_all(result, tmp_path)
-    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
-    assert {path.name for path in paths} <= set(PICTURES)
+    assert {p.name for p in paths} == {p.name for p in tmp_path.iterdir()} <= set(PICTURES)
+    assert all(plot(result, name) for name in result.pictures)
     assert paths[0].name == "agents.png"
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths)
     assert ((tmp_path / "stages.png") in paths) == (len(result.stages) > 1)

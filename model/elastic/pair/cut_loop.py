@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf, radians
 
 import numpy as np
@@ -137,12 +138,11 @@ class CutLoop(PairLoop):
         return every.code[((share > 0.0) & (share < 1.0 - 1e-12)).any(axis=1)]
 
     def _judge(self, pair: CutPair) -> Judged:
-        error = pair.bounds.error
-        wanted = min((AIM * self.tolerance / error) ** 2, 1.0) if np.isfinite(error) else 0.0
+        judged = self.goals.judge(pair, self.tolerance)
         often = coarse_along(pair, self.tolerance)
-        if error <= self.tolerance:
+        if judged.error <= self.tolerance:
             often = np.where(often > 1, often, 0)
-        return Judged((), error, pair.shares, False, wanted, often)
+        return replace(judged, first=often)
 
     def _keep(self, chosen: Flags) -> None:
         """Note the generation."""

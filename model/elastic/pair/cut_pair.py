@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from kaju.model.outline.true_shapes import UNIT, covering
 from .cut_border import Border
 from .cut_fields import Balancing, CutFitting
 from .cut_mesh import CutMesh, mesh_of
-from .gap import FAR, Bounds
+from .gap import Bounds, bounds_of
 from .leaves import LeafCells
 from .opinions import tensors
 
@@ -114,11 +113,8 @@ class CutPair:
         rounding = self.problem.rounding
         lower, upper = self.lower * (1.0 - rounding), self.upper * (1.0 + rounding)
         # the gap counts as both energies have it, or as its shares add up, should that be more
-        gap = max(upper - lower, float(self.shares.sum()))
-        error = 0.5 * (gap / lower) ** 0.5 if lower > 0.0 else inf
-        # of energies far apart that which fits is the better one
-        energy = 0.5 * lower if upper > FAR * lower > 0.0 else 0.25 * (lower + upper)
-        return Bounds(0.5 * lower, 0.5 * upper, error, False, energy)
+        case = np.array([[0.5 * lower], [0.5 * upper], [0.5 * lower], [upper - lower]])
+        return bounds_of(case, max(upper - lower, float(self.shares.sum())), 0.0)
 
     def _crossed(self) -> Floats:
         """Return ∫ σ : ε of each leaf, nearly so where the triangles of both fields differ."""

@@ -195,7 +195,6 @@ class _Peak:
     the last generation changed. An agent's part in it is about √(its part of the gap) h² / r³ at
     a distance r from the nearest place where the stress may be as large: the influence of a stress
     falls off as 1/r², its error as h/r³.
-    There is no estimate before agents where the stress is large are as small as the body is thin.
     """
 
     def __init__(self, body: OutlinedBody, name: str, tolerance: float):
@@ -225,17 +224,13 @@ class _Peak:
     def judge(self, pair: CutPair) -> Judged:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
         before, along = self._value, HoopStress.along(pair, self._which).counted()
-        nothing = np.zeros(len(pair.leaves))
         often = coarse_along(pair, self._tolerance)
         if not len(along.place):
             if not often.any():
                 raise _unresolved(UnlikeError(f"no agent lies along {self.name!r}"))
-            return self._aimed(nothing, often)
+            return self._aimed(np.zeros(len(pair.leaves)), often)
         at = int(np.abs(along.moved).argmax())
         self._value = float(along.moved[at])
-        if (thick := self._too_thick(pair, along)).any():
-            self._off = self._error = inf
-            return self._aimed(nothing, np.maximum(often, thick))
         largest = max(abs(self._value), LEAST * float(np.abs(pair.means[0]).max()))
         # where it was within the tolerance, the last agents spawned for something else
         kept = self._off if self._error <= self._tolerance else 0.0
@@ -253,24 +248,3 @@ class _Peak:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
         goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, self._no_bound)
         return Judged((goal,), self._error, part, False, AIM**2 * STEP, often)
-
-    def _too_thick(self, pair: CutPair, along: HoopStress) -> Ints:
-        """Return how often to halve leaves larger than the stressed body there is thick."""
-        stress = np.abs(along.moved)
-        rows = np.flatnonzero(stress > STRESSED * stress.max())
-        border = pair.borders[1]
-        size = (pair.leaves.size * UNIT)[along.leaf]
-        inward = -along.outward if self._region.solid else along.outward
-        often = np.zeros(len(pair.leaves), dtype=np.int64)
-        for row in rows.tolist():
-            # where a line across the body meets the border next
-            away, n = border.at - along.place[row], inward[row]
-            depth, side = away @ n, away @ [-n[1], n[0]]
-            meets = ((side[:, 0] > 0.0) != (side[:, 1] > 0.0)) & (border.outward @ n > 0.0)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = side[:, 0] / (side[:, 0] - side[:, 1])
-            at = (depth[:, 0] + share * (depth[:, 1] - depth[:, 0]))[meets]
-            at = at[at > 0.0]
-            if len(at) and size[row] > at.min():
-                often[along.leaf[row]] = min(int(np.ceil(np.log2(size[row] / at.min()))), 3)
-        return often

@@ -498,7 +498,7 @@ def curves_of(
     which has none, then region by region whether it is solid, and the number of points of each of
     its lines.
     """
-    body, places, moved = found.ground.problem.body, [np.empty((0, 2))], [np.empty((0, 2))]
+    body, places, moved = found.ground.true, [np.empty((0, 2))], [np.empty((0, 2))]
     regions: list[dict[str, Any]] = [{"solid": body.law != AIR, "lines": []}]
     for region in body.regions:
         lines = [flattened(_as_fine(line.arcs, found.leaves), 3) for line in region.lines]

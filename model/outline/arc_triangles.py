@@ -116,28 +116,6 @@ def keep_apart(one: Floats, other: Floats) -> bool:
         one, other = halved(one, split), halved(other, beside)
 
 
-def touches(arcs: Floats, shape: tuple[int, int], axis: int, upper: int) -> bool:
-    """Tell whether arcs touch a side of an array from within, without crossing it there."""
-    sign, side = (-1.0 if upper else 1.0), upper * shape[axis]
-    frames = ArcFrames(arcs)
-    depth = sign * (np.stack([frames.start, frames.end], axis=1)[..., axis] - side)
-    arcs = arcs[(frames.turn != 0.0) & (depth.max(axis=1) > CLOSE)]
-    # Halves that are near the side and run along it somewhere, until they are points.
-    while len(arcs):
-        frames = ArcFrames(arcs)
-        if frames.length.max() < CLOSE:
-            break
-        first, last = frames.first[:, axis], frames.last[:, axis]
-        level = (np.minimum(np.abs(first), np.abs(last)) < CLOSE) | (first * last < 0.0)
-        near = (sign * (frames.triangles[..., axis] - side)).min(axis=1) < CLOSE
-        arcs = arcs[near & level]
-        arcs = halved(arcs, np.ones(len(arcs), dtype=np.bool_))
-    ends = (arcs[:, [0, 3], :2] / arcs[:, [0, 3], 2:]).reshape(-1, 2)
-    along = ends[:, 1 - axis]
-    touching = (np.abs(ends[:, axis] - side) < CLOSE) & (along >= 0.0)
-    return bool((touching & (along <= shape[1 - axis])).any())
-
-
 def kept_apart(lines: list[Floats]) -> list[Floats]:
     """Return arcs of lines, halved until triangles of two lines overlap only where these meet."""
     while len(lines) > 1:

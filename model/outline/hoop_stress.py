@@ -94,8 +94,8 @@ class HoopStress:
 
 def _may_be_largest(pair: CutPair, region: int) -> Flags:
     """Tell of which leaves an outline's stress counts: of rounded parts, if a rigid side is met."""
-    body, every = pair.problem.body.regions[region], np.ones(len(pair.leaves), dtype=np.bool_)
-    if not rigid_sides_at(along(body, pair.problem.shape), pair.problem):
+    body, every = pair.body.true.regions[region], np.ones(len(pair.leaves), dtype=np.bool_)
+    if not rigid_sides_at(along(body, pair.body.shape), pair.body):
         return every
     turned = turn_in(pair.leaves, body.arcs) > 0.0
     return turned if turned.any() else every
@@ -115,13 +115,13 @@ def _ends_of_body(pair: CutPair, region: int) -> tuple[Floats, Ints]:
     mesh, border = pair.balancing.mesh, pair.borders[1]
     rows = np.flatnonzero(border.outline == region)
     at = border.at[rows]
-    solid = pair.problem.body.regions[region].solid
+    solid = pair.body.true.regions[region].solid
     return at if solid else at[:, ::-1], mesh.beside[border.edge[rows], 0]
 
 
 def _between_materials(pair: CutPair, line: Floats) -> tuple[Floats, Ints]:
     """Return the edges along an outline at which two materials meet, and triangles outside."""
-    mesh, certain = pair.balancing.mesh, len(pair.problem.body.laws)
+    mesh, certain = pair.balancing.mesh, len(pair.body.true.laws)
     edge, of = mesh.edge.ravel(), np.repeat(np.arange(len(mesh.triangle)), 3)
     law = mesh.law[of]
     low, high = np.full(len(mesh.ends), certain), np.full(len(mesh.ends), -1)

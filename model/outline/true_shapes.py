@@ -83,13 +83,6 @@ class Law(NamedTuple):
     bulk: float  # half the sum of both normal stresses over the sum of their strains
     shear: float
 
-    @classmethod
-    def of(cls, modulus: float, ratio: float, plane: str) -> Law:
-        """Return the law of a Young's modulus and a Poisson's ratio in plane stress or strain."""
-        if plane == "strain":
-            modulus, ratio = modulus / (1.0 - ratio**2), ratio / (1.0 - ratio)
-        return cls(0.5 * modulus / (1.0 - ratio), 0.5 * modulus / (1.0 + ratio))
-
     @property
     def stiffness(self) -> Floats:
         """Stress (xx, yy, xy) of a strain (xx, yy, 2 xy)."""

@@ -46,7 +46,7 @@ class CutAgents(PairAgents):
     @property
     def no_bound(self) -> str:
         """Why nothing is proved; empty if it is."""
-        return NO_BOUND if self.ground.problem.estimated else ""
+        return NO_BOUND if self.ground.estimated else ""
 
     @property
     def cut(self) -> Flags:
@@ -110,12 +110,12 @@ class CutAgents(PairAgents):
         return {
             name: self._borne[self._border.side == number].sum(axis=0)
             for number, name in enumerate(SIDES)
-            if name in self.ground.problem.held
+            if name in self.ground.held
         }
 
     def applied(self, stage: int | None = None) -> Floats:
         """Return the forces (N) on the body, shape (n, 2): along its border, and its weight."""
-        weight = self.ground.problem.weight * self.opinions.area[1].sum()
+        weight = self.ground.weight * self.opinions.area[1].sum()
         return np.asarray(self.scales.force * np.vstack([self._border.given, weight[None]]))
 
     def cuts(self, axis: str | None) -> Cuts:
@@ -132,7 +132,7 @@ class CutAgents(PairAgents):
         load = share.T @ border.given
         # what lies beyond a cut is the integral of the way from it along the border, times normals
         area = border.outward[:, number] @ (share * beyond.mean(axis=1))
-        load += area[:, None] * self.ground.problem.weight
+        load += area[:, None] * self.ground.weight
         some = [ends[border.held[:, k]].reshape(-1, len(at)) for k in (0, 1)]
         far = np.stack([(one > 0.0).any(axis=0) for one in some], axis=1)
         near = np.stack([(one < 0.0).any(axis=0) for one in some], axis=1)
@@ -176,10 +176,10 @@ class CutAgents(PairAgents):
             own = np.diff([np.interp(stops[::2], way, total) for total in sums]).T
             pull = (own * border.outward[rows[row]]).sum(axis=1) > 0.0
             found += zip(middle, own, pull, strict=True)
-        if self.ground.problem.weight.any():
+        if self.ground.weight.any():
             area = self.opinions.area[1]
             centre = (area[:, None] * self._middles_of).sum(axis=0) / area.sum()
-            found.append((centre, self.ground.problem.weight * area.sum(), True))
+            found.append((centre, self.ground.weight * area.sum(), True))
         place, force, pull = (np.array([one[k] for one in found]) for k in range(3))
         return self.ground.edge * place, self.scales.force * force, pull.astype(np.bool_)
 

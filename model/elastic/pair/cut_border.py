@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.outline.posed_outlines import SIDES, OutlineProblem, UnlikeError
+from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import SMOOTH, nearest_of
 
 from .cut_mesh import THIRDS, CutMesh
@@ -47,8 +47,8 @@ class Border:
         return np.asarray(self.traction * np.hypot(*self.run.T)[:, None])
 
     @classmethod
-    def of(cls, mesh: CutMesh, problem: OutlineProblem, along: list[Floats]) -> Border:
-        """Return the border of a mesh under the loads and supports of a problem."""
+    def of(cls, mesh: CutMesh, body: OutlinedBody, along: list[Floats]) -> Border:
+        """Return the border of a mesh under the loads and supports of a body."""
         owner, side_of = np.nonzero(mesh.beside[mesh.edge, 1] < 0)
         edge, ends = mesh.edge[owner, side_of], mesh.around[owner, side_of]
         at = mesh.place[ends]
@@ -57,16 +57,16 @@ class Border:
         traction, held = np.zeros((len(edge), 2)), np.zeros((len(edge), 2), dtype=np.bool_)
         side = np.full(len(edge), -1)
         for number, (name, (axis, upper)) in enumerate(SIDES.items()):
-            on = (at[:, :, axis] == (problem.shape[axis] if upper else 0.0)).all(axis=1)
+            on = (at[:, :, axis] == (body.shape[axis] if upper else 0.0)).all(axis=1)
             side[on] = number
-            held[np.ix_(on, problem.held.get(name, ()))] = True
-            if name in problem.forces:
+            held[np.ix_(on, body.held.get(name, ()))] = True
+            if name in body.forces:
                 if not on.any():
                     raise UnlikeError(f"{name} has no body to be loaded")
-                traction[on] = problem.tractions[name] + problem.forces[name] / length[on].sum()
+                traction[on] = body.tractions[name] + body.forces[name] / length[on].sum()
         outline = _outline_of(at, side < 0, along)
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
-        for one in problem.outlines:
+        for one in body.outlines:
             on = outline == one.region
             if one.facing is not None:
                 on &= outward @ one.facing < -SMOOTH

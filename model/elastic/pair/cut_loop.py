@@ -111,7 +111,7 @@ class CutLoop(PairLoop):
         while True:
             try:
                 pair = CutPair(self.body, self.leaves)
-                if pair.bounds.lower > pair.bounds.upper and not self.body.problem.estimated:
+                if pair.bounds.lower > pair.bounds.upper and not self.body.estimated:
                     raise UnlikeError("a part of the body that bears loads is too thin")
                 break
             except VagueError as vague:
@@ -132,9 +132,9 @@ class CutLoop(PairLoop):
 
     def _cut(self) -> Ints:
         """Return the codes of the agents that outlines cut."""
-        every = covering(self.leaves, self.body.problem.shape)
+        every = covering(self.leaves, self.body.shape)
         held = np.isin(every.code, self.leaves.code)
-        share = leaf_triangles(self.body.problem.body, every, held, False)[1].shares(every)
+        share = leaf_triangles(self.body.true, every, held, False)[1].shares(every)
         return every.code[((share > 0.0) & (share < 1.0 - 1e-12)).any(axis=1)]
 
     def _judge(self, pair: CutPair) -> Judged:
@@ -146,7 +146,7 @@ class CutLoop(PairLoop):
 
     def _keep(self, chosen: Flags) -> None:
         """Note the generation."""
-        proved = not self.body.problem.estimated
+        proved = not self.body.estimated
         self.generations.append(generation_of(self.last, chosen, proved))
         # polygons of smaller agents are not always better: the best generation is the answer
         if self.reached or self._peak or self._judged.error <= self._least:
@@ -166,7 +166,8 @@ def _unresolved(why: UnlikeError) -> SceneError:
     return SceneError(
         f"body.regions: the outlines could not be resolved ({why}). This happens if a region "
         "covers all of the body (are its lengths in m?), if an outline nearly touches a line "
-        "between agents, or another one (move it a little), or if nothing holds a part of the body"
+        "between agents, or another one (move it a little), if nothing holds a part of the body, or "
+        "if it gets infinitely thin where a load acts"
     )
 
 
@@ -176,7 +177,7 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
     The energy does not see a small hole's peak. What turns by little in all, such as a kink
     rounded off, has none: of those that turn by more there are few.
     """
-    leaves, body = pair.leaves, pair.problem.body
+    leaves, body = pair.leaves, pair.body.true
     stress = np.sqrt((pair.means[0] ** 2).sum(axis=(1, 2)))
     often = np.zeros(len(leaves), dtype=np.int64)
     for region in body.regions:
@@ -198,23 +199,22 @@ class _Peak:
     """
 
     def __init__(self, body: OutlinedBody, name: str, tolerance: float):
-        problem = body.problem
         self._which = [region.name for region in body.asked.body.regions].index(name)
-        self._region = problem.body.regions[self._which]
+        self._region = body.true.regions[self._which]
         self.name, self._tolerance = name, tolerance
         self._value = self._off = self._error = inf
-        check_alone(problem.body.regions, self._which, f"goal: {name!r}", "peak")
+        check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
         no_limit = f"goal: the stress along {name!r} has no limit, because it"
-        sharp = problem.body.without_limit(KINK, problem.shape, self._which)
+        sharp = body.true.without_limit(KINK, body.shape, self._which)
         for x, y in body.edge * sharp[:1]:
             raise SingularPlaceError(
                 f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
             )
         self._no_bound, frames = NO_BOUND, ArcFrames(self._region.arcs)
-        for side in rigid_sides_at(along(self._region, problem.shape), problem)[:1]:
+        for side in rigid_sides_at(along(self._region, body.shape), body)[:1]:
             told = f"meets the rigid side {side!r}"
             ends = np.stack([frames.start, frames.end], axis=1)[frames.turn != 0.0]
-            if not len(ends) or rigid_sides_at(ends, problem):
+            if not len(ends) or rigid_sides_at(ends, body):
                 raise SingularPlaceError(
                     f"{no_limit} {told}, and has no rounded part away from it; make this side a "
                     "roller, name the outline of the fillet or hole that is meant, or give no goal"

@@ -60,13 +60,12 @@ class CutPair:
     """Both fields on leaves, and what each leaf adds to their gap."""
 
     def __init__(self, body: OutlinedBody, leaves: LeafCells):
-        self.body, self.problem = body, body.problem
-        problem = self.problem
-        every = covering(leaves, problem.shape)
-        problem.body.refine(every)
+        self.body = body
+        every = covering(leaves, body.shape)
+        body.true.refine(every)
         at = every.find(leaves.lower)
         held = np.isin(np.arange(len(every)), at)
-        bodies = [leaf_triangles(problem.body, every, held, most) for most in (True, False)]
+        bodies = [leaf_triangles(body.true, every, held, most) for most in (True, False)]
         # agents that hold nothing of the body are none
         filled = np.isin(at, bodies[0][1].leaf)
         leaves, at = leaves.only(filled), at[filled]
@@ -78,16 +77,16 @@ class CutPair:
             meshes.append(mesh_of(Filled(row[kept[0]], *kept[1:])))
             if not len(meshes[-1].place):
                 raise UnlikeError("they leave nothing of the body")
-            edges.append(Border.of(meshes[-1], problem, along))
+            edges.append(Border.of(meshes[-1], body, along))
         self.borders = edges[0], edges[1]
         (laws, others), self.along = (one[0] for one in bodies), bodies[1][2]
         self.laws = laws, others
         n, size = len(leaves), np.asarray(leaves.size * UNIT, dtype=np.float64)
-        loose = loose_parts(meshes[0], edges[0], problem.weight)
+        loose = loose_parts(meshes[0], edges[0], body.weight)
         self.loose = int(loose.sum())
         """Parts of the body that hang on nothing, and bear nothing."""
-        self.fitting = CutFitting(meshes[0], edges[0], laws, problem.weight, size, loose)
-        self.balancing = Balancing(meshes[1], edges[1], others, problem.weight, size)
+        self.fitting = CutFitting(meshes[0], edges[0], laws, body.weight, size, loose)
+        self.balancing = Balancing(meshes[1], edges[1], others, body.weight, size)
         both = self.fitting, self.balancing
         self.area = np.stack([np.bincount(one.mesh.leaf, one.area, n) for one in both])
         # the material that has most of each
@@ -98,8 +97,8 @@ class CutPair:
         self.leaves = replace(leaves, kind=number[np.where(number < 0, -1.0, part).argmax(axis=1)])
         fitted, balanced = self.fitting.energies(n), self.balancing.energies(n)
         between = np.maximum(self.area[0] - self.area[1], 0.0)
-        band = problem.band * between
-        if problem.estimated:  # the weight there counts as its share of all
+        band = body.band * between
+        if body.estimated:  # the weight there counts as its share of all
             band = band + between / self.area[1].sum() * balanced.sum()
         self.shares = np.maximum(fitted + balanced - 2.0 * self._crossed() + 2.0 * band, 0.0)
         self.energies = 0.25 * (fitted + balanced)
@@ -110,7 +109,7 @@ class CutPair:
     @cached_property
     def bounds(self) -> Bounds:
         """What both energies prove, as far apart as rounding may take them."""
-        rounding = self.problem.rounding
+        rounding = self.body.rounding
         lower, upper = self.lower * (1.0 - rounding), self.upper * (1.0 + rounding)
         # the gap counts as both energies have it, or as its shares add up, should that be more
         case = np.array([[0.5 * lower], [0.5 * upper], [0.5 * lower], [upper - lower]])

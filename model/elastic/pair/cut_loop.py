@@ -166,8 +166,8 @@ def _unresolved(why: UnlikeError) -> SceneError:
     return SceneError(
         f"body.regions: the outlines could not be resolved ({why}). This happens if a region "
         "covers all of the body (are its lengths in m?), if an outline nearly touches a line "
-        "between agents, or another one (move it a little), if nothing holds a part of the body, or "
-        "if it gets infinitely thin where a load acts"
+        "between agents, or another one (move it a little), or if nothing holds a part of the "
+        "body, or it gets infinitely thin where a load acts"
     )
 
 

@@ -43,6 +43,16 @@ class Filled(NamedTuple):
         np.add.at(found, (self.leaf, self.law), self.area / (leaves.size[self.leaf] * UNIT) ** 2)
         return found
 
+    def between(self) -> tuple[Ints, Floats]:
+        """Return the sides within leaves at which two laws meet: leaf and ends, (n, 2, 2)."""
+        ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+        leaf, law, name = np.repeat(self.leaf, 3), np.repeat(self.law, 3), np.sort(named(ends))
+        order = np.lexsort((name[:, 1], name[:, 0], leaf))
+        leaf, law, name, ends = leaf[order], law[order], name[order], ends[order]
+        both = (name[1:] == name[:-1]).all(axis=1) & (leaf[1:] == leaf[:-1])
+        parts = np.flatnonzero(both & (law[1:] != law[:-1]))
+        return leaf[parts], ends[parts]
+
 
 def named(points: Floats) -> np.ndarray:
     """Return points as numbers that sort by x, then y."""
@@ -185,37 +195,45 @@ def leaf_triangles(
     whole = np.where(cut.any(axis=0), -1, _laws_at(body, laws, holds, cut, most))
     several, own = cut.sum(axis=0) > 1, (leaf >= 0) & held[leaf]
 
+    def told(found: Filled) -> Filled:
+        """Give triangles their laws; slivers of a law are left out of the stress."""
+        inside = holding(rings, found.corners.mean(axis=1))
+        law = _laws_at(body, laws, inside, cut[:, found.leaf], most)
+        found = found._replace(law=np.where(whole[found.leaf] < 0, law, whole[found.leaf]))
+        sliver = (found.shares(leaves) <= ROUNDING) & ~several[:, None] & (not most)
+        return found._replace(law=np.where(sliver[found.leaf, found.law], -1, found.law))
+
     of, lines = leaf[own], parts[own]
     crossing = {k: _crossings(lines[of == k]) for k in np.flatnonzero(several & held).tolist()}
     ends = np.concatenate([lines.reshape(-1, 2), *crossing.values()])
     whose = np.array([*of, *crossing], dtype=np.int64)
     whose = np.repeat(whose, [2] * len(of) + [len(one) for one in crossing.values()])
+    found = told(_filled(leaves, np.unique(of), whose, ends, of, lines))
+    share = found.shares(leaves)
+    # What all but fills a leaf fills it.
+    full = share > 1.0 - ROUNDING
+    whole[full.any(axis=1)] = (np.append(np.arange(full.shape[1] - 1), -1))[np.nonzero(full)[1]]
+    parted = np.isin(np.arange(len(leaves)), of) & ~full.any(axis=1)
+    vague = parted & (np.abs(share.sum(axis=1) - 1.0) > WHOLE)
+    of, lines = found.between()
     while True:
-        some = np.flatnonzero(held & (cut.any(axis=0) | (whole >= 0)))
-        found = _filled(leaves, some, whose, ends, of, lines)
-        missed = 1.0 - np.bincount(found.leaf, found.area, len(leaves))[some] / size[some] ** 2
-        vague = some[np.abs(missed) > WHOLE]
-        if not len(vague):
-            break
-        if (leaves.size[vague] > 1).any():
-            raise VagueError(leaves.code[vague[leaves.size[vague] > 1]])
+        if (vague & (leaves.size > 1)).any():
+            raise VagueError(leaves.code[vague & (leaves.size > 1)])
         # Leaves that cannot be halved hold the stiffest or the softest of all that is there.
-        for k in vague.tolist():
+        for k in np.flatnonzero(vague).tolist():
             there = [body.law, *(body.regions[j].law for j in np.flatnonzero((cut | holds)[:, k]))]
             whole[k] = _number(laws, reduce(lambda a, b: a.with_other(b, most), there))
-        kept, rest = ~np.isin(of, vague), ~np.isin(whose, vague)
-        of, lines, whose, ends = of[kept], lines[kept], whose[rest], ends[rest]
-    inside = holding(rings, found.corners.mean(axis=1))
-    law = _laws_at(body, laws, inside, cut[:, found.leaf], most)
-    found = found._replace(law=np.where(whole[found.leaf] < 0, law, whole[found.leaf]))
-    # Slivers of a law are left out of the stress, and what all but fills a leaf fills it.
-    share = found.shares(leaves)
-    told = np.tile([*range(share.shape[1] - 1), -1], (len(leaves), 1))
-    told[(share <= ROUNDING) & ~several[:, None] & (not most)] = -1
-    full, number = np.nonzero(share > 1.0 - ROUNDING)
-    told[full] = told[full, number, None]
-    law = told[found.leaf, found.law]
-    found = Filled(found.leaf[law >= 0], law[law >= 0], found.corners[law >= 0])
+        parted &= ~vague
+        of, lines = of[parted[of]], lines[parted[of]]
+        some = np.flatnonzero(held & (parted | (whole >= 0)))
+        found = _filled(leaves, some, np.repeat(of, 2), lines.reshape(-1, 2), of, lines)
+        missed = 1.0 - np.bincount(found.leaf, found.area, len(leaves))[some] / size[some] ** 2
+        vague = np.isin(np.arange(len(leaves)), some[np.abs(missed) > WHOLE])
+        if not vague.any():
+            break
+    found = told(found)
+    solid = found.law >= 0
+    found = Filled(found.leaf[solid], found.law[solid], found.corners[solid])
     return laws, found, [parts[region == k] for k in range(len(rings))]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, radians
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -137,7 +138,7 @@ class CutLoop(PairLoop):
         share = leaf_triangles(self.body.true, every, held, False)[1].shares(every)
         return every.code[((share > 0.0) & (share < 1.0 - 1e-12)).any(axis=1)]
 
-    def _judge(self, pair: CutPair) -> Judged:
+    def _judge(self, pair: Any) -> Judged:
         judged = self.goals.judge(pair, self.tolerance)
         often = coarse_along(pair, self.tolerance)
         if judged.error <= self.tolerance:

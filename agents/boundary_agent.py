@@ -66,8 +66,8 @@ class BoundaryAgent(PlacedAgent):
     def turn(self, load: Load, arm: int) -> Load:
         """Return the load on its way back."""
         raise AgentError(
-            f"turn: {type(self).__name__} has none; begin it as a kaju.RigidBoundaryAgent, "
-            "FreeBoundaryAgent or RollerBoundaryAgent, which have, or write turn(load, arm)"
+            f"turn: {type(self).__name__} has no such method; write turn(load, arm), or make it a "
+            "subclass of kaju.RigidBoundaryAgent, FreeBoundaryAgent or RollerBoundaryAgent"
         )
 
     def __repr__(self) -> str:

@@ -48,8 +48,8 @@ def moduli_of(youngs_modulus: ArrayLike, poissons_ratio: ArrayLike, plane: Plane
     held = plane == "stress" or bool(np.all(ratio < 0.5))
     require(
         held,
-        f"poissons_ratio: must be below 0.5 but in plane stress, got {ratio}: what is "
-        "incompressible has no finite stiffness there; for rubber take 0.4999",
+        f"poissons_ratio: must be below 0.5 except in plane stress, got {ratio}; the stiffness "
+        "of an incompressible material is infinite; for rubber take 0.4999",
     )
     shear = youngs / (2 * (1 + ratio))
     if plane == "stress":

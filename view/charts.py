@@ -254,5 +254,5 @@ def _balance_notes(cuts: Cuts, prescribed: bool) -> list[str]:
         return [f"every cut carries what lies on it, to {worst:.0e} N"]
     notes = [f"up to {quantity(worst, 'N')} of {quantity(largest, 'N')} are missing"]
     if prescribed:
-        notes.append("the prescribed rule shows how a pattern emerges, it keeps no equilibrium")
+        notes.append("the prescribed rule shows how a pattern emerges; it keeps no equilibrium")
     return notes

@@ -88,8 +88,8 @@ def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
     least = 4.0 * FEWEST * tip.slit
     if not radius > least:
         raise ParameterError(
-            f"at: other edges, loads or materials are within {least:.3g} m of the tip, where its "
-            "stress cannot be told from theirs; take smaller cells"
+            f"at: other edges, loads or materials within {least:.3g} m of the tip change its "
+            "stress; take smaller cells"
         )
     modes = [_Mode(tip.half, opens) for opens in (True, False)]
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)

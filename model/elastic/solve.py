@@ -115,8 +115,8 @@ def _converged(found: CellAgents, start: float, tolerance: float | None = None) 
         raise ConvergenceError(
             f"solve: after {solution.iterations} iterations of {solution.method} the relative "
             f"residual is {solution.residuals[-1]:.2g}, short of {asked}; take a larger tolerance, "
-            "another resolution, or a smaller contrast of materials and supports. The error's "
-            "`best` holds the result so far, its `residuals` the history",
+            "another resolution, or a smaller contrast of materials and supports. `best` of this "
+            "exception is the result so far, `residuals` the history",
             result.residuals,
             result,
         )

@@ -89,7 +89,7 @@ def _page(root: Any) -> Floats:
     size = [_length(root.get(key, "")) for key in ("width", "height")]
     box = [float(part) for part in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if part]
     if len(box) != 4 and size[1] is None:
-        raise _wrong("has neither height nor viewBox, so which way is up is not known; give one")
+        raise _wrong("has neither height nor viewBox, so its lower edge is not known; give one")
     if len(box) != 4:
         box = [0.0, 0.0, *((length or 1.0) / _UNITS["px"] for length in size)]
     if min(box[2:]) <= 0.0:

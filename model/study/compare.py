@@ -203,7 +203,7 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
     displacement, stress = _pairs(judged, believed, where)
     if not displacement.scale > 0.0:
         raise ResultError(
-            "compare: the reference moves nowhere, so no error can be a share of it; "
+            "compare: all displacements of the reference are 0, so there is no relative error; "
             "give the two the other way round"
         )
     if stress is not None and not stress.scale > 0.0:

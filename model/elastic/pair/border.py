@@ -139,9 +139,9 @@ def check_held(body: PosedBody, mesh: Mesh, sides: Sides) -> None:
         at = mesh.place[apart[0]] / body.cell * body.scene.lattice.cell_size
         raise SupportError(
             f"sides: the supports give the corner at ({at[0]:.4g}, {at[1]:.4g}) m two "
-            "displacements at once, which takes energy without limit; let one of the two "
-            "sides be a roller, or take equal cells (no tolerance), whose answer depends "
-            "on their size"
+            "displacements at once, which needs infinite energy; make one of the two sides a "
+            "roller, or solve without a tolerance, on equal cells, whose answer then "
+            "depends on their size"
         )
 
 

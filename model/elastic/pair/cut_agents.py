@@ -284,7 +284,7 @@ class CutAgents(PairAgents):
         notes, level = [], self.scales.stress
         if loose := self.opinions.loose:
             notes.append(
-                f"{loose} part{'s' * (loose > 1)} of the body hang on nothing and bear nothing; "
+                f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
         for name, along in ((name, one.counted()) for name, one in self.along.items()):
@@ -294,9 +294,10 @@ class CutAgents(PairAgents):
             peak, off = level * float(along.moved[at]), level * along.apart(at)
             if off > APART * abs(peak):
                 notes.append(
-                    f"outline {name!r}: the largest hoop stress is {1e-6 * peak:.4g} MPa by the "
-                    f"displacement, about {2e-6 * off:.2g} MPa off that of the stress in balance; "
-                    f"neither is proved; for a more accurate one: goal={name!r} (--at {name})"
+                    f"outline {name!r}: the displacement gives a largest hoop stress of "
+                    f"{1e-6 * peak:.4g} MPa, the stress that balances differs from it by about "
+                    f"{2e-6 * off:.2g} MPa; neither is proved, and goal={name!r} (--at {name}) "
+                    "limits the error"
                 )
         return notes
 

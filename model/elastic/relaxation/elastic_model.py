@@ -331,13 +331,16 @@ class ElasticModel(SteppedModel):
         fields = tuple(values.copy() for values in problem.fixed)
         moved = self.state.levels[0].displacement / problem.scales.displacement
         table.levels[0].numbering.scatter(moved, fields)
-        notes = [outcome, "the error estimate is of the loads left; the grid's own is not in it"]
+        notes = [
+            outcome,
+            "the error estimate is about the loads that are left, not about the size of the cells",
+        ]
         moduli = [material.youngs_modulus for material in self.scene.cell_materials]
         contrast = max(moduli) / min(moduli)
         if contrast >= ROUGH:
             notes.append(
-                f"moduli differ by a factor of {contrast:.0e}: loads left on soft cells may hide "
-                "an error tens of times the estimate; a smaller threshold or `kaju solve` tells"
+                f"moduli differ by a factor of {contrast:.0e}: because of loads left on soft "
+                "cells the error may be tens of times the estimate; check it by `kaju solve`"
             )
         solution = Solution(
             displacement=fields,

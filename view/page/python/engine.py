@@ -61,10 +61,10 @@ class Elsewhere:
         self.__dict__["name"] = name
 
     def __call__(self, *given, **named):
-        raise KajuError(f"{self.name}: is not in the page; it is there in Python at home")
+        raise KajuError(f"{self.name}: is not in the page; run this class in Python outside of it")
 
     def __getattr__(self, what):
-        raise KajuError(f"{self.name}.{what}: is not in the page; it is there in Python at home")
+        raise KajuError(f"{self.name}.{what}: is not in the page; run this class in Python outside of it")
 
 def space_of(lattice, random):
     return Table({"cell": lambda place, inside: Table({"coordinate": place})})

@@ -181,7 +181,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
     (TAKE, "1 / 0", 7, "Division durch null"),
     (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
-    (TAKE, "self.kept = 'much'", 7, KIND),
+    (TAKE, "self.kept = 'much'", 7, "hat 'much' N behalten"),
     (TAKE, "self.kept += '1'", 7, KIND),
     (TAKE, "self.kept = float('inf')", 7, "hat inf N behalten"),
     (TAKE, "load.magnitude = 1", 7, "ging etwas schief"),

@@ -180,9 +180,9 @@ class OutlinedBody:
             total = np.array(load.force) / unit
             found = LoadedOutline.pushed(name, which, region, total, self.shape)
             if total.any() and not found.stress.any():
-                raise SceneError(f"loads.{number}.force: nothing of {name!r} faces it")
+                raise SceneError(f"loads.{number}.force: no part of {name!r} faces it")
         if not len(along(region, self.shape)):
-            raise SceneError(f"{where}: nothing of {name!r} lies within the array")
+            raise SceneError(f"{where}: no part of {name!r} lies within the array")
         return found
 
     @property

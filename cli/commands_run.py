@@ -152,8 +152,8 @@ def run(
 ) -> Any:
     """Let the agents of a scene act, by its rule, until no load moves any more.
 
-    Writes summary.json, result.npz and pictures. An elastic rule's order, share, threshold
-    and tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
+    Writes summary.json, result.npz and a picture. Of an elastic rule order, share, threshold and
+    tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
     """
     scene = task.scene if resolution is None else task.scene.refine(resolution)
     result: Result
@@ -183,7 +183,7 @@ def solve(
 ) -> Any:
     """Solve a scene as linear elasticity, whatever its rule.
 
-    Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
+    Writes summary.json, result.npz and a picture. With a tolerance the error is kept below it;
     without one the scene's own cells are solved.
     """
     from kaju.model.study.solving import solve as solve_scene
@@ -208,8 +208,8 @@ def creep(
 ) -> Any:
     """Let a scene creep under its history: its materials give, flow, and recover.
 
-    Writes summary.json, result.npz and pictures: displacement, stress and energies over time,
-    and the body at the end. `kaju animate` makes a film of the folder.
+    Writes summary.json, result.npz and a picture: displacement, stress and energies over time.
+    `kaju animate` makes a film of the folder.
     """
     scene = task.scene
     if (scene.history is None) == (hold is None):
@@ -258,9 +258,8 @@ def break_(
 ) -> Any:
     """Load a body until it parts: its cells break, one at a time; of hexagons the springs.
 
-    The scene's loads are scaled to each next break. Writes summary.json, result.npz and
-    pictures: the crack, load and displacement, avalanches. `kaju animate` makes a film of the
-    folder.
+    The scene's loads are scaled to each next break. Writes summary.json, result.npz and a picture
+    of the crack. `kaju animate` makes a film of the folder.
     """
     from kaju.model.fracture.fracture_model import FractureModel
 
@@ -292,7 +291,7 @@ def grow(
     """Let a body grow where it carries and fade where it does not.
 
     Every cell of material has a density, which changes step by step. Writes summary.json,
-    result.npz and pictures: the design and its history. `kaju animate` makes a film of the folder.
+    result.npz and a picture of the design. `kaju animate` makes a film of the folder.
     """
     from kaju.model.growth.growth_model import GrowthModel
 

@@ -94,7 +94,7 @@ function whereCard(page) {
   return [make("h2", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
     draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),
     make("ul", { className: "where" }, ...list.map(([name, v]) => make("li", { className: name }, `${t(words[name])} `, make("data", { value: String(name === "made" ? -v : v), textContent: quantity(name === "made" ? Math.abs(v) : v, "N") }))), make("li", {}, t("wholeSum", { n: quantity(parts(now).reduce((sum, [, v]) => sum + v, 0), "N") }))),
-    make("p", { className: "small soft", textContent: `${Math.abs(now.ground) > SAME * applied ? `${t("groundTwice")} ` : ""}${page.scene.materials.length === 1 ? t("squeezeApart", { n: quantity(kept, "N"), own: general(own, 3), out: general(out, 3) }) : ""}` })];
+    make("p", { className: "small soft", textContent: `${Math.abs(now.ground) > SAME * applied ? `${t("groundTwice")} ` : ""}${Math.min(now.way, now.ended, now.ground) < -SAME * applied ? `${t("belowZero")} ` : ""}${page.scene.materials.length === 1 ? t("squeezeApart", { n: quantity(kept, "N"), own: general(own, 3), out: general(out, 3) }) : ""}` })];
 }
 
 // --------------------------------------------------------------------------------------- mode

@@ -156,7 +156,7 @@ export class Workshop {
     this.field.ariaLabel = t("codeField");
     this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
-    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; this.code = this.field.value = this.ready[n].code; this.run(); } });
+    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; page.goal = null; this.code = this.field.value = this.ready[n].code; this.run(); } });
     const asks = this.ready[this.chosen] && this.ready[this.chosen].code === this.code ? [make("p", { className: "soft", textContent: page.say(this.ready[this.chosen].question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
@@ -165,7 +165,7 @@ export class Workshop {
     const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, out, ...bars, make("div", { className: "editor" }, this.gutter, this.field),
-      make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => this.run(), { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
+      make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => { page.goal = null; this.run(); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
       ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
@@ -180,7 +180,7 @@ export class Workshop {
     const lines = bare(code).split("\n").filter((line) => line.trim() && !/^\s*(from|import|class|def|@)/.test(line)).length;
     const why = !ran ? "" : lines > LINES ? t("tooLong", { n: lines }) : result.ground < least ? t("tooLittle", { r: n(result.ground), w: n(least) }) : "";
     if (ran && !why) this.best = Math.max(foot, this.best ?? 0);
-    return [[ran && t("leftFoot", { f: n(foot) }), this.best && t("classBest", { b: n(this.best) })].filter(Boolean).join(" · "), why];
+    return [[ran && foot > 0 && t("leftFoot", { f: n(foot) }), this.best && t("classBest", { b: n(this.best) })].filter(Boolean).join(" · "), why];
   }
   /** All that is applied (N). */
   applied() { const { scene, run, stage } = this.page; return appliedLoads(scene, run.lattice, run.kinds, stage).reduce((sum, [, , load]) => sum + load, 0); }

@@ -65,8 +65,7 @@ export class Lesson {
     this.at = at; this.step = this.question?.step ?? this.step;
     page.playing = false; if (this.kept) this.keep();
     const { show, until } = this.question ?? {}, preset = page.presets[show?.preset];
-    if (preset && !quiet) page.load({ ...preset, generation: 0 });
-    page.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => page.run.generation <= 20 * n) ?? 60;   // nobody watches for minutes
+    if (preset && !quiet) page.load({ ...preset, generation: Math.min(show.generation ?? 0, this.limit) });
     if (show?.look) Object.assign(page.look, show.look);
     if (show?.cell) page.picked = page.run.lattice.key(show.cell);
     this.shown = this.question && this.guess && Object.keys(this.guess).length && this.firsts[this.question.key] ? "both" : "guess";

@@ -32,7 +32,6 @@ export class Page {
     this.loads = new Loads(this);
     this.studio = header.python ? new Workshop(this, header.python) : null;
     this.lesson = lesson ? new Lesson(this, lesson) : null;
-    if (this.lesson) this.look.speed = 1;
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
     this.root = element.shadowRoot;
     this.root.replaceChildren(this.host);
@@ -330,7 +329,8 @@ export class Page {
     const { parts, t, run, g } = this, on = Boolean(this.playing);
     parts.count.textContent = parts.time.ariaValueText = text;
     this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
-    parts.time.max = run.generation; parts.time.value = g;
+    if (this.lesson && !this.timed) this.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => run.generation <= 20 * n) ?? 60;   // nobody watches for minutes
+    parts.time.max = run.generation; parts.time.value = g; parts.speed.value = this.look.speed;
     tellMarks(this); this.lesson?.tell();
     if (parts.shows === on) return;
     parts.shows = on;

@@ -22,8 +22,6 @@ from .problem import ABSENT, FaceFields
 from .staggered import Strains, energy_of_cells
 from .system import Solution
 
-FINEST = 1 << 20  # A stored grid has no more cells per cell of the scene
-
 
 @dataclass(eq=False)
 class CellAgents(OnCells):
@@ -57,8 +55,9 @@ class CellAgents(OnCells):
 
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""
-        if not 1 <= self.division <= FINEST:
-            raise ResultError(f"'division' must be from 1 to {FINEST}, and is {self.division}")
+        finest = 1 << 20  # more would overflow the numbers of cells of a stored file
+        if not 1 <= self.division <= finest:
+            raise ResultError(f"'division' must be from 1 to {finest}, and is {self.division}")
         grid = self.scene if self.division == 1 else self.scene.refine(self.division)
         factor = self.factor
         if factor is not None and factor.shape != self.scene.lattice.shape:

@@ -16,8 +16,6 @@ from .cell_agents import CellAgents
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
 
-MOST_CELLS = 40_000_000  # More cells than this are not laid out as arrays
-
 
 class EqualArrays:
     """Arrays over the box around the body, indexed [x, y(, z)]; NaN where there is no body.
@@ -33,9 +31,10 @@ class EqualArrays:
         last = -np.floor_divide(-upper * division, own)
         self.origin, self.shape = tuple(first.tolist()), tuple((last - first).tolist())
         count = float(np.prod(np.asarray(self.shape, dtype=np.float64)))
-        if count > MOST_CELLS:
+        most = 4e7  # In space stress alone takes 72 bytes of each: 3 GB.
+        if count > most:
             raise ResultError(
-                f"cells: {count:.2g} cells are more than the {MOST_CELLS:.0e} that fit into "
+                f"cells: {count:.2g} cells are more than the {most:.0e} that fit into "
                 "arrays; take a smaller resolution, or the arrays of the agents"
             )
         self.cell_size = result.grid.lattice.cell_size * (own / division)

@@ -25,9 +25,6 @@ from .staggered import (
     stresses,
 )
 
-SURFACE_SHARE = 0.5
-"""Weight of the surface's own slope against that of the line through the faces below."""
-
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
     """Return the displacement of the cells' corners (scaled), shape (n + 1, ..., dimension)."""
@@ -52,8 +49,7 @@ def _edge_values(
     """Return one component's displacement on the edges between two axes, and which are walls."""
     # At a free surface the displacement half a cell beyond the last face follows from its slope.
     # The shear γ there is known (that of the load, or none), so the slope is γ − ∂u_n/∂s; the line
-    # through the last two faces gives a second one, a cell deeper. Between them lies what is
-    # wanted.
+    # through the last two faces gives a second one, a cell deeper. Their mean is taken.
     states = problem.face_states
     field = np.where(states[axis] == ABSENT, np.nan, u[axis])
     # Ghosts inside rigid ground, or at its edge, are the wall's own.
@@ -76,7 +72,7 @@ def _edge_values(
         given = problem.surface_shear[pair][at] / around[at]
         slope = np.where(np.isnan(around[at]), 0.0, given) + slope
     surface = np.where(np.isnan(high[at]), low[at] + 0.5 * slope, high[at] - 0.5 * slope)
-    mixed = (1 - SURFACE_SHARE) * values[at] + SURFACE_SHARE * surface
+    mixed = 0.5 * (values[at] + surface)
     values[at] = np.where(np.isnan(surface), values[at], mixed)
     return values, wall
 

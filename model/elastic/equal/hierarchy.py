@@ -28,8 +28,6 @@ from .problem import ElasticProblem, FaceFields, coarse_box, ghost_weights_of, i
 from .row_kernels import Level, LevelBox, prolong_and_smooth, smooth_and_restrict, write_residual
 from .staggered import Numbering, stiffness_matrix
 
-SMALLEST = {2: 8, 3: 2}
-"""A level of at most so many cells along every axis is solved by its inverse."""
 SWEEPS = {2: (3, 1, 2, 4), 3: (3, 1)}
 """Gauss-Seidel sweeps before and after the coarse correction: by the law, by the first stencil and
 by the coarser ones, where they cost little (Bramble & Pasciak 1987).
@@ -37,12 +35,6 @@ by the coarser ones, where they cost little (Bramble & Pasciak 1987).
 A stencil couples a face with 30 others in the plane, 235 in space: three and eleven times as many
 as the law.
 """
-PLAIN_SWEEPS = {2: 2, 3: 3}
-"""By the law in full boxes, whose coarse levels obey it too, and within the mixed form."""
-DIRECT = 2_000
-"""The last of these is solved by factors if it has at most so many faces: without stencils, which
-take long to be compiled."""
-ALMOST = 0.1  # A guess is taken if its residual is below this share of the coarse answer's
 
 
 class Hierarchy:
@@ -57,7 +49,7 @@ class Hierarchy:
         by_law, *by_stencil = SWEEPS[self.dimension]
         self.plain = is_box(problem)
         if self.plain or moduli is not None:
-            by_law = PLAIN_SWEEPS[self.dimension]
+            by_law = self.dimension  # Coarse levels obey the law too, or are those of a mixed form.
         own = replace(problem, moduli=moduli or problem.moduli)
         self.levels = [level_by_law(own)]
         self._ghost_weights = ghost_weights_of(problem)
@@ -65,10 +57,11 @@ class Hierarchy:
             own = coarse_box(own)
             self.levels.append(level_by_law(own))
         self._laws = laws = len(self.levels)
-        few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
-        while not few and (
-            len(self.levels) == laws or max(self.levels[-1].cells) > SMALLEST[self.dimension]
-        ):
+        # The last of full boxes is solved by factors if it is small: without stencils, which take
+        # long to be compiled; other last levels by an inverse of some 350 faces.
+        few = self.plain and self.dimension * prod(self.levels[-1].cells) <= 2_000
+        smallest = 8 if self.dimension == 2 else 2
+        while not few and (len(self.levels) == laws or max(self.levels[-1].cells) > smallest):
             self.levels.append(coarse_level(self.levels[-1], len(self.levels) + 1 - laws))
         self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * len(self.levels)
         self._smallest = _Smallest(self.levels[-1], own if few else None)
@@ -139,7 +132,7 @@ class Hierarchy:
                     force = self.apply(guess)
                     size = dot(guess, load) / (dot(guess, force) or 1.0)
                     other = load - size * force
-                    if dot(other, other) < ALMOST**2 * dot(residual, residual):
+                    if dot(other, other) < 0.01 * dot(residual, residual):
                         x, residual = size * guess, other
             self._cycle(at, residual, more)
             x += more

@@ -17,7 +17,7 @@ from kaju.stepping import interrupt_requested
 from .direct import DIRECT_LIMIT, by_factors
 from .hierarchy import Hierarchy
 from .krylov import Iteration, conjugate_gradients, dot
-from .problem import STIFF, ElasticProblem, FaceFields, without_pressure
+from .problem import ElasticProblem, FaceFields, without_pressure
 from .staggered import Numbering, strain_matrix
 from .system import NOTEWORTHY, Solution, System, judge_rounding, missed
 
@@ -34,7 +34,7 @@ class MixedForm:
 
     def __init__(self, problem: ElasticProblem, numbering: Numbering) -> None:
         moduli = problem.moduli
-        pressed = moduli.lateral > STIFF * moduli.shear
+        pressed = moduli.lateral > moduli.shear
         kinds = problem.kinds[problem.kinds >= 0]
         cells = np.flatnonzero(pressed[kinds])
         rows = strain_matrix(problem, numbering)
@@ -77,7 +77,8 @@ class MixedForm:
             minres(matrix, whole, start, rtol=rounding, maxiter=MOST, M=inverse, callback=note)
         left = self._norm(whole - self._apply(run.solution))
         run.errors = [left / (self._norm(whole) or 1.0)]
-        run.converged = run.errors[-1] <= max(tolerance, ROUNDED)
+        # Of steel on rubber of ν = 0.4999 rounding leaves an error of 3e-8.
+        run.converged = run.errors[-1] <= max(tolerance, 1e-7)
         run.solution = run.solution[: self._size].copy()
         return run
 
@@ -95,22 +96,10 @@ class MixedForm:
         return np.concatenate([u, self._pressure * r[self._size :]])
 
 
-ALGEBRAIC_SHARE = 0.15
-"""By default the algebraic error before the last correction, which takes nine tenths of it away, is
-at most this share of the grid's."""
-LOOSEST = 3e-3  # But never stop above this
-SMALL, SMALL_TOLERANCE = 100_000, 1e-10
-"""Bodies of fewer faces are by default solved to this tolerance: it costs little, and forces
-balance to more digits than anyone prints."""
-BALANCE, FIRST_RATE = 1e-2, 0.1
-"""Supports and loads differ by at most this share of the error that is stated, after a last
-correction that is taken to leave the second share where no rate is known yet."""
-ROUNDED = 1e-7
-"""What rounding may leave of an error in a mixed form: 3e-8 of steel on rubber of ν = 0.4999."""
-PATIENCE, TOO_MANY, MOST = 16, 60, 1000
-"""After the first number of iterations (stiff grains in a soft body take several to be moved as a
-whole) the rate tells how many it takes: if more than the second, factors are taken, or if these do
-not fit, iterations up to the third."""
+SMALL = 100_000
+"""Bodies of fewer faces are by default solved to 1e-10: it costs little, and forces balance to more
+digits than anyone prints."""
+MOST = 1000  # Iterations, where factors do not fit
 
 
 def by_iterations(
@@ -118,7 +107,7 @@ def by_iterations(
 ) -> Solution:
     """Solve a body of any number of cells: see `solver.solve_problem`."""
     if tolerance is None and problem.dimension * problem.kinds.size < SMALL:
-        tolerance = SMALL_TOLERANCE
+        tolerance = 1e-10
     if problem.needs_mixed_form:
         return _by_mixed_form(problem, tolerance, start)
     return _by_multigrid(problem, tolerance, start)
@@ -213,20 +202,24 @@ class _Watch:
             self.discretisation, self._estimate = self._estimate(run), None
         target = self._tolerance
         if target is None:
-            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
+            # The last correction takes nine tenths of what is left away.
+            target = min(max(0.15 * self.discretisation, 1e-12), 3e-3)
         stated = max(target, self.discretisation)
-        # Supports are to bear the loads, to a share of the error that is stated.
+        # Supports are to bear the loads, to a hundredth of the error that is stated, after a last
+        # correction that leaves a tenth where no rate is known yet.
         residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)
-        unborne = (run.rate or FIRST_RATE) * np.abs(residual).max() / self._system.loads
-        borne = unborne <= BALANCE * stated
+        unborne = (run.rate or 0.1) * np.abs(residual).max() / self._system.loads
+        borne = unborne <= 0.01 * stated
         if (run.errors[-1] <= target and borne) or run.at_rounding(1e-9):
             self.slow = False
             return True
-        if run.iterations >= PATIENCE and not self.patient:
-            start = max(len(run.errors) - PATIENCE, 0)
-            rate = (run.errors[-1] / run.errors[start]) ** (1 / (len(run.errors) - 1 - start))
+        # Stiff grains in a soft body take several iterations to be moved as a whole. Then the rate
+        # tells how many more: if they are too many, factors are taken.
+        recent = run.errors[-16:]
+        if run.iterations >= 16 and not self.patient:
+            rate = (recent[-1] / recent[0]) ** (1 / (len(recent) - 1))
             more = log(target / run.errors[-1]) / log(rate) if 0 < rate < 1 else inf
-            self.slow = run.iterations + more > TOO_MANY
+            self.slow = run.iterations + more > 60
         return self.slow and not self.patient
 
 

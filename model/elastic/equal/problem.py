@@ -97,12 +97,9 @@ class ElasticProblem:
         return is_rubber(moduli_at(self.moduli, self.kinds[self.kinds >= 0]), self.plane)
 
 
-STIFF = 1.0  # Materials with λ/μ above this get a pressure; the others stay as they are
-
-
 def without_pressure(moduli: Moduli) -> Moduli:
     """Return the moduli of what a pressure of its own leaves to the displacement."""
-    pressed = moduli.lateral > STIFF * moduli.shear
+    pressed = moduli.lateral > moduli.shear  # The others stay as they are.
     return Moduli(
         np.where(pressed, moduli.stretch - moduli.lateral, moduli.stretch),
         np.where(pressed, 0.0, moduli.lateral),
@@ -123,14 +120,11 @@ def face_zeros(rim: NDArray[np.int32]) -> FaceFields:
     return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)
 
 
-FEWEST = 16
-"""A full box of an even number of cells, at least so many, along every axis has a coarse box."""
-
-
 def is_box(problem: ElasticProblem) -> bool:
     """Tell whether a body is a full box of one material, sides of one kind, to be coarsened."""
     # Edge moduli that are given do not follow from the cells, so coarse cells would lose them.
-    if problem.edges is not None or any(n % 2 or n < FEWEST for n in problem.shape):
+    # Fewer than 16 cells along an axis are not worth a coarse box.
+    if problem.edges is not None or any(n % 2 or n < 16 for n in problem.shape):
         return False
     inside = problem.kinds[problem.inner]
     if inside.flat[0] < 0 or not np.all(inside == inside.flat[0]):

@@ -20,9 +20,7 @@ from .staggered import Numbering, internal_force
 if TYPE_CHECKING:
     from .hierarchy import Hierarchy
 
-UNBALANCED, NOTEWORTHY = 0.1, 1e-5
-"""Shares of the loads that rounding leaves unbalanced: refused above the first, noted above the
-second."""
+NOTEWORTHY = 1e-5  # Share of the loads that rounding leaves unbalanced; refused from 0.1 on
 
 
 @dataclass
@@ -148,7 +146,7 @@ def judge_rounding(system: System, solution: Solution, resisted: Floats, lost: f
         lost = max(lost, rounding / loads)
         if solution.method == "direct":
             lost = max(lost, solution.residuals[-1])
-    if lost > UNBALANCED:
+    if lost > 0.1:
         share = f"about {lost:.1g}" if lost < 1.0 else "all"
         raise SceneError(
             f"body: it resists its loads so little that rounding leaves {share} of them "

@@ -39,9 +39,6 @@ from kaju.stepping import Order, Until, step_to_end, takes_objects
 
 EngineName = Literal["auto", "agents", "arrays"]
 
-MOST_CELLS_FOR_AGENTS = 5_000  # Up to so many cells agents are objects with the engine "auto"
-ROUGH = 1e4  # Contrast of moduli from which on the error estimate is not to be relied on
-MOST_GROWTH = 1e12  # A run whose largest load exceeds that of the start by this factor is stopped
 MOST_IDLE = 100  # Steps in which no agent takes a load; agents of your own may refuse by chance
 
 
@@ -159,7 +156,7 @@ class ElasticModel(SteppedModel):
                 )
         self.allow_unstable = allow_unstable
         self.pushes_per_step, self.max_steps = pushes_per_step, max_steps
-        small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
+        small = scene.lattice.size <= 5_000  # Objects spawn and act within seconds.
         own: Any = order if face_agent is FaceAgent and order else face_agent
         self.engine: PushEngine
         self.face_agent = face_agent
@@ -261,7 +258,7 @@ class ElasticModel(SteppedModel):
             if self.generation == 0:
                 return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
             return f"at rest after {count} {unit}"
-        if not self._loudest <= MOST_GROWTH * self._loudest_at_start:
+        if not self._loudest <= 1e12 * self._loudest_at_start:  # or it is no number
             return (
                 f"stopped after {count} {unit}: the largest load has grown to "
                 f"{self._loudest / self._loudest_at_start:.0e} times that of the start"
@@ -337,7 +334,7 @@ class ElasticModel(SteppedModel):
         ]
         moduli = [material.youngs_modulus for material in self.scene.cell_materials]
         contrast = max(moduli) / min(moduli)
-        if contrast >= ROUGH:
+        if contrast >= 1e4:
             notes.append(
                 f"moduli differ by a factor of {contrast:.0e}: because of loads left on soft "
                 "cells the error may be tens of times the estimate; check it by `kaju solve`"

@@ -6,10 +6,7 @@ The plain twin of `push` is the agent itself: `FaceAgent.act`.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.compiling import njit
@@ -37,13 +34,13 @@ class ArrayPushEngine(PushEngine):
         """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
         state = self.state
         step = state.generation + 1
-        self._book(*push_in_turn(backward, state.threshold, step, self._arrays(level)))
+        self._book(*push_in_turn(backward, state.threshold, step, state.levels[level]))
 
     def relax_largest(self, count: int) -> None:
         """Let the agent with the largest load act, `count` times or until none exceeds γ."""
-        state, measured = self.state, self.state.levels[0].measured
+        state, faces = self.state, self.state.levels[0]
         step = state.generation + 1
-        self._book(*push_largest(count, measured, state.threshold, step, self._arrays(0)))
+        self._book(*push_largest(count, faces.measured, state.threshold, step, faces))
 
     def wake_supports(self) -> None:
         """Do nothing: only objects are woken."""
@@ -52,28 +49,6 @@ class ArrayPushEngine(PushEngine):
         self.idle = 0 if pushes else self.idle
         self.state.pushes += pushes
         self.state.energy -= released
-
-    def _arrays(self, level: int) -> LevelArrays:
-        table, faces = self.table.levels[level], self.state.levels[level]
-        shares = table.shares
-        return LevelArrays(
-            *(shares.indptr, shares.indices, shares.data, table.stiffness, faces.weight),
-            *(faces.left, faces.displacement, faces.taken, faces.spawn_step),
-        )
-
-
-class LevelArrays(NamedTuple):
-    """What compiled functions read and write of a level: shares by rows, and what faces carry."""
-
-    indptr: NDArray[np.integer]  # Where the shares of each agent begin
-    target: NDArray[np.integer]  # Which faces or supports they go to
-    share: Floats
-    stiffness: Floats
-    weight: Floats
-    left: Floats
-    displacement: Floats
-    taken: Floats
-    spawn_step: Ints
 
 
 @njit(cache=True)
@@ -85,7 +60,7 @@ def push(i, step, level):
     level.displacement[i] += load / level.stiffness[i]
     level.left[i] -= load
     level.taken[i] += abs(load)
-    for at in range(level.indptr[i], level.indptr[i + 1]):
+    for at in range(level.begin[i], level.begin[i + 1]):
         level.left[level.target[at]] += level.share[at] * load
     return 0.5 * (load / level.stiffness[i]) * load
 
@@ -118,8 +93,8 @@ def push_largest(count, measured, threshold, step, level):
             return pushes, released
         released += push(i, step, level)
         # The loads of the agent and of all it passes on to have changed.
-        for at in range(level.indptr[i] - 1, level.indptr[i + 1]):
-            j = level.target[at] if at >= level.indptr[i] else i
+        for at in range(level.begin[i] - 1, level.begin[i + 1]):
+            j = level.target[at] if at >= level.begin[i] else i
             if j < n:
                 measured[j] = abs(level.left[j]) * level.weight[j]
                 first = j // part * part

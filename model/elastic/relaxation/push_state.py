@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.arrays import Floats, Ints
@@ -24,10 +24,13 @@ from kaju.model.elastic.relaxation.push_table import PushTable
 from kaju.stepping import Order
 
 
-@dataclass(frozen=True, eq=False)
-class LevelState:
-    """The faces of one level."""
+class LevelState(NamedTuple):
+    """The faces of one level as arrays: shares by rows, and what faces carry."""
 
+    begin: NDArray[np.integer]  # Where the shares of each agent begin
+    target: NDArray[np.integer]  # Which faces or supports they go to
+    share: Floats
+    stiffness: Floats
     left: Floats  # Residual: load (N) on each face; on the finest level then those of the supports
     displacement: Floats  # How far each face has moved (m); of parents, in their current visit
     taken: Floats  # Sum of the sizes of the loads (N) that each agent has taken
@@ -54,7 +57,9 @@ class PushState:
             left = np.zeros(level.shares.shape[1])
             moved, taken = np.zeros(level.size), np.zeros(level.size)
             step = np.zeros(level.size, dtype=np.int64)
-            self.levels.append(LevelState(left, moved, taken, step, table.weight(number)))
+            row, target, share = level.shares.indptr, level.shares.indices, level.shares.data
+            carried = left, moved, taken, step, table.weight(number)
+            self.levels.append(LevelState(row, target, share, level.stiffness, *carried))
         self.levels[0].left[: len(table.load)] = table.load
         self.energy = 0.0
         self.pushes = 0
@@ -149,7 +154,6 @@ class PushEngine(ABC):
         """Let an agent spawn in every supporting cell that a load has reached."""
 
 
-MOST_SOLVED_AT_ONCE = 500  # Topmost parents whose loads are relaxed at once; more take turns
 Direction = tuple[Floats, Floats]
 """By how much faces move (m), and by how much the loads left on places fall (N)."""
 
@@ -203,7 +207,7 @@ def multilevel(engine: PushEngine) -> Iterator[Visit]:
             yield Visit(level, "up")
         upwards = range(top)
         for level in range(top, -1, -1):
-            if level == top > 0 and len(state.levels[top].weight) <= MOST_SOLVED_AT_ONCE:
+            if level == top > 0 and len(state.levels[top].weight) <= 500:  # A matrix of 2 MB.
                 if (state.levels[top].measured > state.threshold).any():
                     loads = state.direct_loads(top)
                     acting = np.flatnonzero(loads)

@@ -46,7 +46,6 @@ from kaju.model.elastic.moduli import moduli_at
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
-FEWEST_FACES = 12  # A level with at most this many faces has no parents
 States = NDArray[np.int8]
 
 
@@ -169,7 +168,7 @@ class PushTable:
         own = sp.csr_array(matrix[:n, :n] + sp.diags_array(spring))
         held = sp.csr_array(sp.hstack([matrix[:n, n:], -beds], format="csr"))
         levels = [make_level(self._numbering, own, held)]
-        while self.order == "multilevel" and levels[-1].size > FEWEST_FACES:
+        while self.order == "multilevel" and levels[-1].size > 12:  # a block of 2×2
             parents, prolong = coarsen(levels[-1].numbering)
             if not 0 < prolong.shape[1] < 0.8 * prolong.shape[0]:
                 break
@@ -384,11 +383,6 @@ def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> 
     return compact(row[some], column[some], weight[some], size)
 
 
-SAFETY = 0.9  # How close to the limit the share is set by itself
-
-MOST_FACES_TO_ITERATE = 200_000  # Above this many faces the bound is taken for the eigenvalue
-
-
 @dataclass(frozen=True)
 class WaveCertificate:
     """By which share waves on a scene calm down."""
@@ -410,7 +404,7 @@ def certify_waves(table: PushTable, share: float | None = None) -> WaveCertifica
     bound = max(4.0, 2.0 * float((1.0 + (problem.dimension - 1) * ratio).max()))
     largest = min(bound, largest_eigenvalue(table))
     limit = 2.0 / largest
-    chosen = SAFETY * limit if share is None else share
+    chosen = 0.9 * limit if share is None else share
     stable = chosen < limit
     growth = abs(1.0 - chosen * largest)
     reason = f"the largest eigenvalue of D⁻¹K is {largest:.4f} (no such body exceeds {bound:.4g})"
@@ -430,7 +424,7 @@ def largest_eigenvalue(table: PushTable) -> float:
     """Return λmax(D⁻¹K) of a scene's agents, by Lanczos iteration."""
     finest = table.levels[0]
     n = finest.size
-    if n > MOST_FACES_TO_ITERATE:
+    if n > 200_000:  # The bound does, as the iteration would take longer than a wave or two.
         return float("inf")
     root = np.sqrt(finest.stiffness)
     # D^(1/2) (D⁻¹K) D^(-1/2) is symmetric and has the same eigenvalues.

@@ -13,9 +13,6 @@ from kaju.model.elastic.relaxation.push_state import PushState
 from kaju.model.results.stored import Column
 from kaju.model.scene.cell_types import AIR, DISPLACED
 
-MOST_MOMENTS = 400
-MOST_BYTES = 32_000_000  # All moments together take up to this much memory
-
 
 class StepRecord(NamedTuple):
     """One step: what it was, and how things stood after it."""
@@ -137,7 +134,8 @@ class Recorder:
     def __init__(self, state: PushState) -> None:
         self._state = state
         faces = sum(len(level.weight) for level in state.levels)
-        self._most = max(8, min(MOST_MOMENTS, MOST_BYTES // (12 * faces)))
+        # As many as a film shows, in up to 32 MB.
+        self._most = max(8, min(400, 32_000_000 // (12 * faces)))
         self._every = 1
         self._kept = [self._look(0)]
 

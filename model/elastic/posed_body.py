@@ -164,13 +164,14 @@ class PosedBody:
 
         And which of the leaves have the loaded side, or middle.
         """
-        # The leaves in a cell, or the one that holds it, follow one another in the order of codes.
-        at = np.flatnonzero(leaves.find(self.loaded * self.cell) >= 0)
-        code = morton(self.loaded[at] * self.cell)
-        first = np.searchsorted(leaves.code, code, "right") - 1
-        many = np.searchsorted(leaves.code, code + self.cell**self.dimension) - first
-        leaf = np.arange(many.sum()) + np.repeat(first - np.cumsum(many) + many, many)
-        row = np.repeat(at, many)
+        # Those in a leaf, or of the cell that holds it, follow one another in the order of codes.
+        whole = self.cell**self.dimension
+        start = leaves.code // whole * whole
+        end = start + np.maximum(leaves.size**self.dimension, whole)
+        first, last = (np.searchsorted(self._code, code) for code in (start, end))
+        many = last - first
+        leaf = np.repeat(np.arange(len(leaves)), many)
+        row = np.arange(len(leaf)) + np.repeat(first - np.cumsum(many) + many, many)
         offset, direction = leaves.lower[leaf] - self.loaded[row] * self.cell, self._direction[row]
         depth = offset[np.arange(len(leaf)), np.maximum(direction, 0) // 2]
         end = np.where(direction % 2, self.cell - leaves.size[leaf], 0)
@@ -195,19 +196,23 @@ class PosedBody:
         )
 
     def _collect_loads(self, stage: int | None) -> None:
-        """Sum the forces on the same face of a cell, in the order of their keys."""
+        """Sum the forces on the same face of a cell, in the order of their codes."""
         # Uneven ones stay apart: `_uneven_of` is the index of each in `_uneven`, -1 for others.
         applied, d = self.scene.applied(stage), self.dimension
         # A number for every side, or middle (-1), of cells.
-        keys = self.scene.lattice.key(applied.cells) * (2 * d + 1) + applied.direction + 1
+        code = morton(applied.cells)
+        keys = code * (2 * d + 1) + applied.direction + 1
         nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
         self._uneven = applied.uneven or nothing
         keys[self._uneven.row] = -2 - np.arange(len(self._uneven.row))
         keys, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-        self._uneven_of = np.maximum(-2 - keys, -1)
+        force = np.zeros((len(first), d))
+        np.add.at(force, inverse, applied.force)
+        order = np.argsort(code[first], kind="stable")
+        first, self._force = first[order], force[order]
+        self._uneven_of = np.maximum(-2 - keys[order], -1)
+        self._code = code[first] * self.cell**d
         self.loaded, self._direction = applied.cells[first], applied.direction[first]
-        self._force = np.zeros((len(first), d))
-        np.add.at(self._force, inverse, applied.force)
 
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.equal.problem`."""

@@ -52,11 +52,7 @@ class LoadBox(dict[tuple[int, float, Sense], float]):
 
 
 class PlacedAgent(FixedAgent):
-    """An agent that stands for a cell of the scene, or for one just beside the body.
-
-    `index`, `pos` and ``cell.coordinate`` are the same: column, row (and layer), counted from 0;
-    -1 is beside the first.
-    """
+    """An agent that stands for a cell of the scene, or for one just beside the body."""
 
     model: Any
 
@@ -65,7 +61,8 @@ class PlacedAgent(FixedAgent):
         self.cell = cell
         self.pos = cell.coordinate
 
-    index = property(lambda agent: agent.cell.coordinate, doc="The scene's cell.")
+    index = property(lambda agent: agent.cell.coordinate)
+    """Column, row (and layer), counted from 0, as `pos`; -1 is beside the first cell."""
 
     @property
     def position(self) -> Floats:

@@ -71,13 +71,7 @@ class Stored:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, is damaged, or holds something else.
-        """
+        """Read what `save` wrote; refuse a file that is damaged, or holds something else."""
         return cast(Self, read_stored(path, {cls.kind: cls}.get, f"not of {cls.kind!r}"))
 
 

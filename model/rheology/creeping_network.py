@@ -56,10 +56,7 @@ class NetworkCreepResult(TimeResult):
         return Curves("Tension", *time, lines, "N")
 
     def outside_forces(self, record: int = -1) -> Floats:
-        """Return what acts on every node from outside (N), shape (n, dimension).
-
-        Where a node is held, that is the force of its support; where it is free, its load.
-        """
+        """Return the load or the force of the support (N) of every node, shape (n, dimension)."""
         geometry = spring_geometry(self.network, self.displacement[record])
         return -spring_forces(self.network, geometry, self.force[record])
 

@@ -76,10 +76,7 @@ class Integrator:
         return {corner.time for corner in self.history.corners() if corner.jump}
 
     def states(self, state: Reached, asked: Floats) -> Iterator[Reached]:
-        """Yield the state at each time `asked`, and where an interrupt ends the run.
-
-        Each is reached by a step of its own from the last half step before it.
-        """
+        """Yield the state at each time `asked`, by a step of its own, and at an interrupt."""
         corners, left = self._corners, asked.tolist()
         if left[0] == state.time:
             yield state

@@ -349,11 +349,7 @@ class PetscHierarchy:
             coarse_matrix.setDiagonal(diagonal)
 
     def solver(self, start: int, tolerance: float, most: int) -> Any:
-        """Return conjugate gradients, preconditioned by V-cycles from a level downwards.
-
-        `tolerance` is of the residual in the preconditioner's norm: nearly the relative error in
-        energy.
-        """
+        """Return conjugate gradients with V-cycles, to a `tolerance` of about the energy norm."""
         from petsc4py import PETSc
 
         matrices, depth = self.matrices[start:], len(self.matrices) - start - 1

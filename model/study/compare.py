@@ -352,10 +352,7 @@ def _total_load(answer: Any) -> Floats:
 
 
 def _refuse_other_body(coarse: Scene, fine: Scene, exact: bool) -> None:
-    """Refuse bodies that differ by more than the steps that cells cut into a slanted surface.
-
-    Such steps lie at a surface, or where materials meet, in both bodies; `exact` ones have none.
-    """
+    """Refuse bodies that differ by more than steps along a surface; `exact` ones have no steps."""
     if coarse is fine:
         return
     cell = coarse.lattice.cell_size

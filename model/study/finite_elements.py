@@ -310,10 +310,7 @@ def within_body(whole: Any, kinds: Index) -> Any:
 
 
 def separated(mesh: Any) -> Any:
-    """Give elements that touch at a corner only a point each: one point holds nothing together.
-
-    Corners of elements are joined through the facets that elements share.
-    """
+    """Give elements that share no facet a point each where they touch: it holds nothing."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -59,11 +59,7 @@ class RuleStudy:
         return self._line({self.axis: (surface, far)}, None)
 
     def rows(self) -> list[StraightWay]:
-        """Return lines across the load.
-
-        In the middle of the first row of cells, and of those nearest to a quarter and to half of
-        the way down.
-        """
+        """Return lines across the load, in the first row of cells, a quarter and half way down."""
         surface, into, far = self._along_load
         length, edge = abs(far - surface), self.scene.lattice.cell_size
         layers = {int(share * length / edge + 1e-9) for share in (0.0, 0.25, 0.5)}

@@ -83,10 +83,7 @@ class ArrayEngine:
         self.block = np.array(list(product(*map(range, self.edges))), dtype=np.int64)
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
-        """Put the applied loads (N) on the body; they are taken in the next step.
-
-        Unless agents `live_on`, the body is without any.
-        """
+        """Put the applied loads (N) on a body without agents, or on one whose agents `live_on`."""
         if not live_on:
             self._clear()
         self.applied += float(magnitude.sum())

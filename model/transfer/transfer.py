@@ -158,10 +158,7 @@ class Transfer:
         return along * self.own[material, None]
 
     def loads(self, stage: int) -> tuple[Cells, Ints, Floats]:
-        """Return the loads applied at a stage: cells, states and magnitudes (N).
-
-        Where agents live on from stage to stage they are what comes on top of the stage before.
-        """
+        """Return cells, states and magnitudes (N) of the loads that a stage puts on, or adds."""
         scene, applied = self.scene, self.applied(stage)
         if stage > 1 and scene.loading == "continue":
             applied = replace(applied, force=applied.force - self.applied(stage - 1).force)

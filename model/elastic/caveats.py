@@ -105,13 +105,13 @@ def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
 
 
 MISSED = {
-    "": "agents of a run that is not finished",
-    "agents": "more agents would be needed than are allowed: these",
-    "rounding": "the two stresses differ by no more than rounding errors, which",
-    "resolution": "the smallest agents allowed",
-    "corners": "where stress grows without limit, even the smallest agents possible",
-    "stalled": "more agents do not lower the error: these",
-    "depth": "the smallest agents possible",
+    "": "agents of a run that is not finished leave",
+    "agents": "more agents would be needed than are allowed: these leave",
+    "rounding": "the two stresses differ by no more than rounding errors, which leave",
+    "resolution": "the smallest agents allowed leave",
+    "corners": "where stress grows without limit, even the smallest agents possible leave",
+    "stalled": "more agents do not lower the error: these leave",
+    "depth": "the smallest agents possible leave",
 }
 """Who leaves an error above the tolerance, by why agents stopped."""
 
@@ -129,7 +129,7 @@ def _of_error(result: ElasticResult) -> Iterator[Caveat]:
             why, hint = "resolution", "a larger resolution allows smaller ones"
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))
         of = f"{'a proved' if proved else 'an estimated'} error of {result.goal_error:.2g}"
-        said = f"{MISSED[why]} leave {of}, above the tolerance of {tolerance:g}; {hint}"
+        said = f"{MISSED[why]} {of}, above the tolerance of {tolerance:g}; {hint}"
         yield Caveat("tolerance missed", said)
     if tolerance is not None:  # pictures do not tell
         yield from (Caveat("", said) for goal in result.goals if (said := goal.doubt(tolerance)))

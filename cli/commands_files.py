@@ -204,5 +204,5 @@ def page(
     shown: Any = scene_of(file, settings) if is_scene else load_result(file)
     called = file.stem.replace("-", " ").replace("_", " ").capitalize()
     headline = title or (called if is_scene else f"{shown.kind.capitalize()}: {file.stem}")
-    words = language and language.value
-    typer.echo(export_page(shown, target, title=headline, language=words, python=python))
+    export_page(shown, target, title=headline, language=language and language.value, python=python)
+    typer.echo(f"{target}: open it in a browser")

@@ -116,7 +116,7 @@ def plot_loads(
     pulls = sense_entries(loads, stage.taken.shape[1])
     picture.entries += pulls
     colour_bar(picture.ax, ScalarMappable(norm, LOADS), "load taken along the arrow", "N")
-    total = f"{quantity(float(loads.sum()), 'N')} taken in all, arrow length grows like √load"
+    total = f"{quantity(float(loads.sum()), 'N')} taken by all agents; arrows grow like √load"
     notes = ["; ".join(picture.notes), total]
     notes += ["pulls in shades of red-violet, as dark as pushes of their size"] if pulls else []
     notes += ["loads across the section are not shown"] if across else []

@@ -82,8 +82,8 @@ class OutlinedBody:
 
     Lengths are in edges of the first agents, the first material's Young's modulus is 1. `true` is
     the body, of which `shape` first agents stand along x and y, `edge` (m) large; sides hold along
-    the axes `held`, and have `forces` in all, `tractions`, further forces on a unit of length, and
-    `outlines` are loaded; `weight` is the force on a unit of area.
+    the axes `held`, and have `forces` and `couples` in all, `tractions`, further forces on a unit
+    of length, and `outlines` are loaded; `weight` is the force on a unit of area.
     """
 
     dimension: ClassVar[int] = 2
@@ -120,7 +120,7 @@ class OutlinedBody:
         """Collect the loads: forces over edges, stresses as strains of the modulus."""
         scene, unit = self.asked, modulus * self.asked.thickness * self.edge
         forces = {str(load.side): np.zeros(2) for load in scene.loads if load.side is not None}
-        tractions = {side: np.zeros(2) for side in forces}
+        tractions, couples = {side: np.zeros(2) for side in forces}, dict.fromkeys(forces, 0.0)
         outlines: list[LoadedOutline] = []
         for number, load in enumerate(scene.loads):
             if load.outline is not None:
@@ -132,6 +132,8 @@ class OutlinedBody:
             elif load.pressure is not None:
                 axis, upper = SIDES[str(load.side)]
                 tractions[str(load.side)][axis] -= load.pressure / modulus * (1 if upper else -1)
+            elif load.couple is not None:
+                couples[str(load.side)] += float(np.sum(load.couple)) / unit / self.edge
             else:
                 forces[str(load.side)] += np.array(load.force) / unit
         weight = np.zeros(2)
@@ -140,6 +142,7 @@ class OutlinedBody:
             assert density is not None
             weight = density * self.edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
         acting = [*forces.values(), *tractions.values(), *(one.stress for one in outlines), weight]
+        acting += map(np.array, couples.values())
         strain = max(float(np.abs(one).max()) for one in acting)
         if strain == 0.0:
             raise SceneError(
@@ -150,6 +153,7 @@ class OutlinedBody:
         strain = self.scales.displacement / self.edge
         self.forces = {side: force / strain for side, force in forces.items()}
         self.tractions = {side: traction / strain for side, traction in tractions.items()}
+        self.couples = {side: couple / strain for side, couple in couples.items()}
         self.outlines = [replace(one, stress=one.stress / strain) for one in outlines]
         self.weight = weight / strain
 

@@ -492,7 +492,10 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         yield bed or (moved and not solid), f"{where}; take rigid or roller"
         yield moved and scene.loads, f"{where}; leave the loads out"
     for number, load in enumerate(scene.loads):
-        for key in ("cell", "point", "region", "couple", "pressure_slope"):
+        several = isinstance(load.couple, tuple) and len(load.couple) > 1
+        told = f"loads.{number}.couple: one number (N m) on a side is needed"
+        yield several or (load.couple is not None and not load.side), told
+        for key in ("cell", "point", "region", "pressure_slope", *(("couple",) if solid else ())):
             told = "load a side or an outline by a force or a pressure"
             yield getattr(load, key) is not None, f"loads.{number}.{key}: {told}"
         yield solid and load.outline is not None, f"loads.{number}.outline: load a side"

@@ -130,6 +130,9 @@ class CutAgents(PairAgents):
             share = (beyond[:, 1] - beyond[:, 0]) / (ends[:, 1] - ends[:, 0])
         share = np.where(ends[:, 1] == ends[:, 0], ends[:, 0] > 0.0, share)
         load = share.T @ border.given
+        # of a traction that grows along an edge what lies beyond is not its share alone
+        more = np.where(ends[:, 1] > ends[:, 0], 1.0, -1.0) * share * (1.0 - share)
+        load += more.T @ border.tilted
         # what lies beyond a cut is the integral of the way from it along the border, times normals
         area = border.outward[:, number] @ (share * beyond.mean(axis=1))
         load += area[:, None] * self.ground.weight

@@ -26,7 +26,8 @@ class Border:
     edge: Ints
     ends: Ints  # vertices, the body to the left, shape (n, 2)
     at: Floats  # where these are, shape (n, 2, 2)
-    traction: Floats  # shape (n, 2)
+    traction: Floats  # in the middle of each, shape (n, 2)
+    tilt: Floats  # by how much more it is at its end, shape (n, 2)
     held: Flags  # components of the displacement, shape (n, 2)
     side: Ints  # number of the array's side, -1 on an outline
     outline: Ints  # region whose outline it lies on, -1 for none
@@ -46,6 +47,11 @@ class Border:
         """Forces of the tractions on edges."""
         return np.asarray(self.traction * np.hypot(*self.run.T)[:, None])
 
+    @property
+    def tilted(self) -> Floats:
+        """By how much more the tractions are at the end of edges than in the middle, as forces."""
+        return np.asarray(self.tilt * np.hypot(*self.run.T)[:, None])
+
     @classmethod
     def of(cls, mesh: CutMesh, body: OutlinedBody, along: list[Floats]) -> Border:
         """Return the border of a mesh under the loads and supports of a body."""
@@ -54,7 +60,8 @@ class Border:
         at = mesh.place[ends]
         run = at[:, 1] - at[:, 0]
         length = np.hypot(*run.T)
-        traction, held = np.zeros((len(edge), 2)), np.zeros((len(edge), 2), dtype=np.bool_)
+        traction, tilt = np.zeros((2, len(edge), 2))
+        held = np.zeros((len(edge), 2), dtype=np.bool_)
         side = np.full(len(edge), -1)
         for number, (name, (axis, upper)) in enumerate(SIDES.items()):
             on = (at[:, :, axis] == (body.shape[axis] if upper else 0.0)).all(axis=1)
@@ -64,6 +71,9 @@ class Border:
                 if not on.any():
                     raise UnlikeError(f"{name} has no body to be loaded")
                 traction[on] = body.tractions[name] + body.forces[name] / length[on].sum()
+                pull = _bent(at[on, :, 1 - axis], length[on], body.couples[name])
+                traction[on, axis] += pull.mean(axis=1) * (1 if axis else -1)
+                tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0]) * (1 if axis else -1)
         outline = _outline_of(at, side < 0, along)
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
         for one in body.outlines:
@@ -71,13 +81,14 @@ class Border:
             if one.facing is not None:
                 on &= outward @ one.facing < -SMOOTH
             traction[on] = outward[on] @ one.stress
-        traction[held] = 0.0
-        return cls(owner, side_of, edge, ends, at, traction, held, side, outline)
+        traction[held] = tilt[held] = 0.0
+        return cls(owner, side_of, edge, ends, at, traction, tilt, held, side, outline)
 
     def rim(self, mesh: CutMesh, weight: Floats) -> Rim:
         """Return how φ and its slopes grow along the border."""
         # tractions that φ makes good: those asked for less those of what bears the weight
         load = self.given[:, None] + self.at * weight * self.outward[:, None]
+        load += (np.array([-1.0, 1.0])[:, None, None] * self.tilted).swapaxes(0, 1)
         turn = np.stack([-load[..., 1], load[..., 0]], axis=2)
         slope, bulge = turn.mean(axis=1), (turn[:, 0] - turn[:, 1]) / 8.0
         rise = ((0.5 * slope + bulge * (2.0 / 3.0)) * self.run).sum(axis=1)
@@ -89,9 +100,17 @@ class Border:
         """Return the work of the tractions on the unknowns of a displacement."""
         out = np.zeros((len(mesh.place) + len(mesh.ends), 2))
         for k in (0, 1):
-            np.add.at(out, self.ends[:, k], 0.5 * self.given)
+            np.add.at(out, self.ends[:, k], 0.5 * self.given + (2 * k - 1) / 6.0 * self.tilted)
         out[len(mesh.place) + self.edge] += self.given * (2.0 / 3.0)
         return out
+
+
+def _bent(at: Floats, length: Floats, couple: float) -> Floats:
+    """Return the stresses of a couple at ends of edges, (n, 2), linear along a side."""
+    middle = at.mean(axis=1)
+    off = middle - (length * middle).sum() / length.sum()
+    inertia = (length * (off**2 + length**2 / 12.0)).sum()
+    return np.asarray(couple / inertia * (at - middle[:, None] + off[:, None]))
 
 
 def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:

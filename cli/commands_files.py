@@ -26,8 +26,8 @@ def check(
 ) -> None:
     """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
 
-    Scenes with true outlines are solved roughly; of those with the elastic rule the computation is
-    begun. A stored result is read to its end, and its books, forces and energies must balance.
+    Scenes with true outlines are solved roughly; for those with the elastic rule the first steps
+    are done. A stored result is read whole, and its ledger, forces and energies must balance.
     """
     if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
         _check_result(file, as_json)
@@ -62,7 +62,7 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
     described = scene_of(scene, settings)
     if described.outlined or described.rule.kind == "elastic":  # nothing that loads could grow by
         _begin(described)
-        words = "the scene can be read and begun; kaju solve answers it"
+        words = "no mistake was found in the scene; compute it with kaju solve"
         told = {"stable": True, "verdict": words, "notes": described.notes}
         typer.echo(json.dumps(told) if as_json else "\n  note: ".join((words, *described.notes)))
         return

@@ -105,7 +105,7 @@ const PIECES = /\*\*(.+?)\*\*|\*(.+?)\*|`([^`]+)`|\[([^\]]+)\]\(([^)\s]+)\)/g;
 
 /** Words with **bold**, *emphasis*, `code` and [links](to pages). */
 export function inline(words) {
-  const list = [], text = words.replace(/(\d) (?=(?:[GMkmµn]?(?:Pa|J|N)|[kcmµn]?m|s|%)(?!\w))/g, "$1\u00a0");   // a number and its unit stay in one line
+  const list = [], text = words.replace(/(\d) (?=(?:[GMkmµn]?(?:Pa|J|N)|[kcmµn]?m|s|%)(?!\w))/g, "$1\u00a0").replace(/\((\d+), (\d+)\)/g, "($1,\u00a0$2)");   // a number and its unit stay in one line, and a cell
   let at = 0;
   for (const found of text.matchAll(PIECES)) {
     const [all, bold, emphasis, code, name, to] = found;

@@ -150,34 +150,28 @@ class CutAgents(PairAgents):
         One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
         """
         border, force = self._border, self._border.given
-        places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
+        walk = np.concatenate(loops_of(*border.ends.T))
+        walk = walk[force[walk].any(axis=1)]
+        places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)[walk]
         found: list[tuple[Floats, Floats, bool]] = []
-        for place in np.unique(places[force.any(axis=1)]).tolist():
-            rows = np.flatnonzero((places == place) & force.any(axis=1))
-            at = border.at[rows].mean(axis=1)
-            long = np.hypot(*np.diff(border.at[rows], axis=1)[:, 0].T)
-            side = place < len(SIDES)
-            axis = 1 - list(SIDES.values())[place][0] if side else 0
-            along = at[:, axis] if side else np.arctan2(*(at - at.mean(axis=0)).T[::-1])
-            order = np.argsort(along)
-            if not side:  # what is not loaded all round begins after the widest gap
-                gap = np.diff(along[order], append=along[order[0]] + 2.0 * np.pi)
-                order = np.roll(order, -1 - int(gap.argmax()))
-            rows, at, long = rows[order], at[order], long[order]
+        for place in np.unique(places).tolist():
+            rows = walk[places == place]
+            # what is not loaded all round begins where it does not go on
+            gaps = np.flatnonzero(border.ends[rows, 1] != border.ends[np.roll(rows, -1), 0])
+            rows = np.roll(rows, -1 - gaps[0]) if len(gaps) else rows
+            long, points = np.hypot(*border.run[rows].T), border.at[rows]
             unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
-            one_way = np.ptp(unit, axis=0).max() < 1e-6  # they would lie over each other
             across = (unit * border.outward[rows]).sum(axis=1) / long
-            along_it = abs(float(across.mean())) < 0.5
-            few = one_way and (along_it or not side)
+            along_it, side = abs(float(across.mean())) < 0.5, place < len(SIDES)
+            few = np.ptp(unit, axis=0).max() < 1e-6 and (along_it or not side)
             stops = np.linspace(0.0, long.sum(), 3 if few else 11 if side else 33)
             way = np.append(0.0, np.cumsum(long))
-            row = np.searchsorted(way, stops[1::2]) - 1
-            middle = at[row]
-            if side:
-                middle[:, axis] += stops[1::2] - way[row] - 0.5 * long[row]
+            ends = np.vstack([points[:1, 0], points[:, 1]]).T
+            middle = np.array([np.interp(stops[1::2], way, x) for x in ends]).T
             sums = np.vstack([np.zeros(2), np.cumsum(force[rows], axis=0)]).T
             own = np.diff([np.interp(stops[::2], way, total) for total in sums]).T
-            pull = (own * border.outward[rows[row]]).sum(axis=1) > 0.0
+            at = np.minimum(np.searchsorted(way, stops[1::2]), len(rows)) - 1
+            pull = (own * border.outward[rows[at]]).sum(axis=1) > 0.0
             found += zip(middle, own, pull, strict=True)
         if self.ground.weight.any():
             area = self.opinions.area[1]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError, SingularPlaceError, suggestion
+from kaju.errors import ParameterError, SceneError, SingularPlaceError, brief, suggestion
 from kaju.model.elastic.goals.quantities import (
     HOOP,
     AskedFor,
@@ -64,25 +64,17 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress, ...]:
     if goal is None:
         return ()
     named = [region.name for region in scene.body.regions if region.name is not None]
-    besides = "value_of of the answer gives means over boxes and deflections of sides, unproved"
-    one = goal[0] if isinstance(goal, list) and goal else goal
-    if isinstance(one, str) and goal in (one, [one]):
-        goal = Stress(one, HOOP)
-    asked = quantities_of(goal)
-    if len(asked) > 1 or not isinstance(asked[0], Stress) or asked[0].component != HOOP:
+    one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
+    first, *more = quantities_of(Stress(one, HOOP) if isinstance(one, str) else goal)
+    if more or not isinstance(first, Stress) or first.component != HOOP or first.at not in named:
+        near = suggestion(one, named) if isinstance(one, str) else ""
         raise ParameterError(
             "goal: within true outlines a tolerance is about the energy norm, or about the "
             f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), got '
-            f"{goal!r}; outlines are {', '.join(named) or 'without names'}; {besides}"
+            f"{brief(goal)}{near}; there is {', '.join(named) or 'no true outline with a name'}; "
+            "value_of of the answer gives means over boxes and deflections of sides, unproved"
         )
-    at = asked[0].at
-    if at not in named:
-        near = suggestion(at, named) if isinstance(at, str) else ""
-        raise ParameterError(
-            f"goal: there is no true outline {at!r}{near}; there is "
-            f"{', '.join(named) or 'none with a name'}; {besides}"
-        )
-    return (asked[0],)
+    return (first,)
 
 
 class CutLoop(PairLoop):

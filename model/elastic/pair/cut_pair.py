@@ -14,6 +14,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import SupportError
+from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_triangles import Filled, leaf_triangles
 from kaju.model.outline.posed_outlines import OutlinedBody, UnlikeError
@@ -35,18 +36,12 @@ def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
     SupportError
         If one that is loaded could move without straining.
     """
-    part, count = mesh.parts, int(mesh.parts.max()) + 1
+    own, count = mesh.parts[border.ends[:, 0]], int(mesh.parts.max()) + 1
     loose = np.zeros(count, dtype=np.bool_)
-    own = part[border.ends[:, 0]]
-    held = border.held.any(axis=1)
     for number in range(count):
-        rows = np.flatnonzero((own == number) & held)
-        at = border.at[rows] - border.at[rows[:1], :1]
-        stops = np.zeros((len(rows), 2, 2, 3))  # edge, end, component, motion
-        stops[..., 0, 0] = stops[..., 1, 1] = 1.0
-        stops[..., 0, 2], stops[..., 1, 2] = -at[..., 1], at[..., 0]
-        held_ones = np.broadcast_to(border.held[rows, None], (len(rows), 2, 2))
-        if free_motion(stops[held_ones], 2):
+        edge, axis = np.nonzero(border.held & (own == number)[:, None])
+        points = border.at[edge].reshape(-1, 2) - border.at[edge[:1], 0]
+        if free_motion(rigid_motions(points, np.repeat(axis, 2)), 2):
             loose[number] = True
             if weight.any() or border.traction[own == number].any():
                 raise SupportError(

@@ -10,11 +10,12 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
 
-from .arc_triangles import CLOSE, ArcFrames
+from .arc_triangles import ArcFrames
 from .posed_outlines import along, rigid_sides_at
-from .true_shapes import UNIT, leaf_at, nearest_of
+from .true_shapes import UNIT, leaf_at, pieces_of
 
 if TYPE_CHECKING:
+    from kaju.model.elastic.pair.cut_mesh import CutMesh
     from kaju.model.elastic.pair.cut_pair import CutPair
 
 _GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
@@ -55,10 +56,8 @@ class HoopStress:
     @classmethod
     def along(cls, pair: CutPair, region: int) -> HoopStress:
         """Return the stresses by agents along the outline of a region."""
-        line = pair.along[region]
-        found = [_ends_of_body(pair, region), _between_materials(pair, line)]
-        at, own = (np.concatenate([one[k] for one in found]) for k in (0, 1))
         mesh = pair.balancing.mesh
+        at, own, way, whole = _along(pair.along[region], mesh)
         leaf, law, middle, run = mesh.leaf[own], mesh.law[own], at.mean(axis=1), at[:, 1] - at[:, 0]
         long = np.hypot(*run.T)
         d = run / np.maximum(long, 1e-300)[:, None]
@@ -71,10 +70,9 @@ class HoopStress:
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
         values = np.column_stack([middle, d, np.einsum(turned, d, stress, d), moved])
-        away, whole = _way_along(middle, line)
-        order = np.argsort(away)
+        order = np.argsort(way)
         if len(order):  # a part beyond the array lies after the end, wherever the line starts
-            gaps = np.diff(away[order], append=away[order[0]] + whole)
+            gaps = np.diff(way[order], append=way[order[0]] + whole)
             order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
         known = np.isfinite(values).all(axis=1) & (long > SHORT * UNIT * pair.leaves.size[leaf])
         order = order[known[order]]
@@ -110,37 +108,18 @@ def turn_in(leaves: LeafCells, arcs: Floats) -> Floats:
     return turn
 
 
-def _ends_of_body(pair: CutPair, region: int) -> tuple[Floats, Ints]:
-    """Return the edges along an outline at which the body ends, and the triangles there."""
-    mesh, border = pair.balancing.mesh, pair.borders[1]
-    rows = np.flatnonzero(border.outline == region)
-    at = border.at[rows]
-    solid = pair.body.true.regions[region].solid
-    return at if solid else at[:, ::-1], mesh.beside[border.edge[rows], 0]
+def _along(line: Floats, mesh: CutMesh) -> tuple[Floats, Ints, Floats, float]:
+    """Return the edges along a line where laws end, triangles there, their way, and the whole.
 
-
-def _between_materials(pair: CutPair, line: Floats) -> tuple[Floats, Ints]:
-    """Return the edges along an outline at which two materials meet, and triangles outside."""
-    mesh, certain = pair.balancing.mesh, len(pair.body.true.laws)
-    edge, of = mesh.edge.ravel(), np.repeat(np.arange(len(mesh.triangle)), 3)
-    law = mesh.law[of]
-    low, high = np.full(len(mesh.ends), certain), np.full(len(mesh.ends), -1)
-    np.minimum.at(low, edge, law)
-    np.maximum.at(high, edge, law)
-    rows = np.flatnonzero((low[edge] < high[edge]) & (law < certain))
-    # as triangles outside go back along them
-    at = mesh.place[mesh.around[..., ::-1]].reshape(-1, 2, 2)[rows]
-    off, nearest = nearest_of(at.mean(axis=1), line)
-    ahead = ((at[:, 1] - at[:, 0]) * (line[nearest, 1] - line[nearest, 0])).sum(axis=1) > 0.0
-    outside = (off < CLOSE) & ahead
-    return at[outside], of[rows[outside]]
-
-
-def _way_along(points: Floats, line: Floats) -> tuple[Floats, float]:
-    """Return how far along a line points lie, and how long it is."""
-    nearest = nearest_of(points, line)[1]
-    run = line[:, 1] - line[:, 0]
-    long = np.hypot(*run.T)
-    begin = np.cumsum(long) - long
-    t = ((points - line[nearest, 0]) * run[nearest]).sum(axis=1) / np.maximum(long[nearest], 1e-300)
-    return begin[nearest] + t, float(long.sum())
+    Triangles are those outside, where there are any.
+    """
+    beside = mesh.beside[mesh.edge]
+    other = beside.sum(axis=2) - np.arange(len(beside))[:, None]
+    own, side = np.nonzero((other < 0) | (mesh.law[other] != mesh.law[:, None]))
+    at = mesh.place[mesh.around[own, side]]
+    piece, ahead = pieces_of(line, at)
+    kept = (piece >= 0) & (~ahead | (other[own, side] < 0))
+    at = np.where(ahead[:, None, None], at, at[:, ::-1])
+    long = np.hypot(*(line[:, 1] - line[:, 0]).T)
+    way = (np.cumsum(long) - long)[piece]
+    return at[kept], own[kept], way[kept], float(long.sum())

@@ -9,6 +9,7 @@ from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
@@ -60,21 +61,16 @@ def snapped(points: Floats) -> Floats:
     return np.asarray(np.rint(points * GRID) / GRID)
 
 
-def nearest_of(points: Floats, line: Floats) -> tuple[Floats, Ints]:
-    """Return how far points are from the straight pieces of a line, and which is nearest."""
-    off, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
-    if not len(line):
-        return off, nearest
-    run = line[:, 1] - line[:, 0]
-    square = (run**2).sum(axis=1)
-    step = max(AT_ONCE // len(line), 1)
-    for k in range(0, len(points), step):
-        away = points[k : k + step, None] - line[:, 0]
-        t = np.clip((away * run).sum(axis=2) / square, 0.0, 1.0)
-        far = ((away - t[..., None] * run) ** 2).sum(axis=2)
-        nearest[k : k + step] = far.argmin(axis=1)
-        off[k : k + step] = np.sqrt(far.min(axis=1))
-    return off, nearest
+def pieces_of(line: Floats, edges: Floats) -> tuple[Ints, Flags]:
+    """Return which straight piece of a line each edge is, -1 for none, and which go along it."""
+    found, ahead = np.full(len(edges), -1), np.zeros(len(edges), dtype=np.bool_)
+    if len(line):
+        near = cKDTree(line[:, 0]).query(edges)[1]
+        for end in (1, 0):
+            one, off = near[:, 1 - end], edges[:, [1 - end, end]]
+            on = (np.abs(line[near[:, 1 - end]] - off) < CLOSE).all(axis=(1, 2))
+            found[on], ahead[on] = one[on], end == 1
+    return found, ahead
 
 
 class Law(NamedTuple):

@@ -9,12 +9,10 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
-from kaju.model.outline.true_shapes import SMOOTH, nearest_of
+from kaju.model.outline.true_shapes import SMOOTH, pieces_of
 
 from .cut_mesh import THIRDS, CutMesh
 from .sheets import Rim
-
-ALONG = 1e-8  # edges whose ends are this near to corners of an outline's polygon are on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +113,12 @@ def _bent(at: Floats, length: Floats, couple: float) -> Floats:
 
 def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:
     """Return the region on whose outline edges lie, by the straight pieces of each; -1 for none."""
-    lines = np.concatenate([np.empty((0, 2, 2)), *along])
-    region = np.repeat(np.arange(len(along)), [len(one) for one in along])
     outline = np.full(len(at), -1)
-    if not len(lines):
-        return outline
-    away, near = map(np.asarray, cKDTree(lines[:, 0]).query(at))
-    on = inner & (away < ALONG).all(axis=1)
-    outline[on] = region[near[on, 0]]
+    for region, line in enumerate(along):
+        outline[inner & (pieces_of(line, at)[0] >= 0)] = region
     # others lie along the sides of leaves, or stand for slivers that were left out
-    rest = np.flatnonzero(inner & (outline < 0))
-    outline[rest] = region[nearest_of(at[rest].mean(axis=1), lines)[1]]
+    on, rest = np.flatnonzero(outline >= 0), np.flatnonzero(inner & (outline < 0))
+    if len(on) and len(rest):
+        near = cKDTree(at[on].mean(axis=1)).query(at[rest].mean(axis=1))[1]
+        outline[rest] = outline[on[near]]
     return outline

@@ -96,24 +96,8 @@ def in_triangles(arcs: Floats) -> Floats:
 
 def keep_apart(one: Floats, other: Floats) -> bool:
     """Tell whether the arcs of two lines neither cross nor touch."""
-    points = [(at[..., :2] / at[..., 2:]).reshape(-1, 2) for at in (one, other)]
-    low, high = (np.array([f(at, axis=0) for at in points]) for f in (np.min, np.max))
-    if (low.max(axis=0) > high.min(axis=0) + CLOSE).any():
-        return True
-    while True:
-        a, b = ArcFrames(one), ArcFrames(other)
-        first, second = overlapping(a.triangles, b.triangles, CLOSE)
-        if not len(first):
-            return True
-        if _alike(a.triangles[first], b.triangles[second]).any():
-            return False
-        one, other = one[np.unique(first)], other[np.unique(second)]
-        a, b = ArcFrames(one), ArcFrames(other)
-        split, beside = a.turn != 0.0, b.turn != 0.0
-        short = max(a.length[split].max(initial=0.0), b.length[beside].max(initial=0.0)) < CLOSE
-        if short or len(one) + len(other) > 20_000:
-            return False
-        one, other = halved(one, split), halved(other, beside)
+    a, b = (ArcFrames(arcs).triangles for arcs in kept_apart([one, other]))
+    return not len(overlapping(a, b, CLOSE)[0])
 
 
 def kept_apart(lines: list[Floats]) -> list[Floats]:

@@ -28,6 +28,7 @@ FIRST = 8  # first agents along the longer side, where the cells' number has suc
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
+EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
 ROUNDING = 1e-7  # share by which the bounds are set wider, for coordinates are rounded
 OF_LAW = 1e3 * np.finfo(np.float64).eps
 """The same for the law, times its condition: next to ν = 1/2 it leaves few digits of an energy."""
@@ -228,15 +229,9 @@ class OutlinedBody:
         many = -(-FINE // max(asked.lattice.shape))
         shape = tuple(many * count for count in asked.lattice.shape)
         lattice = type(asked.lattice)(shape, asked.lattice.cell_size / many)
-        centres = lattice.centres(np.indices(shape).reshape(2, -1).T)
+        codes = self.material_at(lattice.centres(np.indices(shape).reshape(2, -1).T))
         names = [material.name for material in asked.cell_materials]
-        code = {name: names.index(name) if name in names else len(names) for name in (
-            asked.body.material, *(region.material for region in asked.body.regions)
-        )}  # fmt: skip
-        codes = np.full(len(centres), code[asked.body.material], dtype=np.int16)
-        for number, region in enumerate(asked.body.regions):
-            shape_of = region.shape_in(asked.lattice, f"body.regions.{number}")
-            codes[shape_of.contains(centres)] = code[region.material]
+        codes = np.where(codes < 0, len(names), codes).astype(np.int16)
         body = Body(
             array=codes.reshape(shape),
             cell_size=lattice.cell_size,
@@ -246,6 +241,21 @@ class OutlinedBody:
         )
         legend = {str(number): name for number, name in enumerate([*names, "air"])}
         return Scene(body=body, legend=legend, materials=asked.materials, sides=asked.sides)
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return which material is at points (m), -1 for air: what ends there is the body's."""
+        asked, body = self.asked, self.asked.body
+        number = {material.name: k for k, material in enumerate(asked.cell_materials)}
+        found = np.full(len(points), number.get(str(body.material), -1))
+        for k, region in enumerate(body.regions):
+            shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material
+            inside = shape.contains(points)
+            if of not in number:  # what is cut out has no edge
+                step = EDGE * float((shape.extent[1] - shape.extent[0]).max())
+                for x, y in np.ndindex(3, 3):
+                    inside &= shape.contains(points + step * np.array([x - 1, y - 1]))
+            found[inside] = number.get(of, -1)
+        return found
 
     @property
     def cell(self) -> float:

@@ -12,11 +12,10 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, brief
 from kaju.model.outline.hoop_stress import HoopStress
-from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
+from kaju.model.outline.posed_outlines import EDGE, SIDES, OutlinedBody
 from kaju.model.outline.triangulation import SQUARE
 from kaju.model.outline.true_shapes import UNIT
 from kaju.model.results.cuts import Cuts, axis_of_cuts
-from kaju.model.scene.shapes import Shape
 
 from .answer import PairAgents
 from .cut_border import Border
@@ -24,7 +23,6 @@ from .cut_pair import CutPair
 from .opinions import tensors
 from .sheets import loops_of
 
-EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
 APART = 0.02  # share of a peak by which it may be off both fields there without a note
 NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
 OUTSIDE = "points: ({}) m lies outside the body"
@@ -194,16 +192,11 @@ class CutAgents(PairAgents):
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
             raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {brief(points)}")
-        scene = self.ground.asked
-        number = {material.name: k for k, material in enumerate(scene.cell_materials)}
-        found = np.full(len(points), number.get(str(scene.body.material), -1))
-        for k, region in enumerate(scene.body.regions):
-            shape, of = region.shape_in(scene.lattice, f"body.regions.{k}"), region.material
-            inside = shape.contains(points) if of in number else _within(shape, points)
-            found[inside] = number.get(of, -1)
-        extent, off = np.asarray(scene.lattice.extent), EDGE * min(scene.lattice.extent)
+        lattice = self.ground.asked.lattice
+        extent, off = np.asarray(lattice.extent), EDGE * min(lattice.extent)
         within = ((points >= -off) & (points <= extent + off)).all(axis=1)
-        return np.where(within & (self._leaf(points) >= 0), found, -1)
+        within &= self._leaf(points) >= 0
+        return np.where(within, self.ground.material_at(points), -1)
 
     def displacement_at(self, points: Floats, cells: Ints | None = None) -> Floats:
         """Return the displacement at points (m), beside the body that of what is near."""
@@ -301,13 +294,3 @@ class CutAgents(PairAgents):
     def history(self) -> dict[str, Any]:
         """Return the figures of their generations."""
         return super().history() | {"agents_cut": int(self.cut.sum())}
-
-
-def _within(shape: Shape, points: Floats) -> Flags:
-    """Tell which points lie in a shape that is cut out: not on its edge, which is the body's."""
-    lower, upper = shape.extent
-    step = EDGE * float((upper - lower).max())
-    inside = np.ones(len(points), dtype=np.bool_)
-    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-        inside &= shape.contains(points + step * np.array([x, y]))
-    return inside

@@ -111,7 +111,7 @@ def _crossings(lines: Floats) -> Floats:
     return snapped(a[on] + t[on, None] * (b - a)[on])
 
 
-def _parted(
+def parted_lines(
     start: Floats, end: Floats, axis: int, spacing: float, chosen: Flags
 ) -> tuple[Floats, Floats, Ints]:
     """Return lines parted where they cross others a spacing apart, and which each was."""
@@ -146,7 +146,7 @@ def _marched(rings: list[Floats], leaves: LeafCells) -> tuple[Floats, Ints, Ints
     leaf, chosen, spacing = np.full(len(line), -1), np.ones(len(line), dtype=np.bool_), 1.0
     while chosen.any():
         for axis in (0, 1):
-            start, end, row = _parted(start, end, axis, spacing, chosen)
+            start, end, row = parted_lines(start, end, axis, spacing, chosen)
             line, chosen, leaf = line[row], chosen[row], leaf[row]
         run, middle = end - start, 0.5 * (start + end)
         straight = (run == 0.0).any(axis=1)

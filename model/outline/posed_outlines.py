@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from math import gcd, inf
 from typing import ClassVar
 
@@ -19,6 +19,7 @@ from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
 
 from .arc_triangles import ArcFrames, TouchError, keep_apart
+from .leaf_triangles import parted_lines
 from .triangulation import NEAR
 from .true_shapes import AIR, KINK, SMOOTH, UNIT, Law, TrueBody, TrueRegion, first_leaves, holding
 
@@ -68,9 +69,13 @@ class LoadedOutline:
 def along(region: TrueRegion, extent: tuple[int, int]) -> Floats:
     """Return the chords or tangents of an outline within the array. Shape (n, 2, 2)."""
     rings = region.rings(not region.solid)
-    return within_array(
-        np.concatenate([np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in rings]), extent
-    )
+    start, end = np.concatenate(rings), np.concatenate([np.roll(one, -1, axis=0) for one in rings])
+    for axis, whole in enumerate(extent):
+        every = np.ones(len(start), dtype=np.bool_)
+        start, end, _ = parted_lines(start, end, axis, float(whole), every)
+    middle = 0.5 * (start + end)
+    kept = ((middle >= 0.0) & (middle <= extent)).all(axis=1) & (start != end).any(axis=1)
+    return np.stack([start, end], axis=1)[kept]
 
 
 class UnlikeError(Exception):
@@ -194,22 +199,14 @@ class OutlinedBody:
     def band(self) -> float:
         """Largest energy (twice) of a unit of area between both bodies, under a load's stress."""
         stresses = [one.stress[[0, 1, 0], [0, 1, 1]] for one in self.outlines]
-        return max((float(s @ self.softest.compliance @ s) for s in stresses), default=0.0)
-
-    @property
-    def softest(self) -> Law:
-        """The stiffest law that is no stiffer than any of the body's."""
-        return reduce(lambda one, other: one.with_other(other, stiffer=False), self.true.laws)
-
-    @property
-    def stiffest(self) -> Law:
-        """The softest law that is no softer than any of the body's."""
-        return reduce(lambda one, other: one.with_other(other, stiffer=True), self.true.laws)
+        return max(
+            (float(s @ self.true.extreme(False).compliance @ s) for s in stresses), default=0.0
+        )
 
     @property
     def rounding(self) -> float:
         """Share by which bounds are set wider for rounding."""
-        softest, stiffest = self.softest, self.stiffest
+        softest, stiffest = self.true.extreme(False), self.true.extreme(True)
         contrast = max(stiff / soft for stiff, soft in zip(stiffest, softest, strict=True))
         law = np.linalg.eigvalsh(stiffest.stiffness).max()
         law /= np.linalg.eigvalsh(softest.stiffness).min()
@@ -265,7 +262,8 @@ class OutlinedBody:
     @cached_property
     def sharp(self) -> Ints:
         """The units that hold corners of outlines, shape (n, 2)."""
-        return np.floor(self.true.kinks(KINK) / UNIT).astype(np.int64)
+        at, kink = self.true.corners()
+        return np.floor(at[np.abs(kink) > KINK] / UNIT).astype(np.int64)
 
     @property
     def without_limit(self) -> Floats:
@@ -301,23 +299,6 @@ def rigid_sides_at(points: Floats, body: OutlinedBody) -> list[str]:
         if len(axes) > 1
         and (at[:, SIDES[side][0]] == body.shape[SIDES[side][0]] * SIDES[side][1]).any()
     ]
-
-
-def within_array(border: Floats, extent: tuple[int, int]) -> Floats:
-    """Return the parts of straight lines within the array, shape (n, 2, 2)."""
-    ends = border
-    run = ends[:, 1] - ends[:, 0]
-    low, high = np.zeros(len(ends)), np.ones(len(ends))
-    for axis in (0, 1):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (np.array([0.0, extent[axis]]) - ends[:, 0, axis, None]) / run[:, axis, None]
-        level = run[:, axis] == 0.0
-        outside = level & ((ends[:, 0, axis] < 0) | (ends[:, 0, axis] > extent[axis]))
-        low = np.maximum(low, np.where(level, 0.0, t.min(axis=1)))
-        high = np.where(outside, -1.0, np.minimum(high, np.where(level, 1.0, t.max(axis=1))))
-    kept = high - low > 1e-12
-    at = np.stack([low, high], axis=1)[kept]
-    return ends[kept, :1] + at[:, :, None] * run[kept, None]
 
 
 def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
@@ -65,7 +64,7 @@ def pieces_of(line: Floats, edges: Floats) -> tuple[Ints, Flags]:
     """Return which straight piece of a line each edge is, -1 for none, and which go along it."""
     found, ahead = np.full(len(edges), -1), np.zeros(len(edges), dtype=np.bool_)
     if len(line):
-        near = cKDTree(line[:, 0]).query(edges)[1]
+        near = np.asarray(cKDTree(line[:, 0]).query(edges)[1])
         for end in (1, 0):
             one, off = near[:, 1 - end], edges[:, [1 - end, end]]
             on = (np.abs(line[near[:, 1 - end]] - off) < CLOSE).all(axis=(1, 2))
@@ -260,6 +259,10 @@ class TrueBody:
         laws = dict.fromkeys([self.law, *(region.law for region in self.regions)])
         return tuple(law for law in laws if law != AIR)
 
+    def extreme(self, stiffer: bool) -> Law:
+        """Return the softest law no softer than any of the body's, or the stiffest no stiffer."""
+        return reduce(lambda one, other: one.with_other(other, stiffer), self.laws)
+
     def refine(self, leaves: LeafCells) -> None:
         """Halve arcs until none is longer than its leaves."""
         for region in self.regions:
@@ -293,37 +296,26 @@ class TrueBody:
             found.append(below)
         return found
 
-    def kinks(self, least: float) -> Floats:
-        """Return the corners of all lines, shape (n, 2)."""
-        found = [np.empty((0, 2))]
-        for frames, kink, _ in self._corners(range(len(self.regions))):
-            found.append(frames.end[np.abs(kink) > least])
-        return np.concatenate(found)
+    def corners(self, which: int | None = None) -> tuple[Floats, Floats]:
+        """Return where arcs end, of all regions or one, and angles: below 0 body is round them."""
+        places, kinks = [np.empty((0, 2))], [np.empty(0)]
+        for region in self.regions if which is None else [self.regions[which]]:
+            for line, inward in zip(region.lines, region.inward, strict=True):
+                frames = ArcFrames(line.arcs)
+                kink = angle(frames.last, np.roll(frames.first, -1, axis=0))
+                kink = -kink if inward == region.solid else kink
+                # two materials may meet at a corner of what is filled
+                meet = region.solid and len(self.laws) > 1
+                places.append(frames.end)
+                kinks.append(-np.abs(kink) if meet else kink)
+        return np.concatenate(places), np.concatenate(kinks)
 
     def without_limit(
         self, least: float, extent: tuple[int, int], which: int | None = None
     ) -> Floats:
-        """Return corners within the array at which stress has no limit, of all regions or one.
-
-        The body is re-entrant there, or two materials may meet.
-        """
-        found = [np.empty((0, 2))]
-        regions = range(len(self.regions)) if which is None else [which]
-        for frames, kink, region in self._corners(regions):
-            if region.solid and len(self.laws) > 1:
-                kink = -np.abs(kink)
-            within = ((frames.end > 0.0) & (frames.end < extent)).all(axis=1)
-            found.append(frames.end[within & (kink < -least)])
-        return np.concatenate(found)
-
-    def _corners(self, regions: Iterable[int]) -> Iterator[tuple[ArcFrames, Floats, TrueRegion]]:
-        """Yield lines, angles at their arcs' ends (below 0: body is round them), and regions."""
-        for number in regions:
-            region = self.regions[number]
-            for line, inward in zip(region.lines, region.inward, strict=True):
-                frames = ArcFrames(line.arcs)
-                kink = angle(frames.last, np.roll(frames.first, -1, axis=0))
-                yield frames, -kink if inward == region.solid else kink, region
+        """Return corners within the array at which stress has no limit, (n, 2)."""
+        at, kink = self.corners(which)
+        return at[((at > 0.0) & (at < extent)).all(axis=1) & (kink < -least)]
 
 
 KINK = np.radians(20.0)  # angle from which on agents at a corner are looked at one by one

@@ -16,11 +16,12 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.scene.curves import cross
 
 from .triangulation import SQUARE, triangles, unified
-from .true_shapes import AIR, UNIT, Law, TrueBody, holding, leaf_at, snapped
+from .true_shapes import AIR, GRID, TINY, UNIT, Law, TrueBody, holding, leaf_at, snapped
 
-NUDGE = 2.0**-34  # less than the grid of corners: tells the sides of a line that leaves meet along
+NUDGE = (
+    0.25 / GRID
+)  # less than the grid of corners: tells the sides of a line that leaves meet along
 MOST_POINTS = 24  # in a leaf; with more it is halved first
-WHOLE = 1e-9  # share of a leaf by which triangles may miss to fill it
 ROUNDING = 1e-8  # share of a leaf below which what is of a law is left out, or filled
 
 
@@ -214,7 +215,7 @@ def leaf_triangles(
     full = share > 1.0 - ROUNDING
     whole[full.any(axis=1)] = (np.append(np.arange(full.shape[1] - 1), -1))[np.nonzero(full)[1]]
     parted = np.isin(np.arange(len(leaves)), of) & ~full.any(axis=1)
-    vague = parted & (np.abs(share.sum(axis=1) - 1.0) > WHOLE)
+    vague = parted & (np.abs(share.sum(axis=1) - 1.0) > TINY)
     of, lines = found.between()
     while True:
         if (vague & (leaves.size > 1)).any():
@@ -228,7 +229,7 @@ def leaf_triangles(
         some = np.flatnonzero(held & (parted | (whole >= 0)))
         found = _filled(leaves, some, np.repeat(of, 2), lines.reshape(-1, 2), of, lines)
         missed = 1.0 - np.bincount(found.leaf, found.area, len(leaves))[some] / size[some] ** 2
-        vague = np.isin(np.arange(len(leaves)), some[np.abs(missed) > WHOLE])
+        vague = np.isin(np.arange(len(leaves)), some[np.abs(missed) > TINY])
         if not vague.any():
             break
     found = told(found)

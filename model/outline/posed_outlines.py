@@ -21,7 +21,7 @@ from kaju.model.scene import Body, Scene
 from .arc_triangles import ArcFrames, TouchError, keep_apart
 from .leaf_triangles import parted_lines
 from .triangulation import NEAR
-from .true_shapes import AIR, KINK, SMOOTH, UNIT, Law, TrueBody, TrueRegion, first_leaves, holding
+from .true_shapes import AIR, KINK, TINY, UNIT, Law, TrueBody, TrueRegion, first_leaves, holding
 
 FINE = 64  # cells along the longer side, by which pictures and comparisons know the body
 FIRST = 8  # first agents along the longer side, where the cells' number has such a divisor
@@ -29,7 +29,6 @@ FIRST = 8  # first agents along the longer side, where the cells' number has suc
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
-EDGE = 1e-9  # of a shape's extent: points this near to the edge of a hole belong to the body
 ROUNDING = 1e-7  # share by which the bounds are set wider, for coordinates are rounded
 OF_LAW = 1e3 * np.finfo(np.float64).eps
 """The same for the law, times its condition: next to ν = 1/2 it leaves few digits of an energy."""
@@ -60,7 +59,7 @@ class LoadedOutline:
         run = np.diff(along(region, extent), axis=1)[:, 0]
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if region.solid else -1.0)
         towards = outward @ direction
-        width = -towards[towards < -SMOOTH * np.hypot(*run.T)].sum()
+        width = -towards[towards < -TINY * np.hypot(*run.T)].sum()
         if not width > 0.0:
             return facing
         return replace(facing, stress=-size / width * np.outer(direction, direction))
@@ -75,7 +74,7 @@ def along(region: TrueRegion, extent: tuple[int, int]) -> Floats:
         start, end, _ = parted_lines(start, end, axis, float(whole), every)
     middle = 0.5 * (start + end)
     kept = ((middle >= 0.0) & (middle <= extent)).all(axis=1) & (start != end).any(axis=1)
-    return np.stack([start, end], axis=1)[kept]
+    return np.asarray(np.stack([start, end], axis=1)[kept])
 
 
 class UnlikeError(Exception):
@@ -248,7 +247,7 @@ class OutlinedBody:
             shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material
             inside = shape.contains(points)
             if of not in number:  # what is cut out has no edge
-                step = EDGE * float((shape.extent[1] - shape.extent[0]).max())
+                step = TINY * float((shape.extent[1] - shape.extent[0]).max())
                 for x, y in np.ndindex(3, 3):
                     inside &= shape.contains(points + step * np.array([x - 1, y - 1]))
             found[inside] = number.get(of, -1)
@@ -263,7 +262,7 @@ class OutlinedBody:
     def sharp(self) -> Ints:
         """The units that hold corners of outlines, shape (n, 2)."""
         at, kink = self.true.corners()
-        return np.floor(at[np.abs(kink) > KINK] / UNIT).astype(np.int64)
+        return np.asarray(np.floor(at[np.abs(kink) > KINK] / UNIT), dtype=np.int64)
 
     @property
     def without_limit(self) -> Floats:

@@ -27,7 +27,7 @@ from .arc_triangles import (
     overlapping,
 )
 
-SMOOTH = 1e-9  # lines at a smaller angle have one direction
+TINY = 1e-9  # angles, and shares of a leaf, a shape or all forces, that are rounding if less
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
 DEPTH = 16  # how often a first agent can be halved
 UNIT = 2.0**-DEPTH  # in which agents are counted, in edges of the first ones
@@ -151,7 +151,7 @@ class ClosedLine:
         """Return the corners of the outer or inner polygon, counter-clockwise. Shape (n, 2)."""
         frames = ArcFrames(self.arcs)
         # corners on tangents, and between lines that go on, are none
-        smooth = np.abs(angle(np.roll(frames.last, 1, axis=0), frames.first)) < SMOOTH
+        smooth = np.abs(angle(np.roll(frames.last, 1, axis=0), frames.first)) < TINY
         bent = (1.0 if outer else -1.0) * frames.turn > 0.0
         on_tangent = smooth & bent & np.roll(bent, 1)
         on_tangent |= smooth & (frames.turn == 0.0) & (np.roll(frames.turn, 1) == 0.0)

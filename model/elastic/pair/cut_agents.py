@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, brief
 from kaju.model.outline.hoop_stress import HoopStress
-from kaju.model.outline.posed_outlines import EDGE, SIDES, OutlinedBody
+from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.triangulation import SQUARE
-from kaju.model.outline.true_shapes import UNIT
+from kaju.model.outline.true_shapes import TINY, UNIT
 from kaju.model.results.cuts import Cuts, axis_of_cuts
 
 from .answer import PairAgents
@@ -193,7 +193,7 @@ class CutAgents(PairAgents):
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
             raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {brief(points)}")
         lattice = self.ground.asked.lattice
-        extent, off = np.asarray(lattice.extent), EDGE * min(lattice.extent)
+        extent, off = np.asarray(lattice.extent), TINY * min(lattice.extent)
         within = ((points >= -off) & (points <= extent + off)).all(axis=1)
         within &= self._leaf(points) >= 0
         return np.where(within, self.ground.material_at(points), -1)

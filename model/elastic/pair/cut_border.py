@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
-from kaju.model.outline.true_shapes import SMOOTH, pieces_of
+from kaju.model.outline.true_shapes import TINY, pieces_of
 
 from .cut_mesh import THIRDS, CutMesh
 from .sheets import Rim
@@ -77,7 +77,7 @@ class Border:
         for one in body.outlines:
             on = outline == one.region
             if one.facing is not None:
-                on &= outward @ one.facing < -SMOOTH
+                on &= outward @ one.facing < -TINY
             traction[on] = outward[on] @ one.stress
         traction[held] = tilt[held] = 0.0
         return cls(owner, side_of, edge, ends, at, traction, tilt, held, side, outline)

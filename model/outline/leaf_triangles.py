@@ -18,9 +18,7 @@ from kaju.model.scene.curves import cross
 from .triangulation import SQUARE, triangles, unified
 from .true_shapes import AIR, GRID, TINY, UNIT, Law, TrueBody, holding, leaf_at, snapped
 
-NUDGE = (
-    0.25 / GRID
-)  # less than the grid of corners: tells the sides of a line that leaves meet along
+NUDGE = 0.25 / GRID  # tells the sides of a line that leaves meet along
 MOST_POINTS = 24  # in a leaf; with more it is halved first
 ROUNDING = 1e-8  # share of a leaf below which what is of a law is left out, or filled
 

@@ -196,10 +196,9 @@ class ElasticResult(BodyResult):
 
     @property
     def strain_energy(self) -> float:
-        """Energy (J) stored in the body, and in a foundation if there is one.
+        """Energy (J) stored in the body, and in beds; in the plane the middle of `energy_bounds`.
 
-        Of agents that spawned in the plane the middle of `energy_bounds`, as long as these are not
-        three times each other; in space no more than is true where no side is moved.
+        In space, of agents that spawned, no more than is true where no side is moved.
         """
         return self.found.solution.energy * self.found.scales.energy
 
@@ -241,10 +240,9 @@ class ElasticResult(BodyResult):
 
     @property
     def error_estimate(self) -> float:
-        """Error in the energy norm, relative to the solution.
+        """Relative error in the energy norm: `error_bound` if there is one, else an estimate.
 
-        Of agents that spawned in the plane it is `error_bound`; else an estimate: on equal cells
-        the difference to the answer of cells twice as large, with what the iteration left.
+        On equal cells it is the difference to cells twice as large, and what an iteration left.
         """
         return self.found.solution.error
 
@@ -253,9 +251,8 @@ class ElasticResult(BodyResult):
         """Energies (J) below and above the true one; None where there are none.
 
         From a stress that balances and a displacement without gaps (Prager and Synge 1947). For
-        equal cells in the plane agents of two minds find them on the same body, as close as
-        `error_estimate`, when they are first asked for; the cells' own energy may lie outside.
-        With a field of stiffness there are none.
+        equal cells of the plane agents that spawn find them when they are first asked for, as
+        close as `error_estimate`; the cells' own energy may lie outside.
         """
         found: Any = self.found
         if not self.spawned:
@@ -274,11 +271,7 @@ class ElasticResult(BodyResult):
 
     @property
     def error_bound(self) -> float | None:
-        """Largest error of `stress_at` in the plane: in the energy norm, relative to the truth.
-
-        A theorem about that stress, where `error_estimate` of other answers is an opinion; None
-        where there is none (`no_bound`).
-        """
+        """Largest error of `stress_at`, in the energy norm, proved; None if nothing is."""
         return None if self.no_bound else self.error_estimate
 
     def checks(self) -> list[Check]:

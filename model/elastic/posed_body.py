@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import ceil, log2
-from typing import NamedTuple
 
 import numpy as np
 
@@ -31,17 +30,6 @@ ENDED = {2: 3e-4, 3: 1e-2}
 that are asked for."""
 DEEPEST = {2: 22, 3: 16}
 """An agent's edge is at least the scene's cell divided by 2 to this power."""
-
-
-class LeafForces(NamedTuple):
-    """Forces on leaves; scaled."""
-
-    leaf: Ints
-    direction: Ints  # Side of the leaf, -1 for its middle
-    force: Floats
-    uneven: Ints  # Which of these lie unevenly on their sides
-    moment: Floats  # Their first moments, and what they are besides, as in `Portions`
-    rest: Floats
 
 
 @dataclass(eq=False)
@@ -152,10 +140,9 @@ class PosedBody:
         if not len(self._uneven.row):
             return unfit
         # Loads that end within a side are approximated better by smaller leaves.
-        forces = self.forces(leaves)
-        leaf = forces.leaf[forces.uneven]
+        *_, leaf, rest = self.forces(leaves)
         size = leaves.size[leaf]
-        large = np.sqrt(size / self.cell) * forces.rest > ENDED[d] * self._strength
+        large = np.sqrt(size / self.cell) * rest > ENDED[d] * self._strength
         unfit[leaf[large & (size > self.smallest)]] = True
         return unfit
 
@@ -177,23 +164,30 @@ class PosedBody:
         end = np.where(direction % 2, self.cell - leaves.size[leaf], 0)
         return leaf, row, offset, (direction < 0) | (depth == end)
 
-    def forces(self, leaves: LeafCells) -> LeafForces:
-        """Return the loads on leaves; a cell's load is shared by the smaller ones in it."""
+    def forces(self, leaves: LeafCells) -> tuple[Floats, Floats, Ints, Floats]:
+        """Return the loads on sides of leaves and within them, as in `Sides`, and what is left.
+
+        Of loads that end within sides that is the norm of the traction which is not linear, after
+        the leaf of each.
+        """
         leaf, row, offset, touches = self._laid(leaves)
         leaf, row, offset = leaf[touches], row[touches], offset[touches]
-        direction, size = self._direction[row], leaves.size[leaf] / self.cell
-        share = np.minimum(size, 1.0) ** (self.dimension - (direction >= 0))
+        direction, size, d = self._direction[row], leaves.size[leaf] / self.cell, self.dimension
+        # A cell's load is shared by the smaller leaves in it.
+        share = np.minimum(size, 1.0) ** (d - (direction >= 0))
         force, which = share[:, None] * self._force[row], self._uneven_of[row]
         at = np.flatnonzero((which >= 0) & (size <= 1.0))
         described = self._uneven.part[which[at]], self._uneven.growth[which[at]]
-        place = offset[at] / self.cell, size[at]
-        force[at], moment, rest = portions(direction[at], self._force[row[at]], *described, *place)
-        acts = np.ones(len(leaf), dtype=np.bool_)
-        acts[at] = some = force[at].any(axis=1) | moment.any(axis=(1, 2))
-        uneven = (np.cumsum(acts) - 1)[at[some]]
-        return LeafForces(
-            leaf[acts], direction[acts], force[acts], uneven, moment[some], rest[some]
-        )
+        place, side = (offset[at] / self.cell, size[at]), direction[at]
+        force[at], moment, rest = portions(side, self._force[row[at]], *described, *place)
+        load, inside = np.zeros((len(leaves), 2 * d, d, d)), np.zeros((len(leaves), d))
+        on = direction >= 0
+        np.add.at(inside, leaf[~on], force[~on])
+        np.add.at(load[:, :, 0], (leaf[on], direction[on]), force[on])
+        along = np.array([np.delete(np.arange(d), axis) for axis in range(d)])[side // 2]
+        moment = np.take_along_axis(moment, along[:, None], axis=2).swapaxes(1, 2)
+        np.add.at(load[:, :, 1:], (leaf[at], side), moment / size[at, None, None])
+        return load, inside, leaf[at], rest
 
     def _collect_loads(self, stage: int | None) -> None:
         """Sum the forces on the same face of a cell, in the order of their codes."""

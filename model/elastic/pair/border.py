@@ -88,25 +88,18 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     shift = _common_shift(moved, held, bed)
     moved = np.where(held, moved - shift, 0.0)
     given = ~held & ~((bed > 0.0)[:, None] & across)
-    load, inside = np.zeros((n, 2 * d, d, d)), np.zeros((n, d))
-    forces = body.forces(leaves)
-    within = forces.direction < 0
-    np.add.at(inside, forces.leaf[within], forces.force[within])
-    on = forces.leaf[~within], forces.direction[~within]
-    np.add.at(load[:, :, 0], on, forces.force[~within])
-    leaf, on_side = forces.leaf[forces.uneven], forces.direction[forces.uneven]
-    size, law = leaves.size / body.cell, moduli_at(body.moduli, leaves.kind)
-    ragged = np.unique(leaf[forces.rest > 0.0])
-    along = np.array([np.delete(np.arange(d), axis) for axis in range(d)])[on_side // 2]
-    moment = np.take_along_axis(forces.moment, along[:, None], axis=2).swapaxes(1, 2)
-    np.add.at(load[:, :, 1:], (leaf, on_side), moment / size[leaf, None, None])
-    rest = data_error(leaf, forces.rest, size, law, d)
+    load, inside, leaf, rest = body.forces(leaves)
+    law = moduli_at(body.moduli, leaves.kind)
+    lost, ragged = (
+        data_error(leaf, rest, leaves.size / body.cell, law, d),
+        np.unique(leaf[rest > 0.0]),
+    )
     own = load[mesh.owner, mesh.side]
     straight = np.where(held, own[:, 0], 0.0)
     load[mesh.owner, mesh.side] = np.where(held[:, None], 0.0, own)
     even = np.zeros((n, d * (d + 1) // 2))
     return Sides(
-        support, held, given, moved, shift, bed, load, straight, inside, even, rest, ragged
+        support, held, given, moved, shift, bed, load, straight, inside, even, lost, ragged
     )
 
 

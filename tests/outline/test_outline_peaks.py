@@ -111,7 +111,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         (kaju.Stress("hole", "xx"), plate(region(**DISK)), "largest hoop stress along one"),
         (kaju.Deflection("hole"), plate(region(**DISK)), "largest hoop stress along one"),
         ([HOOP, HOOP], plate(region(**DISK)), "largest hoop stress along one"),
-        (HOOP, plate(region(**SQUARE)), r"no limit, because it has a sharp corner at \(6, 5\)"),
+        (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
         (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
         (

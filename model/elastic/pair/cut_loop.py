@@ -197,7 +197,7 @@ class _Peak:
         self.name, self._tolerance = name, tolerance
         self._value = self._off = self._error = inf
         check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
-        no_limit = f"goal: the stress along {name!r} has no limit, because it"
+        no_limit = f"goal: the stress along {name!r} has no limit: this outline"
         sharp = body.true.without_limit(KINK, body.shape, self._which)
         for x, y in body.edge * sharp[:1]:
             raise SingularPlaceError(

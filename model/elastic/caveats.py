@@ -170,8 +170,8 @@ def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
         energy = density * result.size**result.scene.lattice.dimension
         share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
         said = (
-            f"round and slanted outlines are steps of {h:.3g} m: proofs hold for this stepped body, "
-            "whose energy differs from that of the body described by an estimated "
+            f"round and slanted outlines are steps of {h:.3g} m: proofs hold for this stepped "
+            "body, whose energy differs from that of the body described by an estimated "
             f"{100 * share:.1g} %"
         )
         away = np.where(near, 0.0, stress)

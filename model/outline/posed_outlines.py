@@ -225,7 +225,7 @@ class OutlinedBody:
         many = -(-FINE // max(asked.lattice.shape))
         shape = tuple(many * count for count in asked.lattice.shape)
         lattice = type(asked.lattice)(shape, asked.lattice.cell_size / many)
-        codes = self.material_at(lattice.centres(np.indices(shape).reshape(2, -1).T))
+        codes = self.material_at(lattice.centres(np.indices(shape).reshape(2, -1).T), edges=False)
         names = [material.name for material in asked.cell_materials]
         codes = np.where(codes < 0, len(names), codes).astype(np.int16)
         body = Body(
@@ -238,15 +238,15 @@ class OutlinedBody:
         legend = {str(number): name for number, name in enumerate([*names, "air"])}
         return Scene(body=body, legend=legend, materials=asked.materials, sides=asked.sides)
 
-    def material_at(self, points: Floats) -> Ints:
-        """Return which material is at points (m), -1 for air: what ends there is the body's."""
+    def material_at(self, points: Floats, edges: bool = True) -> Ints:
+        """Return which material is at points (m), -1 for air; `edges` of this are the body's."""
         asked, body = self.asked, self.asked.body
         number = {material.name: k for k, material in enumerate(asked.cell_materials)}
         found = np.full(len(points), number.get(str(body.material), -1))
         for k, region in enumerate(body.regions):
             shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material
             inside = shape.contains(points)
-            if of not in number:  # what is cut out has no edge
+            if edges and of not in number:
                 step = TINY * float((shape.extent[1] - shape.extent[0]).max())
                 for x, y in np.ndindex(3, 3):
                     inside &= shape.contains(points + step * np.array([x - 1, y - 1]))

@@ -14,9 +14,11 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import (
+    CORNERS,
     EDGE_OF_SIDE,
     EDGES,
     airy_of_tractions,
+    child_maps,
     edge_tractions,
     gauss,
     on_sides,
@@ -42,6 +44,10 @@ class Airy(Sheets):
         ends = np.where(back, ends[:, ::-1], ends)
         rim = Rim(mesh.owner, ends, mesh.border, sides.given, none, none[:, 0])
         super().__init__(mesh.place / cell, mesh.corner, mesh.edges, mesh.part, rim)
+        corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
+        self.dof = np.concatenate([corner, 3 * self.points + mesh.edge], axis=1)
+        self.h = mesh.leaves.size / cell
+        self.scale = self.h[:, None] ** ([0.0, 1.0, 1.0] * 4 + [1.0] * 4)
 
     def start_of(self, hole: Flags) -> tuple[float, float]:
         """Return a place from which a cut begins, the same in every generation."""
@@ -50,49 +56,38 @@ class Airy(Sheets):
         height = ends[:, (ends[..., 0] == right).all(axis=0), 1].min()
         return right - 0.5 * unit, height + 0.5 * unit
 
-    def blocks(self, matrices: list[tuple[Ints | slice, Floats]], size: Floats) -> Blocks:
+    def blocks(self, roots: list[tuple[Ints | slice, Floats]]) -> Blocks:
         """Return the compliance of the agents and of the beds."""
-        corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
-        dof = np.concatenate([corner, 3 * self.points + self.mesh.edge], axis=1)
-        one, h = np.ones_like(size), size
-        scale = np.stack([*[one, h, h] * 4, *[h] * 4], axis=1)
-        beds, rows = None, bed_rows(self.mesh, self.sides, size)
+        matrices = [(agents, root[:, :16].T @ root[:, :16]) for agents, root in roots]
+        beds, rows = None, bed_rows(self.mesh, self.sides, self.h)
         if len(rows):
             owner = self.mesh.owner[self.sides.beds]
-            rows = rows * scale[owner, None]
-            beds = summed(np.einsum("bpi,bpj->bij", rows, rows), dof[owner], self.size)
-        return Blocks(dof, matrices, size**-2.0, scale, self.size, beds, without_plane)
+            rows = rows * self.scale[owner, None]
+            beds = summed(np.einsum("bpi,bpj->bij", rows, rows), self.dof[owner], self.size)
+        return Blocks(self.dof, matrices, self.h**-2.0, self.scale, self.size, beds, without_plane)
 
     def hanging(self) -> Entries:
         """Let the middles of whole edges, and the bulges of their halves, follow these."""
-        mesh, corner = self.mesh, self.corner
-        owner, number = np.zeros(mesh.edges, dtype=np.int64), np.zeros(mesh.edges, dtype=np.int64)
-        owner[mesh.edge.ravel()] = np.repeat(np.arange(len(mesh.edge)), 4)
-        number[mesh.edge.ravel()] = np.tile(np.arange(4), len(mesh.edge))
-
-        def seen(edge: Ints, end: int) -> Ints:
-            return np.asarray(corner[owner[edge], EDGES[number[edge], end]])
-
-        # Ends and middle as the agent of the whole edge sees them: between it and that of a half
-        # the sheet changes by as much in the middle as at the end of both.
-        half, middle, axis = mesh.halves[0], mesh.middle, mesh.axis[mesh.whole]
-        start, last = seen(mesh.whole, 0), seen(mesh.whole, 1)
-        times = self.beyond[seen(half, 1)] + self.beyond[start] - self.beyond[seen(half, 0)]
-        length, bulge = mesh.length[mesh.whole] / self.cell, 3 * self.points + mesh.whole
-        along, across = 1 + axis, 2 - axis
-        entries = self.jumps(middle, -times)
-        # Along the edge phi is Hermite's cubic, its slope across that of the ends but for the
-        # bulge.
-        for end, sign in ((3 * start, 1.0), (3 * last, -1.0)):
-            entries += [
-                (3 * middle, end, 0.5),
-                (3 * middle, end + along, sign * length / 8.0),
-                (3 * middle + along, end, -sign * 1.5 / length),
-                (3 * middle + along, end + along, -0.25),
-                (3 * middle + across, end + across, 0.5),
-            ]
-        entries.append((3 * middle + across, bulge, 1.0))
-        return entries + [(3 * self.points + one, bulge, 0.25) for one in mesh.halves]
+        mesh, whole, half = self.mesh, self.mesh.whole, self.mesh.halves[0]
+        at = np.zeros(mesh.edges, dtype=np.int64)
+        at[mesh.edge.ravel()] = np.arange(mesh.edge.size)
+        agent, number = np.divmod(at, 4)
+        # They are as in the two parts of the agent of the whole edge that lie along this: the
+        # middle is a corner of the first. Slopes of parts count in half its edge.
+        (first, last), maps = EDGES.T, child_maps(True)
+        part = 1 + CORNERS.astype(np.int64) @ [1, 2]
+        rows = [maps[part[first], 3 * last + k] for k in range(3)]
+        rows += [maps[part[end], 12 + np.arange(4)] for end in (first, last)]
+        own = agent[whole]
+        shrunk = (0.5 * self.h[own, None]) ** [0.0, 1.0, 1.0, 1.0, 1.0]
+        values = np.stack(rows, axis=1)[number[whole]] * self.scale[own, None] / shrunk[:, :, None]
+        follows = [*(3 * mesh.middle + np.arange(3)[:, None]), *(3 * self.points + mesh.halves)]
+        row, k, column = np.nonzero(values)
+        entry = np.array(follows)[k, row], self.dof[own[row], column], values[row, k, column]
+        # Between that agent and the one of a half the sheet changes by as much in the middle as at
+        # the end of both.
+        sheet = self.beyond[self.corner[agent[:, None], EDGES[number]]]
+        return [entry, *self.jumps(mesh.middle, sheet[half, 0] - sheet[half, 1] - sheet[whole, 0])]
 
 
 def bed_rows(mesh: PlaneMesh, sides: Sides, size: Floats) -> Floats:
@@ -145,4 +140,10 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
     traction = load + np.einsum("nse,seij->nsij", flow[own], hands)
     # A body force is met by a stress that grows along each axis: half of it at either end.
     traction[:, side, 0, axis] += 0.5 * body[:, axis]
-    return np.asarray(size[:, None] * np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction))
+    return of_tractions(traction, size)
+
+
+def of_tractions(traction: Floats, size: Floats) -> Floats:
+    """Return phi of agents by forces and first moments on their sides that balance."""
+    phi = np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction)
+    return without_plane(size[:, None] * phi)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -13,13 +12,12 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.border import Sides
 from kaju.model.elastic.pair.elements import (
-    means,
+    gauss,
     on_sides,
     quadratic_values,
     rule,
     side_loads,
-    side_masses,
-    strains,
+    strain_rows,
 )
 from kaju.model.elastic.pair.gap import at_points, roots_of
 from kaju.model.elastic.pair.leaves import LeafCells, Mesh
@@ -59,9 +57,8 @@ class Fitting:
     def roots(self) -> list[tuple[Ints | slice, Floats]]:
         """The agents of each law, and a root of their energy by their unknowns."""
         d = self.body.dimension
-        return [
-            (agents, at_points(roots_of(law, d)[0], strains(d), d)) for agents, law in self.laws
-        ]
+        rows = strain_rows(rule(d)[0])
+        return [(agents, at_points(roots_of(law, d)[0], rows, d)) for agents, law in self.laws]
 
     @property
     def cases(self) -> tuple[Any, ...]:
@@ -79,18 +76,18 @@ class Fitting:
         if len(beds):
             unknown = d * mesh.on_border[beds] + (mesh.side[beds] // 2)[:, None]
             area = self.size[mesh.owner[beds]] ** (d - 1)
-            value = (sides.bed[beds] * area)[:, None, None] * side_masses(d)
+            points, weights = gauss(3, d - 1)
+            root = np.sqrt(weights)[:, None] * quadratic_values(points)
+            value = (sides.bed[beds] * area)[:, None, None] * (root.T @ root)
             extra = summed(value, unknown, size)
         return Blocks(dof, matrices, self.size ** (d - 2), None, size, extra)
 
-    def become_sum(self, parts: Sequence[Any]) -> None:
-        """Become what acts together, of parts that are solved for by themselves."""
-        self.parts, self.blocks = tuple(parts), parts[0].blocks
-        self.fit = np.sum([part.fit for part in parts], axis=0)
-
-    def settle(self, level: FieldLevel, gap: float) -> None:
-        """Take off what is left of the forces, until steps gain little of a gap."""
-        self.fit += self.blocks.own(level.solve(-self._left(), gap))
+    def fits(self, level: FieldLevel, begun: Floats, gap: float) -> None:
+        """Find the displacement that fits of least energy, but for what a gap allows."""
+        self.blocks, self.fit = level.blocks, begun
+        if self.sides.moved.any():
+            self.fit = moved_by(self.mesh, self.sides, self.blocks.shared(begun))
+        self.fit = self.fit + self.blocks.own(level.solve(-self._left(), gap))
 
     def _left(self) -> Floats:
         """Return the forces that nodes take of agents and beds, less the loads."""
@@ -150,10 +147,11 @@ def moved_by(mesh: Mesh, sides: Sides, shared: Floats) -> Floats:
 def forces_of(sides: Sides) -> Floats:
     """Return the forces of the loads on the agents' own unknowns."""
     d = sides.held.shape[1]
-    out = sides.body[:, None] * means(d)[:, None]
+    points, weights = rule(d)
+    out = sides.body[:, None] * (weights @ quadratic_values(points))[:, None]
     for side in np.flatnonzero(sides.load.any(axis=(0, 2, 3))):
         out[:, on_sides(d)[side]] += np.einsum("ngc,gk->nkc", sides.load[:, side], side_loads(d))
     out = out.reshape(len(out), -1)
     if sides.even.any():
-        out += sides.even @ np.einsum("pki,p->ki", strains(d), rule(d)[1])
+        out += sides.even @ np.einsum("pki,p->ki", strain_rows(points), weights)
     return np.asarray(out)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from functools import lru_cache, partial
 from itertools import combinations, product
-from math import perm, sqrt
+from math import perm
 
 import numpy as np
 
@@ -100,13 +100,6 @@ def strain_rows(points: Floats) -> Floats:
 
 
 @lru_cache(maxsize=2)
-def means(d: int) -> Floats:
-    """Return the means of the quadratics: what an even force within does to the nodes."""
-    points, weights = gauss(3, d)
-    return np.asarray(weights @ quadratic_values(points))
-
-
-@lru_cache(maxsize=2)
 def side_loads(d: int) -> Floats:
     """Return what tractions on a side do to its nodes: of force 1, and of first moments 1.
 
@@ -117,14 +110,6 @@ def side_loads(d: int) -> Floats:
     return np.asarray((growing * weights[:, None]).T @ quadratic_values(points))
 
 
-@lru_cache(maxsize=2)
-def side_masses(d: int) -> Floats:
-    """Return the mean products of the quadratics on a side: what an even bed does to its nodes."""
-    points, weights = gauss(3, d - 1)
-    values = quadratic_values(points)
-    return np.asarray((values * weights[:, None]).T @ values)
-
-
 def _monomials(points: Floats, order: tuple[int, int] = (0, 0)) -> Floats:
     """Return a derivative of the ten monomials of a cubic at points, shape (n, 10)."""
     factor = [perm(i, order[0]) * perm(j, order[1]) for i, j in _PLACES]
@@ -133,87 +118,73 @@ def _monomials(points: Floats, order: tuple[int, int] = (0, 0)) -> Floats:
 
 
 @lru_cache(maxsize=1)
-def _airy_coefficients() -> Floats:
-    """Return what the 16 unknowns make of the cubics in the four triangles, shape (4, 10, 16)."""
-    orders, own = ((0, 0), (1, 0), (0, 1)), np.eye(16)
-    share = np.linspace(0.0, 1.0, 5)[:, None]
-    demands: list[tuple[dict[int, float], Floats, tuple[int, int], Floats]] = []
-    for corner, place in enumerate(CORNERS):
-        first, second = (t for t, ends in enumerate(EDGES) if corner in ends)
-        for number, order in enumerate(orders):
-            # The two triangles at a half diagonal agree on it, and have the corner's values.
-            between = (1.0 - share) * place + share * 0.5
-            demands.append(({first: 1.0, second: -1.0}, between, order, np.zeros(16)))
-            demands.append(({first: 1.0}, place[None], order, own[3 * corner + number]))
+def _beyond() -> Floats:
+    """Return what vanishes twice on either diagonal in monomials: its square times 1, x and y."""
+    places = gauss(5, 2)[0]
+    square = (places @ [[1.0, 1.0], [-1.0, 1.0]] - [0.0, 1.0]) ** 2
+    values = square[:, :, None] * np.insert(places, 0, 1.0, axis=1)[:, None]
+    found = np.linalg.lstsq(_monomials(places), values.reshape(-1, 6), rcond=None)[0]
+    return np.round(found).reshape(10, 2, 3)
+
+
+def _pieces(points: Floats, order: tuple[int, int]) -> Floats:
+    """Return a derivative at points of cubics, and of those beyond either diagonal, (n, 16)."""
+    cubics = _monomials(points, order)
+    there = points @ [[1.0, 1.0], [-1.0, 1.0]] > [0.0, 1.0]
+    more = there[:, :, None] * np.tensordot(cubics, _beyond(), 1)
+    return np.concatenate([cubics, more.reshape(-1, 6)], axis=1)
+
+
+@lru_cache(maxsize=1)
+def _by_unknowns() -> Floats:
+    """Return what the 16 unknowns make of these pieces, shape (16, 16)."""
+    found = np.empty((16, 16))
+    orders = (0, 0), (1, 0), (0, 1)
+    for k, order in enumerate(orders):
+        found[k:12:3] = _pieces(CORNERS, order)
     for edge, ends in enumerate(EDGES):
         normal = 2 if edge < 2 else 1  # phi_y across edges along x, phi_x across those along y
-        by = own[12 + edge] + own[3 * ends + normal].mean(axis=0)
-        demands.append(({edge: 1.0}, CORNERS[ends].mean(axis=0)[None], orders[normal], by))
-    rows, values = [], []
-    for triangles, points, order, by in demands:
-        row = np.zeros((len(points), 4, 10))
-        for triangle, sign in triangles.items():
-            row[:, triangle] = sign * _monomials(points, order)
-        rows.append(row.reshape(len(points), 40))
-        values.append(np.tile(by, (len(points), 1)))
-    found = np.linalg.lstsq(np.vstack(rows), np.vstack(values), rcond=None)[0]
-    return np.round(12.0 * np.asarray(found)).reshape(4, 10, 16) / 12.0  # as they are
+        middle = _pieces(CORNERS[ends].mean(axis=0)[None], orders[normal])[0]
+        found[12 + edge] = middle - found[3 * ends + normal].mean(axis=0)
+    return np.round(12.0 * np.linalg.inv(found)) / 12.0  # as they are
 
 
-def _triangle_of(points: Floats) -> Ints:
-    """Return in which of the four triangles points lie: by the edge that each has."""
-    x, y = points.T
-    return np.asarray(np.argmin([y, 1.0 - y, x, 1.0 - x], axis=0))
-
-
-def airy(points: Floats, order: tuple[int, int], triangle: Ints | None = None) -> Floats:
+def airy(points: Floats, order: tuple[int, int]) -> Floats:
     """Return a derivative of phi at points by the 16 unknowns, shape (n, 16)."""
-    triangle = _triangle_of(points) if triangle is None else triangle
-    cubics = _airy_coefficients()[triangle]
-    return np.asarray(np.einsum("nk,nkj->nj", _monomials(points, order), cubics))
+    return np.asarray(_pieces(points, order) @ _by_unknowns())
 
 
-def airy_stress(points: Floats, triangle: Ints | None = None) -> Floats:
+def airy_stress(points: Floats) -> Floats:
     """Return xx, yy and xy of the stress of phi at points, shape (n, 3, 16)."""
-    parts = [airy(points, (0, 2), triangle), airy(points, (2, 0), triangle)]
-    return np.stack([*parts, -airy(points, (1, 1), triangle)], axis=1)
+    return np.stack([airy(points, (0, 2)), airy(points, (2, 0)), -airy(points, (1, 1))], axis=1)
 
 
 @lru_cache(maxsize=2)
-def rule(d: int = 2) -> tuple[Floats, Floats, Ints]:
-    """Return points, weights and triangles of a rule of degree 5 on each of the four triangles.
+def rule(d: int) -> tuple[Floats, Floats]:
+    """Return points and weights of a rule of degree 4 on each of the four triangles.
 
     In space it is Gauss' rule on the cube.
     """
+    points, weights = gauss(3, d)
     if d == 3:
-        return *gauss(3, 3), np.zeros(27, dtype=np.int64)
-    # Seven points a triangle (Radon 1948), in the triangle's own coordinates.
-    a, b = (6.0 - sqrt(15.0)) / 21.0, (6.0 + sqrt(15.0)) / 21.0
-    own = [(1 / 3, 1 / 3, 1 / 3)]
-    own += [(c, c, 1 - 2 * c) for c in (a, b)] + [(c, 1 - 2 * c, c) for c in (a, b)]
-    own += [(1 - 2 * c, c, c) for c in (a, b)]
-    weight = [9.0 / 40.0, *[(155.0 - sqrt(15.0)) / 1200.0, (155.0 + sqrt(15.0)) / 1200.0] * 3]
-    triangles = [np.array([CORNERS[i], CORNERS[j], (0.5, 0.5)]) for i, j in EDGES]
-    points = np.concatenate([np.array(own) @ triangle for triangle in triangles])
-    return points, np.tile(0.25 * np.array(weight), 4), np.repeat(np.arange(4), 7)
-
-
-@lru_cache(maxsize=2)
-def strains(d: int = 2) -> Floats:
-    """Return the strains of the quadratics at the points of the rule."""
-    return strain_rows(rule(d)[0])
+        return points, weights
+    # A square drawn together to a triangle: along its edge, and from the middle to this.
+    along, away = points.T[:, :, None]
+    ends = CORNERS[EDGES][:, :, None] - 0.5
+    points = 0.5 + away * ((1.0 - along) * ends[:, 0] + along * ends[:, 1])
+    return points.reshape(-1, 2), np.tile(0.5 * weights * away[:, 0], 4)
 
 
 @lru_cache(maxsize=1)
 def stresses() -> Floats:
-    """Return the stresses of phi, even ones and those of forces within: shape (28, 3, 16 + 3 + 2).
+    """Return the stresses of phi, even ones and those of forces within: (points, 3, 16 + 3 + 2).
 
     At the points of the rule; forces are met by stresses that grow along each axis.
     """
-    points, _, triangle = rule()
+    points = rule(2)[0]
     even = np.tile(np.eye(3), (len(points), 1, 1))
     growing = (0.5 - points)[:, None] * np.eye(3, 2)
-    return np.concatenate([airy_stress(points, triangle), even, growing], axis=2)
+    return np.concatenate([airy_stress(points), even, growing], axis=2)
 
 
 @lru_cache(maxsize=1)
@@ -225,9 +196,9 @@ def edge_tractions() -> Floats:
     """
     found = np.zeros((4, 2, 2, 16))
     line, weight = (0.5 * np.asarray(x) for x in np.polynomial.legendre.leggauss(2))
-    for side, (start, end, bulge) in enumerate(on_sides(2)):
+    for side, (start, end, _) in enumerate(on_sides(2)):
         points = np.outer(0.5 - line, CORNERS[start]) + np.outer(0.5 + line, CORNERS[end])
-        stress = airy_stress(points, np.full(2, bulge - 4))
+        stress = airy_stress(points)
         # xx and xy on the left and right, xy and yy below and above
         traction = (2.0 * (side % 2) - 1.0) * stress[:, [2, 1] if side > 1 else [0, 2]]
         found[side] = np.einsum("kp,pai->kai", [weight, weight * line], traction)

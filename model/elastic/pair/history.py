@@ -11,12 +11,13 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import by_law, equivalent_stress, is_rubber
+from kaju.model.elastic.pair.airy import Airy
 from kaju.model.elastic.pair.border import Sides, check_held, sides_of
-from kaju.model.elastic.pair.displacement import moved_by, way_of
+from kaju.model.elastic.pair.displacement import way_of
 from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
-from kaju.model.elastic.pair.leaves import BITS, LeafCells, Mesh, corners, mesh_of
+from kaju.model.elastic.pair.leaves import BITS, LeafCells, Mesh, PlaneMesh, corners, mesh_of
 from kaju.model.elastic.pair.levels import DIRECT, FieldLevel, descent, handed_down, level_of
-from kaju.model.elastic.pair.opinions import Opinions, balance
+from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.space import SETTLED, Bricks, hats_of
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
@@ -35,7 +36,7 @@ def settled(
     """Return agents whose opinions are of least energy, but for what the gap allows."""
     # They are parts of those of the generation before, which this one corrects.
     d, mesh = body.dimension, mesh_of(leaves)
-    sides, maps = sides_of(body, mesh), child_maps(False, d)
+    sides = sides_of(body, mesh)
     law = np.stack([modulus[leaves.kind] for modulus in body.moduli])
     laws = by_law(law)
     family = None
@@ -50,28 +51,35 @@ def settled(
     loads = [*acts, *(one for aim in aims for one in aim(mesh, sides, size, law))]
     fields: list[Any] = [kind(body, mesh, one, law, laws) for one in loads]
     olds: list[Any] = [*before.cases, *before.duals] if before else [None] * len(loads)
-    blocks, gaps = fields[0].blocks, [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]
-    rubber, free = d == 2 and is_rubber(body.moduli, body.scene.plane), way_of(mesh, sides)
-    direct = DIRECT_RUBBER if rubber else DIRECT
-    if d == 3 and before is None and len(free[1]) > direct:
-        level = FieldLevel(blocks, free[0], *hats_of(fields[0], *free))
-    else:
-        level = level_of(blocks, free, before.levels[0] if before else None, family, maps, direct)
-    for field, old, gap in zip(fields, olds, gaps, strict=True):
-        field.blocks, field.fit = blocks, np.zeros((len(leaves), d * maps.shape[1]))
-        if old is not None and family is not None:
-            field.fit = handed_down(old.fit, family, maps)
-        if field.sides.moved.any():
-            field.fit = moved_by(mesh, field.sides, blocks.shared(field.fit))
-        field.settle(level, gap if d == 2 else SETTLED * gap)
-    levels = [level]
-    if d == 2:
-        above = before.levels[1] if before else None
-        levels.append(balance(fields, olds, gaps, family, above, direct))
+    gaps = [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]
+    told: list[Any] = [("fit", fields[0].blocks, way_of(mesh, sides), child_maps(False, d))]
+    if isinstance(mesh, PlaneMesh):
+        airy = Airy(mesh, sides, body.cell)
+        way = airy.way(airy.hanging())[:2]
+        told.append(("phi", airy.blocks(fields[0].soft_roots), way, child_maps(True)))
+    rubber = d == 2 and is_rubber(body.moduli, body.scene.plane)
+    direct, levels = DIRECT_RUBBER if rubber else DIRECT, []
+    for number, (name, blocks, way, maps) in enumerate(told):
+        if d == 3 and before is None and len(way[1]) > direct:
+            level = FieldLevel(blocks, way[0], *hats_of(fields[0], *way))
+        else:
+            above = before.levels[number] if before else None
+            level = level_of(blocks, way, above, family, maps, direct)
+        levels.append(level)
+        for field, old, gap in zip(fields, olds, gaps, strict=True):
+            begun = np.zeros(blocks.dof.shape)
+            if family is not None:
+                begun = handed_down(getattr(old, name), family, maps)
+            if name == "fit":
+                field.fits(level, begun, gap if d == 2 else SETTLED * gap)
+            else:
+                field.balances(level, begun, gap, old, family and family[0])
     answer: Settled = fields[0]
     if len(acts) > 1:
         answer = kind(body, mesh, sides, law, laws)
-        answer.become_sum(fields[:2])
+        answer.parts, answer.blocks = tuple(fields[:2]), fields[0].blocks
+        for name, *_ in told:
+            setattr(answer, name, sum(getattr(part, name) for part in answer.parts))
     if isinstance(before, Bricks) and isinstance(answer, Bricks):
         answer.earlier = float(before.shares.sum()), before.energy
     answer.levels, answer.duals = tuple(levels), tuple(fields[len(acts) :])
@@ -220,23 +228,21 @@ class Family:
         if self.step == 0:
             self.working = self._append(code, size, NOBODY, 0.0)
             return
-        # Every agent of the new generation lies in a working one: parents spawn until the rows of
-        # their children have the sizes of the generation.
-        before = self.working
-        holder = before[np.searchsorted(self.rows["code"][before], code, side="right") - 1]
-        self.rows["retired_step"][np.setdiff1d(before, holder)] = self.step
-        parents = np.unique(holder[self.rows["size"][holder] > size])
-        while len(parents):
-            children = self._spawn(parents)
-            own, edge = self.rows["code"][children], self.rows["size"][children]
-            at, last = (np.searchsorted(code, end) for end in (own, own + edge**self.dimension))
-            empty = at == last  # within outlines some hold nothing of the body
-            self.rows["retired_step"][children[empty]] = self.step
-            stands = ~empty
-            stands[~empty] = size[at[~empty]] == edge[~empty]
-            holder[at[stands]] = children[stands]
-            parents = children[~stands & ~empty]
-        self.working = holder
+        # Parents spawn until the working agents are those of the generation.
+        working = self.working
+        while True:
+            own = self.rows[working]
+            at, end = np.searchsorted(
+                code, [own["code"], own["code"] + own["size"] ** self.dimension]
+            )
+            self.rows["retired_step"][working[at == end]] = self.step  # they hold nothing
+            working, at = working[end > at], at[end > at]
+            parents = size[at] < self.rows["size"][working]
+            if not parents.any():
+                break
+            working = np.append(working[~parents], self._spawn(working[parents]))
+            working = working[np.argsort(self.rows["code"][working])]
+        self.working = working
 
     def settle(self, gap: Floats, chosen: Flags) -> None:
         """Note the gaps (J) of the working agents, and which are marked."""

@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import is_rubber
-from kaju.model.elastic.pair.airy import Airy, bed_rows, first_stress
+from kaju.model.elastic.pair.airy import bed_rows, first_stress, of_tractions
 from kaju.model.elastic.pair.border import support_names
 from kaju.model.elastic.pair.displacement import Fitting
 from kaju.model.elastic.pair.elements import (
-    CORNERS,
     airy_stress,
-    child_maps,
     edge_tractions,
     gauss,
     on_sides,
     quadratic_values,
     rule,
     strain_rows,
-    strains,
     stresses,
     without_plane,
 )
 from kaju.model.elastic.pair.gap import Bounds, at_points, bounds_of, roots_of, stress_of
 from kaju.model.elastic.pair.leaves import PlaneMesh
-from kaju.model.elastic.pair.levels import FieldLevel, handed_down, level_of
+from kaju.model.elastic.pair.levels import FieldLevel
 
 
 @dataclass(eq=False)
@@ -40,11 +35,6 @@ class Opinions(Fitting):
     mesh: PlaneMesh
     phi: Floats = field(init=False)
     """Unknowns of Airy's function, without its linear part; shape (n, 16)."""
-
-    def become_sum(self, parts: Sequence[Any]) -> None:
-        """Become what acts together, of parts that are solved for by themselves."""
-        super().become_sum(parts)
-        self.phi = np.sum([part.phi for part in parts], axis=0)
 
     def on_border(self) -> Floats:
         """Return forces and first moments on the body at the sides of its border, (m, 2, 2)."""
@@ -64,18 +54,13 @@ class Opinions(Fitting):
 
     def stress_field(self) -> Floats:
         """Return the stress that balances, scaled so that squares add up to twice the energy."""
-        out, size = np.empty((len(self.size), 84)), self.size[:, None]
+        size = self.size[:, None]
         own = np.concatenate([self.phi / size, self.sides.even, self.sides.body], axis=1)
-        for agents, root in self.soft_roots:
-            out[agents] = own[agents] @ root.T
-        return out
+        return by_roots(self.soft_roots, own)
 
     def fields(self) -> tuple[Floats, Floats]:
         """Return both opinions as vectors whose products are energies: of agents, then of beds."""
-        balanced, fitted = self.stress_field(), np.empty((len(self.size), 84))
-        for agents, root in self.roots:
-            fitted[agents] = self.fit[agents] @ root.T
-        beds = self.on_beds()
+        balanced, fitted, beds = self.stress_field(), by_roots(self.roots, self.fit), self.on_beds()
         return np.append(balanced, beds[0]), np.append(fitted, beds[1])
 
     def by_agent(self, products: Floats, with_beds: bool = True) -> Floats:
@@ -140,9 +125,9 @@ class Opinions(Fitting):
     @cached_property
     def means(self) -> tuple[Floats, Floats]:
         """Mean tensors over agents: of the stress that balances, of the strain that fits."""
-        weights, size = rule()[1], self.size[:, None]
+        (points, weights), size = rule(2), self.size[:, None]
         balanced = self.phi @ np.einsum("p,pki->ik", weights, stresses()[..., :16]) / size**2
-        strain = self.fit @ np.einsum("p,pki->ik", weights, strains()) / size
+        strain = self.fit @ np.einsum("p,pki->ik", weights, strain_rows(points)) / size
         return tensors(balanced), tensors(stress_of(strain, self.law))
 
     def reactions(self) -> dict[str, Floats]:
@@ -174,72 +159,57 @@ class Opinions(Fitting):
         scale = np.sqrt(length * weight / stiffness)
         return np.asarray(scale * np.stack([balanced, fitted]))
 
+    def balances(
+        self, level: FieldLevel, begun: Floats, gap: float, before: Opinions | None, parent: Ints
+    ) -> None:
+        """Find the stress that balances of least energy, but for what a gap allows."""
+        mesh, sides, load, body = self.mesh, self.sides, self.sides.load, self.sides.body
+        self.phi = without_plane(begun)
+        if before is not None:
+            self.phi += self._of_body_forces(before, parent)
+            # What children take of loads that end within sides, and their parents did not.
+            body, load, own = np.zeros_like(body), np.zeros_like(load), load[mesh.owner, mesh.side]
+            if len(before.sides.ragged):
+                more = np.where(sides.given[:, None], own - self.on_border(), 0.0)
+                load[mesh.owner, mesh.side] = more
+        if load.any() or body.any():
+            self.phi += first_stress(mesh, sides, load, body, self.size)
+        rest = -level.blocks.gather(self._pull())
+        self.phi += without_plane(level.blocks.own(level.solve(rest, gap)))
+
+    def _of_body_forces(self, before: Opinions, parent: Ints) -> Floats:
+        """Return phi of the even stress of children where one grows within their parents."""
+        middles = [one.leaves.lower + 0.5 * one.leaves.size[:, None] for one in (before, self)]
+        away = (middles[1] - middles[0][parent]) / self.body.cell
+        even = -before.sides.body[parent] / before.size[parent, None] ** 2 * away
+        side, traction = np.arange(4), np.zeros((len(parent), 4, 2, 2))
+        push = even[:, side // 2] * self.size[:, None]
+        traction[:, side, 0, side // 2] = np.where(side % 2, push, -push)
+        return of_tractions(traction, self.size)
+
+    def _pull(self) -> Floats:
+        """Return the slopes of the complementary energy by phi of agents, shape (n, 16)."""
+        mesh, sides, size = self.mesh, self.sides, self.size
+        out, stress = np.empty_like(self.phi), self.stress_field()
+        for agents, root in self.soft_roots:
+            out[agents] = stress[agents] @ root[:, :16]
+        # Supports that move take the work of their forces.
+        force = np.einsum("nj,njl->nl", sides.moved, edge_tractions()[mesh.side, 0])
+        np.subtract.at(out, mesh.owner, force)
+        out /= size[:, None]
+        rows = bed_rows(mesh, sides, size)
+        np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", self.on_beds()[0], rows))
+        return out
+
+
+def by_roots(roots: list[tuple[Ints | slice, Floats]], own: Floats) -> Floats:
+    """Return agents' unknowns times the roots of their laws."""
+    out = np.empty((len(own), len(roots[0][1])))
+    for agents, root in roots:
+        out[agents] = own[agents] @ root.T
+    return out
+
 
 def tensors(three: Floats) -> Floats:
     """Return stresses xx, yy, xy as tensors, shape (n, 2, 2)."""
     return np.asarray(three[:, [[0, 2], [2, 1]]])
-
-
-def balance(
-    fields: list[Opinions],
-    earlier: list[Opinions | None],
-    gaps: list[float],
-    family: tuple[Ints, Ints] | None,
-    before: FieldLevel | None,
-    direct: int,
-) -> FieldLevel:
-    """Give agents under each set of loads the stress that balances, of least energy."""
-    found = fields[0]
-    airy = Airy(found.mesh, found.sides, found.body.cell)
-    matrices = [(agents, root[:, :16].T @ root[:, :16]) for agents, root in found.soft_roots]
-    blocks = airy.blocks(matrices, found.size)
-    level = level_of(blocks, airy.way(airy.hanging())[:2], before, family, child_maps(True), direct)
-    for own, old, gap in zip(fields, earlier, gaps, strict=True):
-        own.phi = _begun(own, old, family)
-        rest = -blocks.gather(_pull(own))
-        own.phi += without_plane(blocks.own(level.solve(rest, gap)))
-    return level
-
-
-def _begun(new: Opinions, before: Opinions | None, family: tuple[Ints, Ints] | None) -> Floats:
-    """Return a stress that balances, any."""
-    mesh, sides, size = new.mesh, new.sides, new.size
-    new.phi, load, body = np.zeros((len(size), 16)), sides.load, sides.body
-    if before is not None and family is not None:
-        phi = handed_down(before.phi, family, child_maps(True))
-        new.phi = without_plane(phi + _of_body_forces(before, family[0], new))
-        # What children take of loads that end within sides, and their parents did not.
-        body, load, own = np.zeros_like(body), np.zeros_like(load), load[mesh.owner, mesh.side]
-        if len(before.sides.ragged):
-            more = np.where(sides.given[:, None], own - new.on_border(), 0.0)
-            load[mesh.owner, mesh.side] = more
-    if load.any() or body.any():
-        new.phi += without_plane(first_stress(mesh, sides, load, body, size))
-    return new.phi
-
-
-def _of_body_forces(before: Opinions, parent: Ints, new: Opinions) -> Floats:
-    """Return phi of the even stress that children have of a stress that grows within parents."""
-    middles = [(one.leaves.lower + 0.5 * one.leaves.size[:, None]) for one in (before, new)]
-    away = (middles[1] - middles[0][parent]) / new.body.cell
-    even = -before.sides.body[parent] / before.size[parent, None] ** 2 * away
-    # phi of stresses xx and yy of one, on the unit square: xx = phi_yy.
-    phi = np.zeros((2, 16))
-    for k, x in enumerate(CORNERS.T[::-1]):
-        phi[k, 0:12:3], phi[k, 2 - k : 12 : 3] = 0.5 * x * x, x
-    return np.asarray((even * new.size[:, None] ** 2) @ phi)
-
-
-def _pull(own: Opinions) -> Floats:
-    """Return the slopes of the complementary energy by phi of agents, shape (n, 16)."""
-    mesh, sides, size = own.mesh, own.sides, own.size
-    out, stress = np.empty_like(own.phi), own.stress_field()
-    for agents, root in own.soft_roots:
-        out[agents] = stress[agents] @ root[:, :16]
-    # Supports that move take the work of their forces.
-    force = np.einsum("nj,njl->nl", sides.moved, edge_tractions()[mesh.side, 0])
-    np.subtract.at(out, mesh.owner, force)
-    out /= size[:, None]
-    rows = bed_rows(mesh, sides, size)
-    np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", own.on_beds()[0], rows))
-    return out

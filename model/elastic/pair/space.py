@@ -8,7 +8,7 @@ bound. Nothing is proved beyond that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import nan, sqrt
 
@@ -28,6 +28,7 @@ from kaju.model.elastic.pair.elements import (
     strain_rows,
 )
 from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
+from kaju.model.elastic.pair.leaves import followed
 from kaju.model.elastic.pair.levels import DIRECT, Blocks, FieldLevel
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED
@@ -90,18 +91,16 @@ class Bricks(Fitting):
     def _read_stress(self) -> Floats:
         """The same, but that hanging corners take what the large agent has there: no jumps."""
         leaves, (key, at), (vertex, owner) = self.leaves, self._corners, self.mesh.hanging
-        kinds = int(leaves.kind.max()) + 1
         value = np.zeros((len(key), 6))
         value[at] = self.corner_stress
-        row = np.searchsorted(key, vertex * kinds + leaves.kind[owner])
+        wanted = vertex * (int(leaves.kind.max()) + 1) + leaves.kind[owner]
+        row = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+        own = key[row] == wanted
         inside = (self.mesh.place[vertex] - leaves.lower[owner]) / leaves.size[owner, None]
-        weight = trilinear(inside)
         # The corners of an agent may hang themselves, on larger ones.
-        for size in np.unique(leaves.size[owner])[::-1]:
-            own = leaves.size[owner] == size
-            own &= (row < len(key)) & (key[np.minimum(row, len(key) - 1)] // kinds == vertex)
-            value[row[own]] = np.einsum("nc,nca->na", weight[own], value[at[owner[own]]])
-        return np.asarray(value[at])
+        row, corner = np.broadcast_arrays(row[own, None], at[owner[own]])
+        ties = followed([(row.ravel(), corner.ravel(), trilinear(inside[own]).ravel())], len(key))
+        return np.asarray((ties[0] @ value)[at])
 
     @cached_property
     def shares(self) -> Floats:
@@ -179,14 +178,10 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
     shape = (mesh.vertices + mesh.edges, len(key))
     values = sp.csr_array((weight.ravel(), (row, hat.ravel())), shape=shape)
     rise = sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[free])
-    # What agents' corners are by them makes their matrix of those of the agents.
-    n, size = len(leaves), rise.shape[1]
-    blocks = np.empty((n, 24, 24))
-    for agents, matrix in found.blocks.laws:
-        blocks[agents] = matrix[:24, :24]
-    blocks *= found.blocks.weight[:, None, None]
-    own = sp.csr_array((way @ rise)[found.blocks.dof[:, :24].ravel()])
-    whole = own.T @ (sp.bsr_array((blocks, np.arange(n), np.arange(n + 1))) @ own)
+    # They are told of the agents' corners alone.
+    own, size = found.blocks, rise.shape[1]
+    laws = [(agents, matrix[:24, :24]) for agents, matrix in own.laws]
+    whole = replace(own, dof=own.dof[:, :24], laws=laws, extra=None).assembled(way @ rise)
     # A little on the diagonal: hats that hardly touch the body must not be divided by.
     diagonal = whole.diagonal()
     more = sp.diags_array(np.where(diagonal > 0.0, ROUNDED * diagonal, 1.0))

@@ -328,7 +328,7 @@ class ElasticResult(BodyResult):
     @property
     def goal_error(self) -> float:
         """Error that the tolerance is about, relative: the largest of its goals."""
-        errors = (goal.relative_error for goal in self.found.goals)
+        errors = (goal.relative_error for goal in self.goals)
         return max(errors, default=self.error_estimate)
 
     @property

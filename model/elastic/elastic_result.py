@@ -163,6 +163,13 @@ class ElasticResult(BodyResult):
             return np.zeros_like(self.material)
         return self.family.level[self.family.working]
 
+    @property
+    def spawn_step(self) -> Ints:
+        """Step in which each agent spawned; 0 for the first."""
+        if not self.spawned:
+            return np.zeros_like(self.material)
+        return np.asarray(self.family.rows["spawn_step"][self.family.working])
+
     @cached_property
     def displacement(self) -> Floats:
         """Displacement (m) of the agents' middles, shape (agents, dimension)."""

@@ -36,8 +36,8 @@ export class Lesson {
   get question() { return this.questions[this.at]; }
   of(step) { return this.questions.filter((q) => q.step === step); }
   answered(q) { return q.kind === "number" ? q.fields.every((_, i) => this.answers[q.key]?.[i]?.trim()) : Boolean(this.answers[q.key]?.trim()); }
-  /** The last generation that is open: the question's, until it is answered and left. */
-  get limit() { return this.teacher || this.question?.until === undefined || (this.question.kind !== "cells" && this.answered(this.question)) ? Infinity : this.question.until; }
+  /** The last generation that is open: none before a guess, then the question's, all where it is answered. */
+  get limit() { const { question: q } = this; return this.teacher || q?.until === undefined || (q.kind !== "cells" && this.answered(q)) ? Infinity : q.kind === "cells" && !this.isDone(q) ? 0 : q.until; }
   /** Whether a guess is still to be made: what would give it away is not shown. */
   get secret() { return this.hidden && this.page.g === 0; }
   /** Which way of looking a question asks for. */
@@ -114,8 +114,7 @@ export class Lesson {
   /** The cells in which something is guessed or happens, with two more around: [x, y, columns, rows]. */
   window() {
     const { run: { lattice: L }, scene } = this.page, found = this.compared(this.question?.until ?? Infinity);
-    const cells = [...found.hit, ...found.miss, ...found.false].map((k) => L.cell(k)).concat(scene.loads.map((l) => l.cell)), low = [0, 1].map((a) => Math.max(0, Math.min(...cells.map((c) => c[a])) - 2));
-    const high = [0, 1].map((a) => Math.min(L.shape[a], Math.max(...cells.map((c) => c[a])) + 3));
+    const cells = [...found.hit, ...found.miss, ...found.false].map((k) => L.cell(k)).concat(scene.loads.map((l) => l.cell)), low = [0, 1].map((a) => Math.max(0, Math.min(...cells.map((c) => c[a])) - 2)), high = [0, 1].map((a) => Math.min(L.shape[a], Math.max(...cells.map((c) => c[a])) + 3));
     return [low[0], low[1], high[0] - low[0], high[1] - low[1]];
   }
   /** On a phone the part of the body where something happens, as large as it goes. */
@@ -283,8 +282,7 @@ function numberCard(lesson, q, field, i) {
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
   input.oninput = () => lesson.answer(q, input.value, i);
-  input.onchange = judge;
-  judge();
+  input.onchange = judge; judge();
   return make("label", { className: "card" }, make("span", { className: "small soft" }, ...inline(label)), make("span", { className: "typed" }, input, unit), verdict);
 }
 

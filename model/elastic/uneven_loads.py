@@ -8,8 +8,6 @@ known to be below that (`data_error`).
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from kaju.arrays import Floats, Ints
@@ -19,22 +17,15 @@ LARGEST = {2: 0.5, 3: 0.9}
 """Square of c, rounded up: 0.483 and 0.785 by elements (tests/bounds/test_load_error.py)."""
 
 
-class Portions(NamedTuple):
-    """What sides have of loads that lie unevenly on them, one entry for each."""
-
-    force: Floats  # Shape (n, d)
-    # First moment of each component along each axis, about the middle of the side; shape (n, d, d)
-    moment: Floats
-    rest: Floats  # Norm of the traction that is neither; shape (n,)
-
-
 def portions(
     side: Ints, force: Floats, part: Floats, growth: Floats, lower: Floats, size: Floats
-) -> Portions:
-    """Return what sides of agents have of loads on faces of cells, taken one by one.
+) -> tuple[Floats, Floats, Floats]:
+    """Return forces, first moments and the rest of loads on faces that act on sides of agents.
 
-    Loads as in `Uneven`. Lower corners and edges of the agents count in cells, from the cell's own
-    lower corner on; edges are one number for each, or one along every axis.
+    One by one, shape (n, d), (n, d, d) and (n,): moments are of each component along each axis
+    about the middle of the side, the rest is the norm of the traction that is neither. Loads as in
+    `Uneven`; lower corners and edges of agents, one number or one an axis, count in cells from the
+    cell's own lower corner on.
     """
     n, d = force.shape
     size = np.broadcast_to(size.T, (d, n)).T
@@ -56,7 +47,7 @@ def portions(
     linear = (total**2).sum(axis=1) + 12.0 * slopes.sum(axis=(1, 2))
     rest = np.sqrt(np.maximum(square - linear / whole, 0.0))
     rest[rest <= 1e-7 * np.sqrt(square)] = 0.0  # rounding
-    return Portions(total, moment, rest)
+    return total, moment, rest
 
 
 def data_error(leaf: Ints, rest: Floats, size: Floats, law: Moduli, d: int) -> float:

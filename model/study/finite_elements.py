@@ -230,11 +230,12 @@ def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     corners = mesh.p[:, mesh.facets[:, facets[side]]]
     low, size = (corners.min(axis=1) - cell[:, side]).T, np.ptp(corners, axis=1).T
     size[np.arange(len(side)), own[side] // 2] = 1.0  # across a side: any
-    found = portions(own[side], force[load], part[row][load], slope[row][load], low, size)
+    described = force[load], part[row][load], slope[row][load]
+    total, moment, _ = portions(own[side], *described, low, size)
     area = size.prod(axis=1)[:, None]
     mean, growth = np.zeros((len(facets), d)), np.zeros((len(facets), d, d))
-    np.add.at(mean, side, found.force / area)
-    np.add.at(growth, side, 12.0 * found.moment / (area * size**2)[:, None])
+    np.add.at(mean, side, total / area)
+    np.add.at(growth, side, 12.0 * moment / (area * size**2)[:, None])
     return mean, growth
 
 

@@ -39,7 +39,7 @@ def face_forces(problem: ElasticProblem, loads: AppliedLoads) -> None:
     row, part, growth = loads.uneven
     lower, size = np.zeros((len(row), d)), np.ones(len(row))
     growth = growth / problem.scales.force
-    moment = portions(direction[row], force[row], part, growth, lower, size).moment
+    moment = portions(direction[row], force[row], part, growth, lower, size)[1]
     for side in np.unique(direction[row]).tolist():
         here = direction[row] == side
         _turn(problem, side, cells[row[here]], moment[here])

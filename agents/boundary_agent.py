@@ -47,7 +47,7 @@ class BoundaryAgent(PlacedAgent):
         """Loads given back (N), by the arm to the agent that takes them."""
 
     def answer(self, load: Load, arm: int) -> Load | None:
-        """Take a load that came over `arm`, give back what is to be given back, and book it."""
+        """Take a load that came over `arm`, return what goes back of it, and add up both."""
         engine = self.model.engine
         back = self.give_back(load, arm)
         if back is not None and engine.own_boundaries:
@@ -60,7 +60,7 @@ class BoundaryAgent(PlacedAgent):
         return back
 
     def give_back(self, load: Load, arm: int) -> Load | None:
-        """Return the load as its sender takes it again, or None; `arm` is the sender's."""
+        """Return the load that goes back to its sender, or None; it left the body over `arm`."""
         return self.turn(load, arm)
 
     def turn(self, load: Load, arm: int) -> Load:

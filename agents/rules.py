@@ -66,7 +66,7 @@ class Coefficients:
         require(0.0 <= self.beta <= 1.0, f"beta: must lie between 0 and 1, got {self.beta}")
 
     def alpha_in(self, dimension: int) -> tuple[float, float, float]:
-        """Return α₁, α₂ and α₃; where none are given, those of the dimension."""
+        """Return α₁, α₂ and α₃: those given, or the usual ones in two or three dimensions."""
         return self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
 
 
@@ -108,7 +108,7 @@ class PrescribedRule(Coefficients):
         require(0.0 < self.threshold < inf, f"{told}; without it loads would be halved for ever")
 
     def shares(self, material: Material, dimension: int) -> Shares:
-        """Return what an agent of a material keeps and passes on; of it Poisson's ratio counts."""
+        """Return what an agent keeps and passes on; only Poisson's ratio of its material counts."""
         by = self.materials.get(material.name, self)
         own, forward, friction = by.alpha_in(dimension)
         poisson = (1.0 - by.beta) * material.poissons_ratio * own

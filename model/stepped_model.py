@@ -99,7 +99,7 @@ class SteppedModel(Model):
         self.steps = self.steps_taken
 
     def act_once(self, step: Callable[[], None]) -> None:
-        """Let `step`, this class's or a subclass's, be taken, and what belongs round it."""
+        """Take one `step`, of this class or a subclass, with what comes before and after it."""
         step()
 
     def figures(self) -> dict[str, float]:

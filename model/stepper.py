@@ -45,7 +45,7 @@ class Stepper(ABC, Generic[R]):
             self.seconds += perf_counter() - began
 
     def run(self, until: Until | None = None, progress: bool | None = None) -> R:
-        """Step to the end, or until a question is answered with yes.
+        """Step to the end, a number of times, or until a function returns True.
 
         `until`: a function of the model, asked before every step, or a number of steps;
         `progress`: whether to show a line of progress, None does so at a terminal.

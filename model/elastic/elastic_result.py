@@ -93,7 +93,7 @@ class ElasticResult(BodyResult):
 
     @property
     def scene(self) -> Scene:
-        """What was asked."""
+        """The scene that was computed."""
         return self.found.scene
 
     @property
@@ -108,7 +108,7 @@ class ElasticResult(BodyResult):
 
     @property
     def name(self) -> str:
-        """What it is called beside another answer."""
+        """Its name where it is compared with another answer."""
         return "spawned agents" if self.spawned else "elasticity"
 
     @property
@@ -123,7 +123,7 @@ class ElasticResult(BodyResult):
 
     @property
     def spawned(self) -> bool:
-        """Whether agents spawned; else all of them were there at once."""
+        """Whether agents spawned; False for equal cells."""
         return self.found.storage == "tree"
 
     @property
@@ -340,7 +340,7 @@ class ElasticResult(BodyResult):
 
     @property
     def goals(self) -> tuple[Goal, ...]:
-        """What has been found of every quantity that the tolerance is about."""
+        """Value and error of every quantity that the tolerance is about."""
         return tuple(goal.in_units(self.found.scales) for goal in self.found.goals)
 
     @property
@@ -350,7 +350,7 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def family(self) -> Family:
-        """Every agent that ever stood, with its parent, step and cause."""
+        """All agents, retired ones too, each with its parent, step and cause."""
         if not isinstance(self.found, PairAgents):
             raise ResultError("family: equal cells do not spawn; solve with a tolerance")
         metre = self.grid.lattice.cell_size / self.found.ground.cell
@@ -369,7 +369,7 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def caveats(self) -> tuple[Caveat, ...]:
-        """What is not proved of the tolerance, or approximate beside the error on the cells."""
+        """What is not proved, and what is approximate besides the estimated error."""
         return caveats_of(self)
 
     @property
@@ -427,7 +427,7 @@ class ElasticResult(BodyResult):
 
     @property
     def area(self) -> Floats:
-        """What each agent of a plane body (m²) holds, within true outlines at least."""
+        """Area (m²) of a plane body in each agent; with true outlines the least it can be."""
         unit = self.grid.lattice.cell_size**2
         return unit * self.found.area if isinstance(self.found, CutAgents) else self.size**2
 
@@ -467,7 +467,7 @@ class ElasticResult(BodyResult):
         return self.found.scales.displacement * moved
 
     def displacement_near(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), beyond a true outline that of what is near."""
+        """Return the displacement (m) at points (m); just outside the body, of what is nearest."""
         if isinstance(self.found, CutAgents):
             return self.found.scales.displacement * self.found.displacement_at(points)
         return super().displacement_near(points)

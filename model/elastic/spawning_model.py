@@ -121,7 +121,7 @@ class SpawningModel(SteppedModel):
         self._kinds[self.family.working] = leaves.kind
 
     def step(self) -> None:
-        """Let agents spawn, but for the first time, and all of them find their opinions."""
+        """Let agents spawn (not in the first step), and let all find their opinions."""
         began = perf_counter()
         self.spawner.step()
         leaves, last = self.spawner.last.leaves, self.spawner.generations[-1]

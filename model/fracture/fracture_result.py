@@ -150,7 +150,7 @@ class FractureResult(Result):
         return self.history
 
     def state(self, breaks: int | None = None) -> NetworkResult | ElasticResult:
-        """Return the rest after so many breaks, and what it bears.
+        """Return what is left after so many breaks, and the load that it bears.
 
         Of a network at the load of the last of them; of the cells of a scene under its whole load
         (a load factor of 1), as `kaju.solve` answers. 0: before the first break and at its load;
@@ -180,7 +180,7 @@ class FractureResult(Result):
         )
 
     def replayed(self, counts: Iterable[int]) -> Iterator[WeakeningBody]:
-        """Break the body again, and give it after so many breaks each, under its whole load."""
+        """Break the body again, and yield it after each of the `counts` of breaks, under its whole load."""
         body = body_of(self.subject, self.strengths, self.measure)
         for count in counts:
             self._counted(count)

@@ -45,7 +45,7 @@ class GrowthResult(BodyResult):
     kind: ClassVar[str] = "growth"
     name: ClassVar[str] = "growth"
     scene: Scene
-    """What was asked."""
+    """The scene that was computed."""
     stage: int | None
     """Stage of loading; None is the last."""
     rule: str

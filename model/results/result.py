@@ -176,7 +176,7 @@ class BodyResult(OnCells, Result):
     @property
     @abstractmethod
     def name(self) -> str:
-        """What it is called beside another answer."""
+        """Its name where it is compared with another answer."""
 
     @property
     def grid(self) -> Scene:
@@ -187,7 +187,7 @@ class BodyResult(OnCells, Result):
 
         @property
         def scene(self) -> Scene:
-            """What was asked."""
+            """The scene that was computed."""
 
         @property
         def stage(self) -> int | None:
@@ -203,7 +203,7 @@ class BodyResult(OnCells, Result):
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
     def displacement_near(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), beyond a true outline that of what is near."""
+        """Return the displacement (m) at points (m); just outside the body, of what is nearest."""
         return self.displacement_at(points)
 
     @abstractmethod

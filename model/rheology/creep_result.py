@@ -143,7 +143,7 @@ class BodyTimeResult(TimeResult):
 
     @property
     def scene(self) -> Scene:
-        """What was asked."""
+        """The scene that was computed."""
         return self.static.scene
 
     @property

@@ -202,11 +202,10 @@ class Lattice(ABC):
     def way(self, direction: int, form: int) -> Neighbourhood:
         """Return which faces are ahead of a load, behind and beside it, and with which weights.
 
-        Ahead is the face that looks most along the load; if two do so alike, as of a triangle
-        that stands on a corner, each takes its part of what goes ahead. Behind likewise. All
-        faces not square to the load are beside it: they feel the expansion across the load by
-        sin² of the angle between the load and their normal, and friction acts on those that
-        look most along it.
+        Ahead is the face whose normal is nearest to the load's direction; two that are equally
+        near, as of a triangle that stands on a corner, take a half each. Behind likewise. Beside
+        are all faces whose normal is not parallel to the load: the blocked expansion leaves by
+        sin² of the angle between both, and friction acts on those with the smallest angle.
         """
         cosines = np.round(self.normals @ self.normals[direction], 12)  # equal ones exactly equal
         faces = [(arm, float(cosines[arm])) for arm in self.arms[form]]

@@ -148,7 +148,7 @@ class Scene(Description):
 
     @property
     def outlined(self) -> bool:
-        """Whether the body has true outlines, which only agents of elasticity take."""
+        """Whether the body has true outlines, which only elasticity can use."""
         return self.body.outlined
 
     @property
@@ -290,14 +290,14 @@ class Scene(Description):
         return self.replace(loads=loads)
 
     def with_region(self, material: str = "air", **shape: Any) -> Scene:
-        """Return the scene with a region, as in `Region`, of something else; by default a hole."""
+        """Return the scene with one more region, as in `body.regions`; by default a hole."""
         regions = (*self.body.regions, Region(material=material, **shape))
         return self.replace(body=Body(**dict(self.body) | {"regions": regions}))
 
     def refine(self, k: int) -> Scene:
         """Return the same body, supports and loads on squares or cubes k times smaller.
 
-        Pictures repeat their cells, regions are asked again at the finer centres.
+        Pixels of pictures are repeated; regions are evaluated at the centres of the new cells.
         """
         picture = self._of_cells.picture
         body = _refined_body(self.body, self.lattice, picture, k)

@@ -91,7 +91,7 @@ class Reference(Stored):
 
     @property
     def name(self) -> str:
-        """What it is called beside another answer."""
+        """Its name where it is compared with another answer."""
         return self.source.partition(":")[0] or "reference"
 
     def holds(self, points: ArrayLike) -> Flags:

@@ -235,7 +235,7 @@ class LoadModel(SteppedModel):
         return super().agents_by_type
 
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
-        """Return the material agent of a cell of the scene, None if it sleeps."""
+        """Return the material agent of a cell of the scene, None if no load has woken it."""
         return self._objects().agents.get(tuple(index))
 
     def axis_of(self, direction: int) -> int:

@@ -60,7 +60,7 @@ class TransferResult(BodyResult):
     kind: ClassVar[str] = "load transfer"
     name: ClassVar[str] = "prescribed rule"
     scene: Scene
-    """What was asked."""
+    """The scene that was computed."""
     stages: tuple[Stage, ...]
     """The agents of every stage of loading."""
     certificate: Certificate
@@ -132,8 +132,8 @@ class TransferResult(BodyResult):
     def reactions(self) -> dict[str, Floats]:
         """Forces (N) by which supports answered the loads that reached them, each (dimension,).
 
-        By the name of the side, or "rigid" for rigid cells inside. Loads that end on their way, or
-        come more than once, keep the sum from being the applied one.
+        By the name of the side, or "rigid" for rigid cells inside. Their sum is not the applied
+        load, because some loads end on their way, and some come more than once.
         """
         stage, lattice = self.last, self.scene.lattice
         beyond = lattice.side_beyond(stage.boundary_cells)

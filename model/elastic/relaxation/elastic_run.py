@@ -55,7 +55,7 @@ class ElasticRun(BodyResult):
 
     @property
     def scene(self) -> Scene:
-        """What was asked."""
+        """The scene that was computed."""
         return self.result.scene
 
     @property

@@ -180,7 +180,7 @@ class FractureResult(Result):
         )
 
     def replayed(self, counts: Iterable[int]) -> Iterator[WeakeningBody]:
-        """Break the body again, and yield it after each of the `counts` of breaks, under its whole load."""
+        """Break the body again; yield it after so many breaks (`counts`), under its whole load."""
         body = body_of(self.subject, self.strengths, self.measure)
         for count in counts:
             self._counted(count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import gcd, inf
@@ -192,6 +193,16 @@ class OutlinedBody:
                 raise SceneError(f"loads.{number}.force: no part of {name!r} faces it")
         if not len(along(region, self.shape)):
             raise SceneError(f"{where}: no part of {name!r} lies within the array")
+        return found
+
+    def pushed(self, side: str, force: Floats, alone: bool = False) -> OutlinedBody:
+        """Return the body with a further force on a side, or with nothing else."""
+        found, none = copy(self), {side: np.zeros(2)}
+        if alone:
+            found.forces, found.tractions, found.couples = {}, {}, {}
+            found.outlines, found.weight = [], np.zeros(2)
+        found.forces = found.forces | {side: (none | found.forces)[side] + force}
+        found.tractions, found.couples = none | found.tractions, {side: 0.0} | found.couples
         return found
 
     @property

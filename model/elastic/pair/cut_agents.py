@@ -176,6 +176,9 @@ class CutAgents(PairAgents):
             centre = (area[:, None] * self._middles_of).sum(axis=0) / area.sum()
             found.append((centre, self.ground.weight * area.sum(), True))
         place, force, pull = (np.array([one[k] for one in found]) for k in range(3))
+        size = np.linalg.norm(force, axis=1)
+        kept = size > 1e-9 * size.max(initial=0.0)  # none in the middle of a couple
+        place, force, pull = place[kept], force[kept], pull[kept]
         return self.ground.edge * place, self.scales.force * force, pull.astype(np.bool_)
 
     def located(self, points: Floats) -> tuple[Floats, Ints]:

@@ -12,18 +12,23 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SingularPlaceError, brief, suggestion
+from kaju.model.elastic.goals.duals import SMALL
 from kaju.model.elastic.goals.quantities import (
     HOOP,
     AskedFor,
+    Deflection,
     Goal,
     Quantity,
+    Reaction,
     Stress,
+    directions_of,
     quantities_of,
 )
 from kaju.model.outline.arc_triangles import ArcFrames
 from kaju.model.outline.hoop_stress import HoopStress, turn_in
 from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import (
+    SIDES,
     OutlinedBody,
     UnlikeError,
     along,
@@ -33,6 +38,7 @@ from kaju.model.outline.posed_outlines import (
 from kaju.model.outline.true_shapes import UNIT, covering
 from kaju.model.scene import Scene
 
+from .cut_agents import NO_BOUND as OF_WEIGHT
 from .cut_agents import CutAgents
 from .cut_pair import CutPair
 from .goals import AIM, Judged
@@ -53,26 +59,31 @@ KINK = radians(0.5)  # angle from which on a corner has no limit of stress
 NO_BOUND = "nothing is proved of a stress at a point"
 
 
-def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress, ...]:
-    """Return the peak that `goal` asks for within true outlines; none for the energy norm.
+def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection, ...]:
+    """Return what `goal` asks for within true outlines; none for the energy norm.
 
     Raises
     ------
     ParameterError
-        If that is not the hoop stress along one named outline.
+        If that is neither the hoop stress along a named outline nor the deflection of a free side.
     """
     if goal is None:
         return ()
     named = [region.name for region in scene.body.regions if region.name is not None]
+    free = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
-    first, *more = quantities_of(Stress(one, HOOP) if isinstance(one, str) else goal)
-    if more or not isinstance(first, Stress) or first.component != HOOP or first.at not in named:
-        near = suggestion(one, named) if isinstance(one, str) else ""
+    along = isinstance(one, str) and (one in named or one not in SIDES)
+    first, *more = quantities_of(Stress(str(one), HOOP) if along else goal)
+    known = free if isinstance(first, Deflection) else []
+    if isinstance(first, Stress) and first.component == HOOP:
+        known = named
+    if more or isinstance(first, Reaction) or first.at not in known:
+        near = suggestion(one, [*named, *free]) if isinstance(one, str) else ""
         raise ParameterError(
-            "goal: within true outlines a tolerance is about the energy norm, or about the "
-            f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), got '
-            f"{brief(goal)}{near}; there is {', '.join(named) or 'no true outline with a name'}; "
-            "value_of of the answer gives means over boxes and deflections of sides, unproved"
+            "goal: within true outlines a tolerance is about the energy norm, about the largest "
+            f'hoop stress along one outline, such as Stress("bore", "{HOOP}"), or about the '
+            f"deflection of one free side, got {brief(goal)}{near}; there is "
+            f"{', '.join([*named, *free])}; value_of of the answer gives other quantities, unproved"
         )
     return (first,)
 
@@ -92,11 +103,13 @@ class CutLoop(PairLoop):
         super().__init__(body, tolerance, most_agents or MOST_AGENTS)
         if not peaks:
             body.check_rounding(tolerance)
-        self._peak: _Peak | None = None
+        self._peak: _Peak | _Moved | None = None
         self._least = inf  # error of the best generation
         for one in peaks:
-            assert isinstance(one, Stress)
-            self._peak = _Peak(body, str(one.at), tolerance)
+            if isinstance(one, Deflection):
+                self._peak = _Moved(body, one, tolerance)
+            else:
+                self._peak = _Peak(body, str(one.at), tolerance)  # type: ignore[union-attr]
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
@@ -106,6 +119,8 @@ class CutLoop(PairLoop):
                 pair = CutPair(self.body, self.leaves)
                 if pair.bounds.lower > pair.bounds.upper and not self.body.estimated:
                     raise UnlikeError("a part of the body that bears loads is too thin")
+                judge = self._peak.judge if self._peak else self._judge
+                self._judged = judge(pair)
                 break
             except VagueError as vague:
                 codes, why = vague.codes, UnlikeError("they touch themselves, or others")
@@ -120,8 +135,6 @@ class CutLoop(PairLoop):
             self.leaves = self.leaves.split(chosen).balanced()
         self.last = pair
         self.leaves = self.leaves.only(np.isin(self.leaves.code, pair.leaves.code))
-        judge = self._peak.judge if self._peak else self._judge
-        self._judged = judge(pair)
 
     def _cut(self) -> Ints:
         """Return the codes of the agents that outlines cut."""
@@ -180,6 +193,44 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
         more = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
         often[bent & stressed] = np.maximum(often[bent & stressed], more)
     return np.minimum(often, MOST_HALVINGS)
+
+
+class _Moved:
+    """The mean displacement of a free side, generation by generation, with bounds.
+
+    It is the work of a unit force on that side. With c times this force added to the loads, or
+    taken away, the body stores the energies E+ and E-, and E+ - E- is 2 c times this work. Bounds
+    of both bound it, closest where c is the ratio of the errors under the loads and the force.
+    """
+
+    name = None
+
+    def __init__(self, body: OutlinedBody, asked: Deflection, tolerance: float):
+        self._body, self._asked, self._tolerance = body, asked, tolerance
+        self._ways = directions_of(asked.along, 2)
+
+    def judge(self, pair: CutPair) -> Judged:
+        """Return the error, what each leaf adds to it, and the share of it to aim at."""
+        value, off, part, side = [], [], np.zeros(len(pair.leaves)), str(self._asked.at)
+        for way in self._ways:
+            alone = CutPair(self._body.pushed(side, way, alone=True), pair.leaves)
+            c = float(np.sqrt(pair.shares.sum() / alone.shares.sum()))
+            if not 0.0 < c < inf:
+                c = float(np.sqrt(pair.upper / alone.upper))
+            both = (self._body.pushed(side, sign * c * way) for sign in (1.0, -1.0))
+            more, less = (CutPair(body, pair.leaves) for body in both)
+            low = more.bounds.lower - less.bounds.upper
+            high = more.bounds.upper - less.bounds.lower
+            value.append((low + high) / (4.0 * c))
+            off.append((high - low) / (4.0 * c))
+            part += (more.shares + less.shares) / (8.0 * c)
+        least = SMALL * float(np.abs(pair.fitting.value).max())
+        scale = max(float(np.linalg.norm(value)), least)
+        no_bound = OF_WEIGHT if self._body.estimated else ""
+        goal = Goal(self._asked, tuple(value), float(np.linalg.norm(off)), scale, no_bound)
+        error = goal.relative_error
+        wanted = min(AIM * self._tolerance / error, 1.0) if error > 0.0 else 0.0
+        return Judged((goal,), error, part / scale, False, wanted)
 
 
 class _Peak:

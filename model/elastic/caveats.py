@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from .elastic_result import ElasticResult
 
-ROUGH = 0.1  # From this estimated error on an answer says what to do about it: a choice
 STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
@@ -135,7 +134,8 @@ def _of_error(result: ElasticResult) -> Iterator[Caveat]:
         yield from (Caveat("", said) for goal in result.goals if (said := goal.doubt(tolerance)))
         if result.no_bound and not result.goals:
             yield Caveat("", f"the error is estimated, not proved: {result.no_bound}")
-    if result.goals or result.tolerance_kept == "proved" or not error > ROUGH:
+    # From this estimated error on it is said what to do about it: a choice.
+    if result.goals or result.tolerance_kept == "proved" or not error > 0.1:
         return
     if isfinite(error):
         said = f"the error is about {error:.0%} in the energy norm"

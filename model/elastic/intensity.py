@@ -31,11 +31,9 @@ Complex = NDArray[np.complex128]
 RING = 0.5
 """The ring's inner radius, of its outer one: of 0.25 to 0.75 an L's factor differs by 0.03 %."""
 POINTS = 12, 120  # Gauss points of the ring across and around: of 8 times as many 2e-5 apart
-FEWEST = 4  # So many cells the ring is wide at least; of slits, of a cell's width each
 WIDTH = 0.7
 """What the width of a slit adds to its factors, over what is there of it and beyond: a slit is
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
-FELT = 0.6  # Share of the answer's error that factors may have: of Ls up to 0.33 were needed
 
 
 class Intensity(NamedTuple):
@@ -85,7 +83,8 @@ def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
         raise ParameterError("at: must be a point (x, y) of a body in the plane, in metres")
     tip = _tip_at(grid, point)
     radius = _room(result, tip)
-    least = 4.0 * FEWEST * tip.slit
+    # The ring is four cells wide at least; of slits, of a cell's width each.
+    least = 16.0 * tip.slit
     if not radius > least:
         raise ParameterError(
             f"at: other edges, loads or materials within {least:.3g} m of the tip change its "
@@ -94,7 +93,8 @@ def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
     modes = [_Mode(tip.half, opens) for opens in (True, False)]
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)
     inner = [_factor(result, tip, mode, 0.5 * (radius + least)) for mode in modes]
-    share = FELT * result.error_estimate + WIDTH * 2.0 * tip.slit / radius
+    # Factors of Ls are off by up to 0.33 of the answer's error.
+    share = 0.6 * result.error_estimate + WIDTH * 2.0 * tip.slit / radius
     off = max(abs(opening - inner[0]), abs(shear - inner[1]))
     off += share * max(abs(opening), abs(shear))
     return Intensity(opening, shear, (modes[0].exponent, modes[1].exponent), off, radius)

@@ -8,11 +8,9 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.curves import cross, parted
 
-WIDEST = np.pi / 8.0  # largest angle by which an arc turns
 CLOSE = 1e-7
 """Lines nearer than this (edges of the first agents) touch, and arcs that turn by less are lines:
 they leave these by an eighth of that and of their length."""
-APART = 1e-3  # arcs shorter than this (in edges of the first agents) are not halved to keep apart
 
 
 class TouchError(Exception):
@@ -70,7 +68,8 @@ def in_triangles(arcs: Floats) -> Floats:
     """
     while True:
         frames = ArcFrames(arcs)
-        wide = (np.abs(frames.turn) > WIDEST) | frames.twisted
+        # Arcs turn by no more than 22.5°.
+        wide = (np.abs(frames.turn) > np.pi / 8.0) | frames.twisted
         corner = angle(frames.last, np.roll(frames.first, -1, axis=0))
         turn = np.abs(frames.turn)
         left = np.pi - np.abs(corner) - turn - np.roll(turn, -1)
@@ -109,7 +108,8 @@ def kept_apart(lines: list[Floats]) -> list[Floats]:
         other = (owner[first] != owner[second]) & ~_shared(frames, owner, first, second)
         wide = np.zeros(len(owner), dtype=np.bool_)
         wide[first[other]] = True
-        wide &= (frames.turn != 0.0) & (frames.length > APART)
+        # In edges of the first agents: shorter ones are not halved to keep apart.
+        wide &= (frames.turn != 0.0) & (frames.length > 1e-3)
         if not wide.any():
             break
         lines = [halved(arcs, wide[owner == k]) for k, arcs in enumerate(lines)]

@@ -24,15 +24,8 @@ from .leaf_triangles import parted_lines
 from .triangulation import NEAR
 from .true_shapes import AIR, KINK, TINY, UNIT, Law, TrueBody, TrueRegion, first_leaves, holding
 
-FINE = 64  # cells along the longer side, by which pictures and comparisons know the body
-FIRST = 8  # first agents along the longer side, where the cells' number has such a divisor
-
-
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
-ROUNDING = 1e-7  # share by which the bounds are set wider, for coordinates are rounded
-OF_LAW = 1e3 * np.finfo(np.float64).eps
-"""The same for the law, times its condition: next to ν = 1/2 it leaves few digits of an energy."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +95,8 @@ class OutlinedBody:
         scene, lattice = self.asked, self.asked.lattice
         common = gcd(*lattice.shape)
         wide = [d for d in range(1, common + 1) if common % d == 0]
-        cells = max((d for d in wide if max(lattice.shape) // d >= FIRST), default=1)
+        # Eight or more along the longer side, if the number of cells has such a divisor.
+        cells = max((d for d in wide if max(lattice.shape) // d >= 8), default=1)
         self.edge = lattice.cell_size * cells
         self.shape = lattice.shape[0] // cells, lattice.shape[1] // cells
         modulus = scene.cell_materials[0].youngs_modulus
@@ -221,7 +215,8 @@ class OutlinedBody:
         law = np.linalg.eigvalsh(stiffest.stiffness).max()
         law /= np.linalg.eigvalsh(softest.stiffness).min()
         # a strip of the stiff material that lies on a line but for rounding counts as the soft one
-        return float(ROUNDING + NEAR * (contrast - 1.0) + OF_LAW * law)
+        # Coordinates are rounded; so is the law, which next to ν = 1/2 leaves few digits.
+        return float(1e-7 + NEAR * (contrast - 1.0) + 1e3 * np.finfo(np.float64).eps * law)
 
     @property
     def estimated(self) -> bool:
@@ -233,7 +228,8 @@ class OutlinedBody:
     def scene(self) -> Scene:
         """Cells of what lies in their middles, held as the body is, without loads."""
         asked = self.asked
-        many = -(-FINE // max(asked.lattice.shape))
+        # By so many along the longer side pictures and comparisons know the body.
+        many = -(-64 // max(asked.lattice.shape))
         shape = tuple(many * count for count in asked.lattice.shape)
         lattice = type(asked.lattice)(shape, asked.lattice.cell_size / many)
         codes = self.material_at(lattice.centres(np.indices(shape).reshape(2, -1).T), edges=False)

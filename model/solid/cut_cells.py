@@ -15,7 +15,6 @@ from kaju.model.scene.shapes import Points, Shape
 
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear
-AT_ONCE = 20_000  # cells that are looked at at once
 _PATHS = np.array(
     [
         np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(way)]], 0)
@@ -81,7 +80,7 @@ class SolidBody(NamedTuple):
 
 
 def _parts(places: Ints) -> Sequence[Ints]:
-    return np.array_split(places, max(1, -(-len(places) // AT_ONCE)))
+    return np.array_split(places, max(1, -(-len(places) // 20_000)))
 
 
 def filled_shares(level: Floats) -> Floats:

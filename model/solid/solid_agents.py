@@ -24,10 +24,6 @@ from kaju.model.scene.pictures import check_size
 from .cut_cells import CUT, WHOLE, SolidBody, edge_shares, thick
 
 SLIVER = 1e-4  # cells of which less is body are taken as empty
-LEFT_OUT, NOTED = 0.05, 1e-4
-"""Shares of the body that are too thin for the cells: refused above the first, noted above the
-second."""
-MOST_NARROW = 30  # cells that are taken away one by one
 FRACTIONS = (
     "true outlines: cells count by the share of them that is body, which is an estimate and proves "
     "nothing; stress and displacement of cut cells are means over all of each"
@@ -69,7 +65,7 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     share = eighths.reshape(two).mean(axis=(1, 3, 5))
     body = thick(share >= SLIVER)
     grid, like, origin = _posed(scene, body, solid.edge)
-    for _ in range(MOST_NARROW):  # a cell that turns freely about a face is as good as thin
+    for _ in range(30):  # a cell that turns freely about a face is as good as thin
         narrow = slender_cell(like)
         if narrow is None:
             break
@@ -77,7 +73,8 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
         body = thick(body)
         grid, like, origin = _posed(scene, body, solid.edge)
     left_out = 1.0 - float(share[body].sum() / share.sum())
-    if left_out > LEFT_OUT or slender_cell(like) is not None:
+    # More than 5 % are refused, and more than 0.01 % noted.
+    if left_out > 0.05 or slender_cell(like) is not None:
         raise SceneError(
             f"body.regions: {left_out:.0%} of the body, or what joins its parts, is thinner than "
             f"two cells of {solid.edge:.3g} m, which carry no shear; give a larger resolution"
@@ -94,7 +91,7 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     }
     notes = (f"{left_out:.1g} of the body is too thin for the cells, and left out",)
     problem = replace(problem, edges=edges)
-    return Grid(grid, problem, origin, resolution, notes if left_out > NOTED else ()), share
+    return Grid(grid, problem, origin, resolution, notes if left_out > 1e-4 else ()), share
 
 
 def _posed(scene: Scene, body: Flags, edge: float) -> tuple[Scene, ElasticProblem, Origin]:

@@ -42,14 +42,10 @@ from kaju.model.scene.validation import check_axes
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
 
-SMALL = 0.01  # Of the largest: errors of smaller values are relative to this share
 NEAREST = (
     "agents cannot end where the place ends; the error is that of the nearest box where they "
     "can end"
 )
-PARTED = {2: 16, 3: 2}
-"""Agents can end at multiples of this part of a cell, should a goal ask for it."""
-RULE = 3  # Points along an axis of an agent: exact for quadratics
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +68,8 @@ class Where:
         first = np.maximum(lower[agent], self.lower)
         span = np.minimum(lower[agent] + size[agent, None], self.upper) - first
         d = len(self.lower)
-        line, share = np.polynomial.legendre.leggauss(RULE)
+        # Three points along an axis are exact for quadratics.
+        line, share = np.polynomial.legendre.leggauss(3)
         across = [axis for axis in range(d) if axis != self.flat]
         inside = np.full((len(line) ** len(across), d), 0.5)
         inside[:, across] = 0.5 + 0.5 * np.array([*product(line, repeat=len(across))])
@@ -118,7 +115,8 @@ class GoalBox:
     @classmethod
     def of(cls, where: Where, body: PosedBody, flat: bool) -> GoalBox:
         """Return the smallest box round a place; `flat` says whether it may be a section."""
-        step = max(body.cell // PARTED[body.dimension], body.smallest)
+        # Agents can end at multiples of this part of a cell, should a goal ask for it.
+        step = max(body.cell // (16 if body.dimension == 2 else 2), body.smallest)
         low, high = where.lower * (body.cell / step), where.upper * (body.cell / step)
         near = ON_EDGE * body.cell / step
         first, last = np.floor(low + near), np.ceil(high - near)
@@ -268,7 +266,8 @@ class DualGoal(ABC):
 
     def goal(self, value: Floats, error: float, largest: dict[type[Quantity], float]) -> Goal:
         """Return what has been found, with what its error is relative to."""
-        least = SMALL * largest[type(self.quantity)]
+        # Errors of smaller values are relative to a hundredth of the largest.
+        least = 0.01 * largest[type(self.quantity)]
         scale = max(float(np.linalg.norm(value)), least)
         return Goal(self.quantity, tuple(value.tolist()), error, scale, self.no_bound)
 

@@ -22,7 +22,6 @@ from kaju.model.scene.cell_types import INSIDE
 
 Place = tuple[float, ...] | dict[str, Any] | str
 AXES = "xyz"
-MOST = 50  # Quantities at a time
 HOOP = "hoop"
 """The largest stress along a true outline."""
 
@@ -210,9 +209,10 @@ def asked(goal: AskedFor | None) -> tuple[Quantity, ...]:
             f"goal: {HOOP!r} is the stress along a true outline; give the region one "
             '(outline = "true")'
         )
-    if len(quantities) > MOST:
+    most = 50
+    if len(quantities) > most:
         raise ParameterError(
-            f"goal: {len(quantities)} quantities are more than {MOST}, and each needs its own "
+            f"goal: {len(quantities)} quantities are more than {most}, and each needs its own "
             "solution; ask for the mean over a box"
         )
     return quantities

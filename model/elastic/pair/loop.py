@@ -28,9 +28,6 @@ MOST_HALVED = {2: 0.85, 3: 0.6}
 """Of the whole gap at most is marked at once (Doerfler 1996). With 0.75 the plate and the L take a
 generation or two more to 3e-3, and up to a third more time. With 0.85 in space a hinge of solids
 takes 30,000 agents before it is known for what it is, with 0.6 some 800."""
-ALIKE = 0.01
-"""Agents with a share less by this part than the last one that halves do so, too: those alike halve
-together, and the symmetry of a body is kept."""
 AT_CORNERS = 0.1
 """Of the gap that is wanted may stay with agents at points where stress has no limit; and of what
 the smallest agents keep the others may have."""
@@ -208,7 +205,8 @@ def halvings(share: Floats, left: float, at: Ints, d: int = 2) -> Ints:
     goal = min(MOST_HALVED[d] * total, (total - left) / GAIN)
     order = np.argsort(-share, kind="stable")
     count = min(int(np.searchsorted(np.cumsum(share[order]), goal)), len(order) - 1)
-    often = (share >= (1.0 - ALIKE) * share[order[count]]).astype(np.int64)
+    # Agents whose share is nearly that of the last one halve, too: the symmetry of a body is kept.
+    often = (share >= (1.0 - 0.01) * share[order[count]]).astype(np.int64)
     budget = AT_CORNERS * left
     if share[at].sum() > budget > 0.0:
         # A halving takes half of the share at the strongest of corners.

@@ -20,7 +20,6 @@ from .leaves import Entries, followed
 
 LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
 """Which of phi, phi_x, phi_y a linear function enters by its value, its slope along x, along y."""
-CLOSED = 1e-11  # Of the sum of all forces: a hole bears none if they are less
 
 
 def loops_of(start: Ints, end: Ints) -> list[Ints]:
@@ -80,7 +79,8 @@ class Sheets:
         self.hole = np.add.reduceat(ax * by - bx * ay, self.begins) < 0  # clockwise
         self.part = part[self.rim.owner]
         around = self._grown()
-        self._cut(np.abs(around).max(axis=1) > CLOSED * self.forces)
+        # Of the sum of all forces: a hole bears none if they are less.
+        self._cut(np.abs(around).max(axis=1) > 1e-11 * self.forces)
         self.points = len(self.base)
         self.place = place[self.base]
         self.jump = self.size = 3 * self.points + edges

@@ -25,11 +25,6 @@ ACROSS_LONGEST, ACROSS_SHORTEST = {2: 8, 3: 4}, 2
 """The first agents are at least this many along the body's longest and shortest side. Of 4, 8
 and 16 in the plane 8 are a sixth sooner than the others on a plate, an L and a pierced plate, at
 0.02 and 0.003, with 2 % more agents than 4."""
-ENDED = {2: 3e-4, 3: 1e-2}
-"""Loads that end within sides may leave about such a share of the energy norm: less than tolerances
-that are asked for."""
-DEEPEST = {2: 22, 3: 16}
-"""An agent's edge is at least the scene's cell divided by 2 to this power."""
 
 
 @dataclass(eq=False)
@@ -60,7 +55,8 @@ class PosedBody:
                 f"body.cells: {max(lattice.shape)} cells along an axis are more than the "
                 f"2^{BITS[self.dimension] - 1} that agents can count; use larger cells"
             )
-        self.cell = 1 << min(spare, DEEPEST[self.dimension])
+        # An agent's edge is at least the cell divided by 2 to this power.
+        self.cell = 1 << min(spare, 22 if self.dimension == 2 else 16)
         self.smallest = 1 if self.resolution is None else self.cell
         self.extent = np.asarray(lattice.shape) * self.cell
         self._collect_loads(self.stage)
@@ -142,7 +138,9 @@ class PosedBody:
         # Loads that end within a side are approximated better by smaller leaves.
         *_, leaf, rest = self.forces(leaves)
         size = leaves.size[leaf]
-        large = np.sqrt(size / self.cell) * rest > ENDED[d] * self._strength
+        # Loads that end within sides may leave such a share of the energy norm.
+        least = (3e-4 if d == 2 else 1e-2) * self._strength
+        large = np.sqrt(size / self.cell) * rest > least
         unfit[leaf[large & (size > self.smallest)]] = True
         return unfit
 

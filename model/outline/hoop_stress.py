@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_mesh import CutMesh
     from kaju.model.elastic.pair.cut_pair import CutPair
 
-_GAP = 0.2  # share of an outline that lies beyond the array where no agent is along it
 BESIDE = 2  # agents on either side over which both are compared
-SHORT = 1e-3  # of an agent: shorter pieces run along its sides, or anywhere, by rounding
 
 _TENSOR = [[0, 2], [2, 1]]  # of xx, yy, xy
 
@@ -71,10 +69,11 @@ class HoopStress:
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
         values = np.column_stack([middle, d, np.einsum(turned, d, stress, d), moved])
         order = np.argsort(way)
-        if len(order):  # a part beyond the array lies after the end, wherever the line starts
+        if len(order):  # a fifth or more beyond the array lies after the end, wherever it starts
             gaps = np.diff(way[order], append=way[order[0]] + whole)
-            order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-        known = np.isfinite(values).all(axis=1) & (long > SHORT * UNIT * pair.leaves.size[leaf])
+            order = np.roll(order, -1 - gaps.argmax() if gaps.max() > 0.2 * whole else 0)
+        # Shorter pieces run along sides of an agent, or anywhere, by rounding.
+        known = np.isfinite(values).all(axis=1) & (long > 1e-3 * UNIT * pair.leaves.size[leaf])
         order = order[known[order]]
         leaf, long, values = leaf[order], long[order], values[order]
         # one place for each agent that the outline comes through

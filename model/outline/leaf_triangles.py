@@ -18,8 +18,6 @@ from kaju.model.scene.curves import cross
 from .triangulation import SQUARE, triangles, unified
 from .true_shapes import AIR, GRID, TINY, UNIT, Law, TrueBody, holding, leaf_at, snapped
 
-NUDGE = 0.25 / GRID  # tells the sides of a line that leaves meet along
-MOST_POINTS = 24  # in a leaf; with more it is halved first
 ROUNDING = 1e-8  # share of a leaf below which what is of a law is left out, or filled
 
 
@@ -77,7 +75,8 @@ def _filled(
     order = np.argsort(whose, kind="stable")
     whose, places = whose[order], places[order]
     whose, places = unified(whose, places, low[whose], high[whose])
-    few = np.bincount(whose, minlength=len(leaves))[whose] <= MOST_POINTS
+    # With more points a leaf is halved first.
+    few = np.bincount(whose, minlength=len(leaves))[whose] <= 24
     whose, places = whose[few], places[few]
     order = np.argsort(of, kind="stable")
     three = triangles(whose, places, of[order], lines[order])
@@ -149,7 +148,8 @@ def _marched(rings: list[Floats], leaves: LeafCells) -> tuple[Floats, Ints, Ints
             line, chosen, leaf = line[row], chosen[row], leaf[row]
         run, middle = end - start, 0.5 * (start + end)
         straight = (run == 0.0).any(axis=1)
-        left = NUDGE * np.sign(np.stack([-run[:, 1], run[:, 0]], axis=1)) * straight[:, None]
+        # Less than the grid of corners: it tells the sides of a line that leaves meet along.
+        left = 0.25 / GRID * np.sign(np.stack([-run[:, 1], run[:, 0]], axis=1)) * straight[:, None]
         own, other = leaf_at(leaves, middle + left), leaf_at(leaves, middle - left)
         leaf = np.where(chosen, np.where(own != other, -1, own), leaf)
         # as long as leaves on either side are smaller it may run along a side in part

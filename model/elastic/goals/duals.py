@@ -42,6 +42,7 @@ from kaju.model.scene.validation import check_axes
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
 
+SMALL = 0.01  # Of the largest: errors of smaller values are relative to this share
 NEAREST = (
     "agents cannot end where the place ends; the error is that of the nearest box where they "
     "can end"
@@ -266,8 +267,7 @@ class DualGoal(ABC):
 
     def goal(self, value: Floats, error: float, largest: dict[type[Quantity], float]) -> Goal:
         """Return what has been found, with what its error is relative to."""
-        # Errors of smaller values are relative to a hundredth of the largest.
-        least = 0.01 * largest[type(self.quantity)]
+        least = SMALL * largest[type(self.quantity)]
         scale = max(float(np.linalg.norm(value)), least)
         return Goal(self.quantity, tuple(value.tolist()), error, scale, self.no_bound)
 

@@ -23,7 +23,6 @@ from .cut_pair import CutPair
 from .opinions import tensors
 from .sheets import loops_of
 
-APART = 0.02  # share of a peak by which it may be off both fields there without a note
 NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
 OUTSIDE = "points: ({}) m lies outside the body"
 
@@ -285,7 +284,8 @@ class CutAgents(PairAgents):
                 continue
             at = int(np.abs(along.moved).argmax())
             peak, off = level * float(along.moved[at]), level * along.apart(at)
-            if off > APART * abs(peak):
+            # A peak that is off both fields there by more is noted.
+            if off > 0.02 * abs(peak):
                 notes.append(
                     f"outline {name!r}: the displacement gives a largest hoop stress of "
                     f"{1e-6 * peak:.4g} MPa, the stress that balances differs from it by about "

@@ -46,16 +46,7 @@ from .history import generation_of
 from .loop import PairLoop
 
 MOST_AGENTS = 100_000
-PATIENCE = 6  # times that cut agents are halved, all of them, to find out what hangs together
-MOST_HALVINGS = 2  # of an agent in one step, for a stressed outline
 TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the root of the tolerance
-STRESSED = 0.5  # share of the largest stress along an outline above which it is stressed
-STEP = 0.25  # share of a peak's error that a generation aims at
-OF_CHANGE = 1.0 / 3.0
-"""Error of a peak after a generation, over what it changed: squares of edges are a fourth."""
-NEAR = 1.5  # edges of the agent at a peak within which all agents are as near
-LEAST = 0.01  # share of the largest stress below which a peak's error is relative to that share
-KINK = radians(0.5)  # angle from which on a corner has no limit of stress
 NO_BOUND = "nothing is proved of a stress at a point"
 
 
@@ -113,7 +104,8 @@ class CutLoop(PairLoop):
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
-        patience = PATIENCE
+        # Cut agents are all halved so often at most, to find out what hangs together.
+        patience = 6
         while True:
             try:
                 pair = CutPair(self.body, self.leaves)
@@ -189,10 +181,11 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
     for region in body.regions:
         turn = turn_in(leaves, region.arcs)
         bent = turn > TURN * tolerance**0.5
-        stressed = stress > STRESSED * stress[turn > 0.0].max(initial=0.0)
+        # an outline is stressed above half of its largest stress
+        stressed = stress > 0.5 * stress[turn > 0.0].max(initial=0.0)
         more = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
         often[bent & stressed] = np.maximum(often[bent & stressed], more)
-    return np.minimum(often, MOST_HALVINGS)
+    return np.minimum(often, 2)
 
 
 class _Moved:
@@ -249,7 +242,8 @@ class _Peak:
         self._value = self._off = self._error = inf
         check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
         no_limit = f"goal: the stress along {name!r} has no limit: this outline"
-        sharp = body.true.without_limit(KINK, body.shape, self._which)
+        # the angle from which on a corner has no limit of stress
+        sharp = body.true.without_limit(radians(0.5), body.shape, self._which)
         for x, y in body.edge * sharp[:1]:
             raise SingularPlaceError(
                 f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
@@ -275,20 +269,24 @@ class _Peak:
             return self._aimed(np.zeros(len(pair.leaves)), often)
         at = int(np.abs(along.moved).argmax())
         self._value = float(along.moved[at])
-        largest = max(abs(self._value), LEAST * float(np.abs(pair.means[0]).max()))
+        # The error of a small peak is relative to a hundredth of the largest stress.
+        largest = max(abs(self._value), 0.01 * float(np.abs(pair.means[0]).max()))
         # where it was within the tolerance, the last agents spawned for something else
         kept = self._off if self._error <= self._tolerance else 0.0
-        self._off = max(OF_CHANGE * abs(self._value - before), along.apart(at), kept)
+        # the error is a third of what changed: squares of edges are a fourth
+        self._off = max(1.0 / 3.0 * abs(self._value - before), along.apart(at), kept)
         self._error = self._off / largest
         size = pair.leaves.size * UNIT
         middle = (pair.leaves.lower + 0.5 * pair.leaves.size[:, None]) * UNIT
         # elsewhere it may be as large, as all round a pressed bore
         rows = np.flatnonzero(np.abs(along.moved) >= abs(self._value) - 2.0 * self._off)
         away, nearest = cKDTree(along.place[rows]).query(middle)
-        away = np.maximum(away, NEAR * size[along.leaf[rows[nearest]]])
+        # within so many edges of the agent at the peak all are as near
+        away = np.maximum(away, 1.5 * size[along.leaf[rows[nearest]]])
         return self._aimed(np.sqrt(pair.shares) * size**2 / away**3, often)
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
         goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, self._no_bound)
-        return Judged((goal,), self._error, part, False, AIM**2 * STEP, often)
+        # A generation aims at a quarter of the peak's error.
+        return Judged((goal,), self._error, part, False, AIM**2 * 0.25, often)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from enum import StrEnum
 from inspect import Signature, signature
@@ -118,15 +119,13 @@ def demo(
     if as_json:
         console.figures(result.summary())
     files = place.write(result, "one" if pictures else "none")
-    page, film = place.path / "plate.html", place.path / "spawning.gif"
     console.say(PRESSED.format(result.last.generations, len(result.last.cells)))
     if pictures:
         from kaju.view import animate
         from kaju.view.page import export_page
 
-        export_page(result, page, title="A load finds its way")
-        animate(result, film)
-        console.say(WATCH.format(page, film))
+        page = export_page(result, place.path / "plate.html", title="A load finds its way")
+        console.say(WATCH.format(page, animate(result, place.path / "spawning.gif")))
     console.say("Figures, arrays and a picture:", *files)
 
 
@@ -218,8 +217,6 @@ def creep(
             if hold is None
             else "--hold: the scene has a [history] of its own, so leave this out"
         )
-    import tomllib
-
     from kaju.agents.elastic_rule import ElasticRule
     from kaju.agents.rules import PrescribedRule
     from kaju.model.rheology.creeping import creep as let_creep

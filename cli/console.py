@@ -91,8 +91,7 @@ class Console:
         if self.as_json:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         for name, text, meaning in _rows(summary):
-            row = f"  {name.replace('_', ' '):28} {text.replace('_', ' '):12}  {meaning}"
-            self.say(row.rstrip())
+            self.say(f"  {name:28} {text.replace('_', ' '):12}  {meaning}".rstrip())
         self.say(*(f"  note: {note}" for note in summary.get("notes", ())))
 
 
@@ -105,14 +104,14 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "m", "J", "s", "Pa"):
             name, unit = stem, ending
+        name = name.replace("_", " ")
         if isinstance(value, Mapping):
             yield from ((f"{name} {part}", text_of(v, unit), meaning) for part, v in value.items())
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
-                units = {"relative_error": ""}  # of all else the entry's own
-                own = entry.get("unit", "")
+                units = dict.fromkeys(entry, entry.get("unit", "")) | {"relative_error": ""}
                 told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
-                parts = [f"{k} {text_of(v, units.get(k, own))}" for k, v in told.items()]
+                parts = [f"{k} {text_of(v, units[k])}" for k, v in told.items()]
                 yield f"{name} {number}", ", ".join(parts), ""
         else:
             yield name, text_of(value, unit), meaning

@@ -38,15 +38,10 @@ def quadratic_strain(at: Floats) -> tuple[Floats, Floats]:
         a, b = k, (k + 1) % 3
         gradient[:, a, 3 + k] = 4.0 * slope[:, b]
         gradient[:, b, 3 + k] = 4.0 * slope[:, a]
-    return strain_of(gradient), area
-
-
-def strain_of(gradient: Floats) -> Floats:
-    """Return strain rows (..., 3, 2 n) of the slopes (..., n, 2) of n functions."""
-    out = np.zeros((*gradient.shape[:-2], 3, 2 * gradient.shape[-2]))
+    out = np.zeros((len(at), 3, 3, 12))
     out[..., 0, 0::2] = out[..., 2, 1::2] = gradient[..., 0]
     out[..., 1, 1::2] = out[..., 2, 0::2] = gradient[..., 1]
-    return out
+    return out, area
 
 
 def stress_rows(at: Floats, normal: Floats) -> tuple[Floats, Floats, Floats]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from kaju.arrays import Flags, Floats
 from kaju.errors import SupportError
 from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion
-from kaju.model.outline.leaf_triangles import Filled, leaf_triangles
+from kaju.model.outline.leaf_triangles import leaf_triangles
 from kaju.model.outline.posed_outlines import OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
 
@@ -68,8 +67,7 @@ class CutPair:
         row[at] = np.arange(len(at))
         meshes, edges = [], []
         for _, triangles, along in bodies:
-            kept: list[Any] = [column[row[triangles.leaf] >= 0] for column in triangles]
-            meshes.append(mesh_of(Filled(row[kept[0]], *kept[1:])))
+            meshes.append(mesh_of(triangles._replace(leaf=row[triangles.leaf])))
             if not len(meshes[-1].place):
                 raise UnlikeError("they leave nothing of the body")
             edges.append(Border.of(meshes[-1], body, along))

@@ -48,7 +48,7 @@ class LoadedOutline:
         size = np.hypot(*force)
         direction = force / size
         for line in region.lines:
-            line.part_along((float(direction[0]), float(direction[1])))
+            line.arcs = line.parted_along((float(direction[0]), float(direction[1])))
         facing = cls(name, number, np.zeros((2, 2)), direction)
         run = np.diff(along(region, extent), axis=1)[:, 0]
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if region.solid else -1.0)
@@ -156,6 +156,26 @@ class OutlinedBody:
         self.couples = {side: couple / strain for side, couple in couples.items()}
         self.outlines = [replace(one, stress=one.stress / strain) for one in outlines]
         self.weight = weight / strain
+        for side in SIDES:
+            self._check_cusps(side)
+
+    def _check_cusps(self, side: str) -> None:
+        """Refuse loads where an outline touches a free side from within: they bend a tip there.
+
+        It gets as thin as the square of the distance, so the energy of a load there has no limit.
+        """
+        pushed = {one.region for one in self.outlines if one.stress.any()}
+        for number, region in enumerate(self.true.regions if side not in self.held else ()):
+            for line, inward in zip(region.lines, region.inward, strict=True):
+                # The body is round this line, and not within it.
+                round_it = inward == region.solid and (number in pushed or side in self.forces)
+                if round_it and line.touches(self.shape, *SIDES[side]):
+                    name = self.asked.body.regions[number].name or f"regions.{number}"
+                    raise SceneError(
+                        f"loads: the outline of {name!r} touches the side {side!r}, where the body "
+                        "gets infinitely thin, and a load acts there, whose energy has no limit; "
+                        "let the outline cross the side, or keep away from it"
+                    )
 
     def _outline_load(self, number: int, unit: float) -> LoadedOutline:
         """Return what a load does along an outline; refuse an outline that cannot be loaded."""

@@ -133,8 +133,8 @@ class ClosedLine:
                 return
             self.arcs = halved(self.arcs, long)
 
-    def part_along(self, direction: Point) -> None:
-        """Part arcs where they run along a direction."""
+    def parted_along(self, direction: Point) -> Floats:
+        """Return its arcs, parted where they run along a direction."""
         parts: list[Any] = []
         along = np.array(direction)
         # From control points to the polynomial's coefficients, that of the last power first.
@@ -145,7 +145,17 @@ class ClosedLine:
             rise, less = np.polymul(np.polyder(off), weight), np.polymul(off, np.polyder(weight))
             level = np.roots(np.polysub(rise, less))
             parts += parted_at(arc, level[level.imag == 0.0].real) if turn else [arc]
-        self.arcs = np.array(parts)
+        return np.array(parts)
+
+    def touches(self, shape: tuple[int, int], axis: int, upper: int) -> bool:
+        """Tell whether an arc touches a side of an array from within, without crossing it."""
+        frames = ArcFrames(self.parted_along((float(axis == 1), float(axis == 0))))
+        at = np.stack([frames.start, frames.end], axis=1)
+        depth = (1 - 2 * upper) * (at[..., axis] - upper * shape[axis])
+        level = np.abs(np.stack([frames.first, frames.last], axis=1)[..., axis]) < CLOSE**0.5
+        within = (at[..., 1 - axis] >= 0.0) & (at[..., 1 - axis] <= shape[1 - axis])
+        on = (level & within & (np.abs(depth) < CLOSE)).any(axis=1)
+        return bool((on & (frames.turn != 0.0) & (depth.max(axis=1) > CLOSE)).any())
 
     def ring(self, outer: bool) -> Floats:
         """Return the corners of the outer or inner polygon, counter-clockwise. Shape (n, 2)."""

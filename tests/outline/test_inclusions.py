@@ -226,7 +226,7 @@ def test_regions_may_share_a_curve_or_be_drawn_twice() -> None:
 @pytest.mark.parametrize("load", [{"outline": "gap"}, {"side": "top"}])
 def test_loads_at_a_tip_without_thickness_are_refused(load: dict[str, str]) -> None:
     scene = plate(regions=[region("air", "gap", disk={"centre": [0.4, 0.75], "radius": 0.25})])
-    with pytest.raises(kaju.errors.SceneError, match=r"^body.regions: .* too thin"):
+    with pytest.raises(kaju.errors.SceneError, match=r"^loads: .*'gap' touches the side 'top'"):
         kaju.solve(scene.replace(loads=[load | {"pressure": 1e5}]), tolerance=0.1)
     assert kaju.solve(scene, tolerance=0.1).tolerance_kept == "proved"
 

@@ -30,7 +30,6 @@ Complex = NDArray[np.complex128]
 
 RING = 0.5
 """The ring's inner radius, of its outer one: of 0.25 to 0.75 an L's factor differs by 0.03 %."""
-POINTS = 12, 120  # Gauss points of the ring across and around: of 8 times as many 2e-5 apart
 WIDTH = 0.7
 """What the width of a slit adds to its factors, over what is there of it and beyond: a slit is
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
@@ -177,7 +176,8 @@ def _factor(result: ElasticResult, tip: _Tip, mode: _Mode, outer: float) -> floa
     """Return the factor of a mode from a ring round the tip."""
     _, lateral, shear = (float(modulus[tip.kind]) for modulus in scene_moduli(result.scene))
     law = shear, (lateral + 3.0 * shear) / (lateral + shear)  # The second is Kolosov's
-    (rings, across), (angles, around) = (np.polynomial.legendre.leggauss(n) for n in POINTS)
+    # Gauss points across and around: of 8 times as many factors are 2e-5 apart.
+    (rings, across), (angles, around) = (np.polynomial.legendre.leggauss(n) for n in (12, 120))
     # The radius as a share of the ring's width, and from 1 within to 0 without, smoothly: -∂q/∂r
     s = 0.5 * (rings[:, None] + 1.0)
     r, slope = outer * (RING + (1.0 - RING) * s), 6.0 * s * (1.0 - s)

@@ -14,8 +14,6 @@ from kaju.arrays import Floats, Ints
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
-STIFF_PRESSURE = 9.0  # λ/μ (0.45 in ν) from which on the mixed form is the quicker one
-
 
 def constants_of(scene: Scene) -> Floats:
     """Return Young's modulus (Pa) and Poisson's ratio of every material, shape (n, 2)."""
@@ -51,8 +49,9 @@ def normal_stress(law: Moduli, strain: Floats) -> Floats:
 
 
 def is_rubber(moduli: Moduli, plane: str | None) -> bool:
-    """Tell whether a material is so nearly incompressible that the mixed form is quicker."""
-    return plane != "stress" and bool(np.any(moduli.lateral / moduli.shear > STIFF_PRESSURE))
+    """Tell whether a material is so nearly incompressible that pressure needs its own unknown."""
+    # From 0.45 in ν on the mixed form is the quicker one.
+    return plane != "stress" and bool(np.any(moduli.lateral / moduli.shear > 9.0))
 
 
 def strain_of(stress: Floats, moduli: Moduli, kinds: Ints | slice) -> Floats:

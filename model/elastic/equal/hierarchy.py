@@ -64,7 +64,7 @@ class Hierarchy:
         while not few and (len(self.levels) == laws or max(self.levels[-1].cells) > smallest):
             self.levels.append(coarse_level(self.levels[-1], len(self.levels) + 1 - laws))
         self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * len(self.levels)
-        self._smallest = _Smallest(self.levels[-1], own if few else None)
+        self._solve_smallest = _smallest(self.levels[-1], own if few else None)
 
     @cached_property
     def moving(self) -> Flags:
@@ -122,7 +122,7 @@ class Hierarchy:
         loads = [load]
         for at in range(len(self.levels) - 1):
             loads.append(self.restrict(at, loads[at]))
-        x, energy = self._smallest.solve(loads[-1]), 0.0
+        x, energy = self._solve_smallest(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             x, residual, more = self.prolong(at, x), self.levels[at].load, self.levels[at].u
             write_residual(x, loads[at], residual, *self._pair(at))
@@ -160,7 +160,7 @@ class Hierarchy:
     def _cycle(self, at: int, load: Floats, u: Floats) -> None:
         """Take one V-cycle from a level on, from u = 0."""
         if at == len(self.levels) - 1:
-            u[:] = self._smallest.solve(load)
+            u[:] = self._solve_smallest(load)
             return
         below, sweeps = self.levels[at + 1], self._sweeps[at]
         self._restrict(at, u, load, below.load, sweeps)
@@ -203,31 +203,26 @@ class Hierarchy:
                         ghost[...] = near * one + far * two
 
 
-class _Smallest:
-    """The smallest level: its inverse, or the factors of a full box by its problem."""
-
-    def __init__(self, grid: MultigridLevel, problem: ElasticProblem | None) -> None:
-        self._there = np.flatnonzero(spread(grid.level.inverse, grid.level))
-        if problem is None:
-            self._solve = self._by_stencil(grid)
-        else:
-            matrix = stiffness_matrix(problem, Numbering(problem.face_states))
-            self._solve = factors_of(matrix).solve
-
-    def solve(self, load: Floats) -> Floats:
-        x = np.zeros_like(load)
-        x[self._there] = self._solve(load[self._there])
-        return x
-
-    def _by_stencil(self, grid: MultigridLevel) -> Callable[[Floats], Floats]:
-        matrix = np.empty((len(self._there),) * 2)
+def _smallest(grid: MultigridLevel, problem: ElasticProblem | None) -> Callable[[Floats], Floats]:
+    """Return what solves the smallest level: its inverse, or the factors of a full box."""
+    there = np.flatnonzero(spread(grid.level.inverse, grid.level))
+    if problem is not None:
+        solve = factors_of(stiffness_matrix(problem, Numbering(problem.face_states))).solve
+    else:
+        matrix = np.empty((len(there),) * 2)
         x, force = np.zeros_like(grid.u), np.empty_like(grid.u)
-        for column, place in zip(matrix, self._there, strict=True):
+        for column, place in zip(matrix, there, strict=True):
             x[place] = 1.0
             write_residual(x, x, force, grid.level, grid.level.box, share=0.0)
-            x[place], column[:] = 0.0, -force[self._there]
+            x[place], column[:] = 0.0, -force[there]
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
         matrix[np.diag_indices_from(matrix)] += GUARD  # Ghosts may be linearly dependent.
-        inverse: Floats = np.linalg.inv(matrix) / np.outer(size, size)
-        return lambda load: np.asarray(inverse @ load)
+        solve = (np.linalg.inv(matrix) / np.outer(size, size)).dot
+
+    def solved(load: Floats) -> Floats:
+        u: Floats = np.zeros_like(load)
+        u[there] = solve(load[there])
+        return u
+
+    return solved

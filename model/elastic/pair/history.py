@@ -22,9 +22,6 @@ from kaju.model.elastic.pair.space import SETTLED, Bricks, hats_of
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
 
-DIRECT_RUBBER = 60_000
-"""So many in the plane where a material is nearly incompressible, which levels do not smooth."""
-
 Settled = Opinions | Bricks
 Aim = Callable[[Mesh, Sides, Floats, Floats], list[Sides]]
 """Lays loads on a generation, by its mesh, sides, sizes and law: those whose work a goal is."""
@@ -58,7 +55,8 @@ def settled(
         way = airy.way(airy.hanging())[:2]
         told.append(("phi", airy.blocks(fields[0].soft_roots), way, child_maps(True)))
     rubber = d == 2 and is_rubber(body.moduli, body.scene.plane)
-    direct, levels = DIRECT_RUBBER if rubber else DIRECT, []
+    # Levels do not smooth what is nearly incompressible, in the plane.
+    direct, levels = 60_000 if rubber else DIRECT, []
     for number, (name, blocks, way, maps) in enumerate(told):
         if d == 3 and before is None and len(way[1]) > direct:
             level = FieldLevel(blocks, way[0], *hats_of(fields[0], *way))

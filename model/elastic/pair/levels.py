@@ -24,8 +24,6 @@ ENOUGH = 0.03
 DIRECT = 2_500
 """Up to so many unknowns factors are as quick as levels. On the same bodies to 3e-3 and 1e-3 4,000
 take up to a third longer, 2,000 as long; in space 4,000 take a fifth longer."""
-MOST_STEPS = 60
-"""Steps that a generation may take; past them what is left is in the bound, too."""
 SWEEPS, LOWEST = 3, 6.0
 """Order of the smoother's polynomial, and the part of the largest eigenvalue down to which it
 smooths: on the same bodies 2 and 4, or 4 and 10, take as long within a tenth."""
@@ -182,7 +180,8 @@ class FieldLevel:
         found, gained = np.zeros_like(rest), 0.0
         direction = turned = self.cycle(rest)
         power = float(rest @ turned)
-        for _ in range(MOST_STEPS):
+        # What is left past so many steps is in the bound, too.
+        for _ in range(60):
             if power <= 0.0:
                 break
             image = self.apply(direction)

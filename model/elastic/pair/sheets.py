@@ -24,18 +24,14 @@ LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
 
 def loops_of(start: Ints, end: Ints) -> list[Ints]:
     """Return the rows of the border's edges in the order of a walk, loop by loop."""
-    following = np.full(max(start.max(), end.max()) + 1, -1)
-    following[start] = np.arange(len(start))
-    step, left = following[end].tolist(), [True] * len(start)
+    row, ends = dict(zip(start.tolist(), range(len(start)), strict=True)), end.tolist()
     loops = []
-    for first in range(len(start)):
-        loop = []
-        while left[first]:
-            left[first] = False
-            loop.append(first)
-            first = step[first]
-        if loop:
-            loops.append(np.array(loop))
+    while row:
+        loop, vertex = [], next(iter(row))
+        while vertex in row:
+            loop.append(row.pop(vertex))
+            vertex = ends[loop[-1]]
+        loops.append(np.array(loop))
     return loops
 
 

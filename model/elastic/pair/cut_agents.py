@@ -24,7 +24,6 @@ from .opinions import tensors
 from .sheets import loops_of
 
 NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
-OUTSIDE = "points: ({}) m lies outside the body"
 
 
 @dataclass(eq=False)
@@ -181,9 +180,12 @@ class CutAgents(PairAgents):
         return self.ground.edge * place, self.scales.force * force, pull.astype(np.bool_)
 
     def located(self, points: Floats) -> tuple[Floats, Ints]:
-        """Return points (m) as an array, and the agent that each lies in or on."""
-        points, leaf, _ = self._placed(points)
-        return points, leaf
+        """Return points (m) as an array, and the agent that each lies in or on; none is outside."""
+        outside, points = ~self.holds(points), np.asarray(points, dtype=np.float64)
+        if outside.any():
+            where = ", ".join(f"{c:g}" for c in points[np.argmax(outside)])
+            raise ResultError(f"points: ({where}) m lies outside the body")
+        return points, self._leaf(points)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m) lie in the body or on its outline."""
@@ -214,7 +216,7 @@ class CutAgents(PairAgents):
 
     def opinions_at(self, points: Floats, cells: Ints | None = None) -> tuple[Floats, Floats]:
         """Return the stresses that balance, and those that fit, at points (m)."""
-        points, leaf, material = self._placed(points)
+        leaf, material = self._leaf(points), self.ground.material_at(points)
         places, pair, own = points / self.ground.edge, self.opinions, self.ground.own_laws
         law = np.array([list(pair.laws[0]).index(one) for one in own])[material]
         strain = pair.fitting.strain_at(leaf, places, law)
@@ -224,16 +226,7 @@ class CutAgents(PairAgents):
 
     def law_at(self, points: Floats, cells: Ints | None = None) -> Ints:
         """Return the index of the moduli at points (m) of the body."""
-        return self._placed(points)[2]
-
-    def _placed(self, points: Floats) -> tuple[Floats, Ints, Ints]:
-        """Return points as an array, their leaves and their materials; refuse those outside."""
-        material = self.material_at(points)
-        points = np.asarray(points, dtype=np.float64)
-        if (material < 0).any():
-            where = ", ".join(f"{c:g}" for c in points[np.argmax(material < 0)])
-            raise ResultError(OUTSIDE.format(where))
-        return points, self._leaf(points), material
+        return self.ground.material_at(points)
 
     def _leaf(self, points: Floats) -> Ints:
         """Return an agent that each point (m) lies in or on, -1 for none."""

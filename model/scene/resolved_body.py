@@ -387,8 +387,8 @@ def _check_parts(resolved: ResolvedBody) -> None:
         raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
     if len(loose):
         raise SupportError(
-            f"body: nothing holds {len(loose)} of its {len(held) - 1} parts, "
-            f"first the one with cell {np.argwhere(parts == loose[0])[0].tolist()} (cells that "
+            f"body: nothing holds {len(loose)} of its {len(held) - 1} parts "
+            f"(first the one with cell {np.argwhere(parts == loose[0])[0].tolist()}; cells that "
             f"touch only at a corner do not hold each other); {_REMEDY}"
         )
 

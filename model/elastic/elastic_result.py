@@ -198,9 +198,10 @@ class ElasticResult(BodyResult):
 
     @property
     def strain_energy(self) -> float:
-        """Energy (J) stored in the body, and in beds; in the plane the middle of `energy_bounds`.
+        """Energy (J) stored in the body, and in beds.
 
-        In space, of agents that spawned, no more than is true where no side is moved.
+        Of agents that spawned, in the plane the middle of `energy_bounds`, in space no more than is
+        true where no side is moved.
         """
         return self.found.solution.energy * self.found.scales.energy
 

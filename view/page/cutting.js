@@ -135,7 +135,7 @@ MODES.push({
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);
     if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${quantity(read.carried, "N")}, ${t("elastic")} ${quantity(read.elastic, "N")}`;
-    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") }));
+    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = Boolean(page.lesson) && page.lesson.step !== "try";   // it would answer what is asked before
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));
   },

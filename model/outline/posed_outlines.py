@@ -81,8 +81,8 @@ class OutlinedBody:
 
     Lengths are in edges of the first agents, the first material's Young's modulus is 1. `true` is
     the body, of which `shape` first agents stand along x and y, `edge` (m) large; sides hold along
-    the axes `held`, and have `forces` and `couples` in all, `tractions`, further forces on a unit
-    of length, and `outlines` are loaded; `weight` is the force on a unit of area.
+    the axes `held`; on `sides` there act a force, a further one on a unit of length, and a couple,
+    in a row; `outlines` are loaded; `weight` is the force on a unit of area.
     """
 
     dimension: ClassVar[int] = 2
@@ -119,8 +119,7 @@ class OutlinedBody:
     def _load(self, modulus: float) -> None:
         """Collect the loads: forces over edges, stresses as strains of the modulus."""
         scene, unit = self.asked, modulus * self.asked.thickness * self.edge
-        forces = {str(load.side): np.zeros(2) for load in scene.loads if load.side is not None}
-        tractions, couples = {side: np.zeros(2) for side in forces}, dict.fromkeys(forces, 0.0)
+        sides = {str(load.side): np.zeros(5) for load in scene.loads if load.side is not None}
         outlines: list[LoadedOutline] = []
         for number, load in enumerate(scene.loads):
             if load.outline is not None:
@@ -131,18 +130,17 @@ class OutlinedBody:
                     )
             elif load.pressure is not None:
                 axis, upper = SIDES[str(load.side)]
-                tractions[str(load.side)][axis] -= load.pressure / modulus * (1 if upper else -1)
+                sides[str(load.side)][2 + axis] -= load.pressure / modulus * (1 if upper else -1)
             elif load.couple is not None:
-                couples[str(load.side)] += float(np.sum(load.couple)) / unit / self.edge
+                sides[str(load.side)][4] += float(np.sum(load.couple)) / unit / self.edge
             else:
-                forces[str(load.side)] += np.array(load.force) / unit
+                sides[str(load.side)][:2] += np.array(load.force) / unit
         weight = np.zeros(2)
         if scene.body.gravity is not None and any(scene.body.gravity):
             density = scene.cell_materials[0].density
             assert density is not None
             weight = density * self.edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
-        acting = [*forces.values(), *tractions.values(), *(one.stress for one in outlines), weight]
-        acting += map(np.array, couples.values())
+        acting = [*sides.values(), *(one.stress for one in outlines), weight]
         strain = max(float(np.abs(one).max()) for one in acting)
         if strain == 0.0:
             raise SceneError(
@@ -151,9 +149,7 @@ class OutlinedBody:
             )
         self.scales = Scales.of(modulus, strain * unit, self.edge, modulus * scene.thickness)
         strain = self.scales.displacement / self.edge
-        self.forces = {side: force / strain for side, force in forces.items()}
-        self.tractions = {side: traction / strain for side, traction in tractions.items()}
-        self.couples = {side: couple / strain for side, couple in couples.items()}
+        self.sides = {side: acts / strain for side, acts in sides.items()}
         self.outlines = [replace(one, stress=one.stress / strain) for one in outlines]
         self.weight = weight / strain
         for side in SIDES:
@@ -168,7 +164,7 @@ class OutlinedBody:
         for number, region in enumerate(self.true.regions if side not in self.held else ()):
             for line, inward in zip(region.lines, region.inward, strict=True):
                 # The body is round this line, and not within it.
-                round_it = inward == region.solid and (number in pushed or side in self.forces)
+                round_it = inward == region.solid and (number in pushed or side in self.sides)
                 if round_it and line.touches(self.shape, *SIDES[side]):
                     name = self.asked.body.regions[number].name or f"regions.{number}"
                     raise SceneError(
@@ -211,12 +207,10 @@ class OutlinedBody:
 
     def pushed(self, side: str, force: Floats, alone: bool = False) -> OutlinedBody:
         """Return the body with a further force on a side, or with nothing else."""
-        found, none = copy(self), {side: np.zeros(2)}
+        found, own = copy(self), {} if alone else self.sides
         if alone:
-            found.forces, found.tractions, found.couples = {}, {}, {}
             found.outlines, found.weight = [], np.zeros(2)
-        found.forces = found.forces | {side: (none | found.forces)[side] + force}
-        found.tractions, found.couples = none | found.tractions, {side: 0.0} | found.couples
+        found.sides = own | {side: own.get(side, np.zeros(5)) + np.append(force, np.zeros(3))}
         return found
 
     @property

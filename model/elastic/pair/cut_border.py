@@ -65,11 +65,12 @@ class Border:
             on = (at[:, :, axis] == (body.shape[axis] if upper else 0.0)).all(axis=1)
             side[on] = number
             held[np.ix_(on, body.held.get(name, ()))] = True
-            if name in body.forces:
+            if name in body.sides:
                 if not on.any():
                     raise UnlikeError(f"{name} has no body to be loaded")
-                traction[on] = body.tractions[name] + body.forces[name] / length[on].sum()
-                pull = _bent(at[on, :, 1 - axis], length[on], body.couples[name])
+                force, own, (couple,) = np.split(body.sides[name], [2, 4])
+                traction[on] = own + force / length[on].sum()
+                pull = _bent(at[on, :, 1 - axis], length[on], couple)
                 traction[on, axis] += pull.mean(axis=1) * (1 if axis else -1)
                 tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0]) * (1 if axis else -1)
         outline = _outline_of(at, side < 0, along)

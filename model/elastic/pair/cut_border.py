@@ -24,8 +24,8 @@ class Border:
     edge: Ints
     ends: Ints  # vertices, the body to the left, shape (n, 2)
     at: Floats  # where these are, shape (n, 2, 2)
-    traction: Floats  # in the middle of each, shape (n, 2)
-    tilt: Floats  # by how much more it is at its end, shape (n, 2)
+    given: Floats  # forces of the tractions, shape (n, 2)
+    tilted: Floats  # by how much more tractions are at the end than in the middle, as forces
     held: Flags  # components of the displacement, shape (n, 2)
     side: Ints  # number of the array's side, -1 on an outline
     outline: Ints  # region whose outline it lies on, -1 for none
@@ -39,16 +39,6 @@ class Border:
     def outward(self) -> Floats:
         """Outward normals, times the lengths of edges."""
         return np.stack([self.run[:, 1], -self.run[:, 0]], axis=1)
-
-    @property
-    def given(self) -> Floats:
-        """Forces of the tractions on edges."""
-        return np.asarray(self.traction * np.hypot(*self.run.T)[:, None])
-
-    @property
-    def tilted(self) -> Floats:
-        """By how much more the tractions are at the end of edges than in the middle, as forces."""
-        return np.asarray(self.tilt * np.hypot(*self.run.T)[:, None])
 
     @classmethod
     def of(cls, mesh: CutMesh, body: OutlinedBody, along: list[Floats]) -> Border:
@@ -81,7 +71,8 @@ class Border:
                 on &= outward @ one.facing < -TINY
             traction[on] = outward[on] @ one.stress
         traction[held] = tilt[held] = 0.0
-        return cls(owner, side_of, edge, ends, at, traction, tilt, held, side, outline)
+        given, tilted = traction * length[:, None], tilt * length[:, None]
+        return cls(owner, side_of, edge, ends, at, given, tilted, held, side, outline)
 
     def rim(self, mesh: CutMesh, weight: Floats) -> Rim:
         """Return how φ and its slopes grow along the border."""

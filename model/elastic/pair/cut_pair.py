@@ -42,7 +42,7 @@ def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
         points = border.at[edge].reshape(-1, 2) - border.at[edge[:1], 0]
         if free_motion(rigid_motions(points, np.repeat(axis, 2)), 2):
             loose[number] = True
-            if weight.any() or border.traction[own == number].any():
+            if weight.any() or border.given[own == number].any():
                 raise SupportError(
                     "sides: the body, or a part of it that is loaded, could move without "
                     'straining; hold it by [sides] such as left = "rigid"'

@@ -12,8 +12,9 @@ import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
-from kaju.model.elastic.pair.border import Sides
-from kaju.model.elastic.pair.elements import (
+
+from .border import Sides
+from .elements import (
     CORNERS,
     EDGE_OF_SIDE,
     EDGES,
@@ -24,14 +25,9 @@ from kaju.model.elastic.pair.elements import (
     on_sides,
     without_plane,
 )
-from kaju.model.elastic.pair.leaves import (
-    Entries,
-    PlaneMesh,
-    backwards,
-    followed,
-)
-from kaju.model.elastic.pair.levels import Blocks, summed
-from kaju.model.elastic.pair.sheets import Rim, Sheets
+from .leaves import Entries, PlaneMesh, backwards, followed
+from .levels import Blocks, summed
+from .sheets import Rim, Sheets
 
 
 class Airy(Sheets):

@@ -17,14 +17,15 @@ import numpy as np
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Goal
-from kaju.model.elastic.pair.elements import quadratic_values
-from kaju.model.elastic.pair.history import Generation, settled, trees_of
-from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.opinions import Opinions
-from kaju.model.elastic.pair.space import NO_BOUND
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.result import OnCells
 from kaju.model.scene import Scene
+
+from .elements import quadratic_values
+from .history import Generation, settled, trees_of
+from .leaves import LeafCells
+from .opinions import Opinions
+from .space import NO_BOUND
 
 
 @dataclass(eq=False)

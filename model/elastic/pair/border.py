@@ -12,10 +12,11 @@ from kaju.errors import SupportError
 from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.elastic.moduli import moduli_at
-from kaju.model.elastic.pair.leaves import Mesh, beyond
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.uneven_loads import data_error
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, INSIDE, RIGID, ROLLER
+
+from .leaves import Mesh, beyond
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,19 +10,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.pair.border import Sides
-from kaju.model.elastic.pair.elements import (
-    gauss,
-    on_sides,
-    quadratic_values,
-    rule,
-    side_loads,
-    strain_rows,
-)
-from kaju.model.elastic.pair.gap import at_points, roots_of
-from kaju.model.elastic.pair.leaves import LeafCells, Mesh
-from kaju.model.elastic.pair.levels import Blocks, FieldLevel, summed
 from kaju.model.elastic.posed_body import PosedBody
+
+from .border import Sides
+from .elements import gauss, on_sides, quadratic_values, rule, side_loads, strain_rows
+from .gap import at_points, roots_of
+from .leaves import LeafCells, Mesh
+from .levels import Blocks, FieldLevel, summed
 
 
 @dataclass(eq=False)

@@ -16,7 +16,8 @@ import numpy as np
 
 from kaju.arrays import Floats
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
-from kaju.model.elastic.pair.elements import rule
+
+from .elements import rule
 
 ROUNDING = 0.1
 """Of the gap: energies whose difference misses it by more are lost in rounding."""

@@ -11,16 +11,17 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import by_law, equivalent_stress, is_rubber
-from kaju.model.elastic.pair.airy import Airy
-from kaju.model.elastic.pair.border import Sides, check_held, sides_of
-from kaju.model.elastic.pair.displacement import way_of
-from kaju.model.elastic.pair.elements import DEEPEST_STEP, child_maps
-from kaju.model.elastic.pair.leaves import BITS, LeafCells, Mesh, PlaneMesh, corners, mesh_of
-from kaju.model.elastic.pair.levels import DIRECT, FieldLevel, descent, handed_down, level_of
-from kaju.model.elastic.pair.opinions import Opinions
-from kaju.model.elastic.pair.space import SETTLED, Bricks, hats_of
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.stored import Column
+
+from .airy import Airy
+from .border import Sides, check_held, sides_of
+from .displacement import way_of
+from .elements import DEEPEST_STEP, child_maps
+from .leaves import BITS, LeafCells, Mesh, PlaneMesh, corners, mesh_of
+from .levels import DIRECT, FieldLevel, descent, handed_down, level_of
+from .opinions import Opinions
+from .space import SETTLED, Bricks, hats_of
 
 Settled = Opinions | Bricks
 Aim = Callable[[Mesh, Sides, Floats, Floats], list[Sides]]

@@ -18,14 +18,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.pair.elements import (
-    EDGE_OF_SIDE,
-    corner_ends,
-    edges_of,
-    on_sides,
-    quadratic_values,
-)
 from kaju.model.elastic.scales import ROUNDED
+
+from .elements import EDGE_OF_SIDE, corner_ends, edges_of, on_sides, quadratic_values
 
 Entries = list[tuple[Ints, Ints, Floats | float]]
 """Rows, columns and values of a sparse matrix, part by part."""

@@ -16,7 +16,8 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
 from kaju.factors import factors_of
-from kaju.model.elastic.pair.leaves import LeafCells
+
+from .leaves import LeafCells
 
 ENOUGH = 0.03
 """Of the gap: an iteration ends when its last step closed less. What is left is in the bound. To

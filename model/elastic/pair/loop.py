@@ -11,15 +11,16 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.goals.quantities import Quantity
-from kaju.model.elastic.pair.answer import PairAgents
-from kaju.model.elastic.pair.border import torn
-from kaju.model.elastic.pair.elements import DEEPEST_STEP
-from kaju.model.elastic.pair.goals import Goals
-from kaju.model.elastic.pair.history import Generation, generation_of, settled
-from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.elastic.pair.space import refuse_rubber
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
+
+from .answer import PairAgents
+from .border import torn
+from .elements import DEEPEST_STEP
+from .goals import Goals
+from .history import Generation, generation_of, settled
+from .leaves import LeafCells
+from .space import refuse_rubber
 
 GAIN = 0.92
 """Of its share an agent that halves is expected to lose; measured on smooth stress: 15/16. With 0.9

@@ -9,10 +9,11 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.moduli import is_rubber
-from kaju.model.elastic.pair.airy import bed_rows, first_stress, of_tractions
-from kaju.model.elastic.pair.border import support_names
-from kaju.model.elastic.pair.displacement import Fitting
-from kaju.model.elastic.pair.elements import (
+
+from .airy import bed_rows, first_stress, of_tractions
+from .border import support_names
+from .displacement import Fitting
+from .elements import (
     airy_stress,
     edge_tractions,
     gauss,
@@ -23,9 +24,9 @@ from kaju.model.elastic.pair.elements import (
     stresses,
     without_plane,
 )
-from kaju.model.elastic.pair.gap import Bounds, at_points, bounds_of, roots_of, stress_of
-from kaju.model.elastic.pair.leaves import PlaneMesh
-from kaju.model.elastic.pair.levels import FieldLevel
+from .gap import Bounds, at_points, bounds_of, roots_of, stress_of
+from .leaves import PlaneMesh
+from .levels import FieldLevel
 
 
 @dataclass(eq=False)

@@ -17,21 +17,15 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.pair.border import support_names
-from kaju.model.elastic.pair.displacement import Fitting, held_by
-from kaju.model.elastic.pair.elements import (
-    corner_ends,
-    gauss,
-    on_sides,
-    quadratic_values,
-    side_loads,
-    strain_rows,
-)
-from kaju.model.elastic.pair.gap import Bounds, roots_of, stress_of
-from kaju.model.elastic.pair.leaves import followed
-from kaju.model.elastic.pair.levels import DIRECT, Blocks, FieldLevel
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED
+
+from .border import support_names
+from .displacement import Fitting, held_by
+from .elements import corner_ends, gauss, on_sides, quadratic_values, side_loads, strain_rows
+from .gap import Bounds, roots_of, stress_of
+from .leaves import followed
+from .levels import DIRECT, Blocks, FieldLevel
 
 NO_BOUND = "in space errors are estimated, not proved"
 MOST_RATIO = 0.499  # At 0.4999 the true error of a cube was 1.9 times its estimate

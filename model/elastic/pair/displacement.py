@@ -13,7 +13,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.posed_body import PosedBody
 
 from .border import Sides
-from .elements import gauss, on_sides, quadratic_values, rule, side_loads, strain_rows
+from .elements import gauss, nodes, on_sides, quadratic_values, rule, side_loads, strains
 from .gap import at_points, roots_of
 from .leaves import LeafCells, Mesh
 from .levels import Blocks, FieldLevel, summed
@@ -51,8 +51,9 @@ class Fitting:
     def roots(self) -> list[tuple[Ints | slice, Floats]]:
         """The agents of each law, and a root of their energy by their unknowns."""
         d = self.body.dimension
-        rows = strain_rows(rule(d)[0])
-        return [(agents, at_points(roots_of(law, d)[0], rows, d)) for agents, law in self.laws]
+        return [
+            (agents, at_points(roots_of(law, d)[0], strains(d), d)) for agents, law in self.laws
+        ]
 
     @property
     def cases(self) -> tuple[Any, ...]:
@@ -141,11 +142,12 @@ def moved_by(mesh: Mesh, sides: Sides, shared: Floats) -> Floats:
 def forces_of(sides: Sides) -> Floats:
     """Return the forces of the loads on the agents' own unknowns."""
     d = sides.held.shape[1]
-    points, weights = rule(d)
-    out = sides.body[:, None] * (weights @ quadratic_values(points))[:, None]
+    (points, weights), out = rule(d), np.zeros((len(sides.body), len(nodes(d)), d))
+    if sides.body.any():
+        out += sides.body[:, None] * (weights @ quadratic_values(points))[:, None]
     for side in np.flatnonzero(sides.load.any(axis=(0, 2, 3))):
         out[:, on_sides(d)[side]] += np.einsum("ngc,gk->nkc", sides.load[:, side], side_loads(d))
-    out = out.reshape(len(out), -1)
+    own = out.reshape(len(out), -1)
     if sides.even.any():
-        out += sides.even @ np.einsum("pki,p->ki", strain_rows(points), weights)
-    return np.asarray(out)
+        own += sides.even @ np.einsum("pki,p->ki", strains(d), weights)
+    return own

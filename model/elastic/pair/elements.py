@@ -175,6 +175,12 @@ def rule(d: int) -> tuple[Floats, Floats]:
     return points.reshape(-1, 2), np.tile(0.5 * weights * away[:, 0], 4)
 
 
+@lru_cache(maxsize=2)
+def strains(d: int) -> Floats:
+    """Return the strains of the quadratics at the points of the rule."""
+    return strain_rows(rule(d)[0])
+
+
 @lru_cache(maxsize=1)
 def stresses() -> Floats:
     """Return the stresses of phi, even ones and those of forces within: (points, 3, 16 + 3 + 2).

@@ -21,6 +21,7 @@ from .elements import (
     quadratic_values,
     rule,
     strain_rows,
+    strains,
     stresses,
     without_plane,
 )
@@ -126,9 +127,9 @@ class Opinions(Fitting):
     @cached_property
     def means(self) -> tuple[Floats, Floats]:
         """Mean tensors over agents: of the stress that balances, of the strain that fits."""
-        (points, weights), size = rule(2), self.size[:, None]
+        weights, size = rule(2)[1], self.size[:, None]
         balanced = self.phi @ np.einsum("p,pki->ik", weights, stresses()[..., :16]) / size**2
-        strain = self.fit @ np.einsum("p,pki->ik", weights, strain_rows(points)) / size
+        strain = self.fit @ np.einsum("p,pki->ik", weights, strains(2)) / size
         return tensors(balanced), tensors(stress_of(strain, self.law))
 
     def reactions(self) -> dict[str, Floats]:

@@ -135,6 +135,9 @@ class Sheets:
         at = self.place[corner]
         low, high = (at[each, find(at[..., 1], axis=1)] for find in (np.argmin, np.argmax))
         self.cuts = np.flatnonzero(self.hole & (borne | ~self.closed.all(axis=1)))
+        self.base, self.beyond = np.arange(self.vertices), np.zeros((self.vertices, 0), dtype=int)
+        if not len(self.cuts):
+            return
         sheet = np.zeros((*corner.shape, len(self.cuts)), dtype=np.int64)
         for cut, number in enumerate(self.cuts.tolist()):
             x, y = self.start_of(self.loop == number)
@@ -187,10 +190,9 @@ class Sheets:
         along, anchors = self._border(fixed)
         way, follows = followed(follow + along + self._shut(fixed), size)
         # A linear function has no stress: one vanishes in every part.
-        for vertex, k in np.ndindex(len(anchors), 3):
-            terms = way[[3 * anchors[vertex] + k]].indices
-            terms = terms[terms < len(self.component)]
-            fixed[terms[self.component[terms] == k]] = True
+        some = way[(3 * anchors[:, None] + np.arange(3)).ravel()].tocoo()
+        known = some.col < len(self.component)
+        fixed[some.col[known][(self.component[some.col[known]] == some.row[known] % 3)]] = True
         fixed[self.one] = True
         free = np.flatnonzero(~(follows | fixed))
         known = way @ (np.arange(size) == self.one).astype(np.float64)

@@ -51,7 +51,7 @@ def solve(
         a `Stress` or a `Reaction`, or a list of these. Errors are relative to the quantity, or to a
         hundredth of the largest displacement, stress or reaction if that is more; of several the
         largest counts. A point, a region or a side means its `Deflection`. Within true outlines it
-        is the largest stress along one of them, by its name or as ``Stress(name, "hoop")``.
+        is the `Deflection` of a free side, or the largest stress along one outline, by its name.
     stage : int, optional
         Stage of loading; by default the last.
     previous : ElasticResult, optional

@@ -342,13 +342,12 @@ class Stressed(DualGoal):
         place, cell, weight = self.where.points(found)
         mean = np.tensordot(weight, found.stress_at(place, cell), 1)
         step = 1e-4 * float(np.abs(mean).max()) or 1.0
-        law, slopes = found.law_at(place, cell)[:1], []
-        for a, b in self._pairs:
-            by = np.zeros_like(mean)
-            by[a, b] = by[b, a] = step
-            ends = [self._measured((mean + sign * by)[None], law, found.moduli) for sign in (1, -1)]
-            slopes.append(float(ends[0][0] - ends[1][0]) / (2.0 * step))
-        return np.array(slopes)
+        by = np.zeros((len(self._pairs), *mean.shape))
+        for one, (a, b) in zip(by, self._pairs, strict=True):
+            one[a, b] = one[b, a] = step
+        law = np.repeat(found.law_at(place, cell)[:1], len(by))
+        ends = [self._measured(mean + sign * by, law, found.moduli) for sign in (1, -1)]
+        return np.asarray((ends[0] - ends[1]) / (2.0 * step))
 
 
 class Supported(DualGoal):

@@ -40,9 +40,7 @@ class SolidAgents(CellAgents):
 
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""
-        posed, share = grid_of_solid(self.scene, self.division)
-        self.factor = share
-        self._check(posed)
+        posed, self.factor = grid_of_solid(self.scene, self.division)
         return posed
 
 

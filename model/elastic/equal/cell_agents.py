@@ -52,6 +52,10 @@ class CellAgents(OnCells):
         self.scales, self.moduli = posed.problem.scales, posed.problem.moduli
         self.body = np.asarray(posed.problem.kinds[posed.problem.inner] >= 0)
         self.count = int(np.count_nonzero(self.body))
+        shapes = [values.shape for values in self.solution.displacement]
+        needed = [self.problem.face_shape(axis) for axis in range(self.problem.dimension)]
+        if known is None and shapes != needed:
+            raise ResultError(f"'displacement' must be of the shapes {needed}, and is of {shapes}")
 
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""
@@ -65,16 +69,7 @@ class CellAgents(OnCells):
         if factor is not None and not np.all(factor[self.scene.rasterise() >= 0] > 0.0):
             raise ResultError("'factor' must be above 0")
         problem, origin = problem_of_scene(grid, self.stage, repeated(factor, self.division))
-        found = Grid(grid, problem, origin, self.division)
-        self._check(found)
-        return found
-
-    def _check(self, posed: Grid) -> None:
-        """Refuse displacements of other faces than those of the grid."""
-        shapes = [values.shape for values in self.solution.displacement]
-        needed = [posed.problem.face_shape(axis) for axis in range(posed.problem.dimension)]
-        if shapes != needed:
-            raise ResultError(f"'displacement' must be of the shapes {needed}, and is of {shapes}")
+        return Grid(grid, problem, origin, self.division)
 
     @property
     def grid(self) -> Scene:

@@ -57,7 +57,7 @@ def conjugate_gradients(
     apply: Operator,
     precondition: Operator,
     load: Floats,
-    start: Floats | None,
+    start: Floats,
     done: Callable[[Iteration], bool],
     most: int = 200,
     energy: Callable[[Floats], float] | None = None,
@@ -66,8 +66,7 @@ def conjugate_gradients(
     # `done` sees the history after every step and decides. The error estimate is √(r·Br) for a
     # preconditioner B that is spectrally close to the inverse, over √(energy(solution)), by default
     # √(load·solution). What `apply` returns is overwritten.
-    x = np.zeros_like(load) if start is None else start
-    r = load.copy() if start is None else load - apply(x)
+    x, r = start, load - apply(start)
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x, held_back=dot(x, r), residual=r)
     p: Floats | None = None

@@ -204,12 +204,9 @@ class Numbering:
 
     def scatter(self, vector: Floats, fields: FaceFields) -> None:
         """Write a vector of active faces back into face arrays."""
-        start = 0
-        for values, state in zip(fields, self.states, strict=True):
-            active = state == ACTIVE
-            count = int(np.count_nonzero(active))
-            values[active] = vector[start : start + count]
-            start += count
+        for values, number in zip(fields, self.number, strict=True):
+            active = number >= 0
+            values[active] = vector[number[active]]
 
 
 def stiffness_matrix(

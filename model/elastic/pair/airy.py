@@ -25,7 +25,7 @@ from .elements import (
     on_sides,
     without_plane,
 )
-from .leaves import Entries, PlaneMesh, backwards, followed
+from .leaves import Entries, PlaneMesh, followed
 from .levels import Blocks, summed
 from .sheets import Rim, Sheets
 
@@ -35,9 +35,9 @@ class Airy(Sheets):
 
     def __init__(self, mesh: PlaneMesh, sides: Sides, cell: int) -> None:
         self.mesh, self.sides, self.cell = mesh, sides, cell
-        back, none = backwards(mesh.side)[:, None], np.zeros((len(mesh.side), 3))
-        ends = on_sides(2)[mesh.side, :2]
-        ends = np.where(back, ends[:, ::-1], ends)
+        # With the square on the left one goes back along the axis on its left and upper sides.
+        ends, none = on_sides(2)[mesh.side, :2], np.zeros((len(mesh.side), 3))
+        ends = np.where(np.isin(mesh.side, (0, 3))[:, None], ends[:, ::-1], ends)
         rim = Rim(mesh.owner, ends, mesh.border, sides.given, none, none[:, 0])
         super().__init__(mesh.place / cell, mesh.corner, mesh.edges, mesh.part, rim)
         corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)

@@ -247,18 +247,6 @@ class PlaneMesh(Mesh):
         start, end = self.place[self.ends.T]
         return np.asarray((end - start)[:, 1] > 0, dtype=np.int64)
 
-    @property
-    def length(self) -> Floats:
-        """Lengths of the edges."""
-        start, end = self.place[self.ends.T]
-        return np.asarray((end - start).sum(axis=1), dtype=np.float64)
-
-    def along(self) -> tuple[Ints, Ints]:
-        """Return the vertices where border edges begin and end, with the body on the left."""
-        start, end = self.ends[self.border].T
-        back = backwards(self.side)
-        return np.where(back, end, start), np.where(back, start, end)
-
     @cached_property
     def _tied(self) -> tuple[sp.csr_array, Flags]:
         n, ends = self.vertices, self.ends[self.whole]
@@ -268,11 +256,6 @@ class PlaneMesh(Mesh):
         entries.append((self.middle, n + self.whole, 1.0))
         entries += [(n + half, n + self.whole, 0.25) for half in self.halves]
         return followed(entries, n + self.edges)
-
-
-def backwards(side: Ints) -> Flags:
-    """Tell on which sides of squares one goes back along the axis, with the square on the left."""
-    return np.asarray((side == 0) | (side == 3))
 
 
 def mesh_of(leaves: LeafCells) -> Mesh:

@@ -202,9 +202,9 @@ class Scene(Description):
         if wide > 20.0 and all(one.youngs_modulus > 60e9 for one in self.cell_materials):
             made_of = ", ".join(one.name for one in self.cell_materials)  # metals, glass
             found.append(f"body: {wide:g} m are much for a body of {made_of}; {asked}")
-        if self.plane == "stress" and self.thickness > 20.0 * wide:
-            thick = f"body.thickness: {self.thickness:g} m are much for a plate of {wide:g} m"
-            found.append(f"{thick}; {asked}")
+        thick = self.body.thickness or 0.0  # as it was given
+        if self.plane == "stress" and thick > 20.0 * wide:
+            found.append(f"body.thickness: {thick:g} m are much for a plate of {wide:g} m; {asked}")
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"
             if isinstance(shape, ClosedSurface) and shape.ambiguous:

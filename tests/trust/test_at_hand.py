@@ -39,13 +39,6 @@ def test_models_and_files_are_solved(files):
             kaju.solve(other)
 
 
-def test_a_scene_alone_is_run(files, typed):
-    told = typed("block.toml", "--no-pictures")
-    assert told.exit_code == 0
-    assert "agents of the prescribed rule" in told.stdout
-    assert (files / "block-result" / "summary.json").exists()
-
-
 def test_shares_are_told_in_per_cent(files, typed):
     told = typed("solve", "block.toml", "--tolerance", "20%", "--no-pictures")
     assert told.exit_code == 0

@@ -144,7 +144,7 @@ def space_for(
         drawn = space.quiver(*tail.T, *along.T, color=FORCE, linewidth=2.2, arrow_length_ratio=0.3)
         drawn.set_gid("forces")
         drawn.set_zorder(20)
-    return space, applied_text(applied)
+    return space, applied_text(scene, stage, applied)
 
 
 def plot_body_in_space(scene: Scene, ax: Axes | None = None) -> Axes:

@@ -85,31 +85,41 @@ def _parts(places: Floats, most: int) -> list[Ints]:
     return [np.flatnonzero(number == one) for one in range(int(number.max()) + 1)]
 
 
-def applied_text(applied: AppliedLoads) -> list[str]:
+def applied_text(scene: Scene, stage: int | None, applied: AppliedLoads | Arrows) -> list[str]:
     """Return in words how much is applied, if anything is."""
     total = float(np.linalg.norm(applied.force, axis=1).sum())
     if total == 0.0:
         return []
-    faces = int((applied.direction >= 0).sum())
-    inner = len(applied.direction) - faces
-    places = [f"{counted(faces, 'face')}"] if faces else []
-    places += [f"in {counted(inner, 'cell')}"] if inner else []
-    where = f" on {' and '.join(places)}".replace("on in", "in") if faces + inner > 1 else ""
-    return [f"applied: {quantity(total, 'N')}{where}"]
+    told, where = quantity(total, "N"), ""
+    now, given = stage or scene.stages, [one for one in scene.loads if one.couple is not None]
+    # of the steps that a load takes
+    turned = [np.linalg.norm(one.couple or 0.0) * min(now / one.steps, 1.0) for one in given]
+    if turned:  # by forces that cancel
+        told = " and ".join(f"a couple of {quantity(float(one), 'N m')}" for one in turned)
+        resultant = float(np.linalg.norm(applied.force.sum(axis=0)))
+        if resultant > 1e-9 * total:
+            told = f"forces of resultant {quantity(resultant, 'N')} and {told}"
+    elif isinstance(applied, AppliedLoads):
+        faces = int((applied.direction >= 0).sum())
+        inner = len(applied.direction) - faces
+        places = [f"{counted(faces, 'face')}"] if faces else []
+        places += [f"in {counted(inner, 'cell')}"] if inner else []
+        where = f" on {' and '.join(places)}".replace("on in", "in") if faces + inner > 1 else ""
+    return [f"applied: {told}{where}"]
 
 
 def draw_forces(
     ax: Axes, section: Section, stage: int | None = None, share: float = 1.0
 ) -> list[str]:
     """Draw the applied forces of a section, shortened to a share; return notes on their sum."""
+    scene = section.scene
     if section.curves is None:
-        applied = section.scene.applied(stage)
+        applied = scene.applied(stage)
         rows = np.flatnonzero(section.holds(applied.cells))
-        arrows, notes = force_arrows(section.scene, applied, rows), applied_text(applied)
+        arrows, notes = force_arrows(scene, applied, rows), applied_text(scene, stage, applied)
     else:
         arrows = section.curves.arrows
-        total = float(np.linalg.norm(arrows.force, axis=1).sum())
-        notes = [f"applied: {quantity(total, 'N')}"]
+        notes = applied_text(scene, stage, arrows)
     force, place = section.in_plane(arrows.force), section.in_plane(arrows.place)
     size = np.linalg.norm(force, axis=1)
     seen = size > 1e-9 * size.max(initial=0.0)

@@ -27,10 +27,10 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 
 
 def sharp_corners(scene: Scene) -> Floats:
-    """Return the points (m) at which stresses grow without limit, shape (n, 2)."""
+    """Return the points (m) at which stresses grow without limit; none in space."""
     lattice = scene.lattice
     if lattice.dimension != 2 or lattice.kind != "square" or lattice.size > MOST_CELLS:
-        return np.empty((0, 2))
+        return np.empty((0, lattice.dimension))
     # A full box has none but at its own corners.
     ranges = [
         np.array([-1, 0, n - 1, n]) if scene.uniform else np.arange(-1, n + 1)

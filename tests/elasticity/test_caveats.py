@@ -185,3 +185,10 @@ def test_at_singular_places_no_stress_is_given_as_a_number(scene, places):
 )
 def test_elsewhere_it_is_a_number(at):
     assert np.isfinite(solve(L_SHAPE).value_of(Stress(at, "xx")))
+
+
+def test_a_ball_of_cubes_is_told_of_as_steps_in_space():
+    ball = {"ball": {"centre": [0.5, 0.5, 0.5], "radius": 0.3}, "material": "air"}
+    body = {"cell_size": 0.2, "cells": [5] * 3, "material": "steel", "regions": [ball]}
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[{"side": "top", "pressure": 1.0}])
+    assert any("outlines are steps" in note for note in solve(scene).summary()["notes"])

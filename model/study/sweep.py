@@ -186,7 +186,8 @@ def _try_scenes(runs: SweepRun, points: Points) -> None:
             return
         except SceneError as error:
             first = first or error
-    raise SceneError(f"no point that was tried makes a scene; the first: {first}") from first
+    told = 'numbers of `run`, and of agents of your own, are called such as "run.wear"'
+    raise SceneError(f"no point that was tried makes a scene: {first}; {told}") from first
 
 
 def _described(runs: SweepRun, points: Points, method: str) -> dict[str, Any]:

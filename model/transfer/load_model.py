@@ -152,6 +152,20 @@ class LoadModel(SteppedModel):
         self.cross_section = transfer.cross_section  # A (m²), over which an own share is spread
         self.reset()
 
+    def __getattr__(self, name: str) -> Any:
+        """Return the value of a parameter that agents declare."""
+        if name in vars(self).get("parameters", ()):
+            return self.parameters[name]
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse to change what the engine was made with."""
+        set_already = name in ("threshold", "accumulate") and name in vars(self)
+        if set_already or name in vars(self).get("parameters", ()):
+            told = f"a model keeps the {name} that it was made with; make another:"
+            raise ParameterError(f"{name}: {told} {type(self).__name__}(scene, {name}={value!r})")
+        super().__setattr__(name, value)
+
     def reset(self) -> None:
         """Go back to the first stage, before any load was taken, and to the first seed."""
         self._start_again()

@@ -584,7 +584,8 @@ class ElasticResult(BodyResult):
 
         names = np.array([material.name for material in self.grid.cell_materials])
         found: dict[str, Any] = in_columns("{} (m)", self.middle)
-        found |= {"size (m)": self.size, "level": self.level, "material": names[self.material]}
+        found |= {"size (m)": self.size, "level": self.level, "spawn_step": self.spawn_step}
+        found |= {"material": names[self.material]}
         found |= in_columns("displacement_{} (m)", self.displacement)
         found |= in_columns("strain_{}", self.strain) | in_columns("stress_{} (Pa)", self.stress)
         return pd.DataFrame(found | {"von_mises (Pa)": self.von_mises})
@@ -598,8 +599,8 @@ class ElasticResult(BodyResult):
             If meshlane is not installed.
         """
         d, near = self.scene.lattice.dimension, float(self.size.min())
-        values: dict[str, Any] = {"size": self.size, "level": self.level}
-        values |= {"material": self.material, "von_mises": self.von_mises}
+        names = ("size", "level", "spawn_step", "material", "von_mises")
+        values: dict[str, Any] = {name: getattr(self, name) for name in names}
         values |= {"stress": self.stress.reshape(-1, d * d)}
         values |= {"strain": self.strain.reshape(-1, d * d)}
         parts = [self.lower[:, None] + corner_order(d) * self.size[:, None, None]]

@@ -312,7 +312,8 @@ class OutlinedBody:
 
 def rigid_sides_at(points: Floats, body: OutlinedBody) -> list[str]:
     """Return the rigid sides on which some points lie, shape (..., 2)."""
-    at = points[((points >= 0.0) & (points <= body.shape)).all(axis=-1)]
+    at = np.round(points, 9)  # ends of arcs lie on sides but for rounding
+    at = at[((at >= 0.0) & (at <= body.shape)).all(axis=-1)]
     return [
         side
         for side, axes in body.held.items()

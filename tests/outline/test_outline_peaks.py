@@ -25,9 +25,9 @@ def region(material: str = "air", name: str = "hole", **shape: Any) -> dict[str,
     return {"material": material, "outline": "true", "name": name} | shape
 
 
-def plate(*regions: dict[str, Any], pull: float = 1.0, size: float = 20.0, **more: Any):
+def plate(*regions: dict[str, Any], pull: float = 1.0, size: float = 20.0, cells=8, **more: Any):
     """Return a quarter of a plate, pulled to the right."""
-    body = {"size": [size, size], "cells": [8, 8], "material": "matrix", "regions": regions}
+    body = {"size": [size, size], "cells": [cells] * 2, "material": "matrix", "regions": regions}
     scene = {
         "body": body,
         "materials": MATERIALS,
@@ -99,6 +99,7 @@ def test_a_peak_is_stored(tmp_path: Path) -> None:
     assert any("without a proof" in note for note in loaded.notes)
 
 
+RIM = region(disk={"centre": [1.0, 7.25], "radius": 0.75})
 SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
 
 
@@ -113,11 +114,8 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
         (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
-        (
-            HOOP,
-            plate(region(**DISK), region(name="b", disk={"centre": [1.5, 0.0], "radius": 1.0})),
-            "meets the outline",
-        ),
+        (HOOP, plate(region(**DISK), region(name="b", box=[[0, -1], [1, 3]])), "meets the outline"),
+        (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),
         (HOOP, plate(region(**DISK | {"outline": "cells"}), size=4.0), 'outline = "true"'),
     ],
 )

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations, pairwise, product
+from itertools import chain, combinations, pairwise, product
 from math import prod
 from typing import Any, NamedTuple
 
@@ -119,6 +119,8 @@ def _step(
     rows, shape = [number[entry] for entry in made], (len(number), 4 * len(entries))
     return sp.csr_array((weights, (rows, columns)), shape=shape), tuple(number)
 
+
+TOGETHER = 2**12  # Places of the planes that are coarsened at once, which are two at least
 
 FIRST = GHOST + 1
 """Place of the body's first cell, behind ghosts; even, so that fine and coarse places match."""
@@ -252,8 +254,9 @@ def coarse_level(above: MultigridLevel, depth: int) -> MultigridLevel:
     shared = fine.rows.reshape(fine.box.shape[:2])
     new = _unlike(shared, first[0], end[0], reach)
     while new:
-        # Eight planes at once: all of them would take far more memory than the level.
-        together = [p for k, p in enumerate(new[:8]) if p == new[0] + k]
+        # Few planes at once: all of them would take far more memory than the level.
+        few = max(2, TOGETHER // prod(fine.box.shape[1:]))
+        together = [p for k, p in enumerate(new[:few]) if p == new[0] + k]
         new = new[len(together) :]
         near = shared.take(_made_of(together, reach), 0, mode="wrap")
         lanes, wanted, places = [0], np.zeros(1, dtype=np.int64), [0]
@@ -262,7 +265,7 @@ def coarse_level(above: MultigridLevel, depth: int) -> MultigridLevel:
             wanted = _made_of(lanes, reach)
             places = np.searchsorted(wanted, 2 * np.array(lanes) - 5).tolist()
         at = (
-            [reach + 2 * k for k in range(len(together))],
+            range(0, 2 * len(together), 2),
             places,
             range(1, 2 * (end[2] - first[2]), 2),
         )
@@ -302,20 +305,29 @@ def _unlike(rows: Ints, first: int, end: int, reach: int) -> list[int]:
 
 def _coefficients(level: Level, entries: tuple[Entry, ...], near: Ints) -> Floats:
     """Return a level's entries on some of its rows, mirrored ones too: (entries, *places)."""
-    # The ends of all axes are 0 or not asked for, so they may be rolled.
-    length, around = level.box.shape[2], (0, 1, 2)
+    # Of planes only those that others within reach surround; in memory planes come first, as they
+    # are summed first. The ends of all axes are 0 or not asked for, so they may be rolled.
+    length, reach, laws = level.box.shape[2], level.box.reach, law_entries(level.box.components)
+    inner, mirrored = slice(reach, len(near) - reach), _mirrored(entries)
+    count, planes = len(entries or laws) + len(mirrored), len(near) - 2 * reach
+    found = np.moveaxis(np.empty((planes, count, near.shape[1], length)), 1, 0)
     if entries:
-        found = list(np.moveaxis(level.data.reshape(-1, len(entries), length)[near], 2, 0))
-        found += [np.roll(found[slot], entries[slot][2], around) for slot in _mirrored(entries)]
+        data = level.data.reshape(-1, len(entries), length)
+        for plane, rows in zip(np.moveaxis(found, 1, 0), near[inner], strict=True):
+            plane[: len(entries)] = data[rows].swapaxes(0, 1)
+        for entry, slot in zip(found[len(entries) :], mirrored, strict=True):
+            *beside, along = entries[slot][2]
+            entry[:] = np.roll(data[np.roll(near, beside, (0, 1))[inner], slot], along, 2)
     else:
         inverse = level.inverse.reshape(level.box.components, -1, length)
-        law = level.data.reshape(-1, *inverse.shape[1:])[:, near]
-        moves, found = inverse[:, near] > 0.0, []
-        for (a, b, way), parts in law_entries(level.box.components).items():
-            whole = sum(sign * np.roll(law[k], here, around) for k, here, sign in parts)
+        law, around = level.data.reshape(-1, *inverse.shape[1:])[:, near], (0, 1, 2)
+        moves, needed = inverse[:, near] > 0.0, {part[:2] for part in chain(*laws.values())}
+        shifted = {at: np.roll(law[at[0]], at[1], around)[inner] for at in needed}
+        for entry, ((a, b, way), parts) in zip(found, laws.items(), strict=True):
+            whole = sum(sign * shifted[k, here] for k, here, sign in parts)
             free = moves[a] & np.roll(moves[b], _opposite(way), around)
-            found.append(np.where(free, whole, 0.0))
-    return np.stack(found)
+            entry[:] = np.where(free[inner], whole, 0.0)
+    return found
 
 
 def _coupled(entries: tuple[Entry, ...], box: LevelBox) -> tuple[LevelBox, Ints]:

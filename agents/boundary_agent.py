@@ -7,7 +7,7 @@ from typing import Any
 from kaju._mesa import Cell
 from kaju.errors import AgentError
 
-from .material_agent import Amounts, PlacedAgent
+from .material_agent import PlacedAgent
 from .shares import Load
 
 
@@ -35,16 +35,8 @@ class BoundaryAgent(PlacedAgent):
 
     def __init__(self, model: Any, cell: Cell) -> None:
         super().__init__(model, cell)
-        self.spawn_step = model.generation + 1
-        """Generation in which the first load was given back, counted from 1."""
-        self.taken: dict[int, float] = Amounts()
-        """Loads that reached it (N), by the direction their force points along."""
         self.returned = 0.0
         """Sum of the loads given back (N)."""
-        self.kept = 0.0
-        """Sum of what was not given back (N): 0 unless a boundary of your own absorbs some."""
-        self.passed: dict[int, float] = Amounts()
-        """Loads given back (N), by the arm to the agent that takes them."""
 
     def answer(self, load: Load, arm: int) -> Load | None:
         """Take a load that came over `arm`, return what goes back of it, and add up both."""

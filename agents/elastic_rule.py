@@ -45,12 +45,9 @@ def moduli_of(youngs_modulus: ArrayLike, poissons_ratio: ArrayLike, plane: Plane
     """Return the moduli for plane stress, plane strain or (None) three dimensions."""
     youngs = np.asarray(youngs_modulus, dtype=np.float64)
     ratio = np.asarray(poissons_ratio, dtype=np.float64)
-    held = plane == "stress" or bool(np.all(ratio < 0.5))
-    require(
-        held,
-        f"poissons_ratio: must be below 0.5 except in plane stress, got {ratio}; the stiffness "
-        "of an incompressible material is infinite; for rubber take 0.4999",
-    )
+    finite = plane == "stress" or bool(np.all(ratio < 0.5))
+    told = f"poissons_ratio: must be below 0.5 except in plane stress, got {ratio}; the stiffness"
+    require(finite, f"{told} of an incompressible material is infinite; for rubber take 0.4999")
     shear = youngs / (2 * (1 + ratio))
     if plane == "stress":
         stretch = youngs / (1 - ratio**2)
@@ -117,11 +114,8 @@ class ElasticRule:
         strained by own·P/(A E). The Poisson share goes outwards to the faces round the cell ahead,
         and inwards, with the opposite sign, to those round the cell behind.
         """
-        require(
-            dimension == 2 or (dimension == 3 and plane is None),
-            f"dimension: must be 2 (with a plane) or 3 (without one), got {dimension} and plane "
-            f"{plane!r}",
-        )
+        told = f"dimension: must be 2, or 3 without a plane, got {dimension} and plane {plane!r}"
+        require(dimension == 2 or (dimension == 3 and plane is None), told)
         state = (plane or "stress") if dimension == 2 else None
         law = moduli_of(material.youngs_modulus, material.poissons_ratio, state)
         stretch, lateral, shear = map(float, law)

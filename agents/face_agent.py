@@ -14,6 +14,7 @@ from kaju.arrays import Floats
 from kaju.errors import brief
 
 from .boundary_agent import BoundaryAgent
+from .material_agent import Amounts
 from .materials import Material
 from .parameter import is_number
 
@@ -109,14 +110,9 @@ class SupportAgent(BoundaryAgent):
     held: tuple[tuple[int, int, float], ...]  # axis and number of a face, and its part of the load
 
     @property
-    def carried(self) -> dict[int, float]:
-        """Load carried (N), by axis."""
-        carried: dict[int, float] = {}
-        for axis, number, part in self.held:
-            carried[axis] = carried.get(axis, 0.0) + part * float(self.faces.left[number])
-        return carried
-
-    @property
     def reaction(self) -> dict[int, float]:
-        """Force on the body (N), by axis: the carried load, reversed."""
-        return {axis: -load for axis, load in self.carried.items()}
+        """Force on the body (N), by axis: the loads that it keeps, reversed."""
+        force: dict[int, float] = Amounts()
+        for axis, number, part in self.held:
+            force[axis] -= part * float(self.faces.left[number])
+        return force

@@ -60,6 +60,15 @@ class PlacedAgent(FixedAgent):
         super().__init__(model)
         self.cell = cell
         self.pos = cell.coordinate
+        self.spawn_step = model.generation + 1
+        """Generation in which the first load was taken, counted from 1."""
+        self.taken: dict[int, float] = Amounts()
+        """Loads taken (N), by the direction their force points along, pushes and pulls."""
+        self.kept = 0.0
+        """Sum of what stays here (N): own shares, which deform a cell along the axis of each load;
+        at a boundary what is not given back, 0 unless one of your own absorbs some."""
+        self.passed: dict[int, float] = Amounts()
+        """Loads handed over (N), by arm; at a boundary by the arm to the agent that takes them."""
 
     index = property(lambda agent: agent.cell.coordinate)
     """Column, row (and layer), counted from 0, as `pos`; -1 is beside the first cell."""
@@ -96,20 +105,12 @@ class MaterialAgent(PlacedAgent):
         self.material, self.shares = material, shares
         """What the cell is made of; what the agent keeps and passes on of each newton."""
         self.engine: Any = model.engine
-        self.spawn_step = self.engine.generation + 1
-        """Generation in which the first load was taken, counted from 1."""
         self.woken_by: list[MaterialAgent] = []
         """The agents whose loads arrived in that generation; empty for an applied load."""
-        self.taken: dict[int, float] = Amounts()
-        """Loads taken (N), by the direction their force points along, pushes and pulls."""
         self.pulled: dict[int, float] = Amounts()
-        """The pulls among them (N); empty unless the rule has a sense."""
-        self.kept = 0.0
-        """Sum of the own shares (N), which deform the cell along the axis of each load."""
+        """The pulls among `taken` (N); empty unless the rule has a sense."""
         self.squeezed: dict[int, float] = Amounts()
         """What is kept along each axis (N), pushes less pulls."""
-        self.passed: dict[int, float] = Amounts()
-        """Loads handed over (N), by arm."""
         self.dropped = 0.0
         """Emissions that end here, up to γ each (N)."""
         self.inbox: dict[tuple[int, float, Sense], float] = {}

@@ -41,11 +41,8 @@ def own_classes(
     rule = 'boundary_agents: must be a mapping such as {"rigid": MyWall}'
     require(isinstance(boundary_agents, Mapping | None), f"{rule}, got {brief(boundary_agents)}")
     for name, agent in (boundary_agents or {}).items():
-        require(
-            name in BOUNDARIES,
-            f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), BOUNDARIES)}; "
-            f"there is {', '.join(BOUNDARIES)}",
-        )
+        told = f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), BOUNDARIES)}"
+        require(name in BOUNDARIES, f"{told}; there is {', '.join(BOUNDARIES)}")
         check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
     given: Any = (material_agent, *(boundary_agents or {}).values())
     return tuple(agent for agent in dict.fromkeys(given) if agent is not MaterialAgent)
@@ -61,11 +58,8 @@ def check_class(name: str, agent: object, base: type) -> None:
             f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}; write `class "
             f"Mine(kaju.{usual.__name__})` and give the class itself"
         )
-    _check_hooks(name, agent, base)
+    _check_hooks(f"{name}: {agent.__name__}", agent, base)
     _check_names(name, agent, base)
-    own = {k: v for k, v in _own_names(agent, base).items() if isinstance(v, FunctionType)}
-    for hook in own.keys() & {*HOOKS[base]}:
-        _check_call(f"{name}: {agent.__name__}.{hook}", own[hook], getattr(base, hook))
     cure = "; take *start and call super().__init__(*start) first"
     _check_call(f"{name}: {agent.__name__}.__init__", agent, base, cure)
 
@@ -108,25 +102,22 @@ def _check_names(name: str, agent: type, base: type) -> None:
     require(base is not FaceAgent or not declared([agent], Parameter), told)
 
 
-def _check_hooks(name: str, agent: type, base: type) -> None:
-    """Refuse a method that is nearly called as a hook, and a `step` in which nothing is taken."""
+def _check_hooks(whose: str, agent: type, base: type) -> None:
+    """Refuse methods nearly called as a hook, hooks with other arguments, steps that take none."""
     own = {k: v for k, v in _own_names(agent, base).items() if isinstance(v, FunctionType)}
     never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
     for key in own.keys() - (set(dir(base)) - never):
         near = get_close_matches(key.lower(), HOOKS[base], n=1, cutoff=0.81)  # intake is no slip
         other = [other.__name__ for other in HOOKS if key in HOOKS[other]]
         meant = f"did you mean {near[0]!r}" if near else f"should it be a {' or '.join(other)}"
-        require(
-            not (near or other),
-            f"{name}: {agent.__name__} has a method {key!r}, which kaju never calls; {meant}? If "
-            "the name is intended, begin it with _",
-        )
+        told = f"{whose} has a method {key!r}, which kaju never calls; {meant}? If the name is"
+        require(not (near or other), f"{told} intended, begin it with _")
+    for hook in own.keys() & {*HOOKS[base]}:
+        _check_call(f"{whose}.{hook}", own[hook], getattr(base, hook))
     called = own["step"].__code__.co_names if "step" in own else ("step",)
-    require(
-        not {"step", "take", "pass_on"}.isdisjoint(called),
-        f"{name}: {agent.__name__}.step never calls super().step(), so its agents would take no "
-        "load; call it, or override take, emissions or pass_on instead",
-    )
+    takes = not {"step", "take", "pass_on"}.isdisjoint(called)
+    told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
+    require(takes, f"{told} or override take, emissions or pass_on instead")
 
 
 # Answers, in a run.
@@ -224,12 +215,10 @@ class OwnAgents:
 
     def shortening(self, agent: MaterialAgent, axis: int) -> float:
         """Return how far an agent yields along an axis; refuse what is no number."""
-        short = agent.shortening(axis)
-        if not is_number(short):
-            raise self.wrong(
-                agent, "shortening", f"must return a finite number, got {brief(short)}"
-            )
-        return float(short)
+        far = agent.shortening(axis)
+        if not is_number(far):
+            raise self.wrong(agent, "shortening", f"must return a finite number, got {brief(far)}")
+        return float(far)
 
     def _unfit(
         self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, **amounts: Any

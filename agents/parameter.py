@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from kaju.errors import ParameterError, brief
+from kaju.errors import ParameterError, brief, require
 
 
 class Declaration:
@@ -75,11 +75,9 @@ class Parameter(Declaration):
     ) -> None:
         super().__init__(default, low, high)
         self.text = text
-        if not self.is_bool and (low is None or high is None):
-            raise ParameterError(
-                f"low, high: a Parameter needs both bounds, as in Parameter({default!r}, 0, 10, "
-                f'"what it means"), got {low!r} and {high!r}'
-            )
+        bounded = self.is_bool or (low is not None and high is not None)
+        told = f"low, high: a Parameter needs both bounds, as in Parameter({default!r}, 0, 10, "
+        require(bounded, f'{told}"what it means"), got {low!r} and {high!r}')
         self.checked(default)
 
     def __get__(self, agent: Any, owner: type) -> Any:
@@ -94,12 +92,10 @@ class Parameter(Declaration):
 
     def checked(self, value: Any) -> Any:
         """Return a value that the rule allows; refuse any other."""
-        if not self.allows(value):
-            within = "" if self.low is None else f" from {self.low} to {self.high}"
-            raise ParameterError(
-                f"{self.name}: must be a {self.kind}{within}"
-                f"{f' ({self.text})' if self.text else ''}, got {value!r}"
-            )
+        within = "" if self.low is None else f" from {self.low} to {self.high}"
+        means = f" ({self.text})" if self.text else ""
+        told = f"{self.name}: must be a {self.kind}{within}{means}, got {brief(value)}"
+        require(self.allows(value), told)
         return bool(value) if self.is_bool else int(value) if self.whole else float(value)
 
     def slider(self) -> dict[str, Any]:
@@ -150,10 +146,8 @@ class State(Declaration):
         self.meaning = meaning
         if self.whole:
             self.kind += " (State(0.0) takes any)"
-        if not is_number(default):
-            raise ParameterError(
-                f"State: its default must be a number, True or False, got {brief(default)}"
-            )
+        told = "State: its default must be a number, True or False"
+        require(is_number(default), f"{told}, got {brief(default)}")
 
     def __get__(self, agent: Any, owner: type) -> Any:
         return self if agent is None else self.default  # an agent's own value stands before it

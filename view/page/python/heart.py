@@ -16,8 +16,8 @@ from kaju.agents import boundary_agent, material_agent, own_agents, parameter, s
 from kaju.model.transfer import agent_engine, load_model, transfer
 
 WHOLE: tuple[Any, ...] = (
-    errors.KajuError, errors.ParameterError, errors.AgentError, errors.brief, stepping.chosen,
-    shares.Load, shares.Emission, shares.Emissions, shares.Lateral,
+    errors.KajuError, errors.ParameterError, errors.AgentError, errors.brief, errors.require,
+    stepping.chosen, shares.Load, shares.Emission, shares.Emissions, shares.Lateral,
     shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
     parameter.Declaration, parameter.Parameter, parameter.State, material_agent.Amounts,
     material_agent.LoadBox, material_agent.PlacedAgent, material_agent.MaterialAgent,

@@ -68,8 +68,10 @@ class PosedBody:
 
     @cached_property
     def sharp(self) -> Ints:
-        """The unit cells round points at which stress is singular, shape (n, dimension)."""
+        """The unit cells round points at which stress is singular; none in space."""
         corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
+        if self.dimension == 3:
+            return np.empty((0, 3), dtype=np.int64)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
     def beyond(self, side: int) -> tuple[Floats, float]:

@@ -96,6 +96,8 @@ class CutLoop(PairLoop):
             body.check_rounding(tolerance)
         self._peak: _Peak | _Moved | None = None
         self._least = inf  # error of the best generation
+        if peaks:
+            self.patience = 4  # the peak of a neck may be found late, at another place
         for one in peaks:
             if isinstance(one, Deflection):
                 self._peak = _Moved(body, one, tolerance)

@@ -47,6 +47,8 @@ MOST_AGENTS, MOST_BRICKS = 1_000_000, 400_000
 class PairLoop:
     """A body's agents, generation by generation."""
 
+    patience = 2  # generations without gain that end a run, where one does not
+
     def __init__(
         self,
         body: PosedBody | OutlinedBody,
@@ -126,7 +128,7 @@ class PairLoop:
         self._without_gain = 0 if gained else self._without_gain + 1
         self._best = min(self._best, judged.error)
         often = self._halvings(leaves)
-        patience = 1 if self._proves and not judged.found else 2
+        patience = 1 if self._proves and not judged.found else self.patience
         if judged.lost:
             self.stopped = "rounding"
         elif self._hopeless(leaves):

@@ -134,6 +134,6 @@ def _check_loads(scene: Scene, body: Flags, sorts: NDArray[np.int8]) -> None:
             row = np.argwhere(unlike | (sort == CUT))[0].tolist()
             row.insert(axis, (body.shape[axis] - 1) * upper)
             raise SceneError(
-                f"loads.{number}: an outline cuts cell {row} beside the side it acts on; load a "
-                "side that no outline meets, or take smaller cells"
+                f"loads.{number}: an outline meets the side it acts on, at cell {row}; load a side "
+                'that none meets, or take outline = "cells" for the regions that do'
             )

@@ -108,9 +108,9 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
     [
         ("hohle", plate(region(**DISK)), "did you mean 'hole'"),
         (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), "there is hole"),
-        (kaju.Stress("hole", "xx"), plate(region(**DISK)), "hoop stress along one outline"),
-        (kaju.Deflection("hole"), plate(region(**DISK)), "hoop stress along one outline"),
-        ([HOOP, HOOP], plate(region(**DISK)), "hoop stress along one outline"),
+        (kaju.Stress("hole", "hop"), plate(region(**DISK)), "no 'hop'.*did you mean 'hoop'"),
+        ("left", plate(region(**DISK), sides={"left": "rigid"}), "left is held"),
+        ([HOOP, HOOP], plate(region(**DISK)), "one goal at a time, got 2"),
         (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
         (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),

@@ -65,16 +65,24 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
     along = isinstance(one, str) and (one in named or one not in SIDES)
     first, *more = quantities_of(Stress(str(one), HOOP) if along else goal)
+    at = getattr(first, "at", None)
     known = free if isinstance(first, Deflection) else []
     if isinstance(first, Stress) and first.component == HOOP:
         known = named
-    if more or isinstance(first, Reaction) or first.at not in known:
-        near = suggestion(one, [*named, *free]) if isinstance(one, str) else ""
+    if more or at not in known:
+        near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
+        wrong = f"{brief(goal)} cannot be asked for{near}"
+        if more:
+            wrong = f"one goal at a time, got {len(more) + 1}"
+        elif isinstance(first, Deflection) and at in [*SIDES]:
+            wrong = f"{at} is held, and has no deflection to ask for"
+        elif isinstance(first, Stress) and at in named:
+            wrong = f"no {first.component!r}{suggestion(first.component, [HOOP])} of an outline"
         raise ParameterError(
-            "goal: within true outlines a tolerance is about the energy norm, about the largest "
-            f'hoop stress along one outline, such as Stress("bore", "{HOOP}"), or about the '
-            f"deflection of one free side, got {brief(goal)}{near}; there is "
-            f"{', '.join([*named, *free])}; value_of of the answer gives other quantities, unproved"
+            f"goal: {wrong}; within true outlines a tolerance is about the energy norm, the "
+            f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), or the '
+            f"deflection of one free side; there is {', '.join([*named, *free])}; value_of of the "
+            "answer gives other quantities, unproved"
         )
     return (first,)
 

@@ -27,7 +27,7 @@ from .leaves import LeafCells
 from .opinions import tensors
 
 
-def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
+def loose_parts(mesh: CutMesh, border: Border, body: OutlinedBody) -> Flags:
     """Return which parts of the body nothing holds and nothing loads.
 
     Raises
@@ -40,13 +40,15 @@ def loose_parts(mesh: CutMesh, border: Border, weight: Floats) -> Flags:
     for number in range(count):
         edge, axis = np.nonzero(border.held & (own == number)[:, None])
         points = border.at[edge].reshape(-1, 2) - border.at[edge[:1], 0]
-        if free_motion(rigid_motions(points, np.repeat(axis, 2)), 2):
-            loose[number] = True
-            if weight.any() or border.given[own == number].any():
-                raise SupportError(
-                    "sides: the body, or a part of it that is loaded, could move without "
-                    'straining; hold it by [sides] such as left = "rigid"'
-                )
+        motion = free_motion(rigid_motions(points, np.repeat(axis, 2)), 2)
+        loose[number] = bool(motion)
+        if motion and (body.weight.any() or border.given[own == number].any()):
+            x, y = body.edge * border.at[own == number].mean(axis=(0, 1))
+            part = f"the part of the body round ({x:.3g}, {y:.3g}) m, apart from the rest"
+            raise SupportError(
+                f"sides: the supports do not hold {part if count > 1 else 'the body'}: it could "
+                f'{motion}; hold it by [sides] such as left = "rigid", or join it to what is held'
+            )
     return loose
 
 
@@ -75,7 +77,7 @@ class CutPair:
         (laws, others), self.along = (one[0] for one in bodies), bodies[1][2]
         self.laws = laws, others
         n, size = len(leaves), np.asarray(leaves.size * UNIT, dtype=np.float64)
-        loose = loose_parts(meshes[0], edges[0], body.weight)
+        loose = loose_parts(meshes[0], edges[0], body)
         self.loose = int(loose.sum())
         """Parts of the body that hang on nothing, and bear nothing."""
         self.fitting = CutFitting(meshes[0], edges[0], laws, body.weight, size, loose)

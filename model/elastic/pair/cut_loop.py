@@ -19,7 +19,6 @@ from kaju.model.elastic.goals.quantities import (
     Deflection,
     Goal,
     Quantity,
-    Reaction,
     Stress,
     directions_of,
     quantities_of,

@@ -134,9 +134,8 @@ export class Workshop {
     clearTimeout(this.watch);
     if (this.again) { this.run(); return; }
     Object.assign(this, { result, problem: result.error ? result : null, active: !result.error });
-    this.tell();
     this.pending?.resolve(result.error ? { error: result.error, line: result.line } : result);
-    this.pending = null;
+    this.pending = null; this.tell();
   }
   /** Say how it went; but what a finger draws stays under it. */
   tell() {
@@ -156,16 +155,16 @@ export class Workshop {
     this.field.ariaLabel = t("codeField");
     this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
-    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; page.goal = null; this.code = this.field.value = this.ready[n].code; this.run(); } });
+    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; page.goal = null; this.code = this.field.value = this.ready[n].code; this.run(); page.rebuild(); } });
     const asks = this.ready[this.chosen] && this.ready[this.chosen].code === this.code ? [make("p", { className: "soft", textContent: page.say(this.ready[this.chosen].question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
-    const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
+    const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.pending ? t("solving") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
     const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, out, ...bars, make("div", { className: "editor" }, this.gutter, this.field),
-      make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => { page.goal = null; this.run(); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
+      make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => { page.goal = null; this.run(); this.out.textContent = t("solving"); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
       ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {

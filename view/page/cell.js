@@ -99,7 +99,7 @@ MODES.push({
     if (page.picked >= 0 && page.tooled !== studied(page)) { page.tooled = studied(page); page.refresh(); }
     const size = Math.min(0.32 * w, h), x = wide ? size + 12 : 4;
     page.drawBody({ x: wide ? 0 : -2 * w, y: Math.max(0, (h - size) / 2 - 30), w: size, h: size });
-    if (page.picked >= 0) paintCell(page, { x, y: 6, w: w - x - 8, h: h - (wide ? 64 : 12) });
+    if (page.picked >= 0) paintCell(page, { x, y: wide ? 6 : 28, w: w - x - 8, h: h - (wide ? 64 : 34) });
   },
   key(page, { key }) { return key === "Enter" && page.picked >= 0; },
   press(page, { offsetX, offsetY }) {

@@ -1,6 +1,6 @@
 // Curves over the generations: agents, load on its way, the largest load, and where loads went.
 import { fitted, FONT, paintWord } from "./paint.js";
-import { local, prefixOf, quantity } from "./words.js";
+import { general, local, prefixOf, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
@@ -99,7 +99,8 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   });
   if (!seen) return;
   ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
-  const told = near && lists.length === 2 ? [...new Set([1, 0].map((i) => quantity(lists[i][here], unit)))].join(" – ") : quantity(lists[0][here], unit);
+  const inUnit = (v) => (prefix && v > 1e-3 * factor ? `${general(v / factor, 4)} ${prefix}${unit}` : quantity(v, unit));   // that of the axis
+  const told = near && lists.length === 2 ? [...new Set([1, 0].map((i) => inUnit(lists[i][here])))].join(" – ") : inUnit(lists[0][here]);
   ctx.font = `600 ${FONT}`;                    // over no number of the axis
   paintWord(ctx, told, left ? px + 6 : Math.max(px - 6, x + 2 + ctx.measureText(told).width), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }

@@ -118,7 +118,7 @@ export class Lesson {
     return [low[0], low[1], high[0] - low[0], high[1] - low[1]];
   }
   /** On a phone the part of the body where something happens, as large as it goes. */
-  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < L.shape[1] ? { window: this.window() } : {}; }
+  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < 0.6 * L.shape[1] ? { window: this.window() } : {}; }
   mark(cell, on) {
     const { page, guess, pen } = this, { lattice: L, kinds } = page.run, k = cell && L.key(cell);
     if (!cell || kinds[k] < 0 || (on && guess[k] === pen) || (!on && !(k in guess))) return;
@@ -145,8 +145,8 @@ export class Lesson {
   }
 }
 
-/** What was typed as a number in a unit; of what is counted a word may say what it is. */
-const numberIn = (text, unit) => numberOf(unit ? text.replace(/newtons?$/i, "N") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit);
+/** What was typed as a number in a unit, "α₂ = " before it or not; of what has none, 1/2 and 50 % are 0.5, and a word may say what is counted. */
+const numberIn = (typed, unit, text = typed.replace(/^[^=]*=/, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
@@ -247,7 +247,7 @@ export function lessonSide(page) {
     button("", () => worksheet(page), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
     ...(next ? [button(t(next.word, { step: next.step ? t(`step_${STEPS[next.step]}`) : "" }), next.go, { className: "main" })] : lesson.index ? [button(t("lessons"), () => { location.href = lesson.index; }, { className: "main" })] : []))];
   foot[0].querySelector(".icon").append(icon("print"), make("span", { className: "wide", textContent: t("worksheet") }));
-  return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher, button(t("forget"), () => lesson.forget(), { className: "small" }))], foot };
+  return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
 }
 
 function questionCards(lesson, q) {
@@ -276,8 +276,8 @@ function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v);
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(/\d/.test(text) && asked ? "notIn" : "noNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, "").length, near = digits && Number(field.answer.toPrecision(digits)) === v;   // rounded well, but too far
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(/\d/.test(text) && asked ? "notIn" : "noNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };

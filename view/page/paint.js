@@ -258,7 +258,7 @@ export function fillRimmed({ r }, px, py, n, colour, light) {
   for (let i = 0; i < n; i++) { mx += px[i] / n; my += py[i] / n; wide = Math.max(wide, Math.hypot(px[i] - px[0], py[i] - py[0])); }
   SHEET.fill(px, py, n, shade(colour, wide > 9 * r ? 0.76 * light : light));
   if (wide <= 9 * r) return;
-  const s = 1 - Math.SQRT2 * r / wide, qx = Float64Array.from(px, (x) => mx + s * (x - mx)), qy = Float64Array.from(py, (y) => my + s * (y - my));
+  const s = 1 - Math.SQRT2 * r / wide, qx = Float64Array.from(px, (x) => 0.01 + mx + s * (x - mx)), qy = Float64Array.from(py, (y) => 0.01 + my + s * (y - my));   // on no middle of a pixel, where the last bit would decide
   SHEET.fill(qx, qy, n, shade(colour, light));
 }
 

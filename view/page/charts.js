@@ -71,7 +71,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   ctx.strokeStyle = inks.soft; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x, y + h); ctx.lineTo(x + w, y + h); ctx.stroke();
   ctx.textBaseline = "top";
   const whole = over.every(Number.isInteger);
-  ticksOf(first, first + reach, Math.max(2, Math.min(5, w / (axis ? 45 : 30)))).filter((v) => !whole || Number.isInteger(v)).forEach((at, n, { length }) => {
+  ticksOf(first, first + reach, Math.max(2, Math.min(5, w / Math.max(axis ? 45 : 30, 14 + ctx.measureText(`${Math.round((first + reach) / unitAt)}`).width)))).filter((v) => !whole || Number.isInteger(v)).forEach((at, n, { length }) => {
     const text = local(`${Number((at / unitAt).toPrecision(6))}${axis && n === length - 1 ? ` ${prefixAt}${axis}` : ""}`), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
     ctx.textAlign = close ? "right" : "center"; ctx.fillText(text, close ? x + w : X(at), y + h + 4);
   });

@@ -113,12 +113,12 @@ export class Lesson {
   }
   /** The cells in which something is guessed or happens, with two more around: [x, y, columns, rows]. */
   window() {
-    const { run: { lattice: L }, scene } = this.page, found = this.compared(this.question?.until ?? Infinity);
+    const { run: { lattice: L }, scene } = this.page, found = this.compared(this.question?.until || Infinity);
     const cells = [...found.hit, ...found.miss, ...found.false].map((k) => L.cell(k)).concat(scene.loads.map((l) => l.cell)), low = [0, 1].map((a) => Math.max(0, Math.min(...cells.map((c) => c[a])) - 2)), high = [0, 1].map((a) => Math.min(L.shape[a], Math.max(...cells.map((c) => c[a])) + 3));
     return [low[0], low[1], high[0] - low[0], high[1] - low[1]];
   }
   /** On a phone the part of the body where something happens, as large as it goes. */
-  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < 0.6 * L.shape[1] ? { window: this.window() } : {}; }
+  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < 0.5 * L.shape[1] ? { window: this.window() } : {}; }
   mark(cell, on) {
     const { page, guess, pen } = this, { lattice: L, kinds } = page.run, k = cell && L.key(cell);
     if (!cell || kinds[k] < 0 || (on && guess[k] === pen) || (!on && !(k in guess))) return;
@@ -267,7 +267,7 @@ function questionCards(lesson, q) {
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
   const { page: { t } } = lesson, given = lesson.answers[q.key], label = q.kind === "cells" ? t("surprise") : t("yourAnswer");
-  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(q.draws ? "drawOrSay" : "inWords"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(q.draws ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
   return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area];
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -151,7 +152,8 @@ class MaterialAgent(PlacedAgent):
         for load in loads:
             before = self.kept
             self.take(load)
-            if not is_number(self.kept):
+            plain = type(self.kept) is float and -inf < self.kept < inf  # seen at once
+            if not plain and not is_number(self.kept):
                 raise engine.guard.wrong(self, "take", f"has kept {brief(self.kept)} N")
             kept = self.kept - before
             squeezed[engine.axis_of[load[0]]] += kept if load[3] == "push" else -kept

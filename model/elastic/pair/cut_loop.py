@@ -19,6 +19,7 @@ from kaju.model.elastic.goals.quantities import (
     Deflection,
     Goal,
     Quantity,
+    Reaction,
     Stress,
     directions_of,
     quantities_of,
@@ -68,7 +69,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection
     known = free if isinstance(first, Deflection) else []
     if isinstance(first, Stress) and first.component == HOOP:
         known = named
-    if more or at not in known:
+    if more or isinstance(first, Reaction) or at not in known:
         near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
         wrong = f"{brief(goal)} cannot be asked for{near}"
         if more:

@@ -106,6 +106,10 @@ def _crossings(lines: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         t, s = (cross(c - a, run) / cross(b - a, d - c) for run in (d - c, b - a))
     on = (t > 0.0) & (t < 1.0) & (s > 0.0) & (s < 1.0)
+    # lines that meet at an end, hardly turned, cross at it, wherever rounding puts the place
+    for p, q, one, other in ((a, b, c, d), (c, d, a, b)):
+        off = np.abs(cross(np.stack([one, other]) - p, q - p)).min(axis=0)
+        on &= off > 2.0 / GRID * np.hypot(*(q - p).T)
     return snapped(a[on] + t[on, None] * (b - a)[on])
 
 

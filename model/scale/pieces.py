@@ -123,8 +123,8 @@ class PiecedResult(BodyResult):
         for piece, here in self._pieces_of(cells):
             local = points[here] / self.grid.lattice.cell_size - cells[here]
             inside = cells[here] - np.array(piece.lower)
-            nodes, middles = piece.nodes["displacement"], piece.cells["displacement"]
-            found[here] = fields.displaced_at(nodes, middles, inside, np.clip(local, 0.0, 1.0))
+            nodes = piece.nodes["displacement"]
+            found[here] = fields.at_nodes(nodes, inside, np.clip(local, 0.0, 1.0))
         return found
 
     def stress_at(self, points: Floats) -> Floats:

@@ -162,8 +162,7 @@ class CellAgents(OnCells):
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
-        middles = fields.cell_means(self.problem, self.solution.displacement)
-        return fields.displaced_at(self.corner_displacement, middles, *self._within(points, cells))
+        return fields.at_nodes(self.corner_displacement, *self._within(points, cells))
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""

@@ -138,17 +138,14 @@ def _mean_along(values: Floats, axis: int) -> Floats:
     return np.asarray(0.5 * (low + high))
 
 
-def displaced_at(nodes: Floats, middles: Floats, cells: Ints, local: Floats) -> Floats:
-    """Interpolate between the nodes of the cell that each point lies in, through its middle."""
+def at_nodes(nodes: Floats, cells: Ints, local: Floats) -> Floats:
+    """Interpolate linearly between the nodes of the cell that each point lies in."""
     # `local` is the place within the cell, 0 to 1 along every axis.
     total: Floats = np.zeros((len(cells), nodes.shape[-1]))
-    off = middles[tuple(cells.T)]
     for corner in product((0, 1), repeat=cells.shape[1]):
         weight = np.prod(np.where(corner, local, 1.0 - local), axis=1)
-        at = nodes[tuple((cells + corner).T)]
-        total += weight[:, None] * at
-        off = off - at / 2.0 ** cells.shape[1]
-    return np.asarray(total + np.prod(4.0 * local * (1.0 - local), axis=1)[:, None] * off)
+        total += weight[:, None] * nodes[tuple((cells + corner).T)]
+    return total
 
 
 def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Ints, local: Floats) -> Floats:

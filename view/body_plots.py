@@ -90,11 +90,13 @@ def applied_text(scene: Scene, stage: int | None, applied: AppliedLoads | Arrows
     total = float(np.linalg.norm(applied.force, axis=1).sum())
     if total == 0.0:
         return []
-    told, where = quantity(total, "N"), ""
-    now, given = stage or scene.stages, [one for one in scene.loads if one.couple is not None]
-    # of the steps that a load takes
-    turned = [np.linalg.norm(one.couple or 0.0) * min(now / one.steps, 1.0) for one in given]
-    if turned:  # by forces that cancel
+    told, where, now = quantity(total, "N"), "", stage or scene.stages
+    turned = [  # by forces that cancel
+        np.linalg.norm(load.couple) * min(now / load.steps, 1.0)
+        for load in scene.loads
+        if load.couple is not None
+    ]
+    if turned:
         told = " and ".join(f"a couple of {quantity(float(one), 'N m')}" for one in turned)
         resultant = float(np.linalg.norm(applied.force.sum(axis=0)))
         if resultant > 1e-9 * total:

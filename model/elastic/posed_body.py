@@ -69,9 +69,9 @@ class PosedBody:
     @cached_property
     def sharp(self) -> Ints:
         """The unit cells round points at which stress is singular; none in space."""
-        corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
         if self.dimension == 3:
             return np.empty((0, 3), dtype=np.int64)
+        corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
     def beyond(self, side: int) -> tuple[Floats, float]:

@@ -81,11 +81,9 @@ class CutAgents(PairAgents):
     @cached_property
     def moved(self) -> Floats:
         """Displacement of the agents' middles, beyond the body that of what is near."""
-        return self.opinions.fitting.displacement_at(np.arange(self.count), self._middles_of)
-
-    @property
-    def _middles_of(self) -> Floats:
-        return np.asarray((self.leaves.lower + 0.5 * self.leaves.size[:, None]) * UNIT)
+        return self.opinions.fitting.displacement_at(
+            np.arange(self.count), self.leaves.middle * UNIT
+        )
 
     @property
     def _border(self) -> Border:
@@ -171,7 +169,7 @@ class CutAgents(PairAgents):
             found += zip(middle, own, pull, strict=True)
         if self.ground.weight.any():
             area = self.opinions.area[1]
-            centre = (area[:, None] * self._middles_of).sum(axis=0) / area.sum()
+            centre = (area[:, None] * self.leaves.middle * UNIT).sum(axis=0) / area.sum()
             found.append((centre, self.ground.weight * area.sum(), True))
         place, force, pull = (np.array([one[k] for one in found]) for k in range(3))
         size = np.linalg.norm(force, axis=1)
@@ -206,7 +204,7 @@ class CutAgents(PairAgents):
         """Return the displacement at points (m), beside the body that of what is near."""
         leaf, places = self._leaf(points), points / self.ground.edge
         if (beyond := leaf < 0).any():
-            leaf[beyond] = cKDTree(self._middles_of).query(places[beyond])[1]
+            leaf[beyond] = cKDTree(self.leaves.middle * UNIT).query(places[beyond])[1]
         return self.opinions.fitting.displacement_at(leaf, places)
 
     def stress_at(self, points: Floats, cells: Ints | None = None) -> Floats:

@@ -287,10 +287,9 @@ class _Peak:
         self._off = max(1.0 / 3.0 * abs(self._value - before), along.apart(at), kept)
         self._error = self._off / largest
         size = pair.leaves.size * UNIT
-        middle = (pair.leaves.lower + 0.5 * pair.leaves.size[:, None]) * UNIT
         # elsewhere it may be as large, as all round a pressed bore
         rows = np.flatnonzero(np.abs(along.moved) >= abs(self._value) - 2.0 * self._off)
-        away, nearest = cKDTree(along.place[rows]).query(middle)
+        away, nearest = cKDTree(along.place[rows]).query(pair.leaves.middle * UNIT)
         # within so many edges of the agent at the peak all are as near
         away = np.maximum(away, 1.5 * size[along.leaf[rows[nearest]]])
         return self._aimed(np.sqrt(pair.shares) * size**2 / away**3, often)

@@ -79,6 +79,11 @@ class LeafCells:
         """Upper corners (units). Shape (n, dimension)."""
         return np.asarray(self.lower + self.size[:, None])
 
+    @property
+    def middle(self) -> Floats:
+        """Middles (units). Shape (n, dimension)."""
+        return np.asarray(self.lower + 0.5 * self.size[:, None])
+
     def find(self, points: Ints) -> Ints:
         """Return the leaf that holds each unit cell, -1 where there is none."""
         # Coordinates beyond the array have more digits than a code holds, or a sign.

@@ -181,8 +181,7 @@ class Opinions(Fitting):
 
     def _of_body_forces(self, before: Opinions, parent: Ints) -> Floats:
         """Return phi of the even stress of children where one grows within their parents."""
-        middles = [one.leaves.lower + 0.5 * one.leaves.size[:, None] for one in (before, self)]
-        away = (middles[1] - middles[0][parent]) / self.body.cell
+        away = (self.leaves.middle - before.leaves.middle[parent]) / self.body.cell
         even = -before.sides.body[parent] / before.size[parent, None] ** 2 * away
         side, traction = np.arange(4), np.zeros((len(parent), 4, 2, 2))
         push = even[:, side // 2] * self.size[:, None]

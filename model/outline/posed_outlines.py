@@ -175,12 +175,8 @@ class OutlinedBody:
 
     def _outline_load(self, number: int, unit: float) -> LoadedOutline:
         """Return what a load does along an outline; refuse an outline that cannot be loaded."""
-        load, where, regions = (
-            self.asked.loads[number],
-            f"loads.{number}.outline",
-            self.true.regions,
-        )
-        name = str(load.outline)
+        load, where = self.asked.loads[number], f"loads.{number}.outline"
+        regions, name = self.true.regions, str(load.outline)
         which = [region.name for region in self.asked.body.regions].index(name)
         check_alone(regions, which, f"{where}: {name!r}", "load")
         region = regions[which]

@@ -91,10 +91,8 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     given = ~held & ~((bed > 0.0)[:, None] & across)
     load, inside, leaf, rest = body.forces(leaves)
     law = moduli_at(body.moduli, leaves.kind)
-    lost, ragged = (
-        data_error(leaf, rest, leaves.size / body.cell, law, d),
-        np.unique(leaf[rest > 0.0]),
-    )
+    lost = data_error(leaf, rest, leaves.size / body.cell, law, d)
+    ragged = np.unique(leaf[rest > 0.0])
     own = load[mesh.owner, mesh.side]
     straight = np.where(held, own[:, 0], 0.0)
     load[mesh.owner, mesh.side] = np.where(held[:, None], 0.0, own)

@@ -135,7 +135,7 @@ def _write_gif(shown: Iterator[Image.Image], path: Path, fps: float, hold: float
     most = [part for _, colour in sorted(counted, reverse=True)[:64] for part in colour]
     covering = sheet.quantize(192, Image.Quantize.MAXCOVERAGE).getpalette() or []
     palette = Image.new("P", (1, 1))
-    palette.putpalette(most + covering)
+    palette.putpalette((most + covering)[:768])  # of older Pillow covering has zeros behind
     sheet = sheet.quantize(palette=palette, dither=Image.Dither.NONE)
     tops = range(0, height * len(images), height)
     first, *rest = (sheet.crop((0, top, width, top + height)) for top in tops)

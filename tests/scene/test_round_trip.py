@@ -41,7 +41,7 @@ sides = st.dictionaries(
     st.sampled_from(["left", "right", "top"]),
     st.sampled_from(["rigid", "free", "roller", {"stiffness": 1e7}, {"displacement": [1e-5, 0.0]}]),
 )
-elements = st.builds(ThreeElement, K_f=st.floats(1.0, 1e9), D_f=st.floats(0.0, 1e9))
+elements = st.builds(ThreeElement, K_f=st.floats(1.0, 1e9), D_f=st.just(0.0) | st.floats(1e-9, 1e9))
 materials = st.builds(
     Material,
     name=st.just("a b"),

@@ -251,7 +251,8 @@ def near_others(mesh: CutMesh, size: Floats, free: Flags) -> tuple[Ints, Ints]:
     # beyond all vertices stands one from which others start, rather those that are not free
     every, last = np.arange(n), np.full(n, n)
     weight = np.concatenate([length[short], np.where(free, 1e300, 1e-300)])
-    a, b = np.concatenate([mesh.ends[short], np.column_stack([every, last])]).T
+    pairs = np.concatenate([mesh.ends[short], np.column_stack([every, last])])
+    a, b = pairs.T.astype(np.int32)  # older SciPy takes no other
     tree = minimum_spanning_tree(sp.csr_array((weight, (a, b)), shape=(n + 1, n + 1)))
     above = breadth_first_order(tree, n, directed=False)[1][:n]
     child = np.flatnonzero(above < n)

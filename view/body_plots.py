@@ -121,7 +121,7 @@ def draw_forces(
         arrows, notes = force_arrows(scene, applied, rows), applied_text(scene, stage, applied)
     else:
         arrows = section.curves.arrows
-        notes = applied_text(scene, stage, arrows)
+        notes = applied_text(section.curves.asked, stage, arrows)
     force, place = section.in_plane(arrows.force), section.in_plane(arrows.place)
     size = np.linalg.norm(force, axis=1)
     seen = size > 1e-9 * size.max(initial=0.0)

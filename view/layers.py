@@ -57,7 +57,7 @@ def _curves_of(result: ElasticResult) -> TrueLines | None:
     found, joints = result.found, np.empty((0, 2, 2))
     if len(result.scene.cell_materials) > 1:
         joints = found.ground.edge * np.concatenate(found.opinions.along)
-    return TrueLines(found.rings(), joints, Arrows(*found.arrows()))
+    return TrueLines(found.rings(), joints, Arrows(*found.arrows()), result.scene)
 
 
 def small_agents(result: ElasticResult) -> tuple[Floats, Floats, bool]:

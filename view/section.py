@@ -77,6 +77,7 @@ class TrueLines(NamedTuple):
     """Closed lines (m) that hold it on their left, and how they move (m)."""
     joints: Floats  # lines (m) along which materials meet, shape (n, 2, 2)
     arrows: Arrows
+    asked: Scene  # the body that was described, with its loads
 
     def clip(self, drawn: PolyCollection, factor: float = 0.0) -> None:
         """Show of what is drawn what lies within the body, moved times a factor."""

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import SceneError
+from kaju.errors import SceneError, SingularPlaceError
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
@@ -81,8 +81,9 @@ class OutlinedBody:
 
     Lengths are in edges of the first agents, the first material's Young's modulus is 1. `true` is
     the body, of which `shape` first agents stand along x and y, `edge` (m) large; sides hold along
-    the axes `held`; on `sides` there act a force, a further one on a unit of length, and a couple,
-    in a row; `outlines` are loaded; `weight` is the force on a unit of area.
+    the axes `held`; on `sides` there act a force, a further one on a unit of length, how this grows
+    along the side across it, and a couple, in a row; `outlines` are loaded; `weight` is the force
+    on a unit of area.
     """
 
     dimension: ClassVar[int] = 2
@@ -119,7 +120,7 @@ class OutlinedBody:
     def _load(self, modulus: float) -> None:
         """Collect the loads: forces over edges, stresses as strains of the modulus."""
         scene, unit = self.asked, modulus * self.asked.thickness * self.edge
-        sides = {str(load.side): np.zeros(5) for load in scene.loads if load.side is not None}
+        sides = {str(load.side): np.zeros(6) for load in scene.loads if load.side is not None}
         outlines: list[LoadedOutline] = []
         for number, load in enumerate(scene.loads):
             if load.outline is not None:
@@ -130,9 +131,13 @@ class OutlinedBody:
                     )
             elif load.pressure is not None:
                 axis, upper = SIDES[str(load.side)]
-                sides[str(load.side)][2 + axis] -= load.pressure / modulus * (1 if upper else -1)
+                inward = (-1 if upper else 1) / modulus
+                slope = np.array(load.pressure_slope or (0.0, 0.0))
+                there = load.pressure + slope[axis] * scene.lattice.extent[axis] * upper
+                sides[str(load.side)][2 + axis] += inward * there
+                sides[str(load.side)][4] += inward * slope[1 - axis] * self.edge
             elif load.couple is not None:
-                sides[str(load.side)][4] += float(np.sum(load.couple)) / unit / self.edge
+                sides[str(load.side)][5] += float(np.sum(load.couple)) / unit / self.edge
             else:
                 sides[str(load.side)][:2] += np.array(load.force) / unit
         weight = np.zeros(2)
@@ -153,24 +158,28 @@ class OutlinedBody:
         self.outlines = [replace(one, stress=one.stress / strain) for one in outlines]
         self.weight = weight / strain
         for side in SIDES:
-            self._check_cusps(side)
+            self.check_cusps(side)
 
-    def _check_cusps(self, side: str) -> None:
+    def check_cusps(self, side: str, goal: bool = False) -> None:
         """Refuse loads where an outline touches a free side from within: they bend a tip there.
 
         It gets as thin as the square of the distance, so the energy of a load there has no limit.
+        The deflection of a side is the work of a load on it.
         """
         pushed = {one.region for one in self.outlines if one.stress.any()}
         for number, region in enumerate(self.true.regions if side not in self.held else ()):
             for line, inward in zip(region.lines, region.inward, strict=True):
                 # The body is round this line, and not within it.
-                round_it = inward == region.solid and (number in pushed or side in self.sides)
+                round_it = inward == region.solid and (
+                    goal or number in pushed or side in self.sides
+                )
                 if round_it and line.touches(self.shape, *SIDES[side]):
                     name = self.asked.body.regions[number].name or f"regions.{number}"
-                    raise SceneError(
-                        f"loads: the outline of {name!r} touches the side {side!r}, where the body "
-                        "gets infinitely thin, and a load acts there, whose energy has no limit; "
-                        "let the outline cross the side, or keep away from it"
+                    acts = "a deflection of this side needs a load" if goal else "a load acts"
+                    raise (SingularPlaceError if goal else SceneError)(
+                        f"{'goal' if goal else 'loads'}: the outline of {name!r} touches the side "
+                        f"{side!r}, where the body gets infinitely thin, and {acts} there, whose "
+                        "energy has no limit; let the outline cross the side, or keep away from it"
                     )
 
     def _outline_load(self, number: int, unit: float) -> LoadedOutline:
@@ -206,7 +215,7 @@ class OutlinedBody:
         found, own = copy(self), {} if alone else self.sides
         if alone:
             found.outlines, found.weight = [], np.zeros(2)
-        found.sides = own | {side: own.get(side, np.zeros(5)) + np.append(force, np.zeros(3))}
+        found.sides = own | {side: own.get(side, np.zeros(6)) + np.append(force, np.zeros(4))}
         return found
 
     @property

@@ -199,10 +199,9 @@ class Region(_Shaped):
         if np.any(upper <= lower):
             raise SceneError(f"{where}: has no extent; its corners lie on one line")
         if np.any(upper < 0.0) or np.any(lower > np.asarray(lattice.extent)):
-            raise SceneError(
-                f"{where}: lies outside the array, which goes from 0 to "
-                f"{[float(f'{edge:.6g}') for edge in lattice.extent]} m"
-            )
+            ends = ([float(f"{x:.6g}") for x in at] for at in (lower, upper, lattice.extent))
+            told = "it goes from {} to {} m, the array from 0 to {} m".format(*ends)
+            raise SceneError(f"{where}: lies outside the array: {told}")
         return shape
 
 

@@ -493,9 +493,9 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         yield moved and scene.loads, f"{where}; leave the loads out"
     for number, load in enumerate(scene.loads):
         several = isinstance(load.couple, tuple) and len(load.couple) > 1
-        told = f"loads.{number}.couple: one number (N m) on a side is needed"
-        yield several or (load.couple is not None and not load.side), told
-        for key in ("cell", "point", "region", "pressure_slope", *(("couple",) if solid else ())):
+        yield several, f"loads.{number}.couple: one number (N m) on a side is needed"
+        uneven = [key for key in ("couple", "pressure_slope") if solid or not load.side]
+        for key in ("cell", "point", "region", *uneven):
             told = "load a side or an outline by a force or a pressure"
             yield getattr(load, key) is not None, f"loads.{number}.{key}: {told}"
         yield solid and load.outline is not None, f"loads.{number}.outline: load a side"

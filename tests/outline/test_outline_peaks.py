@@ -116,6 +116,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
         (HOOP, plate(region(**DISK), region(name="b", box=[[0, -1], [1, 3]])), "meets the outline"),
         (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),
+        ("top", plate(region(disk={"centre": [9.0, 15.0], "radius": 5.0})), "touches .*'top'"),
         (HOOP, plate(region(**DISK | {"outline": "cells"}), size=4.0), 'outline = "true"'),
     ],
 )

@@ -272,17 +272,13 @@ HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
         ({"loads": [{"outline": "hohle", "pressure": 1.0}]}, "loads.0.outline"),
         ({"loads": [{"cell": [3, 3], "force": [1.0, 0.0]}]}, "loads.0.cell"),
         ({"loads": [{"side": "left", "force": [1.0, 0.0]}]}, "loads.0.side"),
+        ({"loads": [{"outline": "hole", "couple": 1.0}]}, "loads.0.couple"),
         ({"loads": [{"side": "right", "force": [1.0, 0.0], "steps": 2}]}, "loads.0.steps"),
     ],
 )
 def test_what_is_not_proved_is_refused_by_name(change: dict[str, Any], key: str) -> None:
     parts: dict[str, Any] = {
-        "body": {
-            "cell_size": 0.025,
-            "cells": [4, 4],
-            "material": "steel",
-            "regions": [HOLE],
-        },
+        "body": {"cell_size": 0.025, "cells": [4, 4], "material": "steel", "regions": [HOLE]},
         "sides": {"left": "rigid"},
         "loads": [{"side": "right", "force": [1.0, 0.0]}],
     }
@@ -339,9 +335,8 @@ def test_where_agents_run_out_the_best_is_kept(monkeypatch) -> None:
 
 @pytest.mark.parametrize("what", [{"pressure": 1.0}, {"force": [1.0, 0.0]}])
 def test_an_outline_beyond_the_array_takes_no_load(what: dict[str, Any]) -> None:
-    around = {"box": [[-0.01, -0.01], [0.11, 0.11]], "material": "steel", "outline": "true"}
-    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air"}
-    body |= {"regions": [around | {"name": "rim"}]}
+    rim = disk(0.05, 0.05, 0.1, "steel", "rim")
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [rim]}
     loads = [{"outline": "rim"} | what, {"side": "right", "force": [1.0, 0.0]}]
     with pytest.raises(kaju.KajuError, match=r"^loads\.0\."):
         kaju.solve(plate().replace(loads=loads, body=body), tolerance=0.3)

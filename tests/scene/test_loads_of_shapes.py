@@ -80,6 +80,10 @@ def test_a_couple_bends_a_bar_as_a_beam():
     outlined = plate({"side": "top", "couple": 100.0}, cells=(8, 40), regions=[hole])
     goal = solve(outlined, tolerance=0.05, goal="top").goals[0]
     assert abs(goal.value[0] - tip) < goal.error_bound < 0.05 * abs(tip)
+    slope = -12.0 * 100.0 / (0.5 * 0.08**3)  # of the pressure that has this moment
+    water = {"side": "top", "pressure": -0.04 * slope, "pressure_slope": [slope, 0.0]}
+    again = solve(outlined.replace(loads=[water]), tolerance=0.05, goal="top").goals[0]
+    assert again.value == pytest.approx(goal.value, abs=1e-9 * abs(tip))
 
 
 def test_a_couple_in_space_turns_about_its_axis():

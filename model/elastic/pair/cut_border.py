@@ -58,11 +58,12 @@ class Border:
             if name in body.sides:
                 if not on.any():
                     raise UnlikeError(f"{name} has no body to be loaded")
-                force, own, (couple,) = np.split(body.sides[name], [2, 4])
+                force, own, (slope, couple) = np.split(body.sides[name], [2, 4])
                 traction[on] = own + force / length[on].sum()
-                pull = _bent(at[on, :, 1 - axis], length[on], couple)
-                traction[on, axis] += pull.mean(axis=1) * (1 if axis else -1)
-                tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0]) * (1 if axis else -1)
+                pull = _bent(at[on, :, 1 - axis], length[on], couple) * (1 if axis else -1)
+                pull += slope * at[on, :, 1 - axis]
+                traction[on, axis] += pull.mean(axis=1)
+                tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0])
         outline = _outline_of(at, side < 0, along)
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
         for one in body.outlines:

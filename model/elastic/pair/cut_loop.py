@@ -211,6 +211,7 @@ class _Moved:
     def __init__(self, body: OutlinedBody, asked: Deflection, tolerance: float):
         self._body, self._asked, self._tolerance = body, asked, tolerance
         self._ways = directions_of(asked.along, 2)
+        body.check_cusps(str(asked.at), goal=True)
 
     def judge(self, pair: CutPair) -> Judged:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""

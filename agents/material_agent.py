@@ -120,6 +120,7 @@ class MaterialAgent(PlacedAgent):
         self.kind, self.key, self.form = self.engine.seen[cell.coordinate]
         # Over each arm the box there; the engine finds it when something is handed over.
         self.around: list[LoadBox | None] = [None] * len(self.engine.opposite)
+        self._handed: Load | None = None
         self._sent_by: tuple[object, Any] = self.engine.usual[self.kind][self.form]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -152,9 +153,10 @@ class MaterialAgent(PlacedAgent):
         for load in loads:
             before = self.kept
             self.take(load)
-            plain = type(self.kept) is float and -inf < self.kept < inf  # seen at once
-            if not plain and not is_number(self.kept):
-                raise engine.guard.wrong(self, "take", f"has kept {brief(self.kept)} N")
+            plain = type(self.kept) is float and 0.0 <= self.kept < inf  # seen at once
+            if not plain and not (is_number(self.kept) and self.kept >= 0.0):
+                what = f"has kept {brief(self.kept)} N; kept must be a number from 0 upwards"
+                raise engine.guard.wrong(self, "take", what)
             kept = self.kept - before
             squeezed[engine.axis_of[load[0]]] += kept if load[3] == "push" else -kept
             if self.pass_on(load) is not None:  # type: ignore[func-returns-value]
@@ -189,6 +191,10 @@ class MaterialAgent(PlacedAgent):
 
     def pass_on(self, load: Load) -> None:
         """Hand the other shares of a load to the neighbours, unless they are too small."""
+        if load is self._handed:
+            what = "hands one load on twice; call super().pass_on(load) once for a load"
+            raise self.engine.guard.wrong(self, "pass_on", what)
+        self._handed = load
         emissions, (_, magnitude, copies, _) = self.emissions(load), load
         known = type(emissions) is Emissions and emissions.split.get(magnitude)
         sent, ended = known or self.engine.split(self, emissions, magnitude)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from dis import get_instructions
 from inspect import signature, unwrap
 from itertools import islice
 from operator import index
@@ -75,10 +74,10 @@ def _check_call(whose: str, own: Any, usual: Any, cure: str = "") -> None:
 
 
 def every_name(base: type) -> set[str]:
-    """Return the names of a class's attributes, and of those that its `__init__`s set."""
+    """Return the names of a class's attributes, and all that its `__init__`s use."""
     begins = [unwrap(vars(one).get("__init__", one)) for one in base.__mro__]
-    steps = [step for f in begins if isinstance(f, FunctionType) for step in get_instructions(f)]
-    return {*dir(base)} | {step.argval for step in steps if step.opname == "STORE_ATTR"}
+    codes = [begin.__code__ for begin in begins if isinstance(begin, FunctionType)]
+    return set(dir(base)).union(*(code.co_names for code in codes))
 
 
 def _own_names(agent: type, base: type) -> dict[str, Any]:
@@ -164,10 +163,12 @@ class OwnAgents:
         for name, kind in {"material": Material, "shares": Shares, **books}.items():
             if not isinstance(getattr(agent, name), kind):
                 raise self.wrong(agent, name, f"has become {brief(getattr(agent, name))}")
-        known = self.names.get(type(agent), ())
-        for name in [name for name in vars(agent) if known and not hasattr(type(agent), name)]:
-            near = [] if name in known else get_close_matches(name, known, n=1, cutoff=0.85)
-            if near and not name.startswith((near[0], "_")):
+        known = self.names.get(type(agent)) or vars(agent)
+        new = [name for name in vars(agent) if name not in known and not hasattr(type(agent), name)]
+        for name in [name for name in new if name[0] != "_"]:
+            near = get_close_matches(name, known, n=1, cutoff=0.85)
+            unset = near and near[0] in {*declared([type(agent)], State)} - {*vars(agent)}
+            if near and (unset or not name.startswith(near[0])):
                 told = f"has this attribute; did you mean {near[0]!r}? If not, begin it in __init__"
                 raise self.wrong(agent, name, told)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 Sense = Literal["push", "pull"]
@@ -85,8 +84,7 @@ class Neighbourhood(NamedTuple):
     beside: tuple[Lateral, ...]
 
 
-@dataclass(frozen=True)
-class Shares:
+class Shares(NamedTuple):
     """What becomes of a load of 1 N that an agent takes.
 
     Examples

@@ -1,7 +1,5 @@
 """Agents with random shares from a seed: no two cells are alike, and every run is the same."""
 
-from dataclasses import replace
-
 from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
 
 
@@ -10,7 +8,7 @@ class Grain(MaterialAgent):
 
     def __init__(self, model, cell, material, shares):
         forward = float(model.rng.uniform(0.3, 0.7))
-        drawn = replace(shares, forward=forward, friction=0.5 * (1.0 - forward))
+        drawn = shares._replace(forward=forward, friction=0.5 * (1.0 - forward))
         super().__init__(model, cell, material, drawn)
 
 

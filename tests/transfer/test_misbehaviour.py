@@ -1,6 +1,5 @@
 """Agents, boundaries, orders, steps and lattices that answer nonsense: each is told, none hangs."""
 
-from dataclasses import replace
 from itertools import repeat
 from math import inf, nan
 
@@ -66,7 +65,7 @@ def after_take(act):
 
 def sets(**values):
     def begin(self, model, cell, stuff, shares):
-        MaterialAgent.__init__(self, model, cell, stuff, replace(shares, **values))
+        MaterialAgent.__init__(self, model, cell, stuff, shares._replace(**values))
 
     return material(__init__=begin)
 
@@ -93,6 +92,7 @@ REFUSED = {
     "direction a float": each(lambda a, d, s, t: (a, float(d), s, t)),
     "emission of three": each(lambda a, d, s, t: (a, d, s)),
     "attribute misspelt": after_take(lambda self, load: setattr(self, "squezed", 1.0)),
+    "state misspelt": material(broke=State(0), take=lambda self, load: setattr(self, "broken", 1)),
     "emissions None": material(emissions=lambda self, load: None),
     "emissions without end": material(emissions=lambda self, load: repeat(AHEAD)),
     "hands NaN": hands(0, Load(0, nan)),
@@ -100,6 +100,7 @@ REFUSED = {
     "hands over no arm": hands(7, Load(0, 1.0)),
     "hands None": hands(0, None),
     "hides a method": material(waiting=0),
+    "keeps less than nothing": after_take(lambda self, load: setattr(self, "kept", -1.0)),
     "keeps NaN": after_take(lambda self, load: setattr(self, "kept", nan)),
     "forgets its books": after_take(lambda self, load: setattr(self, "taken", [0.0] * 4)),
     "has no material left": after_take(lambda self, load: setattr(self, "material", None)),
@@ -115,6 +116,7 @@ REFUSED = {
     "turns nowhere": wall(lambda self, load, arm: self.turn(load, arm), BoundaryAgent),
     "gives back a row": gives((3, 0.01, "push")),
     "wall remembers": wall(None, type("Wet", (RigidBoundaryAgent,), {"wet": State(0)})),
+    "pass_on twice": passes(lambda self, load: [MaterialAgent.pass_on(self, load) for _ in "ab"]),
     "passes rows on": passes(lambda self, load: self.emissions(load)),
     "gives back inside": material(give_back=lambda self, load, arm: load),
     "rule takes no dimension": {"rule": type("Mine", (PrescribedRule,), {"shares": lambda m: 0})()},

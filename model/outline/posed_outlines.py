@@ -218,13 +218,22 @@ class OutlinedBody:
         found.sides = own | {side: own.get(side, np.zeros(6)) + np.append(force, np.zeros(4))}
         return found
 
-    @property
-    def band(self) -> float:
-        """Largest energy (twice) of a unit of area between both bodies, under a load's stress."""
-        stresses = [one.stress[[0, 1, 0], [0, 1, 1]] for one in self.outlines]
-        return max(
-            (float(s @ self.true.extreme(False).compliance @ s) for s in stresses), default=0.0
-        )
+    def bands(self) -> tuple[Floats, Floats]:
+        """Return what the loads' stress stores (twice) between the polygons of loaded outlines.
+
+        By a unit of area, of each outline, the last of none; and in all, within and beyond the
+        body.
+        """
+        density, softest = np.zeros(len(self.true.regions) + 1), self.true.extreme(False)
+        parts = np.zeros(2)
+        for one in self.outlines:
+            stress, region = one.stress[[0, 1, 0], [0, 1, 1]], self.true.regions[one.region]
+            density[one.region] = stress @ softest.compliance @ stress
+            for line, inward in zip(region.lines, region.inward, strict=True):
+                areas = line.beside(self.shape)
+                # at a hole that bulges outwards the body begins at tangents
+                parts += density[one.region] * areas[:: 1 if region.solid != inward else -1]
+        return density, parts
 
     @property
     def rounding(self) -> float:

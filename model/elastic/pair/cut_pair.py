@@ -92,14 +92,19 @@ class CutPair:
         self.leaves = replace(leaves, kind=number[np.where(number < 0, -1.0, part).argmax(axis=1)])
         fitted, balanced = self.fitting.energies(n), self.balancing.energies(n)
         between = np.maximum(self.area[0] - self.area[1], 0.0)
-        band = body.band * between
-        if body.estimated:  # the weight there counts as its share of all
-            band = band + between / self.area[1].sum() * balanced.sum()
-        self.shares = np.maximum(fitted + balanced - 2.0 * self._crossed() + 2.0 * band, 0.0)
+        own, (within, beyond) = body.bands()
+        # what only one of both bodies has may be loaded along any outline
+        density = np.where(self.area[1] > 0.0, 0.0, own.max())
+        for border, mesh in zip(edges, meshes, strict=True):
+            np.maximum.at(density, mesh.leaf[border.owner], own[border.outline])
+        # the weight there counts as its share of all
+        weighed = between / self.area[1].sum() * balanced.sum() * body.estimated
+        band = density * between + 2.0 * weighed
+        self.shares = np.maximum(fitted + balanced - 2.0 * self._crossed() + band, 0.0)
         self.energies = 0.25 * (fitted + balanced)
         """Of each leaf, half-way between those of both fields."""
-        self.lower = 2.0 * self.fitting.work - float(fitted.sum()) - float(band.sum())
-        self.upper = float(balanced.sum()) + float(band.sum())
+        self.lower = 2.0 * self.fitting.work - float((fitted + weighed).sum()) - beyond
+        self.upper = float((balanced + weighed).sum()) + within
 
     @cached_property
     def bounds(self) -> Bounds:

@@ -12,24 +12,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from itertools import chain, combinations, pairwise, product
+from itertools import combinations, product
 from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 from .problem import ElasticProblem, rim_layer
-from .row_kernels import GHOST, Level, LevelBox
+from .row_kernels import GHOST, Level, LevelBox, add_rows
 from .staggered import modulus_between
 
 Offset = tuple[int, int, int]
 Entry = tuple[int, int, Offset]
 """Two components and the offset from the first's face to the second's."""
+Sums = tuple[Ints, Floats]  # Terms and their weights: see `row_kernels.add_rows`
 
 
 def axes_of(dimension: int) -> tuple[int, ...]:
@@ -49,9 +49,12 @@ def _opposite(offset: Offset) -> Offset:
     return -offset[0], -offset[1], -offset[2]
 
 
-@lru_cache
-def law_entries(dimension: int) -> dict[Entry, list[tuple[int, Offset, int]]]:
-    """Return the finest level's entries: sums of moduli, each with where it lies and its sign."""
+Part = tuple[Entry, float, list[tuple[int, Offset]]]
+"""An entry, how many times what is added: by its number and offset; if both faces told are free."""
+
+
+def _law_parts(dimension: int) -> list[Part]:
+    """Return what the finest level's entries are sums of: moduli, each between two faces."""
     # Rows of the law are C₁₁, C₁₂, and 1 + a + b: the edges between components. Each belongs to a
     # product of two strains, which are sums of faces: component, offset and sign.
     axes, components = axes_of(dimension), range(dimension)
@@ -61,67 +64,71 @@ def law_entries(dimension: int) -> dict[Entry, list[tuple[int, Offset, int]]]:
         shear = [(a, HERE, 1), (a, _moved(HERE, axes[b], -1), -1)]
         shear += [(b, HERE, 1), (b, _moved(HERE, axes[a], -1), -1)]
         energies.append((1 + a + b, shear, shear))
-    found: dict[Entry, list[tuple[int, Offset, int]]] = {}
+    found: list[Part] = []
     for modulus, ours, theirs in energies:
-        for (a, here, sign), (b, there, other_sign) in product(ours, theirs):
+        for (a, here, sign), (b, there, other) in product(ours, theirs):
             x, y, z = (far - near for far, near in zip(there, here, strict=True))
             if a <= b:
-                found.setdefault((a, b, (x, y, z)), []).append((modulus, here, sign * other_sign))
+                places = [(modulus, _opposite(here)), (a, HERE), (b, (x, y, z))]
+                found.append(((a, b, (x, y, z)), sign * other, places))
     return found
 
 
-def _mirrored(entries: tuple[Entry, ...]) -> list[int]:
-    """Return which entries serve a second face of their own component, mirrored."""
-    return [slot for slot, (a, b, way) in enumerate(entries) if a == b and any(way)]
-
-
 @lru_cache
-def coarsening(
-    dimension: int, depth: int
-) -> tuple[tuple[sp.csr_array, ...], tuple[Entry, ...], tuple[Entry, ...]]:
-    """Return the sums, axis by axis, that lead to the level at a depth; finer entries, and its."""
+def coarsening(dimension: int, depth: int) -> tuple[list[Sums], tuple[Entry, ...]]:
+    """Return the sums, axis by axis, that lead to the level at a depth, and its entries."""
     if depth > 3:
         return coarsening(dimension, 3)  # From there on all levels are alike.
-    finer: tuple[Entry, ...] = ()
-    entries = tuple(law_entries(dimension))
+    parts, reach, steps = _law_parts(dimension), 1, list[Sums]()
     if depth > 1:
-        finer = coarsening(dimension, depth - 1)[2]
-        back = [(*finer[slot][:2], _opposite(finer[slot][2])) for slot in _mirrored(finer)]
-        entries = (*finer, *back)
-    steps = []
+        entries, reach = coarsening(dimension, depth - 1)[1], 2
+        parts = _parts(entries)
+        for slot, (a, b, way) in enumerate(entries):
+            if a == b and any(way):  # It serves a second face of its own component, mirrored.
+                parts.append(((a, b, _opposite(way)), 1.0, [(slot, _opposite(way))]))
     for axis in axes_of(dimension):
-        step, entries = _step(dimension, axis, entries)
-        steps.append(step)
-    return tuple(steps), finer, entries
+        sums, entries = _step(dimension, axis, parts, reach)
+        steps.append(sums)
+        parts, reach = _parts(entries), 0
+    return steps, entries
+
+
+def _parts(entries: tuple[Entry, ...]) -> list[Part]:
+    """Return entries as what they are themselves."""
+    return [(entry, 1.0, [(slot, HERE)]) for slot, entry in enumerate(entries)]
 
 
 def _step(
-    dimension: int, axis: int, entries: tuple[Entry, ...]
-) -> tuple[sp.csr_array, tuple[Entry, ...]]:
+    dimension: int, axis: int, parts: list[Part], reach: int
+) -> tuple[Sums, tuple[Entry, ...]]:
     """Return the sums that coarsen one axis, and the entries that they make."""
     # Weights of a coarse face for fine ones, by their distance from twice its place: along its
-    # normal, and across it. Columns are the entries at distance -1, then those at 0, 1 and 2.
+    # normal, and across it.
     normal, across = {-1: 0.5, 0: 1.0, 1: 0.5}, {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
-    axes, found = axes_of(dimension), []
-    for slot, (a, b, way) in enumerate(entries):
+    axes, found = axes_of(dimension), list[tuple[Entry, list[float]]]()
+    for (a, b, way), times, places in parts:
         ours, theirs = (normal if axes[c] == axis else across for c in (a, b))
         for fine, other in product(ours, theirs):
-            between = fine + way[axis] - other
-            if between % 2:
-                continue
+            between, near = fine + way[axis] - other, fine + 1
             new = _moved(way, axis, between // 2 - way[axis])
             # An offset whose first step, up to the axis, is backward is stored the other way.
-            if a != b or not next((step < 0 for step in new[: axis + 1] if step), False):
-                column = (fine + 1) * len(entries) + slot
-                found.append(((a, b, new), column, ours[fine] * theirs[other]))
-    made, columns, weights = zip(*found, strict=True)
-    number = {entry: row for row, entry in enumerate(sorted(set(made)))}
-    rows, shape = [number[entry] for entry in made], (len(number), 4 * len(entries))
-    return sp.csr_array((weights, (rows, columns)), shape=shape), tuple(number)
+            back = a == b and next((step < 0 for step in new[: axis + 1] if step), False)
+            if back or between % 2:
+                continue
+            term = list[int]()
+            for slot, (x, y, z) in places:
+                row = (near + reach + x) * (2 * reach + 1) + reach + y
+                term += row, slot, MARGIN + z
+            if axis == 2:  # There is one row of even places and one of odd ones.
+                term = [0, 2 * term[1] + (near + 1) % 2, (near + 1) // 2]
+            found.append(((a, b, new), [*term, times * ours[fine] * theirs[other]]))
+    number = {entry: row for row, entry in enumerate(sorted({entry for entry, _ in found}))}
+    table = np.array(sorted((number[entry], *term) for entry, term in found))
+    return (table[:, :-1].astype(np.int64), table[:, -1].copy()), tuple(number)
 
 
-TOGETHER = 2**12  # Places of the planes that are coarsened at once, which are two at least
-
+TOGETHER = 8  # Coarse rows made at once: 2 to 16 take as long, a plane twice as long
+MARGIN = 2  # Places at the ends of rows that sums leave out, as they reach beyond
 FIRST = GHOST + 1
 """Place of the body's first cell, behind ghosts; even, so that fine and coarse places match."""
 
@@ -245,44 +252,38 @@ def coarse_level(above: MultigridLevel, depth: int) -> MultigridLevel:
     """Return the next coarser level: the stencil P'AP."""
     fine, cells = above.level, tuple((n + 1) // 2 for n in above.cells)
     d, reach = len(cells), fine.box.reach
-    steps, finer, stencil = coarsening(d, depth)
+    steps, stencil = coarsening(d, depth)
     box, couplings = _coupled(stencil, _box(cells, GHOST, 2))
     (planes, many, length), first, end = box.shape, box.first, box.end
-    rows, entries = np.zeros((planes, many), dtype=np.int64), len(stencil)
+    rows = np.zeros((planes, many), dtype=np.int64)
     # The first row is that of places that are not in use. Memory is taken as rows are written.
-    data, count = np.zeros((1 + planes * many, entries, length)), 1
+    data, count = np.zeros((1 + planes * many, len(stencil), length)), 1
     shared = fine.rows.reshape(fine.box.shape[:2])
-    new = _unlike(shared, first[0], end[0], reach)
-    while new:
-        # Few planes at once: all of them would take far more memory than the level.
-        few = max(2, TOGETHER // prod(fine.box.shape[1:]))
-        together = [p for k, p in enumerate(new[:few]) if p == new[0] + k]
-        new = new[len(together) :]
-        near = shared.take(_made_of(together, reach), 0, mode="wrap")
-        lanes, wanted, places = [0], np.zeros(1, dtype=np.int64), [0]
-        if many > 1:
-            lanes = _unlike(near.T, first[1], end[1], reach)
-            wanted = _made_of(lanes, reach)
-            places = np.searchsorted(wanted, 2 * np.array(lanes) - 5).tolist()
-        at = (
-            range(0, 2 * len(together), 2),
-            places,
-            range(1, 2 * (end[2] - first[2]), 2),
-        )
-        fields = _coefficients(fine, finer, near.take(wanted, 1, mode="wrap"))
-        for axis, step in zip(axes_of(d), steps, strict=True):
-            lines = np.ascontiguousarray(np.moveaxis(fields, (1 + axis, 0), (0, 1)))
-            sums = [step @ lines[k : k + 4].reshape(step.shape[1], -1) for k in at[axis]]
-            sizes = len(sums), step.shape[0], *lines.shape[2:]
-            fields = np.moveaxis(np.reshape(sums, sizes), (0, 1), (1 + axis, 0))
-        made = np.moveaxis(fields, 0, 2).reshape(-1, entries, fields.shape[-1])
-        data[count : count + len(made), :, first[2] : end[2]] = made
-        number = count + np.arange(len(made)).reshape(len(together), -1)
-        which = np.searchsorted(lanes, range(first[1], end[1]), "right") - 1
-        rows[together, first[1] : end[1]] = number[:, which]
-        count += len(made)
+    inverse = fine.inverse.reshape(d, -1, fine.box.shape[2])
+    source = fine.data.reshape(-1, fine.box.entries or inverse.shape[1], inverse.shape[2])
+    # Coarse rows are alike whose fine rows are: those at 2p - 5 to 2p - 2, and all in their reach.
+    span, seen = np.arange(-5 - reach, -1 + reach), dict[bytes, int]()
+    beside = 2 * np.arange(first[1], end[1])[:, None] + span
     for p in range(first[0], end[0]):
-        rows[p] = rows[p] if rows[p].any() else rows[p - 1]
+        near = shared.take(2 * p + span, 0, mode="wrap")
+        windows = np.moveaxis(near.take(beside, 1, mode="wrap"), 1, 0)
+        known = [seen.setdefault(one.tobytes(), len(seen) + 1) for one in windows]
+        rows[p, first[1] : end[1]] = known
+        number, place = np.unique(rows[p], return_index=True)
+        new = place[number >= count]
+        for lanes in (new[k : k + TOGETHER, None] for k in range(0, len(new), TOGETHER)):
+            wanted = np.unique(2 * lanes + span[reach:-reach]) if many > 1 else new
+            around = near.take(wanted[:, None] + np.arange(-reach, reach + 1), 1, mode="wrap")
+            fields = _summed(source, np.moveaxis(around, 1, 0), steps[0], inverse)
+            if many > 1:
+                at = np.searchsorted(wanted, 2 * lanes - 5) + np.arange(4)
+                fields = _summed(fields, at, steps[1], inverse)
+            # Of each entry the even places, then the odd ones.
+            halves = fields.reshape(*fields.shape[:2], -1, 2).swapaxes(2, 3)
+            halves = halves.reshape(len(lanes), -1, halves.shape[3])
+            made, here = data[count : count + len(lanes)], np.arange(len(lanes))[:, None]
+            add_rows(made, halves, halves, here, *steps[-1], first[2], end[2] - first[2])
+            count += len(lanes)
     own = np.moveaxis(data[:count, [stencil.index((a, a, HERE)) for a in range(d)]], 1, 0)
     inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
     level = Level(data[:count].ravel(), inverse.ravel(), couplings, rows.ravel(), box)
@@ -290,43 +291,11 @@ def coarse_level(above: MultigridLevel, depth: int) -> MultigridLevel:
     return MultigridLevel(cells, level, np.zeros(n), np.zeros(n))
 
 
-def _made_of(places: list[int], reach: int) -> Ints:
-    """Return the fine places that make coarse ones, 2p - 5 to 2p - 2, and those these reach."""
-    span = np.arange(-5 - reach, -1 + reach)
-    return np.unique(2 * np.array(places)[:, None] + span)
-
-
-def _unlike(rows: Ints, first: int, end: int, reach: int) -> list[int]:
-    """Return the coarse places, from first to end, that are not made of what the one before is."""
-    near = [rows.take(_made_of([p], reach), 0, mode="wrap") for p in range(first, end)]
-    unlike = [not np.array_equal(*two) for two in pairwise(near)]
-    return [first, *(p for p, new in enumerate(unlike, first + 1) if new)]
-
-
-def _coefficients(level: Level, entries: tuple[Entry, ...], near: Ints) -> Floats:
-    """Return a level's entries on some of its rows, mirrored ones too: (entries, *places)."""
-    # Of planes only those that others within reach surround; in memory planes come first, as they
-    # are summed first. The ends of all axes are 0 or not asked for, so they may be rolled.
-    length, reach, laws = level.box.shape[2], level.box.reach, law_entries(level.box.components)
-    inner, mirrored = slice(reach, len(near) - reach), _mirrored(entries)
-    count, planes = len(entries or laws) + len(mirrored), len(near) - 2 * reach
-    found = np.moveaxis(np.empty((planes, count, near.shape[1], length)), 1, 0)
-    if entries:
-        data = level.data.reshape(-1, len(entries), length)
-        for plane, rows in zip(np.moveaxis(found, 1, 0), near[inner], strict=True):
-            plane[: len(entries)] = data[rows].swapaxes(0, 1)
-        for entry, slot in zip(found[len(entries) :], mirrored, strict=True):
-            *beside, along = entries[slot][2]
-            entry[:] = np.roll(data[np.roll(near, beside, (0, 1))[inner], slot], along, 2)
-    else:
-        inverse = level.inverse.reshape(level.box.components, -1, length)
-        law, around = level.data.reshape(-1, *inverse.shape[1:])[:, near], (0, 1, 2)
-        moves, needed = inverse[:, near] > 0.0, {part[:2] for part in chain(*laws.values())}
-        shifted = {at: np.roll(law[at[0]], at[1], around)[inner] for at in needed}
-        for entry, ((a, b, way), parts) in zip(found, laws.items(), strict=True):
-            whole = sum(sign * shifted[k, here] for k, here, sign in parts)
-            free = moves[a] & np.roll(moves[b], _opposite(way), around)
-            entry[:] = np.where(free[inner], whole, 0.0)
+def _summed(source: Floats, where: Ints, sums: Sums, inverse: Floats) -> Floats:
+    """Return weighted sums of rows of a source: see `row_kernels.add_rows`."""
+    found = np.zeros((len(where), sums[0][-1, 0] + 1, source.shape[2]))
+    where = where.reshape(len(where), -1)
+    add_rows(found, source, inverse, where, *sums, MARGIN, source.shape[2] - 2 * MARGIN)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Compiled loops of multigrid over rows of faces: smoother, residual and transfers.
+"""Compiled loops of multigrid over rows of faces: smoother, residual, transfers and coarse sums.
 
 A *place* is the index of a face or cell in an array with ghosts around it; a vector holds all
 places for one component after the other. Places have three axes, planes × rows × length; a body in
@@ -245,6 +245,29 @@ def take_planes(u, f, g, level, coarse, parity, r, t, steps, back, share):
                         out = along(g, start + low)
                         for j in range(half):
                             out[j] += weight * t[j]
+
+
+@njit(cache=True, fastmath=True)
+def add_rows(out, source, inverse, where, terms, weights, to, n):
+    """Add weighted rows of a source to rows, n places from one on: see `multigrid_levels`."""
+    # A term is the entry it is added to; in which of the rows near, which entry there, and from
+    # which place on. Moduli of the law are added where both faces, told alike, can move.
+    (_, entries, long), (_, many, length) = out.shape, source.shape
+    for row in range(len(where)):
+        near = where[row]
+        for k in range(len(terms)):
+            o, w = along(out, (row * entries + terms[k, 0]) * long + to), weights[k]
+            at, entry, place = near[terms[k, 1]], terms[k, 2], terms[k, 3]
+            if terms.shape[1] == 4:
+                x = along(source, (at * many + entry) * length + place)
+                for j in range(n):
+                    o[j] += w * x[j]
+                continue
+            x = along(source, (entry * many + at) * length + place)
+            v = along(inverse, (terms[k, 5] * many + near[terms[k, 4]]) * length + terms[k, 6])
+            u = along(inverse, (terms[k, 8] * many + near[terms[k, 7]]) * length + terms[k, 9])
+            for j in range(n):
+                o[j] += w * x[j] if (u[j] > 0.0) & (v[j] > 0.0) else 0.0
 
 
 def smooth_and_restrict(

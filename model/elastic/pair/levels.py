@@ -228,7 +228,7 @@ def level_of(
         rows = rows * old.scale[parent[agent]] / blocks.scale[agent, local][:, None]
     alone = first[unknown] < 0
     if alone.any():
-        # Unknowns that no agent has (of cuts and runs) stand last in every generation.
+        # Unknowns that no agent has (of cuts) stand last in every generation.
         rows[alone], columns[alone] = 0.0, old.size - 1
         rows[alone, 0], columns[alone, 0] = 1.0, old.size - (blocks.size - unknown[alone])
     place = np.arange(len(unknown) + 1) * m

@@ -1,10 +1,10 @@
 """What Airy's function phi of a body is along its border, and beyond cuts.
 
-Along a run of free edges phi is a linear function, and what known tractions add up to; along a
-roller the slope across is a constant likewise. Round a hole that bears forces phi takes several
-values: beyond a cut from the hole to the right, vertices have copies, which differ by a linear
-function. It is known if all tractions round the hole are. All other linear functions are unknowns
-that no square or triangle has.
+Along a run of free edges phi is a linear function, and what known tractions add up to: that at the
+end of an edge follows from that at its start. Along a roller the slope across is a constant
+likewise. Round a hole that bears forces phi takes several values: beyond a cut from the hole to the
+right, vertices have copies, which differ by a linear function. It is known if all tractions round
+the hole are; else it is three unknowns that no square or triangle has.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ LINEAR = [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)]
 
 
 def loops_of(start: Ints, end: Ints) -> list[Ints]:
-    """Return the rows of the border's edges in the order of a walk, loop by loop."""
-    row, ends = dict(zip(start.tolist(), range(len(start)), strict=True)), end.tolist()
+    """Return the rows of the border's edges in the order of a walk, loops from first vertices."""
+    order, ends = np.argsort(start), end.tolist()
+    row = dict(zip(start[order].tolist(), order.tolist(), strict=True))
     loops = []
     while row:
         loop, vertex = [], next(iter(row))
@@ -49,7 +50,7 @@ class Rim:
 
 
 class Sheets:
-    """Unknowns of phi: of vertices, copies and edges, three for each cut, those of runs, and one.
+    """Unknowns of phi: of vertices, copies and edges, three for each cut, and one.
 
     Beyond cuts elements see copies of vertices, where phi has jumped: `corner` are the vertices or
     copies at their corners; `base` is the vertex that each is a copy of, and `beyond` tells how
@@ -62,8 +63,7 @@ class Sheets:
         loops = loops_of(start, end)
         self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
         self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
-        self.before = np.arange(len(self.row)) - 1
-        self.before[self.begins] += count
+        self.last = np.cumsum(count) - 1
         self.start, self.end = start[self.row], end[self.row]
         self.rim = Rim(*(column[self.row] for column in vars(rim).values()))
         # Along which edges phi is linear, phi_x is even, phi_y is even, but for what is known.
@@ -74,47 +74,22 @@ class Sheets:
         (ax, ay), (bx, by) = np.moveaxis(self.ends, 2, 1)
         self.hole = np.add.reduceat(ax * by - bx * ay, self.begins) < 0  # clockwise
         self.part = part[self.rim.owner]
-        around = self._grown()
+        around = self._around()
         # Of the sum of all forces: a hole bears none if they are less.
         self._cut(np.abs(around).max(axis=1) > 1e-11 * self.forces)
         self.points = len(self.base)
         self.place = place[self.base]
-        self.jump = self.size = 3 * self.points + edges
-        self.size += 3 * len(self.cuts)
-        self.runs: list[tuple[Ints, Flags]] = []
-        self.component = np.full(self.size, -1)  # of a linear function that unknowns are
-        self.component[: 3 * self.points] = np.tile(np.arange(3), self.points)
-        for k, on in enumerate(self.linear):
-            number, early = self._numbered(on)
-            self.runs.append((self.size + number, early))
-            many = int(number[on].max(initial=-1)) + 1
-            self.component = np.append(self.component, np.full(many, k))
-            self.size += many
+        self.jump = 3 * self.points + edges
         self._close(around)
-        self.one, self.size = self.size, self.size + 1
+        self.one = self.jump + 3 * len(self.cuts)
+        self.size = self.one + 1
 
-    def _numbered(self, on: Flags) -> tuple[Ints, Flags]:
-        """Return the number of the run of every edge, and which run on from their loop's end."""
-        opens = on & ~on[self.before]
-        opens[self.begins[np.logical_and.reduceat(on, self.begins)]] = True
-        number = np.cumsum(opens) - 1
-        early = on & (number < (number + ~opens)[self.begins][self.loop])
-        return number + early * np.add.reduceat(opens, self.begins, dtype=int)[self.loop], early
-
-    def _summed(self, values: Floats | Ints) -> Floats:
-        """Return the sums of values along loops before each edge."""
-        total = np.cumsum(values, axis=0) - values
-        return np.asarray(total - total[self.begins][self.loop])
-
-    def _grown(self) -> Floats:
-        """Add up what is known of phi and its slopes; return that of loops, where they are closed.
-
-        `known` is what they are at the start of each edge, had they been none at its loop's.
-        """
+    def _around(self) -> Floats:
+        """Return what phi and its slopes grow by round loops along which they are all known."""
         growth = self.rim.growth.copy()
-        slope = self._summed(growth[:, 1:])
-        growth[:, 0] += (slope * (self.ends[1] - self.ends[0])).sum(axis=1)
-        self.known, self.growth = np.column_stack([self._summed(growth[:, 0]), slope]), growth
+        # Where a slope has grown phi rises from there to the end of the loop, which is its start.
+        ahead = self.ends[0, self.begins][self.loop] - self.ends[1]
+        growth[:, 0] += (growth[:, 1:] * ahead).sum(axis=1)
         self.forces = float(np.abs(growth[:, 1:]).sum()) or 1.0
         return np.where(self.closed, np.add.reduceat(growth, self.begins), 0.0)
 
@@ -187,12 +162,13 @@ class Sheets:
         copies = np.arange(self.vertices, self.points)
         follow: Entries = [(3 * copies + k, 3 * self.base[copies] + k, 1.0) for k in range(3)]
         follow += self.jumps(copies, self.beyond[copies]) + more
-        along, anchors = self._border(fixed)
-        way, follows = followed(follow + along + self._shut(fixed), size)
-        # A linear function has no stress: one vanishes in every part.
-        some = way[(3 * anchors[:, None] + np.arange(3)).ravel()].tocoo()
-        known = some.col < len(self.component)
-        fixed[some.col[known][(self.component[some.col[known]] == some.row[known] % 3)]] = True
+        way, follows = followed(follow + self._border(fixed) + self._shut(fixed), size)
+        # A linear function has no stress: one vanishes in every part, at the first vertex of its
+        # border, or at those that this one follows.
+        first = 3 * self.start[np.unique(self.part, return_index=True)[1]]
+        some = way[(first[:, None] + np.arange(3)).ravel()].tocoo()
+        same = (some.col < 3 * self.points) & (some.col % 3 == some.row % 3)
+        fixed[some.col[same]] = True
         fixed[self.one] = True
         free = np.flatnonzero(~(follows | fixed))
         known = way @ (np.arange(size) == self.one).astype(np.float64)
@@ -207,46 +183,22 @@ class Sheets:
             entries.append((3 * own + k, self.jump + 3 * cut + by, value))
         return entries
 
-    def _border(self, fixed: Flags) -> tuple[Entries, Ints]:
-        """Say what phi is by the tractions along the border, run by run of its edges.
-
-        Also returned is a vertex of the longest free run of each part, or else any on its border.
-        """
-        start, end, passed = self.start, self.end, self.passed
-        before, around = self._summed(passed), np.add.reduceat(passed, self.begins)[self.loop]
-        total = np.add.reduceat(self.growth, self.begins)[self.loop]
-        first = self.begins[self.loop]
-        # Linear functions count from the middles of their runs.
-        free, (x, y) = np.flatnonzero(self.linear[0]), self.ends.mean(axis=0).T
-        run = np.unique(self.runs[0][0][free], return_inverse=True)[1]
-        weight = np.hypot(*(self.ends[1] - self.ends[0])[free].T)
-        middle, long = np.zeros((2, len(start))), np.zeros(len(start))
-        long[free] = np.bincount(run, weight)[run]
-        for k, along in enumerate((x, y)):
-            middle[k, free] = np.bincount(run, weight * along[free])[run] / long[free]
+    def _border(self, fixed: Flags) -> Entries:
+        """Say what phi is by the tractions along the border: each edge's end follows its start."""
         bent = np.flatnonzero(self.linear.any(axis=0))
         fixed[bulge := 3 * self.points + self.rim.edge[bent]] = True
-        entries = self._as_known(bulge, self.rim.bulge[bent])
+        entries, run = self._as_known(bulge, self.rim.bulge[bent]), self.ends[1] - self.ends[0]
         for k, by in LINEAR:
-            on, (unknown, early) = self.linear[k], self.runs[by]
-            # The first vertex of every edge, and the last one of a run.
-            last = self.before[on[self.before] & ~on]
-            edge = np.concatenate([np.flatnonzero(on), last])
-            vertex = np.concatenate([start[on], end[last]])
-            times = (before + early[:, None] * around)[edge]
-            times[len(edge) - len(last) :] += passed[last]
-            arm = self.place[vertex, by - 1] - middle[by - 1, edge] if by > k else 1.0
-            entries.append((3 * vertex + k, unknown[edge], arm))
-            entries += self.jumps(vertex, times, [(k, by)])
-            known = (self.known + early[:, None] * total)[edge]
-            known[len(edge) - len(last) :] += self.growth[last]
-            if k == by:
-                entries += self._as_known(3 * vertex + k, known[:, k])
-            else:  # those that run on from a loop's end have grown all along it
-                ahead = self.place[vertex, by - 1] - self.ends[0, first[edge], by - 1]
-                entries += self._as_known(3 * vertex, (early * total[:, by])[edge] * ahead)
-        order = np.lexsort((-start, long, self.part))
-        return entries, start[order[np.append(np.diff(self.part[order]) > 0, True)]]
+            on = self.linear[k].copy()
+            on[self.last[self.closed[:, k]]] = False  # else a loop follows itself
+            edge = np.flatnonzero(on)
+            start, end = 3 * self.start[edge] + by, 3 * self.end[edge] + k
+            entries.append((end, start, run[edge, by - 1] if by > k else 1.0))
+            # Within an edge both ends are seen on one sheet.
+            entries += self.jumps(self.end[edge], self.passed[edge], [(k, by)])
+            if by == k:
+                entries += self._as_known(end, self.rim.growth[edge, k])
+        return entries
 
     def _as_known(self, row: Ints, value: Floats) -> Entries:
         some = np.flatnonzero(value)

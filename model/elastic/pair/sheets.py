@@ -36,6 +36,11 @@ def loops_of(start: Ints, end: Ints) -> list[Ints]:
     return loops
 
 
+def begun(loop: Ints, free: Flags) -> Ints:
+    """Return a loop from where its first free run begins, if it has others beside it."""
+    return np.roll(loop, -int(np.argmax(free & ~np.roll(free, 1))))
+
+
 @dataclass(frozen=True, eq=False)
 class Rim:
     """Edges of the border, walked with the body on the left."""
@@ -50,7 +55,7 @@ class Rim:
 
 
 class Sheets:
-    """Unknowns of phi: of vertices, copies and edges, three for each cut, and one.
+    """Unknowns of phi: of vertices, copies, edges, cuts (three each), free runs, and one.
 
     Beyond cuts elements see copies of vertices, where phi has jumped: `corner` are the vertices or
     copies at their corners; `base` is the vertex that each is a copy of, and `beyond` tells how
@@ -60,7 +65,7 @@ class Sheets:
     def __init__(self, place: Floats, corner: Ints, edges: int, part: Ints, rim: Rim) -> None:
         self.place, self.corner, self.vertices = place, corner, len(place)
         start, end = (corner[rim.owner, one] for one in rim.ends.T)
-        loops = loops_of(start, end)
+        loops = [begun(loop, rim.given[loop].all(axis=1)) for loop in loops_of(start, end)]
         self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
         self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
         self.last = np.cumsum(count) - 1
@@ -81,7 +86,10 @@ class Sheets:
         self.place = place[self.base]
         self.jump = 3 * self.points + edges
         self._close(around)
-        self.one = self.jump + 3 * len(self.cuts)
+        opens = self.linear[0].copy()
+        opens[1:] &= ~(self.linear[0, :-1] & (np.diff(self.loop) == 0))
+        self.opens, self.runs = opens, self.jump + 3 * len(self.cuts)
+        self.one = self.runs + int(opens.sum())
         self.size = self.one + 1
 
     def _around(self) -> Floats:
@@ -167,8 +175,8 @@ class Sheets:
         # border, or at those that this one follows.
         first = 3 * self.start[np.unique(self.part, return_index=True)[1]]
         some = way[(first[:, None] + np.arange(3)).ravel()].tocoo()
-        same = (some.col < 3 * self.points) & (some.col % 3 == some.row % 3)
-        fixed[some.col[same]] = True
+        vertex, run = some.col < 3 * self.points, (self.runs <= some.col) & (some.col < self.one)
+        fixed[some.col[run | vertex & (some.col % 3 == some.row % 3)]] = True
         fixed[self.one] = True
         free = np.flatnonzero(~(follows | fixed))
         known = way @ (np.arange(size) == self.one).astype(np.float64)
@@ -198,6 +206,15 @@ class Sheets:
             entries += self.jumps(self.end[edge], self.passed[edge], [(k, by)])
             if by == k:
                 entries += self._as_known(end, self.rim.growth[edge, k])
+        # Free runs count from their middles: so what is symmetric stays so.
+        free, number = self.linear[0], np.cumsum(self.opens) - 1
+        length, at = np.hypot(*run[free].T), self.ends.mean(axis=0)[free]
+        sums = [np.bincount(number[free], length * x) for x in (1.0, *at.T)]
+        first = 3 * self.start[self.opens]
+        entries.append((first, self.runs + number[self.opens], 1.0))
+        for by in (1, 2):
+            arm = self.ends[0, self.opens, by - 1] - sums[by] / sums[0]
+            entries.append((first, first + by, arm))
         return entries
 
     def _as_known(self, row: Ints, value: Floats) -> Entries:

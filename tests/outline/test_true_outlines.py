@@ -53,13 +53,9 @@ def lame(inner: float, outer: float, *, strain: bool = False) -> tuple[float, fl
 
 def plate(radius: float = 0.031, **loaded: Any) -> kaju.Scene:
     """Return a quarter of a plate with a round hole, pulled to the right."""
+    hole = disk(0.0, 0.0, radius, "air", "hole")
     return kaju.Scene(
-        body={
-            "size": [0.1, 0.1],
-            "cells": [4, 4],
-            "material": "steel",
-            "regions": [disk(0.0, 0.0, radius, "air", "hole")],
-        },
+        body={"size": [0.1, 0.1], "cells": [4, 4], "material": "steel", "regions": [hole]},
         materials={"steel": STEEL},
         sides={"left": "roller", "bottom": "roller"},
         **({"loads": [{"side": "right", "force": [1e5, 0.0]}]} | loaded),
@@ -92,13 +88,9 @@ def test_a_plate_with_a_hole_lies_within() -> None:
 @pytest.mark.parametrize(("across", "along"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
 def test_peaks_at_small_holes_are_met(across: float, along: float) -> None:
     hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
+    hole |= {"outline": "true", "name": "hole"}
     wide = kaju.Scene(
-        body={
-            "size": [20.0, 20.0],
-            "cells": [8, 8],
-            "material": "steel",
-            "regions": [hole | {"outline": "true", "name": "hole"}],
-        },
+        body={"size": [20.0, 20.0], "cells": [8, 8], "material": "steel", "regions": [hole]},
         materials={"steel": STEEL},
         sides={"left": "roller", "bottom": "roller"},
         loads=[{"side": "right", "pressure": -1.0}],
@@ -252,6 +244,13 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
 def test_nothing_takes_a_true_outline_for_a_staircase(asked: Any) -> None:
     with pytest.raises(kaju.KajuError):
         asked(ring(0.1, 0.2))
+
+
+def test_an_even_pressure_all_round_is_answered_exactly() -> None:
+    loads = [{"outline": name, "pressure": 1e6} for name in ("bore", "rim")]
+    answer = kaju.solve(ring(0.1, 0.2).replace(loads=loads), tolerance=0.2)
+    truth = 1e12 * (1 - NU) / E * 0.25 * np.pi * (0.2**2 - 0.1**2) * THICKNESS
+    assert answer.energy_bounds == pytest.approx((truth, truth), rel=1e-6)
 
 
 HOLE = disk(0.05, 0.05, 0.02, "air", "hole")

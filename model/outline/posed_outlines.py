@@ -210,12 +210,11 @@ class OutlinedBody:
             raise SceneError(f"{where}: no part of {name!r} lies within the array")
         return found
 
-    def pushed(self, side: str, force: Floats, alone: bool = False) -> OutlinedBody:
-        """Return the body with a further force on a side, or with nothing else."""
-        found, own = copy(self), {} if alone else self.sides
-        if alone:
-            found.outlines, found.weight = [], np.zeros(2)
-        found.sides = own | {side: own.get(side, np.zeros(6)) + np.append(force, np.zeros(4))}
+    def pushed(self, side: str, force: Floats) -> OutlinedBody:
+        """Return the body under nothing but a force on a side."""
+        found = copy(self)
+        found.outlines, found.weight = [], np.zeros(2)
+        found.sides = {side: np.append(force, np.zeros(4))}
         return found
 
     def bands(self) -> tuple[Floats, Floats]:

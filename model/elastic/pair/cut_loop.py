@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf, radians
+from math import inf, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -201,9 +201,9 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
 class _Moved:
     """The mean displacement of a free side, generation by generation, with bounds.
 
-    It is the work of a unit force on that side. With c times this force added to the loads, or
-    taken away, the body stores the energies E+ and E-, and E+ - E- is 2 c times this work. Bounds
-    of both bound it, closest where c is the ratio of the errors under the loads and the force.
+    It is the work of a unit force on that side. With s, e the stresses of both opinions under the
+    loads, and t, z those under the force, this is ((s, t) + (e, z)) / 2 (products are those of the
+    energy) but for half the product of both gaps, as in `goals`.
     """
 
     name = None
@@ -215,19 +215,13 @@ class _Moved:
 
     def judge(self, pair: CutPair) -> Judged:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
-        value, off, part, side = [], [], np.zeros(len(pair.leaves)), str(self._asked.at)
+        value, off, part = [], [], np.zeros(len(pair.leaves))
         for way in self._ways:
-            alone = CutPair(self._body.pushed(side, way, alone=True), pair.leaves)
-            c = float(np.sqrt(pair.shares.sum() / alone.shares.sum()))
-            if not 0.0 < c < inf:
-                c = float(np.sqrt(pair.upper / alone.upper))
-            both = (self._body.pushed(side, sign * c * way) for sign in (1.0, -1.0))
-            more, less = (CutPair(body, pair.leaves) for body in both)
-            low = more.bounds.lower - less.bounds.upper
-            high = more.bounds.upper - less.bounds.lower
-            value.append((low + high) / (4.0 * c))
-            off.append((high - low) / (4.0 * c))
-            part += (more.shares + less.shares) / (8.0 * c)
+            dual = CutPair(self._body.pushed(str(self._asked.at), way), pair.leaves)
+            both = (pair.balancing, dual.balancing), (pair.fitting, dual.fitting)
+            value.append(0.5 * sum(float(np.vdot(one.felt, other.felt)) for one, other in both))
+            off.append(0.5 * sqrt(pair.gap * dual.gap))
+            part += off[-1] * (pair.shares / pair.gap + dual.shares / dual.gap)
         least = SMALL * float(np.abs(pair.fitting.value).max())
         scale = max(float(np.linalg.norm(value)), least)
         no_bound = OF_WEIGHT if self._body.estimated else ""

@@ -103,17 +103,23 @@ class CutPair:
         self.shares = np.maximum(fitted + balanced - 2.0 * self._crossed() + band, 0.0)
         self.energies = 0.25 * (fitted + balanced)
         """Of each leaf, half-way between those of both fields."""
-        self.lower = 2.0 * self.fitting.work - float((fitted + weighed).sum()) - beyond
-        self.upper = float((balanced + weighed).sum()) + within
+        lower = 2.0 * self.fitting.work - float((fitted + weighed).sum()) - beyond
+        upper = float((balanced + weighed).sum()) + within
+        # as far apart as rounding may take them
+        self.lower, self.upper = lower - body.rounding * abs(lower), upper * (1.0 + body.rounding)
+
+    @cached_property
+    def gap(self) -> float:
+        """What both bounds of twice the energy are apart; or the sum of shares, if that is more."""
+        return max(self.upper - self.lower, float(self.shares.sum()))
 
     @cached_property
     def bounds(self) -> Bounds:
-        """What both energies prove, as far apart as rounding may take them."""
-        rounding = self.body.rounding
-        lower, upper = self.lower * (1.0 - rounding), self.upper * (1.0 + rounding)
-        # the gap counts as both energies have it, or as its shares add up, should that be more
-        case = np.array([[0.5 * lower], [0.5 * upper], [0.5 * lower], [upper - lower]])
-        return bounds_of(case, max(upper - lower, float(self.shares.sum())), 0.0)
+        """What both energies prove."""
+        lower, upper = 0.5 * self.lower, 0.5 * self.upper
+        return bounds_of(
+            np.array([[lower], [upper], [lower], [2.0 * (upper - lower)]]), self.gap, 0.0
+        )
 
     def _crossed(self) -> Floats:
         """Return ∫ σ : ε of each leaf, nearly so where the triangles of both fields differ."""

@@ -47,6 +47,7 @@ NEAREST = (
     "agents cannot end where the place ends; the error is that of the nearest box where they "
     "can end"
 )
+TORN = "its support meets another: moved alone it would tear the body"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,47 @@ class Where:
         cell = np.clip(np.floor(place), low, np.maximum(high, low)).astype(np.int64)
         return h * place, cell, weight / weight.sum()
 
+    def within(self, body: PosedBody, section: bool) -> Where:
+        """Return the smallest box round it whose ends agents can have, or a `section` of them."""
+        # Should a goal ask for it, they can end at multiples of this part of a cell.
+        step = max(body.cell // (16 if body.dimension == 2 else 2), body.smallest) / body.cell
+        near, flat = ON_EDGE / step, self.flat if section else None
+        first, last = np.floor(self.lower / step + near), np.ceil(self.upper / step - near)
+        if self.cell is not None:
+            first = np.clip(first, self.cell / step, (self.cell + 1) / step - 1)
+            last = first + 1
+        # The plane of a section is widened to either side that it has.
+        thin = last <= first
+        first[thin] -= 1
+        last[thin] += 1
+        if flat is not None:
+            first[flat] = last[flat] = np.rint(self.lower[flat] / step)
+        return Where(self.scene, self.name, first * step, last * step, flat)
+
+    def aligned(self, leaves: LeafCells, cell: int) -> LeafCells:
+        """Return agents of so many units a cell of which none lies across an end."""
+        while True:
+            low, high, size = leaves.lower / cell, leaves.upper / cell, leaves.size / cell
+            across = (low < self.lower) & (self.lower < high)
+            across |= (low < self.upper) & (self.upper < high)
+            chosen = self._met(low, size) & across.any(axis=1)
+            if not chosen.any():
+                return leaves
+            leaves = leaves.split(chosen)
+
+    def cover(self, leaves: LeafCells, cell: int) -> tuple[Ints, Ints, Floats]:
+        """Return its agents, their sides if it is flat (else -1), and shares of it."""
+        low, size = leaves.lower / cell, leaves.size / cell
+        agent, thick = np.flatnonzero(self._met(low, size)), leaves.dimension
+        if not len(agent):
+            raise ParameterError(f"goal: there is no body at {self.name}")
+        side = np.full(len(agent), -1)
+        if self.flat is not None:
+            side = 2 * self.flat + (low[agent, self.flat] < self.lower[self.flat])
+            thick -= 1
+        share = size[agent] ** thick
+        return agent, side, share / share.sum()
+
     def _met(self, lower: Floats, size: Floats) -> Flags:
         """Tell which agents lie in reach; on top of a section only those with nothing below."""
         upper = lower + size[:, None]
@@ -101,74 +143,6 @@ class Where:
             below[:, axis] = np.ceil(plane) - 1
             met[:, axis] |= top & (self.scene.kinds(below) < 0)
         return np.asarray(met.all(axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class GoalBox:
-    """A box with ends that agents can have; in units."""
-
-    body: PosedBody
-    lower: Ints
-    upper: Ints
-    flat: int | None
-    exact: bool  # Whether it is the place itself
-
-    @classmethod
-    def of(cls, where: Where, body: PosedBody, flat: bool) -> GoalBox:
-        """Return the smallest box round a place; `flat` says whether it may be a section."""
-        # Agents can end at multiples of this part of a cell, should a goal ask for it.
-        step = max(body.cell // (16 if body.dimension == 2 else 2), body.smallest)
-        low, high = where.lower * (body.cell / step), where.upper * (body.cell / step)
-        near = ON_EDGE * body.cell / step
-        first, last = np.floor(low + near), np.ceil(high - near)
-        axis = where.flat if flat else None
-        if axis is not None:
-            first[axis] = last[axis] = np.rint(low[axis])
-        exact = bool(np.all(np.abs(first - low) <= near) and np.all(np.abs(last - high) <= near))
-        exact = exact and where.cell is None and where.flat == axis
-        for along in range(len(first)):
-            if along == axis or last[along] > first[along]:
-                continue
-            # A point, or the plane of a section, is widened to either side that it has.
-            first[along] -= 1 if where.cell is None else 0
-            last[along] += 1
-        if where.cell is not None:
-            ticks = body.cell // step
-            first = np.clip(first, where.cell * ticks, (where.cell + 1) * ticks - 1)
-            last = first + 1
-        lower, upper = (np.asarray(end * step, dtype=np.int64) for end in (first, last))
-        return cls(body, lower, upper, axis, exact)
-
-    def aligned(self, leaves: LeafCells) -> LeafCells:
-        """Return agents of which none lies across an end of the box."""
-        while True:
-            met, within = self._within(leaves)
-            if not (met & ~within).any():
-                return leaves
-            leaves = leaves.split(met & ~within)
-
-    def _within(self, leaves: LeafCells) -> tuple[Flags, Flags]:
-        """Tell which agents the box meets, and which lie within it, or at a section."""
-        low, high, axis = leaves.lower, leaves.upper, self.flat
-        met = (low < self.upper) & (high > self.lower)
-        within = (low >= self.lower) & (high <= self.upper)
-        if axis is not None:
-            plane = self.lower[axis]
-            met[:, axis] = (low[:, axis] <= plane) & (plane <= high[:, axis])
-            within[:, axis] = (low[:, axis] == plane) | (high[:, axis] == plane)
-        return np.all(met, axis=1), np.all(within, axis=1)
-
-    def cover(self, leaves: LeafCells) -> tuple[Ints, Ints, Floats]:
-        """Return the agents in the box, their sides (-1: all of each), and shares of the box."""
-        agent, axis = np.flatnonzero(self._within(leaves)[1]), self.flat
-        side = np.full(len(agent), -1)
-        if axis is not None:  # the sides below a section, or bare ones above
-            below, beyond = leaves.upper[agent, axis] == self.lower[axis], leaves.lower[agent]
-            beyond[:, axis] = self.lower[axis] - 1
-            kept = below | (self.body.kinds_at(beyond) < 0)
-            agent, side = agent[kept], (2 * axis + below)[kept]
-        share = (leaves.size[agent] / self.body.cell) ** (leaves.dimension - (axis is not None))
-        return agent, side, share / share.sum()
 
 
 def where_of(at: Place, scene: Scene) -> Where:
@@ -239,31 +213,38 @@ Found: TypeAlias = "CellAgents | PairAgents"
 class DualGoal(ABC):
     """A quantity of a body; of a scene it can only be read."""
 
-    box: GoalBox | None = None  # Where its dual loads act
     where: Where
+    # If agents spawn: the body, and where on it dual loads act, as near as agents can end
+    body: PosedBody
+    box: Where
     no_bound = ""  # Why nothing is proved of it
 
     def __init__(self, quantity: Quantity, body: PosedBody | Scene) -> None:
         self.quantity = quantity
         self.scene = body if isinstance(body, Scene) else body.scene
+        if isinstance(body, PosedBody):
+            self.body = body
         self.directions = np.ones((1, 1))
         if not isinstance(quantity, Stress):
             self.directions = directions_of(quantity.along, self.scene.lattice.dimension)
         if not isinstance(quantity, Reaction):
             self.where = where_of(quantity.at, self.scene)
             if isinstance(body, PosedBody):
-                self.box = GoalBox.of(self.where, body, isinstance(quantity, Deflection))
-                self.no_bound = "" if self.box.exact else NEAREST
+                self.box = self.where.within(body, isinstance(quantity, Deflection))
+                off = np.abs([self.box.lower - self.where.lower, self.box.upper - self.where.upper])
+                self.no_bound = "" if off.max() <= ON_EDGE else NEAREST
 
     @abstractmethod
-    def loaded(
-        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
-    ) -> list[Sides]:
+    def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
         """Return the body under each component's dual load, by what was found before, if any."""
 
     @abstractmethod
     def read(self, found: Found) -> Floats:
         """Return the quantity of agents."""
+
+    def by_works(self, read: float, works: float, fitted: float, sides: Sides) -> float:
+        """Return a component by the works of its dual load: on the truth, on what fits."""
+        return works
 
     def goal(self, value: Floats, error: float, largest: dict[type[Quantity], float]) -> Goal:
         """Return what has been found, with what its error is relative to."""
@@ -271,22 +252,13 @@ class DualGoal(ABC):
         scale = max(float(np.linalg.norm(value)), least)
         return Goal(self.quantity, tuple(value.tolist()), error, scale, self.no_bound)
 
-    def _cover(self, leaves: LeafCells) -> tuple[Ints, Ints, Floats]:
-        assert self.box is not None
-        cover = self.box.cover(leaves)
-        if not len(cover[0]):
-            raise ParameterError(f"goal: there is no body at {self.where.name}")
-        return cover
-
 
 class Displaced(DualGoal):
     """The mean displacement of a place."""
 
-    def loaded(
-        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
-    ) -> list[Sides]:
+    def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
         """Return the body under a force along each direction, on agents or their sides."""
-        agent, side, share = self._cover(mesh.leaves)
+        agent, side, share = self.box.cover(mesh.leaves, self.body.cell)
         within, out = side < 0, []
         for along in self.directions:
             own, force = sides.at_rest(), share[:, None] * along
@@ -302,6 +274,10 @@ class Displaced(DualGoal):
         place, cell, weight = self.where.points(found)
         return np.asarray(self.directions @ (weight @ found.displacement_at(place, cell)))
 
+    def by_works(self, read: float, works: float, fitted: float, sides: Sides) -> float:
+        """Return the mean; what is held moves besides, without work, and so do all together."""
+        return read + works - fitted
+
 
 class Stressed(DualGoal):
     """The mean stress of a place."""
@@ -314,16 +290,15 @@ class Stressed(DualGoal):
         if self._component is None:
             self.no_bound = "the equivalent stress is no linear quantity, and only such are proved"
 
-    def loaded(
-        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
-    ) -> list[Sides]:
+    def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
         """Return the body under the stress of the strain by which the quantity grows."""
-        agent, _, share = self._cover(mesh.leaves)
+        agent, _, share = self.box.cover(mesh.leaves, self.body.cell)
         strain = np.eye(len(self._pairs))[self._pairs.index(self._component or (0, 0))]
         if self._component is None and found is not None:
             strain = self._slope(found)
-        own, stress = sides.at_rest(), stress_of(np.tile(strain, (len(agent), 1)), law[:, agent])
-        own.even[agent] = (share / size[agent])[:, None] * stress
+        law = np.array([modulus[mesh.leaves.kind[agent]] for modulus in self.body.moduli])
+        own, stress = sides.at_rest(), stress_of(np.tile(strain, (len(agent), 1)), law)
+        own.even[agent] = (share * self.body.cell / mesh.leaves.size[agent])[:, None] * stress
         return [own]
 
     def read(self, found: Found) -> Floats:
@@ -358,20 +333,19 @@ class Supported(DualGoal):
         self._name = quantity.side
         self.support = support_of(quantity.side, self.scene.lattice.sides)
 
-    def loaded(
-        self, mesh: Mesh, sides: Sides, size: Floats, law: Floats, found: Found | None
-    ) -> list[Sides]:
+    def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
         """Return the body with the support moved along each direction, and nothing else."""
         here, d, out = sides.support == self.support, mesh.leaves.dimension, []
         beds = np.flatnonzero(here & (sides.bed > 0.0))
         owner, side = mesh.owner[beds], mesh.side[beds]
+        size = mesh.leaves.size[owner] / self.body.cell
         for along in self.directions:
             own = sides.at_rest()
             own.moved[:] = np.where(here[:, None] & sides.held, along, 0.0)
             if d == 2 and torn(mesh, own).any():
-                own.moved[:] = 0.0
+                own.moved[:], self.no_bound = 0.0, TORN
             # A bed's own movement is a force on the body.
-            push = sides.bed[beds] * size[owner] ** (d - 1) * along[side // 2]
+            push = sides.bed[beds] * size ** (d - 1) * along[side // 2]
             own.load[owner, side, 0, side // 2] = push
             out.append(own)
         return out
@@ -386,6 +360,10 @@ class Supported(DualGoal):
             )
         return np.asarray(self.directions @ reactions[self._name])
 
+    def by_works(self, read: float, works: float, fitted: float, sides: Sides) -> float:
+        """Return the force: beds bear what their movement works, others nothing that is known."""
+        return -works if sides.bed[sides.support == self.support].any() else read - works
+
 
 def goal_of(quantity: Quantity, body: PosedBody | Scene) -> DualGoal:
     """Return a quantity as a goal of a body; of a scene it can only be read."""
@@ -396,9 +374,10 @@ def goal_of(quantity: Quantity, body: PosedBody | Scene) -> DualGoal:
     return Supported(quantity, body)
 
 
-def aligned(goals: list[DualGoal], leaves: LeafCells) -> LeafCells:
-    """Return agents that are as small as the places of goals ask for."""
+def aligned(goals: list[DualGoal], body: PosedBody) -> LeafCells:
+    """Return first agents of a body that are as small as the places of goals ask for."""
+    leaves = body.start()
     for goal in goals:
-        if goal.box is not None:
-            leaves = goal.box.aligned(leaves)
+        if not isinstance(goal, Supported):
+            leaves = goal.box.aligned(leaves, body.cell)
     return leaves.balanced()

@@ -53,7 +53,7 @@ class PairAgents(OnCells):
             self.trees = known[0]
         elif self.whole:
             goals = [goal_of(goal.quantity, body) for goal in self.goals]
-            self.trees = trees_of(aligned(goals, first()), self.generations)
+            self.trees = trees_of(aligned(goals, body), self.generations)
         else:
             self.trees = trees_of(first(), self.generations, whole=False)
         self.scene, self.stage = body.asked, body.stage

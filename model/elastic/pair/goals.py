@@ -25,16 +25,9 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
-from kaju.model.elastic.goals.duals import (
-    Displaced,
-    DualGoal,
-    Supported,
-    aligned,
-    goal_of,
-)
+from kaju.model.elastic.goals.duals import TORN, DualGoal, aligned, goal_of
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.answer import PairAgents
-from kaju.model.elastic.pair.border import torn
 from kaju.model.elastic.pair.gap import ROUNDING
 from kaju.model.elastic.pair.history import Aim, Settled
 from kaju.model.elastic.pair.leaves import LeafCells
@@ -73,7 +66,9 @@ class Goals:
 
     def start(self) -> LeafCells:
         """Return the first agents: as small as the body and the places of the goals ask for."""
-        return aligned(self.goals, self.body.start())
+        if isinstance(self.body, PosedBody):
+            return aligned(self.goals, self.body)
+        return self.body.start()
 
     def aims(self, last: Settled | None) -> list[Aim]:
         """Return what lays dual loads on the next generation."""
@@ -127,19 +122,20 @@ def _told(
     """Return the answer, what agents add to its relative error, and what rounding does."""
     apart = found.by_agent((own[0] - own[1]) ** 2)
     gap, value, largest = float(apart.sum()), goal.read(agents_of(found)), _largest(found)
-    if isinstance(goal, Supported) and _tears(goal, found):
-        goal.no_bound = "its support meets another: moved alone it would tear the body"
+    if goal.no_bound == TORN:
         told = goal.goal(value, 0.0, largest)
         error = found.bounds.error * told.scale if found.bounds.error else 0.0
         return replace(told, error_estimate=error), apart / (gap or 1.0), 0.0
-    works, off, rounded = (np.zeros(len(duals)) for _ in range(3))
+    off, rounded = np.zeros(len(duals)), np.zeros(len(duals))
     part, ragged = np.zeros(len(found.size)), found.sides.ragged
     for k, dual in enumerate(duals):
         (s, e), (t, z), moved = own, dual.fields(), dual.borne(found.sides.moved)
         ts, te, zs, ze = t @ s, t @ e, z @ s, z @ e
-        works[k] = 0.5 * (ts + te + zs - ze) - moved
+        works, fitted = float(0.5 * (ts + te + zs - ze)) - moved, dual.work_on(found.fit)
+        if not goal.no_bound:
+            value[k] = goal.by_works(value[k], works, fitted, found.sides)
         # Two of the products are works of loads and supports, but for rounding.
-        rounded[k] = abs(te - dual.work_on(found.fit) - moved)
+        rounded[k] = abs(te - fitted - moved)
         rounded[k] += abs(zs - found.work_on(dual.fit) - found.borne(dual.sides.moved))
         rounded[k] += ROUNDED * (abs(ts) + abs(te) + abs(zs))
         dual_gap = float(dual.shares.sum())
@@ -150,32 +146,8 @@ def _told(
         if gap > 0.0 and dual_gap > 0.0:
             part += off[k] * (apart / gap + dual.shares / dual_gap)
             part[ragged] += lost / max(len(ragged), 1)
-    if not goal.no_bound:
-        value = _by_works(goal, found, value, works)
     told = goal.goal(value, float(np.linalg.norm(off)), largest)
     return told, part / (told.scale or 1.0), float(np.linalg.norm(rounded))
-
-
-def _tears(goal: Supported, found: Opinions) -> bool:
-    """Tell whether the movement of a support alone would tear the body."""
-    here = found.sides.support == goal.support
-    moved = np.where(here[:, None] & found.sides.held, 1.0, 0.0)
-    return bool(torn(found.mesh, replace(found.sides, moved=moved)).any())
-
-
-def _by_works(goal: DualGoal, found: Opinions, value: Floats, works: Floats) -> Floats:
-    """Return a value by the works of its dual loads on the displacement."""
-    mesh, sides = found.mesh, found.sides
-    if isinstance(goal, Supported):
-        return -works if sides.bed[sides.support == goal.support].any() else value - works
-    if isinstance(goal, Displaced):
-        # What the dual load leaves out is the movement of what is held, and of all together.
-        agent, side, share = goal.box.cover(found.leaves)  # type: ignore[union-attr]
-        laid = np.zeros((len(found.size), 5))
-        laid[agent, side] = share  # the last is that within
-        held = laid[mesh.owner, mesh.side] @ np.where(sides.held, sides.moved, 0.0)
-        return np.asarray(works + goal.directions @ (held + sides.shift))
-    return works
 
 
 def agents_of(found: Settled) -> PairAgents:

@@ -24,8 +24,8 @@ from .opinions import Opinions
 from .space import SETTLED, Bricks, hats_of
 
 Settled = Opinions | Bricks
-Aim = Callable[[Mesh, Sides, Floats, Floats], list[Sides]]
-"""Lays loads on a generation, by its mesh, sides, sizes and law: those whose work a goal is."""
+Aim = Callable[[Mesh, Sides], list[Sides]]
+"""Lays loads on a generation, by its mesh and sides: those whose work a goal is."""
 
 
 def settled(
@@ -45,8 +45,8 @@ def settled(
         mesh.part = before.mesh.part[family[0]]
     # Loads and supports that move, each by themselves, then loads of goals: of the same equations.
     kind: Any = Opinions if d == 2 else Bricks
-    acts, size = sides.cases, leaves.size / body.cell
-    loads = [*acts, *(one for aim in aims for one in aim(mesh, sides, size, law))]
+    acts = sides.cases
+    loads = [*acts, *(one for aim in aims for one in aim(mesh, sides))]
     fields: list[Any] = [kind(body, mesh, one, law, laws) for one in loads]
     olds: list[Any] = [*before.cases, *before.duals] if before else [None] * len(loads)
     gaps = [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]

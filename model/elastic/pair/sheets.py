@@ -36,8 +36,9 @@ def loops_of(start: Ints, end: Ints) -> list[Ints]:
     return loops
 
 
-def begun(loop: Ints, free: Flags) -> Ints:
+def begun(loop: Ints, given: Flags) -> Ints:
     """Return a loop from where its first free run begins, if it has others beside it."""
+    free = np.asarray(given.all(axis=1))
     return np.roll(loop, -int(np.argmax(free & ~np.roll(free, 1))))
 
 
@@ -65,7 +66,7 @@ class Sheets:
     def __init__(self, place: Floats, corner: Ints, edges: int, part: Ints, rim: Rim) -> None:
         self.place, self.corner, self.vertices = place, corner, len(place)
         start, end = (corner[rim.owner, one] for one in rim.ends.T)
-        loops = [begun(loop, rim.given[loop].all(axis=1)) for loop in loops_of(start, end)]
+        loops = [begun(loop, rim.given[loop]) for loop in loops_of(start, end)]
         self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
         self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
         self.last = np.cumsum(count) - 1

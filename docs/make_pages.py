@@ -238,5 +238,5 @@ def make(folder: Path) -> list[Path]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", nargs="?", type=Path, default=HERE / "pages")
-    for page in make(parser.parse_args().folder):
-        print(page)
+    pages = make(parser.parse_args().folder)
+    print(f"{len(pages)} pages; the first to open is {pages[0]}")

@@ -60,7 +60,7 @@ def spawn_norm(generations: int) -> Normalize:
 
 
 def spawn_bar(
-    ax: Axes, norm: Normalize, last: int, label: str = "generation in which the agent spawned"
+    ax: Axes, norm: Normalize, last: int, label: str = "generation in which the cell woke"
 ) -> None:
     """Add the colour bar of spawn steps, with whole numbers."""
     bar = colour_bar(ax, ScalarMappable(norm, SEQUENTIAL), label)

@@ -173,7 +173,7 @@ class TransferResult(BodyResult):
     @cached_property
     def _caveats(self) -> list[tuple[str, str]]:
         """What is approximate, in a few words and in full."""
-        found = [("keeps no equilibrium", NO_EQUILIBRIUM)]
+        found = [("forces do not balance", NO_EQUILIBRIUM)]
         for stage in self.stages:
             if not stage.ledger.imbalance <= BOOKS:
                 after = f"{stage.generations} generations"

@@ -18,26 +18,33 @@ export function curvesOf(run) {
   return [...curves, ["ledger", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
 }
 
-const LEFT = 40, HEAD = 20, FOOT = 18;
-const columnsOf = (canvas, count) => (count > 1 && canvas.clientWidth >= 300 ? 2 : 1);
+const LEFT = 40, HEAD = 20, FOOT = 18, BOLD = `600 ${FONT}`;
+/** The boxes of charts: in one or two columns, where the first of an odd number has a row of its own. */
+function boxesOf({ clientWidth, clientHeight }, count) {
+  const columns = count > 1 && clientWidth >= 300 ? 2 : 1, odd = columns * count % 4 === 2 ? 1 : 0, rows = Math.ceil((count + odd) / columns), h = clientHeight / rows;
+  return Array.from({ length: count }, (_, n) => {
+    const at = n && n + odd, w = clientWidth / (odd && !n ? 1 : columns);
+    return { x: at % columns * w + LEFT, y: Math.floor(at / columns) * h + HEAD, w: w - LEFT - 10, h: h - HEAD - FOOT };
+  });
+}
 
-/** Draw charts in one or two columns; `limit`: curves are shown no further. */
-export function paintGrid(canvas, charts, inks, limit = Infinity) {
+/** Draw charts, first those whose names a text has in italics; `limit`: curves are shown no further. */
+export function paintGrid(canvas, charts, inks, limit = Infinity, text = "") {
   if (!canvas.clientWidth) return;
-  const { r, w, h } = fitted(canvas);
-  const ctx = canvas.getContext("2d"), columns = columnsOf(canvas, charts.length), rows = Math.ceil(charts.length / columns);
+  const named = ({ word }) => Number(text.includes(`*${word}*`));
+  charts = charts.toSorted((a, b) => named(b) - named(a));
+  const { r, w, h } = fitted(canvas), ctx = canvas.getContext("2d"), boxes = boxesOf(canvas, charts.length);
   ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
   charts.forEach((chart, n) => {
-    const box = { x: (n % columns) * w / columns + LEFT, y: Math.floor(n / columns) * h / rows + HEAD, w: w / columns - LEFT - 10, h: h / rows - HEAD - FOOT };
     const shown = chart.over.filter((at) => at <= limit).length;
-    paintChart(ctx, box, { ...chart, shown: chart.lists.map((list) => list.slice(0, shown)) }, inks);
+    paintChart(ctx, boxes[n], { ...chart, shown: chart.lists.map((list) => list.slice(0, shown)) }, inks);
   });
 }
 
 /** Which part of its axis a pixel of a chart is at, from 0 to 1. */
-export function partOf(canvas, count, x) {
-  const wide = canvas.clientWidth / columnsOf(canvas, count);
-  return Math.max(0, Math.min(1, ((x % wide) - LEFT) / (wide - LEFT - 10)));
+export function partOf(canvas, count, { offsetX, offsetY }) {
+  const { x, w } = boxesOf(canvas, count).findLast((box) => offsetX >= box.x - LEFT && offsetY >= box.y - HEAD);
+  return Math.max(0, Math.min(1, (offsetX - x) / w));
 }
 
 /** Three to five round numbers between two: 1, 2 or 5 times a power of ten apart. */
@@ -76,31 +83,37 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
     ctx.textAlign = close ? "right" : "center"; ctx.fillText(text, close ? x + w : X(at), y + h + 4);
   });
   ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillStyle = inks.soft;
-  const about = `${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`;
+  const about = `${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, inUnit = (...list) => (list.length > 1 || (unit && list[0] > 1e-3 * factor) ? `${[...new Set(list.map((v) => general(v / factor, 4)))].join(" – ")} ${prefix}${unit}` : quantity(list[0], unit));   // that of the axis
+  const here = now === null || now === undefined ? -1 : course ? now : over.findLastIndex((v) => v <= now + 1e-9 * reach), seen = here >= 0 && shown[0]?.[here] !== undefined;
+  const told = !seen ? "" : inUnit(...(near && lists.length === 2 ? [lists[1][here], lists[0][here]] : [lists[0][here]])), wide = (text, font = FONT) => { ctx.font = font; return ctx.measureText(text).width; };
+  const room = w + LEFT - 2, taken = wide(`● ${told}`, BOLD), beside = seen && wide(word + about) + taken + 8 < room;
   let head = word;
-  while (head.length > 1 && ctx.measureText(head + about).width > w + LEFT - 6) head = `${head.slice(0, -2)}…`;   // rather cut than squeezed
+  while (head.length > 1 && wide(head + about) > room) head = `${head.slice(0, -2)}…`;   // rather cut than squeezed
   ctx.fillText(head + about, x - LEFT + 4, y - 6);
-  const colours = [inks.rule, inks.elastic, inks.miss, inks.soft];
+  const colours = [inks.rule, inks.elastic, inks.miss, inks.soft], spots = [];
   shown.forEach((list, i) => {
     ctx.strokeStyle = colours[i % 4]; ctx.lineWidth = 1.8; ctx.setLineDash(i ? [5, 3] : []); ctx.beginPath();
-    list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));
+    list.forEach((v, n) => {
+      const at = [X(over[n]), Y(v)], last = n ? [X(over[n - 1]), Y(list[n - 1])] : at, steps = Math.ceil(Math.hypot(at[0] - last[0], at[1] - last[1]) / 4) || 1;
+      ctx.lineTo(...at);
+      for (let k = 1; k <= steps; k++) spots.push([0, 1].map((a) => last[a] + k / steps * (at[a] - last[a])));
+    });
     ctx.stroke(); ctx.setLineDash([]);
   });
-  const here = now === null || now === undefined ? -1 : course ? now : over.findLastIndex((v) => v <= now + 1e-9 * reach), seen = here >= 0 && shown[0]?.[here] !== undefined;
-  const px = seen ? X(over[here]) : 0, py = seen ? Y(lists[0][here]) : 0, left = px < x + w / 2, level = Math.max(y + 7, Math.min(y + h - 8, py - 9));
-  const taken = seen ? [level] : [];  // names stand at the ends of their lines, not over each other
+  const levels = Array.from({ length: Math.max(1, Math.floor((h - 12) / 4)) }, (_, n) => y + 8 + 4 * n);
+  const put = (text, right, wanted, ink, font) => {   // as near as no curve and no other word is
+    const left = right - wide(text, font), met = (at) => spots.filter(([px, py]) => px > left - 4 && px < right + 4 && Math.abs(py - at) < 9).length;
+    const level = levels.map((at) => [met(at), Math.abs(at - wanted), at]).reduce((best, one) => (one[0] - best[0] || one[1] - best[1]) < 0 ? one : best)[2];
+    for (let px = left; px <= right; px += 4) spots.push([px, level - 5], [px, level + 5]);
+    paintWord(ctx, text, right, level, ink, inks, { align: "right", font });
+  };
+  if (seen) {
+    const px = X(over[here]), py = Y(lists[0][here]);
+    ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
+    if (beside) paintWord(ctx, `● ${told}`, x + w + 2, y - 12, inks.ink, inks, { align: "right", font: BOLD });
+    else put(told, Math.max(px < x + w / 2 ? px + 6 + wide(told, BOLD) : px - 6, x + 2 + wide(told, BOLD)), py - 9, inks.ink, BOLD);
+  }
   shown.forEach((list, i) => {
-    if (!names?.[i] || lists.length < 2 || !list.length) return;
-    const away = Y(list.at(-1)) > y + h / 2 ? -13 : 13;
-    let at = Math.max(y + 8, Math.min(y + h - 8, Y(list.at(-1)) + (i ? 10 : -8)));
-    while (taken.some((other) => Math.abs(other - at) < 13)) at += away;   // one way: there and back would not end
-    taken.push(at);
-    paintWord(ctx, names[i], Math.min(x + w, X(over[list.length - 1])) - 3, at, colours[i % 4], inks, { align: "right" });
+    if (names?.[i] && lists.length > 1 && list.length) put(names[i], Math.min(x + w, X(over[list.length - 1])) - 3, Y(list.at(-1)) + (i ? 10 : -8), colours[i % 4], FONT);
   });
-  if (!seen) return;
-  ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
-  const inUnit = (v) => (prefix && v > 1e-3 * factor ? `${general(v / factor, 4)} ${prefix}${unit}` : quantity(v, unit));   // that of the axis
-  const told = near && lists.length === 2 ? [...new Set([1, 0].map((i) => inUnit(lists[i][here])))].join(" – ") : inUnit(lists[0][here]);
-  ctx.font = `600 ${FONT}`;                    // over no number of the axis
-  paintWord(ctx, told, left ? px + 6 : Math.max(px - 6, x + 2 + ctx.measureText(told).width), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }

@@ -34,6 +34,7 @@ export class Lesson {
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
 
   get question() { return this.questions[this.at]; }
+  get said() { return ["question", "note", "hint"].map((part) => this.page.say(this.question?.[part]) ?? "").join(); }
   of(step) { return this.questions.filter((q) => q.step === step); }
   answered(q) { return q.kind === "number" ? q.fields.every((_, i) => this.answers[q.key]?.[i]?.trim()) : Boolean(this.answers[q.key]?.trim()); }
   /** The last generation that is open: none before a guess, then the question's, all where it is answered. */
@@ -72,6 +73,7 @@ export class Lesson {
     page.setMode(show?.mode ?? this.home, true);
     const g = show?.generation ?? (quiet || until !== undefined ? 0 : page.g);
     page.seek(Math.min(g, this.limit));
+    page.past?.begin();
     if (page.host) { page.root.querySelector("aside .body")?.scrollTo?.(0, 0); }
   }
   get next() {
@@ -145,8 +147,8 @@ export class Lesson {
   }
 }
 
-/** What was typed as a number in a unit, "α₂ = " before it or not; of what has none, 1/2 and 50 % are 0.5, and a word may say what is counted. */
-const numberIn = (typed, unit, text = typed.replace(/^[^=]*=/, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
+/** What was typed as a number in a unit, "α₂ = " or *row* before it or not; of what has none, 1/2 and 50 % are 0.5, and a word may say what is counted. */
+const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
@@ -277,7 +279,7 @@ function numberCard(lesson, q, field, i) {
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
     const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, "").length, near = digits && Number(field.answer.toPrecision(digits)) === v;   // rounded well, but too far
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(/\d/.test(text) && asked ? "notIn" : "noNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
@@ -305,7 +307,7 @@ function stepCards(page) {
   const tries = touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   const { rule: typed, sentence } = lesson.question?.show ?? {}, few = () => fold(t("rule"), rulePanel(page, true), true), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
   const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few()] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
-  if (lesson.step === "step") return [...first, ...(touchable && !near.length ? [few()] : []), look];
+  if (lesson.step === "step") return [...first, ...(touchable && !near.length && !page.studio ? [few()] : []), look];
   const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]())) : [];
   return [...first, ...(free && !sentence ? [parts.verdict] : []), ...rest, ...charts, look];
 }
@@ -335,7 +337,7 @@ function paperOf(page) {
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []))] : [];
-  return [head, ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : []), ...questions, foot, ...answers];
+  return [head, ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : lesson.questions.some((q) => q.draws && q.kind !== "number") ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
 function loadWords({ scene }) {
@@ -350,12 +352,15 @@ function answerOf(page, q) {
   const written = q.kind === "number" ? given?.[q.fields.length] : given, text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
     make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
-  if (q.draws && !text) return [make("img", { className: "drawn", alt: "", src: page.unmarked }), ...lines(1)];
+  if (q.draws && !text) return [bodyOf(page), ...lines(1)];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
   page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });
   return [make("div", { className: "grids" }, grid(page, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(page, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
 }
+
+/** The body as it begins. */
+const bodyOf = (page) => make("img", { className: "drawn", alt: "", src: page.unmarked });
 
 /** Two axes to draw a curve at. */
 const axes = () => draw("svg", { viewBox: "0 0 420 150", width: 420, height: 150, "aria-hidden": "true" }, draw("path", { d: "M80 148V4M76 12L80 4L84 12M8 134H412M404 130L412 134L404 138", fill: "none", stroke: "#000" }));

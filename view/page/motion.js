@@ -243,12 +243,12 @@ export class MotionPage extends Page {
     if (!canvas.isConnected || !curveList.length) return;
     const most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
     paintGrid(canvas, curveList.slice(0, 6).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
-      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, axis })), inks);
+      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, axis })), inks, Infinity, this.lesson?.said);
   }
-  seekChart(x) {
+  seekChart(event) {
     const { curveList, parts: { charts }, at } = this;
     if (!curveList.length || curveList[0].place) return;
-    const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(6, curveList.length), x) * (over.at(-1) - over[0]);
+    const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(6, curveList.length), event) * (over.at(-1) - over[0]);
     this.seek(at.reduce((best, v, i) => (Math.abs(v - wanted) < Math.abs(at[best] - wanted) ? i : best), 0));
   }
   press(event) {

@@ -127,7 +127,7 @@ export class Page {
     if (this.look.mode === "cell") this.look.mode = this.lesson?.home ?? "body";   // that cell is of another body
     if (look) Object.assign(this.look, look);
     this.change(() => {});
-    this.changed = scene !== this.start.scene;
+    this.changed = !this.presets.some((preset) => preset.scene === scene);
     this.renew(generation ?? (this.lesson ? 0 : Infinity));
     this.rebuild();
   }
@@ -322,7 +322,7 @@ export class Page {
     this.charted = at;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     const over = run.alive.map((_, i) => i + 1);
-    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit);
+    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit, this.lesson?.said);
   }
   /** Where the page stands, at the timeline and the button. */
   tellTime(text) {
@@ -454,8 +454,8 @@ export class Page {
     if (open && this.look.mode === "body" && this.run.kinds[k] >= 0 && offered(this).some((mode) => mode.name === "cell")) this.setMode("cell");
     this.later();
   }
-  seekChart(x) {
-    const part = partOf(this.parts.charts, this.curves.list.length, x);
+  seekChart(event) {
+    const part = partOf(this.parts.charts, this.curves.list.length, event);
     this.seek(Math.round(1 + part * (this.run.generation - 1)));
   }
   key(event) {

@@ -87,7 +87,7 @@ export function buildAside(page) {
   const { t, parts } = page;
   parts.verdict = make("div", { className: "verdict", role: "status" });
   parts.story = make("div", { className: "story", role: "status", ariaLabel: t("agent") });
-  parts.charts = make("canvas", { role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e.offsetX) });
+  parts.charts = make("canvas", { role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e) });
   const { tabs, body, foot = [] } = page.lesson ? lessonSide(page) : freeSide(page);
   const grip = button("", () => page.raiseSheet(), { className: "grip", ariaLabel: t("sheet"), title: t("sheet") });
   return make("aside", {}, tabs, make("div", { className: "body", tabIndex: 0 }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
@@ -188,7 +188,7 @@ export function rulePanel(page, few = false) {
   bar("loadFactor", { value: page.factor, min: -2, max: 5, step: 0.05, show: two }, (v) => page.scaleLoads(v));
   list.push(tick(t("accumulate"), scene.rule.accumulate, (on) => page.change(() => { scene.rule.accumulate = on; })));
   if (page.senseful) list.push(tick(t("sense"), scene.rule.sense, (on) => page.change(() => { scene.rule.sense = on; })));
-  return list;
+  return [...list, make("p", { className: "hint", textContent: t("ruleHint") })];
 }
 
 function lookPanel(page) {
@@ -196,7 +196,7 @@ function lookPanel(page) {
   const set = (key) => (value) => page.set(key, value), list = [], usual = page.deformable && page.magnification() / 10 ** look.magnify;
   if (page.colours.length > 1) list.push(choice(t("colour"), look.colour, page.colours.map((key) => [key, page.word(key)]), set("colour")));
   if (page.deformable) list.push(tick(t("deformed"), look.deformed, set("deformed")),
-    slider(t("magnify"), { value: page.magnification(), min: 0.1 * usual, max: 10 * usual, step: 0.05, log: true, show: (v) => `× ${quantity(v, "")}`, t }, (v) => page.set("magnify", Math.log10(v / usual))));
+    slider(t("magnify"), { value: page.magnification(), min: 0.1 * usual, max: 10 * usual, step: 0.05, log: true, show: (v) => quantity(v, "").replace(" × ", "·"), t }, (v) => page.set("magnify", Math.log10(v / usual))));
   if (page.run.taken) list.push(tick(t("arrows"), look.arrows, set("arrows")));
   if (page.run.passed) list.push(tick(t("path"), look.path, set("path")));
   if (solid) {

@@ -3,7 +3,8 @@ import { bytesOf, through } from "./history.js";
 
 /** The states of a page one after another. A gesture (one drag, one key) is one step back. */
 export class Past {
-  constructor(page) { this.page = page; this.list = [stateOf(page)]; this.at = 0; this.gesture = 0; this.noted = -1; }
+  constructor(page) { this.page = page; this.gesture = 0; this.begin(); }
+  begin() { this.list = [stateOf(this.page)]; this.at = 0; this.noted = -1; this.tell(); }
   /** Note the present state; within a gesture it replaces the one before. */
   note() {
     if (this.busy) return;

@@ -198,7 +198,7 @@ def creep(
     task: Task,
     hold: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Without a [history]: apply the loads and hold them."),
+        typer.Option(metavar="SECONDS", help="Apply the loads and hold them, without a history."),
     ] = None,
     duration: Annotated[
         float | None,

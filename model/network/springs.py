@@ -18,7 +18,7 @@ from pydantic import AfterValidator, PlainSerializer
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, without_rows
 from kaju.errors import ParameterError, ResultError, SceneError, SupportError
 from kaju.model.results.stored import Column
 
@@ -271,6 +271,7 @@ class SpringNetwork:
     ]
     notes: tuple[str, ...] = ()
     attributes: dict[str, Any] = field(default_factory=dict)
+    __repr__ = without_rows
 
     def __post_init__(self) -> None:
         _check_shapes(self)

@@ -119,7 +119,7 @@ def sweep(
     Raises
     ------
     ParameterError, SceneError
-        If points, measures or functions are not as above, or no point makes a scene.
+        If points, measures or functions are not as above, or fit no point.
     ResultFileError
         If the folder holds another sweep, or cannot be written.
     WorkerError
@@ -150,6 +150,9 @@ def sweep(
                 rows.add(row)
                 report(f"{done:,} of {len(points):,} runs")
         table = rows.table()
+    if table["error"].str.startswith("ParameterError: ").all():
+        told = table["error"].iloc[0].removeprefix("ParameterError: ")
+        raise ParameterError(f"every run failed, the first with {told}")
     if folder is not None and len(missing):
         with atomic_file(folder / "table.parquet", ResultFileError) as scratch:
             bare = table.copy(deep=False)

@@ -299,7 +299,7 @@ def keywords_into(
         return scene, {}
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
-    for name in parameters.keys() & {*rule, *own, *FIGURES, *every_name(model)}:
+    for name in parameters.keys() & {*rule, *own, *FIGURES, "time", *every_name(model)}:  # Mesa 3.4
         whose = "the rule" if name in rule else f"every {model.__name__}"
         told = "has this name already; give the parameter another name"
         raise ParameterError(f"{name}: {whose} {told}")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, without_rows
 from kaju.errors import ResultError
 from kaju.model.results.stored import Column
 from kaju.model.scene.cell_types import AIR, DISPLACED
@@ -53,6 +53,7 @@ class TakenHistory:
     direction: Annotated[NDArray[np.int8], Column("rows", 0, "directions")]
     load: Annotated[Floats, Column("rows")]  # sum of the loads taken then (N)
     pull: Annotated[Flags, Column("rows")]  # whether these are pulls
+    __repr__ = without_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,7 @@ class StateCourse:
     generation: Annotated[Ints, Column("changes", 0)]  # after which the value holds
     agent: Annotated[Ints, Column("changes", 0, "agents")]  # row of `Stage.cells`
     value: Annotated[Floats, Column("changes")]
+    __repr__ = without_rows
 
     def values(self, generation: int | None = None) -> NDArray[Any]:
         """Return the value of every agent after a generation, shape (agents,); None: the last."""
@@ -133,6 +135,7 @@ class Stage:
     history: TakenHistory
     ledger: Ledger
     states: tuple[StateCourse, ...] = ()  # what agents of your own declare
+    __repr__ = without_rows
 
 
 def totals_of(

@@ -1,11 +1,24 @@
-"""Arrays by what they hold, for annotations."""
+"""Arrays by what they hold, for annotations, and how they are shown."""
+
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import brief
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+
+
+def without_rows(of: Any) -> str:
+    """Return how a dataclass is written, with the shapes of its arrays instead of their rows."""
+    held = {field.name: getattr(of, field.name) for field in fields(of)}
+    arrays = {name: f"array{v.shape}" for name, v in held.items() if isinstance(v, np.ndarray)}
+    told = ", ".join(f"{name}={arrays.get(name) or brief(v)}" for name, v in held.items())
+    return f"{type(of).__name__}({told})"
 
 
 def first_largest(values: Floats) -> int:

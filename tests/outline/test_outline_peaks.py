@@ -107,7 +107,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
     ("asked", "scene", "told"),
     [
         ("hohle", plate(region(**DISK)), "did you mean 'hole'"),
-        (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), "there is hole"),
+        (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), r"an outline \(hole\)"),
         (kaju.Stress("hole", "hop"), plate(region(**DISK)), "no 'hop'.*did you mean 'hoop'"),
         ("left", plate(region(**DISK), sides={"left": "rigid"}), "left is held"),
         ([HOOP, HOOP], plate(region(**DISK)), "one goal at a time, got 2"),

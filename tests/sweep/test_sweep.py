@@ -117,6 +117,7 @@ UNEVEN = {"rule.beta": [1], "rule.threshold": [1, 2]}
         ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
         ((SCENE, UNEVEN), {"method": "list"}, ValueError, "'rule.beta': 1, 'rule.threshold': 2"),
         ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: must be a name"),
+        ((SCENE, {"run.thresold": [1]}), {"run": LoadModel}, ValueError, "mean 'threshold'"),
         ((SCENE, {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),
         ((SCENE, {"rule.beta": [1]}), {"seed": -1}, ValueError, "seed: must be a whole"),
     ],

@@ -71,7 +71,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection
         known = named
     if more or isinstance(first, Reaction) or at not in known:
         near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
-        wrong = f"{brief(goal)} cannot be asked for{near}"
+        wrong = f"{brief(one)} cannot be asked for{near}"
         if more:
             wrong = f"one goal at a time, got {len(more) + 1}"
         elif isinstance(first, Deflection) and at in [*SIDES]:
@@ -79,10 +79,9 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection
         elif isinstance(first, Stress) and at in named:
             wrong = f"no {first.component!r}{suggestion(first.component, [HOOP])} of an outline"
         raise ParameterError(
-            f"goal: {wrong}; within true outlines a tolerance is about the energy norm, the "
-            f'largest hoop stress along one outline, such as Stress("bore", "{HOOP}"), or the '
-            f"deflection of one free side; there is {', '.join([*named, *free])}; value_of of the "
-            "answer gives other quantities, unproved"
+            f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
+            f"({', '.join(named) or 'none has a name'}) or the deflection of a free side "
+            f"({', '.join(free) or 'none'}); answer.value_of gives others, unproved"
         )
     return (first,)
 

@@ -47,7 +47,8 @@ def loose_parts(mesh: CutMesh, border: Border, body: OutlinedBody) -> Flags:
             part = f"the part of the body round ({x:.3g}, {y:.3g}) m, apart from the rest"
             raise SupportError(
                 f"sides: the supports do not hold {part if count > 1 else 'the body'}: it could "
-                f'{motion}; hold it by [sides] such as left = "rigid", or join it to what is held'
+                f'{motion}; hold it by [sides] such as left = "rigid", join it to what is held, or '
+                'solve one half of a symmetric body, with its mirror line as a side = "roller"'
             )
     return loose
 

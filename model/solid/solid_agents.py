@@ -28,7 +28,7 @@ FRACTIONS = (
     "true outlines: cells count by the share of them that is body, which is an estimate and proves "
     "nothing; stress and displacement of cut cells are means over all of each"
 )
-NO_BOUND = "within true outlines in space errors are estimated, not proved"
+NO_BOUND = "in space there are no bounds within true outlines"
 
 
 @dataclass(eq=False)

@@ -273,13 +273,13 @@ def numbers_of(scenario: Any) -> dict[str, Any]:
     if scenario is None:
         return {}
     of_mesa = {"model", "rng", "seed", "scenario_id", "replication_id"}
-    held = scenario if isinstance(scenario, Mapping) else None
-    if held is None:
+    held = scenario
+    if not isinstance(scenario, Mapping):
         told = "scenario: an object or a dict whose numbers have names is needed"
         require(type(scenario).__module__ != "builtins", f"{told}, got {brief(scenario)}")
         held = {n: getattr(scenario, n) for n in dir(scenario) if n not in of_mesa}
-    own = {str(n): v for n, v in held.items() if n not in of_mesa and not callable(v)}
-    return {name: value for name, value in own.items() if not name.startswith("_")}
+    own = {str(name): value for name, value in held.items() if not callable(value)}
+    return {n: value for n, value in own.items() if n not in of_mesa and not n.startswith("_")}
 
 
 def keywords_into(

@@ -264,7 +264,7 @@ class CutAgents(PairAgents):
 
     def remarks(self, asked: str | None) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
-        notes, level = [], self.scales.stress
+        notes, rough, mega = [], [], 1e-6 * self.scales.stress
         if loose := self.opinions.loose:
             notes.append(
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
@@ -274,15 +274,16 @@ class CutAgents(PairAgents):
             if name == asked or not len(along.moved):
                 continue
             at = int(np.abs(along.moved).argmax())
-            peak, off = level * float(along.moved[at]), level * along.apart(at)
+            peak, off = mega * float(along.moved[at]), mega * along.apart(at)
             # A peak that is off both fields there by more is noted.
             if off > 0.02 * abs(peak):
-                notes.append(
-                    f"outline {name!r}: the displacement gives a largest hoop stress of "
-                    f"{1e-6 * peak:.4g} MPa, the stress that balances differs from it by about "
-                    f"{2e-6 * off:.2g} MPa; neither is proved, and goal={name!r} (--at {name}) "
-                    "limits the error"
-                )
+                rough.append(f"{peak:.4g} MPa at {name!r}, off by about {2 * off:.2g} MPa")
+        if rough:
+            notes.append(
+                "largest hoop stress by the displacement, and how far the stress that balances is "
+                f"from it: {'; '.join(rough)}. Nothing of it is proved; goal='NAME' (--at NAME) "
+                "limits the error along one outline"
+            )
         return notes
 
     def history(self) -> dict[str, Any]:

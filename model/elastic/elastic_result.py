@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import KajuError, ResultError
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import Caveat, caveats_of, no_limit, refuse_singular
+from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
@@ -29,6 +29,7 @@ from kaju.model.elastic.goals.quantities import (
     quantities_of,
     unit_of,
 )
+from kaju.model.elastic.intensity import intensity
 from kaju.model.elastic.moduli import equivalent_stress, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_agents import CutAgents
@@ -44,10 +45,6 @@ from kaju.stepping import interrupt_requested
 
 if TYPE_CHECKING:
     import pandas
-
-    from kaju.model.elastic.pair.history import Generation
-
-    from .intensity import Intensity
 
 
 class LargestStress(NamedTuple):
@@ -86,15 +83,25 @@ class ElasticResult(BodyResult):
     seconds: float
     tolerance: float | None = None
 
+    # What the agents say as it is.
+    stage = property(lambda r: r.found.stage, doc="Stage of loading; None is the last.")
+    spawned = property(lambda r: r.found.storage == "tree", doc="Whether agents spawned.")
+    agents = property(lambda r: r.found.count, doc="Number of agents.")
+    material = property(lambda r: r.found.material, doc="Index of each in `scene.cell_materials`.")
+    stiffness = property(lambda r: r.found.stiffness, doc="Factor of the moduli of each, or None.")
+    no_bound = property(lambda r: r.found.no_bound, doc="Why nothing is proved; else empty.")
+    residuals = property(lambda r: tuple(r.found.solution.residuals), doc="Before each iteration.")
+    generations = property(lambda r: tuple(r.found.generations), doc="Every step of spawning.")
+
     @property
     def scene(self) -> Scene:
         """The scene that was computed."""
         return self.found.scene
 
     @property
-    def stage(self) -> int | None:
-        """Stage of loading; None is the last."""
-        return self.found.stage
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is; none of the agents crosses one."""
+        return self.found.grid
 
     @property
     def films(self) -> tuple[str, ...]:
@@ -107,24 +114,9 @@ class ElasticResult(BodyResult):
         return "spawned agents" if self.spawned else "elasticity"
 
     @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is; none of the agents crosses one."""
-        return self.found.grid
-
-    @property
     def subdivision(self) -> int:
         """How many cells of `grid` there are per cell of the scene, along each axis."""
         return round(self.scene.lattice.cell_size / self.grid.lattice.cell_size)
-
-    @property
-    def spawned(self) -> bool:
-        """Whether agents spawned; False for equal cells."""
-        return self.found.storage == "tree"
-
-    @property
-    def agents(self) -> int:
-        """Number of agents."""
-        return self.found.count
 
     @cached_property
     def lower(self) -> Floats:
@@ -140,16 +132,6 @@ class ElasticResult(BodyResult):
     def middle(self) -> Floats:
         """Middles (m) of the agents, shape (agents, dimension)."""
         return self.lower + 0.5 * self.size[:, None]
-
-    @property
-    def material(self) -> Ints:
-        """Index into `scene.cell_materials` of each agent."""
-        return self.found.material
-
-    @property
-    def stiffness(self) -> Floats | None:
-        """Factor of each agent's moduli, shape (agents,); None if there is none."""
-        return self.found.stiffness
 
     @property
     def level(self) -> Ints:
@@ -237,9 +219,7 @@ class ElasticResult(BodyResult):
         ResultError
             If agents did not spawn.
         """
-        if not self.spawned:
-            raise ResultError("gap: equal cells have only one stress; solve with a tolerance")
-        return self.generations[-1].gap
+        return self._pair("gap").generations[-1].gap
 
     @property
     def error_estimate(self) -> float:
@@ -307,11 +287,6 @@ class ElasticResult(BodyResult):
         doubts = [goal.no_bound for goal in self.found.goals] or [self.no_bound]
         return "estimated" if any(doubts) else "proved"
 
-    @property
-    def no_bound(self) -> str:
-        """Why there is no `error_bound`, in words; empty if there is one."""
-        return self.found.no_bound
-
     def opinions_at(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the stress (Pa) that balances, and that of `displacement_at`, at points (m).
 
@@ -322,13 +297,17 @@ class ElasticResult(BodyResult):
         ResultError
             If agents did not spawn in the plane, or points lie outside of the body.
         """
-        if not isinstance(self.found, PairAgents) or not self.found.two_minds:
-            raise ResultError(
-                "opinions_at: only agents that spawned in the plane have two stresses; solve with "
-                "a tolerance"
-            )
-        balanced, fitted = self.found.opinions_at(*self.found.located(points))
-        return self.found.scales.stress * balanced, self.found.scales.stress * fitted
+        found, unit = self._pair("opinions_at", in_plane=True), self.found.scales.stress
+        balanced, fitted = found.opinions_at(*found.located(points))
+        return unit * balanced, unit * fitted
+
+    def _pair(self, name: str, in_plane: bool = False) -> PairAgents:
+        """Return the agents if they spawned, and in the plane if only such have what is asked."""
+        found = self.found
+        if not isinstance(found, PairAgents) or (in_plane and not found.two_minds):
+            where = " in the plane" if in_plane else ""
+            raise ResultError(f"{name}: only agents that spawned{where}; solve with a tolerance")
+        return found
 
     @property
     def goal_error(self) -> float:
@@ -341,23 +320,11 @@ class ElasticResult(BodyResult):
         """Value and error of every quantity that the tolerance is about."""
         return tuple(goal.in_units(self.found.scales) for goal in self.found.goals)
 
-    @property
-    def generations(self) -> tuple[Generation, ...]:
-        """Every step of spawning: its figures and agents; none of equal cells."""
-        return tuple(self.found.generations)
-
     @cached_property
     def family(self) -> Family:
         """All agents, retired ones too, each with its parent, step and cause."""
-        if not isinstance(self.found, PairAgents):
-            raise ResultError("family: equal cells do not spawn; solve with a tolerance")
-        metre = self.grid.lattice.cell_size / self.found.ground.cell
+        metre = self.grid.lattice.cell_size / self._pair("family").ground.cell
         return Family.of(self.generations, self.scene.lattice.dimension, metre)
-
-    @property
-    def residuals(self) -> tuple[float, ...]:
-        """Relative residual before every iteration, of the last generation."""
-        return tuple(self.found.solution.residuals)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -365,10 +332,8 @@ class ElasticResult(BodyResult):
         ours = (*self.found.solution.notes, *(one.full for one in self.caveats))
         return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
 
-    @cached_property
-    def caveats(self) -> tuple[Caveat, ...]:
-        """What is not proved, and what is approximate besides the estimated error."""
-        return caveats_of(self)
+    caveats = cached_property(caveats_of)
+    intensity = intensity
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
@@ -388,32 +353,6 @@ class ElasticResult(BodyResult):
         if isinstance(self.found, CutAgents):
             return self.found.ground.without_limit
         return sharp_corners(self.grid)
-
-    def intensity(self, at: tuple[float, ...]) -> Intensity:
-        """Return the stress intensity factors of a crack or a re-entrant corner of a plane body.
-
-        `at` is the corner (m), or the middle of the end of a slit of air one cell wide. The slit
-        stands for a crack that is longer by a third of a cell; for 50 cells this is within 2 %.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such corner or slit, with free sides and one material all around.
-
-        Examples
-        --------
-        >>> from kaju import Scene, solve
-        >>> hole = {"box": [[0.1, 0.1], [0.2, 0.2]], "material": "air"}
-        >>> body = {"size": [0.2, 0.2], "cells": [8, 8], "material": "steel", "regions": [hole]}
-        >>> loads = [{"side": "right", "pressure": -1e6}]
-        >>> bracket = Scene(body=body, sides={"left": "rigid"}, loads=loads)
-        >>> answer = solve(bracket, tolerance=0.05)
-        >>> round(answer.intensity((0.1, 0.1)).exponents[0], 4)
-        0.5445
-        """
-        from .intensity import intensity
-
-        return intensity(self, at)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""

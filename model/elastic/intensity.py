@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
@@ -30,6 +29,8 @@ Complex = NDArray[np.complex128]
 
 RING = 0.5
 """The ring's inner radius, of its outer one: of 0.25 to 0.75 an L's factor differs by 0.03 %."""
+CORNER = {True: 0.544483736782464, False: 0.908529189846099}
+"""λ of a corner of three quarters, opening or not: sin(3πλ/2) is λ, or -λ."""
 WIDTH = 0.7
 """What the width of a slit adds to its factors, over what is there of it and beyond: a slit is
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
@@ -70,7 +71,27 @@ class _Tip(NamedTuple):
 
 
 def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
-    """Return the factors from an answer; see `ElasticResult.intensity`."""
+    """Return the stress intensity factors of a crack or a re-entrant corner of a plane body.
+
+    `at` is the corner (m), or the middle of the end of a slit of air one cell wide. The slit
+    stands for a crack that is longer by a third of a cell; for 50 cells this is within 2 %.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such corner or slit, with free sides and one material all around.
+
+    Examples
+    --------
+    >>> from kaju import Scene, solve
+    >>> hole = {"box": [[0.1, 0.1], [0.2, 0.2]], "material": "air"}
+    >>> body = {"size": [0.2, 0.2], "cells": [8, 8], "material": "steel", "regions": [hole]}
+    >>> loads = [{"side": "right", "pressure": -1e6}]
+    >>> bracket = Scene(body=body, sides={"left": "rigid"}, loads=loads)
+    >>> answer = solve(bracket, tolerance=0.05)
+    >>> round(answer.intensity((0.1, 0.1)).exponents[0], 4)
+    0.5445
+    """
     if result.stiffness is not None:
         raise ResultError(
             "intensity: needs one material all around the tip, and in this answer every cell has "
@@ -151,10 +172,7 @@ class _Mode:
     @property
     def exponent(self) -> float:
         """The least λ of the mode."""
-        sign, turn = 2.0 * self.opens - 1.0, 2.0 * self.half
-        if self.half == np.pi:
-            return 0.5
-        return float(brentq(lambda x: np.sin(x * turn) + sign * x * np.sin(turn), 0.5, 0.99))
+        return 0.5 if self.half == np.pi else CORNER[self.opens]
 
     def fields(
         self, z: Complex, exponent: float, shear: float, kolosov: float

@@ -48,6 +48,8 @@ class ElasticRun(BodyResult):
     moments: Moments  # What was left on agents, and what they had taken, on the way
     seconds: float  # Time that the run took (s)
 
+    stage = property(lambda run: run.result.stage, doc="Stage of loading; None is the last.")
+
     def __post_init__(self) -> None:
         beyond = np.asarray(self.grid.lattice.shape)
         if np.any(self.boundary.cells > beyond):
@@ -68,11 +70,6 @@ class ElasticRun(BodyResult):
     def grid(self) -> Scene:
         """The scene on the cells whose faces the agents stand on."""
         return self.result.grid
-
-    @property
-    def stage(self) -> int | None:
-        """Stage of loading; None is the last."""
-        return self.result.stage
 
     @property
     def displacement(self) -> tuple[Floats, ...]:

@@ -224,10 +224,16 @@ def settled(result: Any) -> ElasticResult:
 
 
 def stress_text(result: ElasticResult) -> str:
-    """Return the largest stress, where it is, and whether it has a limit."""
+    """Return the goals, and the largest stress: where it is, and whether it has a limit."""
+    goals = [goal for goal in result.goals if isinstance(goal.value, float)]
+    asked = "".join(
+        f"asked for: {quantity(goal.value, goal.figures()['unit'])}, error "
+        f"{100.0 * goal.relative_error:.2g} %; "
+        for goal in goals
+    )
     found = result.largest_stress
     at = ", ".join(quantity(place, "m") for place in found.at)
-    words = f"largest stress {quantity(found.value, 'Pa')} at ({at})"
+    words = f"{asked}largest stress {quantity(found.value, 'Pa')} at ({at})"
     return f"{words}, without limit: {found.no_limit}" if found.no_limit else words
 
 

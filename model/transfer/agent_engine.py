@@ -369,6 +369,11 @@ class AgentEngine:
         load = np.asarray(np.bincount(np.cumsum(new) - 1, (magnitude * copies)[order]), float)
         self.record.append((*rows[:, new], load))
 
+    @property
+    def ended(self) -> float:
+        """Loads that were too small, and ended (N)."""
+        return self.dropped + sum(agent.dropped for agent in self.agents.values())
+
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
         agents = self._ordered(self.agents.values())

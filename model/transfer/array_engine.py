@@ -189,6 +189,11 @@ class ArrayEngine:
             else:
                 yield came.reshape(-1), np.concatenate([copies] * len(came))
 
+    @property
+    def ended(self) -> float:
+        """Loads that were too small, and ended (N)."""
+        return self.dropped + float(self.books[:, -1].sum())
+
     def _book(self, cell: Ints, first: Ints, kind: Ints, copies: Floats, books: Floats) -> None:
         """Book what agents take, pass on and drop, whose rows begin at `first`."""
         done = books.take(kind, axis=1)
@@ -397,7 +402,7 @@ class ArrayEngine:
             emitted=float((self.transfer.emitted[form] * by_state).sum()),
             passed=self.passed,
             returned=self.returned,
-            dropped=self.dropped + float(self.books[:, -1].sum()),
+            dropped=self.ended,
             pending=self.pending,
         )
         return Stage(

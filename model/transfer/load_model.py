@@ -37,6 +37,7 @@ FIGURES = {
     "material_agents": "engine.awake",
     "load_taken": "engine.taken",
     "load_returned": "engine.returned",
+    "load_dropped": "engine.ended",
     "load_waiting": "engine.pending",
 }
 """What a model notes after every step, and where it has it."""

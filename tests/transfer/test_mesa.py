@@ -51,6 +51,7 @@ def test_the_data_collector_follows_every_step(engine):
     last = table.iloc[-1]
     assert last["load_taken"] == pytest.approx(model.result().last.ledger.taken)
     assert last["load_waiting"] == 0.0
+    assert last["load_dropped"] == pytest.approx(model.result().last.ledger.dropped)
     assert last["material_agents"] == len(model.result().last.cells)
     assert (model.space is None) == (engine == "arrays")
 

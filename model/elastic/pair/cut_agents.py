@@ -11,14 +11,14 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, brief
+from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
-from kaju.model.outline.triangulation import SQUARE
 from kaju.model.outline.true_shapes import TINY, UNIT
 from kaju.model.results.cuts import Cuts, axis_of_cuts
 
 from .answer import PairAgents
-from .cut_border import Border
+from .cut_mesh import Border
 from .cut_pair import CutPair
 from .opinions import tensors
 from .sheets import loops_of
@@ -147,35 +147,33 @@ class CutAgents(PairAgents):
         walk = np.concatenate(loops_of(*border.ends.T))
         walk = walk[force[walk].any(axis=1)]
         places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)[walk]
-        found: list[tuple[Floats, Floats, bool]] = []
+        found = []
         for place in np.unique(places).tolist():
             rows = walk[places == place]
             # what is not loaded all round begins where it does not go on
             gaps = np.flatnonzero(border.ends[rows, 1] != border.ends[np.roll(rows, -1), 0])
             rows = np.roll(rows, -1 - gaps[0]) if len(gaps) else rows
-            long, points = np.hypot(*border.run[rows].T), border.at[rows]
+            long, outward = np.hypot(*border.run[rows].T), border.outward[rows]
             unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
-            across = (unit * border.outward[rows]).sum(axis=1) / long
-            along_it, side = abs(float(across.mean())) < 0.5, place < len(SIDES)
-            few = np.ptp(unit, axis=0).max() < 1e-6 and (along_it or not side)
-            stops = np.linspace(0.0, long.sum(), 3 if few else 11 if side else 33)
+            along_it = abs(float(((unit * outward).sum(axis=1) / long).mean())) < 0.5
+            side, even = place < len(SIDES), np.ptp(unit, axis=0).max() < 1e-6
+            count = 1 if even and (along_it or not side) else 5 if side else 16
+            # places, and sums of the forces up to there, at ends and middles of equal parts
             way = np.append(0.0, np.cumsum(long))
-            ends = np.vstack([points[:1, 0], points[:, 1]]).T
-            middle = np.array([np.interp(stops[1::2], way, x) for x in ends]).T
-            sums = np.vstack([np.zeros(2), np.cumsum(force[rows], axis=0)]).T
-            own = np.diff([np.interp(stops[::2], way, total) for total in sums]).T
-            at = np.minimum(np.searchsorted(way, stops[1::2]), len(rows)) - 1
-            pull = (own * border.outward[rows[at]]).sum(axis=1) > 0.0
-            found += zip(middle, own, pull, strict=True)
+            stops = np.linspace(0.0, way[-1], 2 * count + 1)
+            ends = np.vstack([border.at[rows[:1], 0], border.at[rows, 1]])
+            sums = np.vstack([np.zeros(2), np.cumsum(force[rows], axis=0)])
+            at, sofar = (np.array([np.interp(stops, way, x) for x in y.T]).T for y in (ends, sums))
+            own, row = np.diff(sofar[::2], axis=0), np.searchsorted(way[1:-1], stops[1::2])
+            found.append((at[1::2], own, (own * outward[row]).sum(axis=1) > 0.0))
         if self.ground.weight.any():
-            area = self.opinions.area[1]
-            centre = (area[:, None] * self.leaves.middle * UNIT).sum(axis=0) / area.sum()
-            found.append((centre, self.ground.weight * area.sum(), True))
-        place, force, pull = (np.array([one[k] for one in found]) for k in range(3))
-        size = np.linalg.norm(force, axis=1)
+            area = self.opinions.area[1][:, None]
+            centre = (area * self.leaves.middle * UNIT).sum(axis=0, keepdims=True) / area.sum()
+            found.append((centre, self.ground.weight[None] * area.sum(), np.array([True])))
+        at, own, pull = (np.concatenate(column) for column in zip(*found, strict=True))
+        size = np.linalg.norm(own, axis=1)
         kept = size > 1e-9 * size.max(initial=0.0)  # none in the middle of a couple
-        place, force, pull = place[kept], force[kept], pull[kept]
-        return self.ground.edge * place, self.scales.force * force, pull.astype(np.bool_)
+        return self.ground.edge * at[kept], self.scales.force * own[kept], pull[kept]
 
     def located(self, points: Floats) -> tuple[Floats, Ints]:
         """Return points (m) as an array, and the agent that each lies in or on; none is outside."""
@@ -237,16 +235,12 @@ class CutAgents(PairAgents):
         return found
 
     def pieces(self) -> tuple[Ints, list[Floats]]:
-        """Return what the agents hold (m), squares and then triangles, and whose each is.
+        """Return the triangles (m) that agents hold, and whose each is.
 
         Curves are drawn by tangents or chords as far apart as the agents are large.
         """
-        mesh, edge = self.opinions.fitting.mesh, self.ground.edge
-        whole, cut = np.flatnonzero(~self.cut), self.cut[mesh.leaf]
-        lower, size = (own[whole] * UNIT * edge for own in (self.leaves.lower, self.leaves.size))
-        squares = lower[:, None] + SQUARE * size[:, None, None]
-        parts = squares, edge * mesh.place[mesh.triangle[cut]]
-        return np.append(whole, mesh.leaf[cut]), [part for part in parts if len(part)]
+        mesh = self.opinions.fitting.mesh
+        return mesh.leaf, [self.ground.edge * mesh.place[mesh.triangle]]
 
     def rings(self) -> list[tuple[Floats, Floats]]:
         """Return the closed lines (m) that hold the body, on their left, and how they move (m)."""
@@ -262,7 +256,7 @@ class CutAgents(PairAgents):
         regions = enumerate(self.ground.asked.body.regions)
         return {one.name: HoopStress.along(self.opinions, k) for k, one in regions if one.name}
 
-    def remarks(self, asked: str | None) -> list[str]:
+    def remarks(self, asked: Stress | Deflection | None) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
         notes, rough, mega = [], [], 1e-6 * self.scales.stress
         if loose := self.opinions.loose:
@@ -271,7 +265,7 @@ class CutAgents(PairAgents):
                 "if a support was meant, give it"
             )
         for name, along in ((name, one.counted()) for name, one in self.along.items()):
-            if name == asked or not len(along.moved):
+            if (asked and asked.at == name) or not len(along.moved):
                 continue
             at = int(np.abs(along.moved).argmax())
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)

@@ -1,5 +1,7 @@
-"""Both fields of agents that outlines cut, on the triangles of `cut_elements`.
+"""Both fields of agents that outlines cut: quadratics, and Clough and Tocher's stress functions.
 
+The unknowns are those of the squares of `elements`: the displacement at vertices and how far it
+bulges in the middle of an edge; φ, its slopes at vertices, and the bulge of its normal slope.
 Unknowns of vertices that are very near to others count from these: else what neighbours have in
 common, which is soft, would drown in what parts them, which is stiff.
 """
@@ -17,9 +19,7 @@ from kaju.factors import factors_of
 from kaju.model.outline.posed_outlines import UnlikeError
 from kaju.model.outline.true_shapes import TINY, Law
 
-from .cut_border import Border
-from .cut_elements import middles, quadratic_strain, stress_rows
-from .cut_mesh import CutMesh
+from .cut_mesh import Border, CutMesh, slopes
 from .leaves import Entries, coo, followed
 from .sheets import Sheets
 
@@ -257,3 +257,81 @@ def near_others(mesh: CutMesh, size: Floats, free: Flags) -> tuple[Ints, Ints]:
     above = breadth_first_order(tree, n, directed=False)[1][:n]
     child = np.flatnonzero(above < n)
     return child, above[child].astype(np.int64)
+
+
+def middles(rows: Floats, axis: int) -> Floats:
+    """Return what is linear on triangles in the middles of their edges, by that at corners."""
+    return np.asarray(0.5 * (rows + np.roll(rows, -1, axis)))
+
+
+def quadratic_strain(at: Floats) -> tuple[Floats, Floats]:
+    """Return the strain (xx, yy, 2 xy) at the corners of triangles, (n, 3, 3, 12), and areas.
+
+    The unknowns are both components at the three corners, then on the three edges.
+    """
+    slope, area = slopes(at)
+    gradient = np.zeros((len(at), 3, 6, 2))
+    gradient[:, :, :3] = slope[:, None]
+    for k in range(3):
+        a, b = k, (k + 1) % 3
+        gradient[:, a, 3 + k] = 4.0 * slope[:, b]
+        gradient[:, b, 3 + k] = 4.0 * slope[:, a]
+    out = np.zeros((len(at), 3, 3, 12))
+    out[..., 0, 0::2] = out[..., 2, 1::2] = gradient[..., 0]
+    out[..., 1, 1::2] = out[..., 2, 0::2] = gradient[..., 1]
+    return out, area
+
+
+def stress_rows(at: Floats, normal: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return stresses (xx, yy, xy) of Clough and Tocher's triangles, by thirds.
+
+    At the corners of each third, (n, 3, 3, 3, 12), these corners (n, 3, 3, 2), and the areas of
+    thirds (n,). The unknowns are φ and its slopes at the corners, then the bulges on the edges
+    along `normal`, (n, 3, 2).
+
+    φ is cubic on each third, given by its values at Bézier points: those beside the corners follow
+    from slopes, those within a third from the slope in the middle of its edge, the inner ones
+    are means, for that makes slopes go on (R. W. Clough, J. L. Tocher, 1965).
+    """
+    n, middle = len(at), at.mean(axis=1)
+
+    def beside(corner: int, towards: Floats) -> Floats:
+        out = np.zeros((n, 12))
+        out[:, 3 * corner] = 1.0
+        out[:, 3 * corner + 1 : 3 * corner + 3] = (towards - at[:, corner]) / 3.0
+        return out
+
+    own = [beside(k, at[:, k]) for k in range(3)]
+    inward = [beside(k, middle) for k in range(3)]
+    there = [beside(k, at[:, (k + 1) % 3]) for k in range(3)]
+    back = [beside((k + 1) % 3, at[:, k]) for k in range(3)]
+    corners = np.stack(
+        [np.stack([at[:, k], at[:, (k + 1) % 3], middle], axis=1) for k in range(3)], axis=1
+    )
+    slope, area = slopes(corners.reshape(-1, 3, 2))
+    slope = slope.reshape(n, 3, 3, 2)
+    within = []
+    for k in range(3):
+        b = (k + 1) % 3
+        p, q, r = np.einsum("ncd,nd->cn", slope[:, k], normal[:, k])[:, :, None]
+        asked = np.zeros((n, 12))
+        for corner in (k, b):
+            asked[:, 3 * corner + 1 : 3 * corner + 3] = 0.5 * normal[:, k]
+        asked[:, 9 + k] = 1.0
+        known = 0.25 * (p * own[k] + q * there[k] + r * inward[k])
+        known += 0.5 * (p * there[k] + q * back[k])
+        known += 0.25 * (p * back[k] + q * own[b] + r * inward[b])
+        within.append((asked / 3.0 - known) / (0.5 * r))
+    inner = [(inward[k] + within[k] + within[k - 1]) / 3.0 for k in range(3)]
+    core = sum(inner) / 3.0
+    rows = np.zeros((n, 3, 3, 3, 12))
+    # A Bézier point's place in a row is the sum of those of the corners that it is nearest to.
+    place, net = np.array([0, 1, 4]), np.zeros((n, 13, 12))
+    about = place[:, None, None] + place[:, None] + place
+    for k in range(3):
+        b = (k + 1) % 3
+        points = own[k], there[k], back[k], own[b], inward[k], within[k], inward[b]
+        net[:, [0, 1, 2, 3, 4, 5, 6, 8, 9, 12]] = np.stack([*points, inner[k], inner[b], core], 1)
+        bent = 6.0 * np.einsum("nia,ncijm,njb->ncabm", slope[:, k], net[:, about], slope[:, k])
+        rows[:, k] = np.stack([bent[:, :, 1, 1], bent[:, :, 0, 0], -bent[:, :, 0, 1]], axis=2)
+    return rows, corners, area.reshape(n, 3)[:, 0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, radians, sqrt
 from typing import Any
@@ -18,8 +17,6 @@ from kaju.model.elastic.goals.quantities import (
     AskedFor,
     Deflection,
     Goal,
-    Quantity,
-    Reaction,
     Stress,
     directions_of,
     quantities_of,
@@ -50,7 +47,7 @@ TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the r
 NO_BOUND = "nothing is proved of a stress at a point"
 
 
-def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection, ...]:
+def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | None:
     """Return what `goal` asks for within true outlines; none for the energy norm.
 
     Raises
@@ -59,31 +56,30 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> tuple[Stress | Deflection
         If that is neither the hoop stress along a named outline nor the deflection of a free side.
     """
     if goal is None:
-        return ()
+        return None
     named = [region.name for region in scene.body.regions if region.name is not None]
     free = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
     along = isinstance(one, str) and (one in named or one not in SIDES)
     first, *more = quantities_of(Stress(str(one), HOOP) if along else goal)
     at = getattr(first, "at", None)
-    known = free if isinstance(first, Deflection) else []
-    if isinstance(first, Stress) and first.component == HOOP:
-        known = named
-    if more or isinstance(first, Reaction) or at not in known:
-        near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
-        wrong = f"{brief(one)} cannot be asked for{near}"
-        if more:
-            wrong = f"one goal at a time, got {len(more) + 1}"
-        elif isinstance(first, Deflection) and at in [*SIDES]:
-            wrong = f"{at} is held, and has no deflection to ask for"
-        elif isinstance(first, Stress) and at in named:
-            wrong = f"no {first.component!r}{suggestion(first.component, [HOOP])} of an outline"
-        raise ParameterError(
-            f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
-            f"({', '.join(named) or 'none has a name'}) or the deflection of a free side "
-            f"({', '.join(free) or 'none'}); answer.value_of gives others, unproved"
-        )
-    return (first,)
+    near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
+    wrong = f"{brief(one)} cannot be asked for{near}"
+    if more:
+        wrong = f"one goal at a time, got {len(more) + 1}"
+    elif isinstance(first, Deflection) and at in SIDES:
+        if at in free:
+            return first
+        wrong = f"{at} is held, and has no deflection to ask for"
+    elif isinstance(first, Stress) and at in named:
+        if first.component == HOOP:
+            return first
+        wrong = f"no {first.component!r}{suggestion(first.component, [HOOP])} of an outline"
+    raise ParameterError(
+        f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
+        f"({', '.join(named) or 'none has a name'}) or the deflection of a free side "
+        f"({', '.join(free) or 'none'}); answer.value_of gives others, unproved"
+    )
 
 
 class CutLoop(PairLoop):
@@ -96,20 +92,17 @@ class CutLoop(PairLoop):
         body: OutlinedBody,
         tolerance: float,
         most_agents: int | None = None,
-        peaks: Sequence[Quantity] = (),
+        asked: Stress | Deflection | None = None,
     ) -> None:
         super().__init__(body, tolerance, most_agents or MOST_AGENTS)
-        if not peaks:
+        self._asked, self._least = asked, inf  # the latter is the error of the best generation
+        self._judge: Any = self._by_energy
+        if asked is None:
             body.check_rounding(tolerance)
-        self._peak: _Peak | _Moved | None = None
-        self._least = inf  # error of the best generation
-        if peaks:
+        else:
             self.patience = 4  # the peak of a neck may be found late, at another place
-        for one in peaks:
-            if isinstance(one, Deflection):
-                self._peak = _Moved(body, one, tolerance)
-            else:
-                self._peak = _Peak(body, str(one.at), tolerance)  # type: ignore[union-attr]
+            goal: Any = _Moved if isinstance(asked, Deflection) else _Peak
+            self._judge = goal(body, asked, tolerance).judge
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
@@ -120,8 +113,7 @@ class CutLoop(PairLoop):
                 pair = CutPair(self.body, self.leaves)
                 if pair.bounds.lower > pair.bounds.upper and not self.body.estimated:
                     raise UnlikeError("a part of the body that bears loads is too thin")
-                judge = self._peak.judge if self._peak else self._judge
-                self._judged = judge(pair)
+                self._judged = self._judge(pair)
                 break
             except VagueError as vague:
                 codes, why = vague.codes, UnlikeError("they touch themselves, or others")
@@ -144,7 +136,7 @@ class CutLoop(PairLoop):
         share = leaf_triangles(self.body.true, every, held, False)[1].shares(every)
         return every.code[((share > 0.0) & (share < 1.0 - 1e-12)).any(axis=1)]
 
-    def _judge(self, pair: Any) -> Judged:
+    def _by_energy(self, pair: Any) -> Judged:
         judged = self.goals.judge(pair, self.tolerance)
         often = coarse_along(pair, self.tolerance)
         if judged.error <= self.tolerance:
@@ -156,7 +148,7 @@ class CutLoop(PairLoop):
         proved = not self.body.estimated
         self.generations.append(generation_of(self.last, chosen, proved))
         # polygons of smaller agents are not always better: the best generation is the answer
-        if self.reached or self._peak or self._judged.error <= self._least:
+        if self.reached or self._asked or self._judged.error <= self._least:
             self._least = self._judged.error
             self._answer = len(self.generations), self.last, list(self._judged.found)
 
@@ -165,7 +157,7 @@ class CutLoop(PairLoop):
         count, pair, goals = self._answer
         trees, generations = self.trees[:count], self.generations[:count]
         agents = CutAgents(self.body, goals, generations, self.stopped, [], (trees, pair))
-        agents.notes += agents.remarks(self._peak.name if self._peak else None)
+        agents.notes += agents.remarks(self._asked)
         return agents
 
 
@@ -205,8 +197,6 @@ class _Moved:
     energy) but for half the product of both gaps, as in `goals`.
     """
 
-    name = None
-
     def __init__(self, body: OutlinedBody, asked: Deflection, tolerance: float):
         self._body, self._asked, self._tolerance = body, asked, tolerance
         self._ways = directions_of(asked.along, 2)
@@ -239,10 +229,10 @@ class _Peak:
     falls off as 1/r², its error as h/r³.
     """
 
-    def __init__(self, body: OutlinedBody, name: str, tolerance: float):
+    def __init__(self, body: OutlinedBody, asked: Stress, tolerance: float):
+        self._asked, self._tolerance, name = asked, tolerance, str(asked.at)
         self._which = [region.name for region in body.asked.body.regions].index(name)
         self._region = body.true.regions[self._which]
-        self.name, self._tolerance = name, tolerance
         self._value = self._off = self._error = inf
         check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
         no_limit = f"goal: the stress along {name!r} has no limit: this outline"
@@ -269,7 +259,7 @@ class _Peak:
         often = coarse_along(pair, self._tolerance)
         if not len(along.place):
             if not often.any():
-                raise _unresolved(UnlikeError(f"no agent lies along {self.name!r}"))
+                raise _unresolved(UnlikeError(f"no agent lies along {self._asked.at!r}"))
             return self._aimed(np.zeros(len(pair.leaves)), often)
         at = int(np.abs(along.moved).argmax())
         self._value = float(along.moved[at])
@@ -290,6 +280,6 @@ class _Peak:
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
-        goal = Goal(Stress(self.name, HOOP), (self._value,), self._off, scale, self._no_bound)
+        goal = Goal(self._asked, (self._value,), self._off, scale, self._no_bound)
         # A generation aims at a quarter of the peak's error.
         return Judged((goal,), self._error, part, False, AIM**2 * 0.25, often)

@@ -19,9 +19,8 @@ from kaju.model.outline.leaf_triangles import leaf_triangles
 from kaju.model.outline.posed_outlines import OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
 
-from .cut_border import Border
 from .cut_fields import Balancing, CutFitting
-from .cut_mesh import CutMesh, mesh_of
+from .cut_mesh import Border, CutMesh, mesh_of
 from .gap import Bounds, bounds_of
 from .leaves import LeafCells
 from .opinions import tensors
@@ -93,11 +92,11 @@ class CutPair:
         self.leaves = replace(leaves, kind=number[np.where(number < 0, -1.0, part).argmax(axis=1)])
         fitted, balanced = self.fitting.energies(n), self.balancing.energies(n)
         between = np.maximum(self.area[0] - self.area[1], 0.0)
-        own, (within, beyond) = body.bands()
+        stored, (within, beyond) = body.bands()
         # what only one of both bodies has may be loaded along any outline
-        density = np.where(self.area[1] > 0.0, 0.0, own.max())
+        density = np.where(self.area[1] > 0.0, 0.0, stored.max())
         for border, mesh in zip(edges, meshes, strict=True):
-            np.maximum.at(density, mesh.leaf[border.owner], own[border.outline])
+            np.maximum.at(density, mesh.leaf[border.owner], stored[border.outline])
         # the weight there counts as its share of all
         weighed = between / self.area[1].sum() * balanced.sum() * body.estimated
         band = density * between + 2.0 * weighed
@@ -112,7 +111,7 @@ class CutPair:
     @cached_property
     def gap(self) -> float:
         """What both bounds of twice the energy are apart; or the sum of shares, if that is more."""
-        return max(self.upper - self.lower, float(self.shares.sum()))
+        return float(max(self.upper - self.lower, self.shares.sum()))
 
     @cached_property
     def bounds(self) -> Bounds:

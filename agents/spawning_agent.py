@@ -19,9 +19,7 @@ class SpawningAgent(Agent):
     size: float  # edge (m)
     material: Material
     spawn_step: int  # 0 for the first agents
-    # The gap (J) of its parent, for which it spawned: 0 for the first agents, NaN for those that
-    # keep neighbours alike in size.
-    cause: float
+    cause: float  # gap (J) of its parent; 0 for the first, NaN if it keeps neighbours alike in size
 
     def __init__(self, model: Any, **birth: Any) -> None:
         super().__init__(model)

@@ -7,7 +7,7 @@ how far it is from the body and the loads that were described.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
+from itertools import product, repeat
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -100,7 +100,10 @@ def no_limit(result: ElasticResult, agent: int) -> str:
 
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
     """Return what is not proved of an answer, or approximate beside the error it estimates."""
-    return (*_of_error(result), *_of_loads(result.grid), *_of_outlines(result))
+    grid = result.grid
+    placed = enumerate(map(_off_place, grid.loads, grid.selections, repeat(grid)))
+    off = [Caveat(f"loads.{k} spread by cells", f"loads.{k}: {said}") for k, said in placed if said]
+    return (*_of_error(result), *off, *_of_outlines(result))
 
 
 MISSED = {
@@ -153,13 +156,6 @@ def _of_error(result: ElasticResult) -> Iterator[Caveat]:
     yield Caveat("error not known", said)
 
 
-def _of_loads(grid: Scene) -> Iterator[Caveat]:
-    """Say which loads do not act just where they are described, and how far off they are."""
-    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-        if off := _off_place(load, chosen, grid):
-            yield Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}")
-
-
 def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
     """Say what steps of cells change of the body described, and where it has sharp corners."""
     h, stress, corners = result.grid.lattice.cell_size, result.von_mises, result.sharp_corners
@@ -188,9 +184,8 @@ def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
             )
         yield Caveat(f"outlines are steps of {h:.3g} m", said)
     if many := len(corners):
+        at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)
         places = ", ".join(map(_point, corners[:3].tolist()))
-        more = f" and {many - 3} more" if many > 3 else ""
-        at = "corners" if many > 1 else "corner"
         said = f"with smaller cells the stress grows without limit at the {at} {places} m{more}"
         yield Caveat(f"no limit of stress at {many} {at}", said)
 

@@ -423,8 +423,9 @@ class ElasticResult(BodyResult):
         stress = self.stress_at(points) / self.found.scales.modulus
         return strain_of(stress, self.found.moduli, self.found.law_at(*self.found.located(points)))
 
-    def _cut(self, axis: str | None) -> Cuts:
-        return self.found.cuts(axis) if isinstance(self.found, CutAgents) else super()._cut(axis)
+    def cuts(self, axis: str | None = None) -> Cuts:
+        """Return the force (N) through every cut across an axis; see `BodyResult.cuts`."""
+        return self.found.cuts(axis) if isinstance(self.found, CutAgents) else super().cuts(axis)
 
     def _carrying(self, axis: int) -> Carrying:
         found, stress, thick = self.found, self.stress, self.size

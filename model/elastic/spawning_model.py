@@ -163,22 +163,17 @@ class SpawningModel(SteppedModel):
     def _made(self) -> list[SpawningAgent]:
         """Return the objects of all rows; make those that are not there yet."""
         start, family, materials = len(self._objects), self.family, self.scene.cell_materials
-        rows, names = family.rows[start:], ("level", "lower", "size", "spawn_step", "cause")
-        births = (
-            family.level[start:].tolist(),
-            map(tuple, (family.corners(start) * family.metre).tolist()),
-            family.size[start:].tolist(),
-            rows["spawn_step"].tolist(),
-            rows["cause"].tolist(),
-        )
-        kinds = zip(rows["parent"].tolist(), self._kinds[start:].tolist(), strict=True)
-        for row, ((parent, kind), *birth) in enumerate(zip(kinds, *births, strict=True), start):
-            above = self._objects[parent] if parent >= 0 else None
+        rows = {name: family.rows[name][start:].tolist() for name in ("spawn_step", "cause")}
+        rows |= {name: getattr(family, name)[start:].tolist() for name in ("level", "size")}
+        rows["lower"] = [tuple(corner) for corner in family.lower[start:].tolist()]
+        above, kinds = family.rows["parent"][start:].tolist(), self._kinds[start:].tolist()
+        for k, (row, kind) in enumerate(zip(above, kinds, strict=True)):
+            parent = self._objects[row] if row >= 0 else None
             # one that never stood is as its parent is
-            material = above.material if above and kind < 0 else materials[kind]
-            born = dict(zip(names, birth, strict=True))
-            agent = SpawningAgent(self, row=row, parent=above, material=material, **born)
-            self._objects.append(agent)
+            material = parent.material if parent and kind < 0 else materials[kind]
+            born = {name: values[k] for name, values in rows.items()}
+            born |= {"row": start + k, "parent": parent, "material": material}
+            self._objects.append(SpawningAgent(self, **born))
         return self._objects
 
     @property
@@ -189,10 +184,7 @@ class SpawningModel(SteppedModel):
         result = self.result()
         if result.tolerance_kept != "missed":
             return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
-        missed = f"more than the {self.most_agents} agents allowed would be needed"
-        if self.spawner.stopped != "agents":
-            missed = result.caveats[0].full
-        return f"stopped after {self.generation} steps: {missed}"
+        return f"stopped after {self.generation} steps: {result.caveats[0].full}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

@@ -35,10 +35,6 @@ class Carrying(NamedTuple):
     stress: Floats  # tensors (Pa), shape (n, dimension, dimension)
 
 
-Held = tuple[Flags, Flags]
-"""Of every cut and component, whether a support holds what lies beyond, and what lies before."""
-
-
 @dataclass(frozen=True, eq=False)
 class Cuts:
     """What an answer carries through every cut across one axis, and what it would have to carry."""
@@ -58,10 +54,10 @@ class Cuts:
 
     @classmethod
     def of(
-        cls, axis: int, at: Floats, force: Floats, beyond: Floats, total: Floats, held: Held
+        cls, axis: int, at: Floats, force: Floats, beyond: Floats, total: Floats, *held: Flags
     ) -> Cuts:
         """Return cuts by the loads beyond each, all loads, and what supports hold."""
-        held_above, held_below = held
+        held_above, held_below = held  # of every cut and component: beyond it, before it
         needed = np.where(held_above, np.where(held_below, np.nan, beyond - total), beyond)
         free, bound = ~held_above[:, axis], ~held_below[:, axis]
         loaded = 2.0 * np.abs(beyond[:, axis]) >= abs(total[axis])
@@ -124,7 +120,7 @@ def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts
     beyond = np.clip((places - lower[:, None]) / thick[:, None], 0.0, 1.0)
     total = applied.force.sum(axis=0)
     held = _held(scene, axis, ends, _NEAR * pitch)
-    return Cuts.of(axis, lower + 0.5 * thick, force, beyond @ applied.force, total, held)
+    return Cuts.of(axis, lower + 0.5 * thick, force, beyond @ applied.force, total, *held)
 
 
 def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
@@ -143,7 +139,7 @@ def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
     return ends[~crossed]
 
 
-def _held(scene: Scene, axis: int, ends: Floats, near: float) -> Held:
+def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Flags]:
     """Tell of every layer and component whether a support holds what lies beyond, or before."""
     lattice = scene.lattice
     if lattice.size > 5_000_000:  # larger ones are not looked through for what holds them

@@ -255,10 +255,6 @@ class BodyResult(OnCells, Result):
         >>> cuts.carried[[0, -1]].round(9)  # N: what lies on them is held up
         array([2., 2.])
         """
-        return self._cut(axis)
-
-    def _cut(self, axis: str | None) -> Cuts:
-        """Return the cuts, layer by layer."""
         scene = solved_scene(self)
         number = axis_of_cuts(scene.lattice, axis, scene.applied(self.stage).force)
         return cuts_of(scene, self.stage, number, self._carrying(number))

@@ -134,7 +134,7 @@ def test_generations_can_be_looked_at_before_the_end(tmp_path):
 def test_run_that_may_not_have_enough_agents_says_so():
     model = SpawningModel(under_a_patch(), 0.01, most_agents=150)
     found = model.run()
-    assert model.outcome.startswith(f"stopped after {model.generation} steps: more than the 150")
+    assert model.outcome.startswith(f"stopped after {model.generation} steps: more agents")
     assert found.agents <= 150
     coarse = SpawningModel(under_a_patch(), 0.01, resolution=1)
     coarse.run()

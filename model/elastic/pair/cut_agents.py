@@ -136,7 +136,7 @@ class CutAgents(PairAgents):
         unit = self.scales.force
         force = self.opinions.balancing.through(number, at / self.ground.edge)
         total = self.applied().sum(axis=0)
-        return Cuts.of(number, at, unit * force, unit * load, total, (far, near))
+        return Cuts.of(number, at, unit * force, unit * load, total, far, near)
 
     def arrows(self) -> tuple[Floats, Floats, Flags]:
         """Return few places (m) and forces (N) that stand for the loads, and which of them pull.

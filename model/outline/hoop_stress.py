@@ -43,11 +43,11 @@ class HoopStress:
     def apart(self, at: int) -> float:
         """Return by how much the stress at a place may be off.
 
-        How far the mean of both is off it, both over a few agents, for the stress in balance
-        leaps at the corners of polygons; or how far it is off those beside it, should that be more.
+        How far both are apart over a few agents, for the stress in balance leaps at the corners of
+        polygons; or how far it is off those beside it, should that be more.
         """
         near = slice(max(at - BESIDE, 0), at + BESIDE + 1)
-        both = 0.5 * abs(self.balanced[near].mean() - self.moved[near].mean())
+        both = abs(self.balanced[near].mean() - self.moved[near].mean())
         beside = self.moved[max(at - 1, 0) : at + 2]
         return float(max(both, np.abs(self.moved[at] - beside).max()))
 

@@ -39,7 +39,7 @@ function saves(page) {
 
 /** Above the picture: ways of looking, and what the present one brings. */
 export function buildBar(page) {
-  const { t, mode } = page, modes = offered(page).filter((m) => !m.alone), tools = mode?.tools?.(page) ?? [];
+  const { t, mode } = page, asked = page.lesson?.questions.map((q) => q.show?.mode), modes = offered(page).filter((m) => !m.alone && (!asked || asked.some((name) => ["twin", "cuts"].includes(name)))), tools = mode?.tools?.(page) ?? [];
   const choose = modes.length && !mode?.alone ? [segments(t("views"), page.look.mode, [["body", t("body")], ...modes.map((m) => [m.name, t(m.name)])], (name) => page.setMode(name))] : [];
   return page.parts.bar = make("div", { className: "bar", hidden: !choose.length && !tools.length }, ...choose, ...tools);
 }

@@ -209,10 +209,9 @@ def plot_deformed(
         label=COLOURS[colour],
         extend="max" if beyond else "neither",
     )
-    notes, farthest = [STILL], result.max_displacement
-    if farthest:
-        moved = f"largest displacement {quantity(farthest, 'm')}"
-        notes = [stress_text(result), f"{moved}; {magnified}"]
+    farthest = result.max_displacement
+    moved = f"largest displacement {quantity(farthest, 'm')}; {magnified}"
+    notes = [stress_text(result), moved] if farthest else [STILL]
     part = f"{share:.0%} of the load; " if share < 1.0 else ""
     return picture.finish("Deformed body", [part + notes[0], *notes[1:], *picture.notes])
 
@@ -252,8 +251,7 @@ def plot_cells_deformed(
         check_number("stage", stage, len(result.stages))
     shown = len(result.stages) if stage is None else stage
     section, tiles = _cells_at(result, shown, {"cut": cut, "crop": crop})
-    of = result.at_stage(shown) if shown else result
-    farthest = of.max_displacement if shown else 0.0
+    farthest = result.at_stage(shown).max_displacement if shown else 0.0
     options: dict[str, Any] = {"magnification": magnification, "largest": largest}
     options["share"] = float(shown != 0)
     picture, magnified = draw_deformed(section, tiles, ax, stage or result.stage, **options)

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.goals.quantities import named
 from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.outline.arc_triangles import ArcFrames, halved
@@ -117,8 +118,7 @@ def _on(scene: Scene, where: Ints, values: Floats) -> Floats:
 
 def _so_far(result: TransferResult, generation: int) -> TransferResult:
     """Return a run with what its last stage had taken up to a generation."""
-    stage = result.last
-    history = stage.history
+    stage, history = result.last, result.last.history
     then = history.generation <= generation
     taken = np.zeros_like(stage.taken)
     np.add.at(taken, (history.agent[then], history.direction[then]), history.load[then])
@@ -214,9 +214,8 @@ def _supports(network: SpringNetwork) -> dict[str, Any]:
     """Return what holds and what loads a network."""
     force = network.forces[-1]
     acting = np.flatnonzero(force.any(axis=1))
-    places = network.positions[acting].tolist()
     return {
-        "forces": list(zip(places, force[acting].tolist(), strict=True)),
+        "forces": [*zip(network.positions[acting].tolist(), force[acting].tolist(), strict=True)],
         "held": np.flatnonzero(network.held.any(axis=1)),
     }
 
@@ -369,12 +368,15 @@ def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
 
 
 def _error_of(result: ElasticResult) -> str:
-    """Return how many agents there are, their error, and between which bounds the energy lies."""
+    """Return how many agents there are, their error, bounds of the energy, and goals."""
     words = f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %"
-    if result.energy_bounds is None:
-        return words
-    lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
-    return f"{words}, energy " + (lower if lower == upper else f"between {lower} and {upper}")
+    if result.energy_bounds is not None:
+        lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
+        words += ", energy " + (lower if lower == upper else f"between {lower} and {upper}")
+    for goal in (goal for goal in result.goals if len(goal.components) == 1):
+        (found,), unit, error = goal.components, goal.figures()["unit"], goal.relative_error
+        words += f"; {named(goal.quantity)}: {quantity(found, unit)} ± {100.0 * error:.2g} %"
+    return words
 
 
 def growth_steps(result: GrowthResult) -> Motion:

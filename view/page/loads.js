@@ -41,7 +41,7 @@ export class Loads {
   ends(view, { cell, force, out }, length, aside = 0) {
     const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
     const [dx, dy] = view.way(unit), [cx, cy] = view.point(view.centre(cell)), gap = view.u / 2 + 3, pulls = out ?? this.pulls(cell, unit), s = pulls ? 1 : -1;
-    const room = (at, d, most) => d ? Math.abs((d > 0 ? most : 0) - at) / Math.abs(d) - gap - 4 : Infinity;   // an arrow ends on the picture
+    const room = (at, d, most) => d ? Math.abs((d > 0 ? most : 0) - at) / Math.abs(d) - gap - 12 : Infinity;   // an arrow ends on the picture
     length = Math.max(12, Math.min(length, room(cx, s * dx, view.w), room(cy, s * dy, view.h)));
     const away = pulls ? gap + length : -gap;   // outside of the body either way
     const x = cx + dx * away - dy * aside, y = cy + dy * away + dx * aside;

@@ -67,7 +67,7 @@ export class MotionPage extends Page {
   word(key) { return this.t(key === "move" ? key : `value_${key}`); }
   /** How the run ended, in the reader's language where it has these words: numbers fill the gaps of a sentence. */
   certify() {
-    const said = (text) => { const gaps = []; return this.t(`told_${text.replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text }); };
+    const said = (text) => { const gaps = []; return this.t(`told_${text.replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text.replace(AMOUNT, local) }); };
     this.tellVerdict(this.outcome.split(/(; |, without limit: )/).map(said).join(""), null);
   }
   /** Round times of a run in seconds with the frame of each, at most so many. */
@@ -232,7 +232,8 @@ export class MotionPage extends Page {
     const { picked, parts, t } = this;
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
-    const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
+    const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
+    const rows = this.colours.filter(known).flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
     parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
   }

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from inspect import signature, unwrap
 from itertools import islice
-from operator import index
+from numbers import Integral
 from types import FunctionType
 from typing import Any
 
@@ -226,7 +226,8 @@ class OwnAgents:
     ) -> str:
         """Say which of these this body does not have, and what it has; nothing if all fit."""
         arms, every = self.arms_of[getattr(agent, "form", None)], range(self.directions)
-        fits = {"arm": _is_one(arm, arms), "direction": _is_one(direction, every)}
+        whole = {"arm": (arm, arms), "direction": (direction, every)}
+        fits = {name: isinstance(n, Integral) and n in known for name, (n, known) in whole.items()}
         fits["sense"] = isinstance(sense, str) and sense in self.senses
         fits |= {name: is_number(amount) and amount >= 0.0 for name, amount in amounts.items()}
         if all(fits.values()):
@@ -237,11 +238,3 @@ class OwnAgents:
             f"; wrong: {', '.join(unfit)}; it must have {own}a direction from 0 to {every[-1]}, an "
             f"amount that is finite and not negative, and the sense {' or '.join(senses)}"
         )
-
-
-def _is_one(value: Any, among: Sequence[int]) -> bool:
-    """Tell whether a value is one of some whole numbers."""
-    try:
-        return index(value) in among
-    except TypeError:  # of arrays of several numbers, too
-        return False

@@ -85,7 +85,7 @@ class Table:
 def islice(values, most):
     return [value for value, _ in zip(values, range(most))]
 
-add, index = int.__add__, int.__index__
+add = int.__add__
 Real, Integral, SENSES = int | float, int, ("push", "pull")
 np, float_info = Table({"bool_": bool}), Table({"max": 1.7976931348623157e308})
 

@@ -39,7 +39,7 @@ class Certificate:
 def not_known(agents: list[str]) -> Certificate:
     """Return the certificate of agents of your own, which pass on what they like."""
     verdict = (
-        f"not known: agents of your own ({', '.join(agents)}) decide what they pass on; the run "
+        f"not known whether loads end: agents of your own ({', '.join(agents)}) decide; the run "
         "stops if the loads grow to 1000 times the applied ones"
     )
     return Certificate(0.0, inf, None, inf, None, stable=False, verdict=verdict, known=False)

@@ -30,7 +30,7 @@ class Growing(MaterialAgent):
 def test_of_own_agents_nothing_is_known_and_growth_is_watched():
     model = LoadModel(column(), material_agent=Growing)
     assert not model.certificate.known
-    assert model.certificate.verdict.startswith("not known: agents of your own (Growing)")
+    assert model.certificate.verdict.startswith("not known whether loads end: agents of your")
     stage = model.run().last
     assert "the loads have grown to" in stage.outcome
     assert "allow_unstable=True" in stage.outcome

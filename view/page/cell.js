@@ -272,7 +272,10 @@ export function tellStory(page, element) {
   row("keptIt", story.kept === null ? later : data(story.kept));
   row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
   row("ended", story.dropped === null ? later : data(story.dropped));
-  for (const [key, label] of run.states ?? []) rows.push(make("dt", { textContent: page.say(label) }), make("dd", {}, String(Number((page.sums[`state ${key}`]?.sum[k] ?? 0).toPrecision(6)))));
+  for (const [key, label, whether] of run.states ?? []) {
+    const value = page.sums[`state ${key}`]?.sum[k] ?? 0;
+    rows.push(make("dt", { textContent: page.say(label) }), make("dd", {}, whether ? t(value ? "yes" : "no") : String(Number(value.toPrecision(6)))));
+  }
   row("gotBack", story.returned !== null ? data(story.returned) : run.late && run.returned ? later : t("unknown"));
   if (story.now.length) row("thisGeneration", ...several(story.now.map(([c, v]) => [name(c), v])));
   element.replaceChildren(make("b", { textContent: `${head}, ${material}` }), make("dl", {}, ...rows));

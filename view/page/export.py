@@ -212,7 +212,7 @@ def packed_page(
             "stable": bool(shown.certificate.stable) if shown.certificate.known else None,
             "verdict": shown.certificate.verdict,
             "late": account is None,
-            "states": [[course.name, course.meaning] for course in shown.last.states],
+            "states": [[s.name, s.meaning, isinstance(s.default, bool)] for s in shown.last.states],
         }
         history = history_columns(scene, shown.last, account)
         for name, column in history.items():

@@ -224,10 +224,10 @@ def settled(result: Any) -> ElasticResult:
 
 def stress_text(result: ElasticResult) -> str:
     """Return the goals, and the largest stress: where it is, and whether it has a limit."""
-    goals = [goal for goal in result.goals if isinstance(goal.value, float)]
+    goals = [goal.figures() for goal in result.goals if len(goal.components) == 1]
     asked = "".join(
-        f"asked for: {quantity(goal.value, goal.figures()['unit'])}, error "
-        f"{100.0 * goal.relative_error:.2g} %; "
+        f"asked for: {quantity(goal['value'], goal['unit'])}, error "
+        f"{100.0 * goal['relative_error']:.2g} %; "
         for goal in goals
     )
     found = result.largest_stress

@@ -7,7 +7,7 @@ how far it is from the body and the loads that were described.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product, repeat
+from itertools import product
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -100,10 +100,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
 
 def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
     """Return what is not proved of an answer, or approximate beside the error it estimates."""
-    grid = result.grid
-    placed = enumerate(map(_off_place, grid.loads, grid.selections, repeat(grid)))
-    off = [Caveat(f"loads.{k} spread by cells", f"loads.{k}: {said}") for k, said in placed if said]
-    return (*_of_error(result), *off, *_of_outlines(result))
+    return (*_of_error(result), *_of_loads(result.grid), *_of_outlines(result))
 
 
 MISSED = {
@@ -154,6 +151,18 @@ def _of_error(result: ElasticResult) -> Iterator[Caveat]:
         said = "the lower bound of the energy is 0, so no relative error can be given: supports "
         said += "bear the loads where they act, and hardly any energy is stored"
     yield Caveat("error not known", said)
+
+
+def _of_loads(grid: Scene) -> Iterator[Caveat]:
+    """Say which loads do not act just where they are described, and how far off they are."""
+    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
+        if off := _off_place(load, chosen, grid):
+            yield Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}")
+        normal = np.unique(chosen.direction[chosen.direction >= 0]) // 2
+        drag = load.force and len(normal) and np.delete(load.force, normal).any()
+        if drag and _ends_on_surface(grid, chosen):
+            said = "its force along the surface ends there, where stress grows without limit"
+            yield Caveat(f"loads.{number} ends", f"loads.{number}: {said} as cells shrink")
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:

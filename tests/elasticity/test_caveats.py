@@ -106,7 +106,7 @@ def plate(**load):
         ({"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}, ""),
         ({"point": [0.098, 0.2], "force": [0.0, -2.0]}, "spread over the 0.01 m"),
         ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, ""),
-        ({"cell": [4, 19], "force": [0.0, -2.0]}, ""),
+        ({"region": {"box": [[0.1, 0.2], [0.2, 0.2]]}, "force": [2.0, 0.0]}, "along the surface"),
     ],
 )
 def test_loads_that_do_not_act_just_where_they_are_described_are_named(load, said):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from math import inf, isfinite
+from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -224,12 +224,11 @@ def settled(result: Any) -> ElasticResult:
 
 def stress_text(result: ElasticResult) -> str:
     """Return the goals, and the largest stress: where it is, and whether it has a limit."""
-    goals = [goal.figures() for goal in result.goals if len(goal.components) == 1]
-    asked = "".join(
-        f"asked for: {quantity(goal['value'], goal['unit'])}, error "
-        f"{100.0 * goal['relative_error']:.2g} %; "
-        for goal in goals
-    )
+    asked = ""
+    for goal in result.goals:
+        far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)
+        told = quantity(far, goal.figures()["unit"])
+        asked += f"asked for: {told}, error {100.0 * goal.relative_error:.2g} %; "
     found = result.largest_stress
     at = ", ".join(quantity(place, "m") for place in found.at)
     words = f"{asked}largest stress {quantity(found.value, 'Pa')} at ({at})"

@@ -406,7 +406,8 @@ class ElasticResult(BodyResult):
     def displacement_near(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m); just outside the body, of what is nearest."""
         if isinstance(self.found, CutAgents):
-            return self.found.scales.displacement * self.found.displacement_at(points)
+            moved = self.found.displacement_at(points, np.arange(0))  # in no cells
+            return self.found.scales.displacement * moved
         return super().displacement_near(points)
 
     def stress_at(self, points: Floats) -> Floats:

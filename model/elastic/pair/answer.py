@@ -24,7 +24,6 @@ from kaju.model.scene import Scene
 from .elements import quadratic_values
 from .history import Generation, settled, trees_of
 from .leaves import LeafCells
-from .opinions import Opinions
 from .space import NO_BOUND
 
 
@@ -131,8 +130,7 @@ class PairAgents(OnCells):
     @cached_property
     def energies(self) -> Floats | None:
         """Energy stored in each agent: half-way between those of both opinions."""
-        found = self.opinions
-        return found.energies if isinstance(found, Opinions) else None
+        return self.opinions.energies if self.two_minds else None
 
     @cached_property
     def moved(self) -> Floats:
@@ -184,8 +182,8 @@ class PairAgents(OnCells):
 
     def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
         """Return the stresses that balance, and those that fit, at points (m) in the plane."""
-        assert isinstance(self.opinions, Opinions)
-        return self.opinions.stresses_at(*self.placed(points, cells))
+        found: tuple[Floats, Floats] = self.opinions.stresses_at(*self.placed(points, cells))
+        return found
 
     def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the agents in or on which points lie."""

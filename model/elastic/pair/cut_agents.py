@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,13 +15,12 @@ from kaju.errors import ResultError, brief
 from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
-from kaju.model.outline.true_shapes import TINY, UNIT
+from kaju.model.outline.true_shapes import TINY, UNIT, leaf_at
 from kaju.model.results.cuts import Cuts, axis_of_cuts
 
 from .answer import PairAgents
 from .cut_mesh import Border
 from .cut_pair import CutPair
-from .opinions import tensors
 from .sheets import loops_of
 
 NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
@@ -73,39 +73,15 @@ class CutAgents(PairAgents):
         found = np.concatenate([corner, corner[fit.mesh.ends].mean(axis=1) + bulge])
         return float(np.linalg.norm(found, axis=1).max())
 
-    @property
-    def energies(self) -> Floats:
-        """Energy stored in each agent: half-way between those of both opinions."""
-        return self.opinions.energies
-
     @cached_property
     def moved(self) -> Floats:
         """Displacement of the agents' middles, beyond the body that of what is near."""
-        return self.opinions.fitting.displacement_at(
-            np.arange(self.count), self.leaves.middle * UNIT
-        )
+        middles = self.leaves.middle * UNIT
+        return self.opinions.displacement_at(np.arange(self.count), middles)
 
     @property
     def _border(self) -> Border:
         return self.opinions.borders[1]
-
-    @cached_property
-    def _borne(self) -> Floats:
-        """The forces of the supports on edges of the border, of the stress that balances."""
-        mesh, border = self.opinions.balancing.mesh, self._border
-        own = mesh.beside[border.edge, 0]
-        # along an edge the stress that balances is linear: that in the middle is its mean
-        middle = border.at.mean(axis=1)
-        stress = tensors(self.opinions.balancing.stress_at(mesh.leaf[own], middle, mesh.law[own]))
-        return np.where(border.held, np.einsum("nab,nb->na", stress, border.outward), 0.0)
-
-    def reactions(self) -> dict[str, Floats]:
-        """Return the force of every support on the body."""
-        return {
-            name: self._borne[self._border.side == number].sum(axis=0)
-            for number, name in enumerate(SIDES)
-            if name in self.ground.held
-        }
 
     def applied(self, stage: int | None = None) -> Floats:
         """Return the forces (N) on the body, shape (n, 2): along its border, and its weight."""
@@ -198,27 +174,12 @@ class CutAgents(PairAgents):
         within &= self._leaf(points) >= 0
         return np.where(within, self.ground.material_at(points), -1)
 
-    def displacement_at(self, points: Floats, cells: Ints | None = None) -> Floats:
-        """Return the displacement at points (m), beside the body that of what is near."""
+    def placed(self, points: Floats, cells: Ints | None = None) -> tuple[Ints, Floats]:
+        """Return the agents in or on which points (m) lie, or those near, and places in edges."""
         leaf, places = self._leaf(points), points / self.ground.edge
         if (beyond := leaf < 0).any():
             leaf[beyond] = cKDTree(self.leaves.middle * UNIT).query(places[beyond])[1]
-        return self.opinions.fitting.displacement_at(leaf, places)
-
-    def stress_at(self, points: Floats, cells: Ints | None = None) -> Floats:
-        """Return stress tensors at points (m) of the body: the mean of both opinions."""
-        balanced, fitted = self.opinions_at(points)
-        return 0.5 * (balanced + fitted)
-
-    def opinions_at(self, points: Floats, cells: Ints | None = None) -> tuple[Floats, Floats]:
-        """Return the stresses that balance, and those that fit, at points (m)."""
-        leaf, material = self._leaf(points), self.ground.material_at(points)
-        places, pair, own = points / self.ground.edge, self.opinions, self.ground.own_laws
-        law = np.array([list(pair.laws[0]).index(one) for one in own])[material]
-        strain = pair.fitting.strain_at(leaf, places, law)
-        fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
-        balanced = pair.balancing.stress_at(leaf, places, law)
-        return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
+        return leaf, places
 
     def law_at(self, points: Floats, cells: Ints | None = None) -> Ints:
         """Return the index of the moduli at points (m) of the body."""
@@ -226,13 +187,9 @@ class CutAgents(PairAgents):
 
     def _leaf(self, points: Floats) -> Ints:
         """Return an agent that each point (m) lies in or on, -1 for none."""
-        places = points / self.ground.edge / UNIT
-        found = np.full(len(points), -1)
-        for x in (1e-3, -1e-3):
-            for y in (1e-3, -1e-3):
-                at = self.leaves.find(np.floor(places + np.array([x, y])).astype(np.int64))
-                found = np.where(found < 0, at, found)
-        return found
+        near = [UNIT * np.array(off) for off in product((1e-3, -1e-3), repeat=2)]
+        found = np.stack([leaf_at(self.leaves, points / self.ground.edge + off) for off in near])
+        return np.asarray(found[(found >= 0).argmax(axis=0), np.arange(len(points))])
 
     def pieces(self) -> tuple[Ints, list[Floats]]:
         """Return the triangles (m) that agents hold, and whose each is.

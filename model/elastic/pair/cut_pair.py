@@ -11,12 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_triangles import leaf_triangles
-from kaju.model.outline.posed_outlines import OutlinedBody, UnlikeError
+from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
 
 from .cut_fields import Balancing, CutFitting
@@ -82,6 +82,7 @@ class CutPair:
         """Parts of the body that hang on nothing, and bear nothing."""
         self.fitting = CutFitting(meshes[0], edges[0], laws, body.weight, size, loose)
         self.balancing = Balancing(meshes[1], edges[1], others, body.weight, size)
+        self.displacement_at = self.fitting.displacement_at
         both = self.fitting, self.balancing
         self.area = np.stack([np.bincount(one.mesh.leaf, one.area, n) for one in both])
         # the material that has most of each
@@ -145,3 +146,29 @@ class CutPair:
             balanced = found[0] / self.area[1][:, None]
         some = self.area[1][:, None] > 0.0  # else nothing balances there
         return tensors(np.where(some, balanced, fitted)), tensors(fitted)
+
+    def stresses_at(self, leaf: Ints, places: Floats) -> tuple[Floats, Floats]:
+        """Return tensors of the stress that balances and of the strain that fits, at places."""
+        material, own = self.body.material_at(self.body.edge * places), self.body.own_laws
+        law = np.array([list(self.laws[0]).index(one) for one in own])[material]
+        strain = self.fitting.strain_at(leaf, places, law)
+        fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
+        balanced = self.balancing.stress_at(leaf, places, law)
+        return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
+
+    def stress_at(self, leaf: Ints, places: Floats) -> Floats:
+        """Return the mean of both: the stress whose error the gap tells exactly."""
+        balanced, fitted = self.stresses_at(leaf, places)
+        return 0.5 * (balanced + fitted)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body, of the stress that balances."""
+        mesh, border = self.balancing.mesh, self.borders[1]
+        # along an edge that stress is linear: in the middle it is its mean
+        middle = border.at.mean(axis=1)
+        own = self.balancing.stress_at(mesh.leaf[border.owner], middle, mesh.law[border.owner])
+        borne = np.where(border.held, np.einsum("nab,nb->na", tensors(own), border.outward), 0.0)
+        sides = enumerate(SIDES)
+        return {
+            name: borne[border.side == k].sum(axis=0) for k, name in sides if name in self.body.held
+        }

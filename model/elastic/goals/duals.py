@@ -35,6 +35,7 @@ from kaju.model.elastic.pair.border import Sides, torn
 from kaju.model.elastic.pair.gap import stress_of
 from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.posed_body import PosedBody
+from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene, body_cells
 from kaju.model.scene.regions import LoadRegion
 from kaju.model.scene.validation import check_axes
@@ -106,7 +107,7 @@ class Where:
             first[flat] = last[flat] = np.rint(self.lower[flat] / step)
         return Where(self.scene, self.name, first * step, last * step, flat)
 
-    def aligned(self, leaves: LeafCells, cell: int) -> LeafCells:
+    def aligned(self, leaves: LeafCells, cell: float) -> LeafCells:
         """Return agents of so many units a cell of which none lies across an end."""
         while True:
             low, high, size = leaves.lower / cell, leaves.upper / cell, leaves.size / cell
@@ -117,7 +118,7 @@ class Where:
                 return leaves
             leaves = leaves.split(chosen)
 
-    def cover(self, leaves: LeafCells, cell: int) -> tuple[Ints, Ints, Floats]:
+    def cover(self, leaves: LeafCells, cell: float) -> tuple[Ints, Ints, Floats]:
         """Return its agents, their sides if it is flat (else -1), and shares of it."""
         low, size = leaves.lower / cell, leaves.size / cell
         agent, thick = np.flatnonzero(self._met(low, size)), leaves.dimension
@@ -374,7 +375,7 @@ def goal_of(quantity: Quantity, body: PosedBody | Scene) -> DualGoal:
     return Supported(quantity, body)
 
 
-def aligned(goals: list[DualGoal], body: PosedBody) -> LeafCells:
+def aligned(goals: list[DualGoal], body: PosedBody | OutlinedBody) -> LeafCells:
     """Return first agents of a body that are as small as the places of goals ask for."""
     leaves = body.start()
     for goal in goals:

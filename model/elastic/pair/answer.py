@@ -39,25 +39,19 @@ class PairAgents(OnCells):
     stopped: str
     """Why they missed the tolerance: "agents", "corners", "depth", "stalled" or "rounding"."""
     notes: list[str]
-    # The agents of every generation, and the opinions of the last
-    known: InitVar[tuple[list[LeafCells], Any] | None] = None
+    known: InitVar[Any] = None  # Opinions of the last, if they have just been found
 
     whole: ClassVar[bool] = True
     """Whether agents fill the first ones: those within outlines need not."""
 
-    def __post_init__(self, known: tuple[list[LeafCells], Any] | None) -> None:
-        body, first = self.ground, self.ground.start
-        self._last: Any = known and known[1]
-        if known is not None:
-            self.trees = known[0]
-        elif self.whole:
-            goals = [goal_of(goal.quantity, body) for goal in self.goals]
-            self.trees = trees_of(aligned(goals, body), self.generations)
-        else:
-            self.trees = trees_of(first(), self.generations, whole=False)
+    def __post_init__(self, known: Any) -> None:
+        body, self._last = self.ground, known
+        if known is None:
+            goals = [goal_of(goal.quantity, body) for goal in self.goals if self.whole]
+            self._trees = trees_of(aligned(goals, body), self.generations, self.whole)
+        self.leaves: LeafCells = self._trees[-1] if known is None else known.leaves
         self.scene, self.stage = body.asked, body.stage
         self.scales, self.moduli = body.scales, body.moduli
-        self.leaves = self.trees[-1]
         self.count = len(self.leaves)
 
     @cached_property
@@ -65,9 +59,8 @@ class PairAgents(OnCells):
         """Opinions of the last generation; of a stored answer they are found again."""
         # Generation by generation: so they are the same to the last digit.
         found = self._last
-        for leaves in self.trees if found is None else ():
+        for leaves in self._trees if found is None else ():
             found = settled(self.ground, leaves, found)
-        assert found is not None
         return found
 
     @property

@@ -155,8 +155,8 @@ class CutLoop(PairLoop):
     def outcome(self) -> CutAgents:
         """Return the agents as they are, or were where they knew best."""
         count, pair, goals = self._answer
-        trees, generations = self.trees[:count], self.generations[:count]
-        agents = CutAgents(self.body, goals, generations, self.stopped, [], (trees, pair))
+        generations = self.generations[:count]
+        agents = CutAgents(self.body, goals, generations, self.stopped, [], pair)
         agents.notes += agents.remarks(self._asked)
         return agents
 

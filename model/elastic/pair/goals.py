@@ -66,9 +66,7 @@ class Goals:
 
     def start(self) -> LeafCells:
         """Return the first agents: as small as the body and the places of the goals ask for."""
-        if isinstance(self.body, PosedBody):
-            return aligned(self.goals, self.body)
-        return self.body.start()
+        return aligned(self.goals, self.body)
 
     def aims(self, last: Settled | None) -> list[Aim]:
         """Return what lays dual loads on the next generation."""
@@ -152,7 +150,7 @@ def _told(
 
 def agents_of(found: Settled) -> PairAgents:
     """Return agents with some opinions, of which values are read."""
-    return PairAgents(found.body, [], [], "", [], ([found.leaves], found))
+    return PairAgents(found.body, [], [], "", [], found)
 
 
 def _largest(found: Settled) -> dict[type[Quantity], float]:

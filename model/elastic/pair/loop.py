@@ -64,7 +64,6 @@ class PairLoop:
         self.stopped = ""
         """Why it ended short of the tolerance, as in `PairAgents`."""
         self.leaves = self.goals.start()
-        self.trees: list[LeafCells] = []
         self.generations: list[Generation] = []
         self.notes: list[str] = []
         self._without_gain, self._best, self._at_corners = 0, inf, 0.0
@@ -90,7 +89,6 @@ class PairLoop:
     def step(self) -> None:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
         self._solve()
-        self.trees.append(self.leaves)
         chosen = np.zeros(len(self.leaves), dtype=np.bool_)
         if not self.reached:
             chosen = self._spawn()
@@ -116,9 +114,8 @@ class PairLoop:
         assert isinstance(self.body, PosedBody)
         found = copy(self.last)
         found.levels = found.duals = ()  # which take most of the memory
-        trees, generations = list(self.trees), list(self.generations)
         goals, notes = list(self._judged.found), list(self.notes)
-        return PairAgents(self.body, goals, generations, self.stopped, notes, (trees, found))
+        return PairAgents(self.body, goals, list(self.generations), self.stopped, notes, found)
 
     def _spawn(self) -> Flags:
         """Halve some agents, and return which; or say why there is no further generation."""

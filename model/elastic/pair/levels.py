@@ -37,6 +37,14 @@ def summed(blocks: Floats, dof: Ints, size: int) -> sp.csr_array:
     return sp.csr_array((blocks.ravel(), at), shape=(size, size))
 
 
+def by_laws(laws: list[tuple[Ints | slice, Floats]], own: Floats) -> Floats:
+    """Return what agents' own values, along the last axis, become by the matrix of their law."""
+    out = np.empty((*own.shape[:-1], len(laws[0][1])))
+    for agents, matrix in laws:
+        out[agents] = own[agents] @ matrix.T
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Blocks:
     """A matrix as the sum of those of the agents, which are multiples of few: one for each law."""
@@ -57,10 +65,7 @@ class Blocks:
 
     def times(self, own: Floats) -> Floats:
         """Return the agents' matrices times their own unknowns."""
-        out = np.empty_like(own)
-        for agents, matrix in self.laws:
-            out[agents] = own[agents] @ matrix
-        return out * self.weight[:, None]
+        return by_laws(self.laws, own) * self.weight[:, None]
 
     def gather(self, forces: Floats) -> Floats:
         """Return the sums of what agents put on the shared unknowns."""

@@ -27,7 +27,7 @@ from .elements import (
 )
 from .gap import Bounds, at_points, bounds_of, roots_of, stress_of
 from .leaves import PlaneMesh
-from .levels import FieldLevel
+from .levels import FieldLevel, by_laws
 
 
 @dataclass(eq=False)
@@ -58,11 +58,11 @@ class Opinions(Fitting):
         """Return the stress that balances, scaled so that squares add up to twice the energy."""
         size = self.size[:, None]
         own = np.concatenate([self.phi / size, self.sides.even, self.sides.body], axis=1)
-        return by_roots(self.soft_roots, own)
+        return by_laws(self.soft_roots, own)
 
     def fields(self) -> tuple[Floats, Floats]:
         """Return both opinions as vectors whose products are energies: of agents, then of beds."""
-        balanced, fitted, beds = self.stress_field(), by_roots(self.roots, self.fit), self.on_beds()
+        balanced, fitted, beds = self.stress_field(), by_laws(self.roots, self.fit), self.on_beds()
         return np.append(balanced, beds[0]), np.append(fitted, beds[1])
 
     def by_agent(self, products: Floats, with_beds: bool = True) -> Floats:
@@ -191,9 +191,8 @@ class Opinions(Fitting):
     def _pull(self) -> Floats:
         """Return the slopes of the complementary energy by phi of agents, shape (n, 16)."""
         mesh, sides, size = self.mesh, self.sides, self.size
-        out, stress = np.empty_like(self.phi), self.stress_field()
-        for agents, root in self.soft_roots:
-            out[agents] = stress[agents] @ root[:, :16]
+        back = [(agents, root[:, :16].T) for agents, root in self.soft_roots]
+        out = by_laws(back, self.stress_field())
         # Supports that move take the work of their forces.
         force = np.einsum("nj,njl->nl", sides.moved, edge_tractions()[mesh.side, 0])
         np.subtract.at(out, mesh.owner, force)
@@ -201,14 +200,6 @@ class Opinions(Fitting):
         rows = bed_rows(mesh, sides, size)
         np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", self.on_beds()[0], rows))
         return out
-
-
-def by_roots(roots: list[tuple[Ints | slice, Floats]], own: Floats) -> Floats:
-    """Return agents' unknowns times the roots of their laws."""
-    out = np.empty((len(own), len(roots[0][1])))
-    for agents, root in roots:
-        out[agents] = own[agents] @ root.T
-    return out
 
 
 def tensors(three: Floats) -> Floats:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Ints
 from kaju.model.elastic.goals.quantities import Quantity
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -79,7 +79,7 @@ class PairLoop:
         """Whether the tolerance is kept, and no agent is to halve whatever its share."""
         if self.last is None or self._judged.error > self.tolerance:
             return False
-        return self._judged.first is None or not self._judged.first.any()
+        return not np.any(self._judged.first)
 
     @property
     def finished(self) -> bool:
@@ -89,10 +89,7 @@ class PairLoop:
     def step(self) -> None:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
         self._solve()
-        chosen = np.zeros(len(self.leaves), dtype=np.bool_)
-        if not self.reached:
-            chosen = self._spawn()
-        self._keep(chosen)
+        self._keep(np.zeros(len(self.leaves), dtype=np.bool_) if self.reached else self._spawn())
 
     def _solve(self) -> None:
         """Let the agents find their opinions, and judge these."""
@@ -154,20 +151,27 @@ class PairLoop:
         return bool(left <= NEAR_THE_END and self._at_corners * fall > limit)
 
     def _halvings(self, leaves: LeafCells) -> Ints:
-        """Return how often each agent halves."""
-        share, first = self._judged.shares, self._judged.first
+        """Return how often each halves: the fewest with most of the gap; corners up to thrice."""
+        judged, share = self._judged, self._judged.shares
         allowed = np.log2(leaves.size // self.body.smallest).astype(np.int64)
-        often = np.zeros(len(leaves), dtype=np.int64) if first is None else first
-        if self._judged.error <= self.tolerance:
-            return np.minimum(often, allowed)
+        often = np.zeros(len(leaves), dtype=np.int64) if judged.first is None else judged.first
         # What the smallest agents hold stays: the others share the rest of what is wanted; or, if
         # the smallest alone hold more, as little as is hardly seen beside it.
         free = np.where(allowed > 0, share, 0.0)
-        budget, frozen = self._judged.wanted * share.sum(), float(share.sum() - free.sum())
-        left = max(budget - frozen, AT_CORNERS * frozen)
-        if free.sum() > left:
-            at = leaves.holding(self.body.sharp)
-            often = np.maximum(often, halvings(free, left, at, leaves.dimension))
+        total, frozen = float(free.sum()), float(share.sum() - free.sum())
+        left = max(judged.wanted * share.sum() - frozen, AT_CORNERS * frozen)
+        if judged.error <= self.tolerance or total <= left:
+            return np.minimum(often, allowed)
+        goal = min(MOST_HALVED[leaves.dimension] * total, (total - left) / GAIN)
+        largest = np.sort(free)[::-1]
+        last = largest[min(int(np.searchsorted(np.cumsum(largest), goal)), len(free) - 1)]
+        # Agents whose share is nearly that of the last halve, too: a body's symmetry is kept.
+        often = np.maximum(often, free >= (1.0 - 0.01) * last)
+        at, budget = leaves.holding(self.body.sharp), AT_CORNERS * left
+        if free[at].sum() > budget > 0.0:
+            # A halving takes half of the share at the strongest of corners.
+            more = np.ceil(np.log2(np.maximum(free[at] * len(at) / budget, 1.0))).astype(np.int64)
+            often[at] = np.maximum(often[at], np.minimum(more, DEEPEST_STEP))
         return np.minimum(often, allowed)
 
     def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
@@ -179,11 +183,7 @@ class PairLoop:
             again = np.zeros(len(new), dtype=np.bool_) if first is None else first[parent] > step
             again[at] |= often[parent[at]] > step
             new = new.split(again)
-        new = new.balanced()
-        # The tree's balance may not ask for more than `child_maps` holds.
-        parent = new.parents_in(leaves)
-        assert (leaves.size[parent] // new.size).max() <= 1 << DEEPEST_STEP
-        return new
+        return new.balanced()
 
     def _expected(self, error: float) -> float:
         """Return a tenth of the agents that the tolerance takes if errors fall on so."""
@@ -197,19 +197,3 @@ class PairLoop:
             rate = max(rate, log(before / error) / log(now / few) if error < before else 0.0)
         factor = log(error / self.tolerance) / rate if rate > 0.0 else inf
         return 0.1 * now * exp(min(factor, 100.0))
-
-
-def halvings(share: Floats, left: float, at: Ints, d: int = 2) -> Ints:
-    """Return how often agents halve: the fewest with most of the gap; `at` corners up to thrice."""
-    total = float(share.sum())
-    goal = min(MOST_HALVED[d] * total, (total - left) / GAIN)
-    order = np.argsort(-share, kind="stable")
-    count = min(int(np.searchsorted(np.cumsum(share[order]), goal)), len(order) - 1)
-    # Agents whose share is nearly that of the last one halve, too: the symmetry of a body is kept.
-    often = (share >= (1.0 - 0.01) * share[order[count]]).astype(np.int64)
-    budget = AT_CORNERS * left
-    if share[at].sum() > budget > 0.0:
-        # A halving takes half of the share at the strongest of corners.
-        more = np.ceil(np.log2(np.maximum(share[at] * len(at) / budget, 1.0))).astype(np.int64)
-        often[at] = np.maximum(often[at], np.minimum(more, DEEPEST_STEP))
-    return np.asarray(often)

@@ -172,7 +172,7 @@ class PairLoop:
             # A halving takes half of the share at the strongest of corners.
             more = np.ceil(np.log2(np.maximum(free[at] * len(at) / budget, 1.0))).astype(np.int64)
             often[at] = np.maximum(often[at], np.minimum(more, DEEPEST_STEP))
-        return np.minimum(often, allowed)
+        return np.asarray(np.minimum(often, allowed))
 
     def _halved(self, leaves: LeafCells, often: Ints) -> LeafCells:
         """Return the agents of the next generation."""

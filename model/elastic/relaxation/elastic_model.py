@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from time import perf_counter
 from typing import Any, Literal
 
@@ -19,10 +20,8 @@ from kaju.model.elastic.relaxation.push_state import (
     PushEngine,
     PushState,
     Visit,
-    largest_first,
     multilevel,
-    own_order,
-    wave,
+    repeated,
 )
 from kaju.model.elastic.relaxation.push_table import PushTable, WaveCertificate, certify_waves
 from kaju.model.elastic.relaxation.records import (
@@ -177,14 +176,12 @@ class ElasticModel(SteppedModel):
         self.visit = Visit()
         self.history: list[StepRecord] = []
         self.recorder = Recorder(self.state)
-        if self.order:
-            self._order = own_order(self.engine, self.order)
-        elif self.table.order == "wave":
-            self._order = wave(self.engine, self.share)
-        elif self.table.order == "largest first":
-            self._order = largest_first(self.engine, self.pushes_per_step)
-        else:
-            self._order = multilevel(self.engine)
+        act = {
+            "own": partial(self.engine.relax_chosen, self.order),
+            "wave": partial(self.engine.relax_all, self.share),
+            "largest first": partial(self.engine.relax_largest, self.pushes_per_step),
+        }.get(self.table.order)
+        self._order = multilevel(self.engine) if act is None else repeated(act)
         self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
         self.engine.wake_supports()
         self.running = not self.outcome

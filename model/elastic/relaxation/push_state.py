@@ -11,7 +11,7 @@ agent does in its turn is its own affair.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -137,6 +137,12 @@ class PushEngine(ABC):
     def relax_together(self, level: int, acting: Ints, loads: Floats) -> None:
         """Let agents of a level take loads (N) at once, each its own: a Jacobi step."""
 
+    def relax_all(self, share: float) -> None:
+        """Let all agents above γ take a share of their loads at once: damped Jacobi iteration."""
+        faces = self.state.levels[0]
+        acting = np.flatnonzero(faces.measured > self.state.threshold)
+        self.relax_together(0, acting, share * faces.left[acting])
+
     @abstractmethod
     def relax_in_turn(self, level: int, backward: bool) -> None:
         """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
@@ -144,9 +150,10 @@ class PushEngine(ABC):
     @abstractmethod
     def relax_largest(self, count: int) -> None:
         """Let the agent with the largest load act, `count` times or until none exceeds γ."""
+        # R. V. Southwell, Relaxation Methods in Engineering Science (1940).
 
     def relax_chosen(self, order: Order[FaceAgent]) -> None:
-        """Let the agents act that an order chooses from those above γ, in turn."""
+        """Let the agents act that an order chooses from those above γ; any lowers the energy."""
         raise NotImplementedError("arrays do not act in an order of your own")
 
     @abstractmethod
@@ -165,27 +172,10 @@ class Visit(NamedTuple):
     way: str = ""
 
 
-def wave(engine: PushEngine, share: float) -> Iterator[Visit]:
-    """All agents above the threshold yield at once, by a share: damped Jacobi iteration."""
+def repeated(act: Callable[[], None]) -> Iterator[Visit]:
+    """Let the same agents' turn come in every step."""
     while True:
-        faces = engine.state.levels[0]
-        acting = np.flatnonzero(faces.measured > engine.state.threshold)
-        engine.relax_together(0, acting, share * faces.left[acting])
-        yield Visit()
-
-
-def largest_first(engine: PushEngine, pushes: int) -> Iterator[Visit]:
-    """Let the agent with the largest load yield: Southwell's relaxation."""
-    # R. V. Southwell, Relaxation Methods in Engineering Science (1940).
-    while True:
-        engine.relax_largest(pushes)
-        yield Visit()
-
-
-def own_order(engine: PushEngine, order: Order[FaceAgent]) -> Iterator[Visit]:
-    """Let those yield that an order of your own chooses: the energy falls with any choice."""
-    while True:
-        engine.relax_chosen(order)
+        act()
         yield Visit()
 
 

@@ -59,14 +59,18 @@ def test_a_narrow_load_is_seen_to_a_thousandth_by_a_few_thousand_agents():
 
 
 def test_energies_rise_to_the_true_one():
-    """The displacement fits: every generation's energy is a lower bound."""
-    energies = [g.energy for g in kaju.solve(patch(8), tolerance=0.03).generations]
+    """They are lower bounds; estimates of the first generations tell of no end, as they rise."""
+    hole = {"box": [[0, 0.25, 0.25], [1, 0.5, 0.5]], "material": "air"}
+    load = {"side": "top", "force": [-1.0, -2.0, -1.0]}
+    pierced = block({"bottom": "rigid"}, [load], (4, 3, 3), 0.41, regions=[hole])
+    energies = [g.energy for g in kaju.solve(pierced, tolerance=0.2).generations]
+    assert len(energies) > 3
     assert np.all(np.diff(energies) > 0.0)
 
 
-@pytest.mark.parametrize(("ratio", "finest"), [(0.0, 0.03), (0.45, 0.03)])
-def test_estimates_are_near_the_truth(ratio, finest):
-    rough, fine = (kaju.solve(quarter(ratio), tolerance=t) for t in (5 * finest, finest))
+@pytest.mark.parametrize("ratio", [0.0, 0.45])
+def test_estimates_are_near_the_truth(ratio):
+    rough, fine = (kaju.solve(quarter(ratio), tolerance=t) for t in (0.15, 0.03))
     true_error = np.sqrt(1.0 - rough.strain_energy / fine.strain_energy)
     assert 0.5 < rough.error_estimate / true_error < 2.0
 
@@ -74,9 +78,8 @@ def test_estimates_are_near_the_truth(ratio, finest):
 def test_a_couple_turns_the_end_of_a_beam():
     beam = block({"bottom": "rigid"}, [{"side": "top", "couple": [0, 1e3, 0]}], [2, 2, 8], 0.0)
     result = kaju.solve(beam, tolerance=0.01, resolution=4)
-    assert result.strain_energy == pytest.approx(
-        0.5 * 1e3**2 * 2.0 * 12.0 / YOUNGS / 0.5**4, rel=2e-2
-    )
+    expected = 0.5 * 1e3**2 * 2.0 * 12.0 / YOUNGS / 0.5**4
+    assert result.strain_energy == pytest.approx(expected, rel=2e-2)
 
 
 def test_stress_goes_on_where_agents_of_two_sizes_meet():

@@ -32,7 +32,7 @@ function paintAnswer(page, canvas, name, both) {
   const { run, look, inks, t } = page, { lattice: L, kinds } = run, { scale, small, factor, unit } = both, values = both[name];
   const u = name === "rule" ? page.deformed().displacement : page.elastic.answer.displacement;
   const moved = factor ? { displacement: u, corners: L.dimension === 2 ? cornersOf(L, kinds, u) : null } : null;
-  const view = new View(canvas, L, look.camera);
+  const view = new View(canvas, L, look.camera, { foot: settings(page).ruler ? 64 : 48 });
   paintCells(view, kinds, values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
   if (L.dimension === 2 && view.u >= 9) L.each((k) => { if (values[k] < -small) paintWord(view.ctx, "−", ...view.at(...L.cell(k).map((c) => c + 0.5)), inks.ink, inks, { align: "center" }); });
   if (name === "elastic") canvas.ariaLabel = `${t("elastic")}: ${t(both.quantity)}`;
@@ -48,7 +48,7 @@ export function stepsOf({ rule, elastic, small }) {
   return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : Math.sign(d) * step(d, SHADES))) };
 }
 function paintDifference(page, canvas, both) {
-  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), scale = { low: -4.5, high: 4.5, log: false };
+  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera, { foot: settings(page).ruler ? 64 : 48 }), scale = { low: -4.5, high: 4.5, log: false };
   paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), scale, inks, { cut: L.dimension === 3 ? look.cut : null });
   canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
   paintLegend(view, scale, t("less"), t("log"), null, inks, [[scale.low, quantity(-most, both.unit)], [0, `± ${quantity(both.small, both.unit)}`], [scale.high, quantity(most, both.unit)]]);

@@ -169,11 +169,11 @@ def write_index(folder: Path) -> Path:
 def _card(of: Lesson) -> str:
     """Return a lesson as a card that leads to its page."""
     minutes = sum(question.minutes for question in of.texts["en"].questions)
-    title = _in_all({k: text.title for k, text in of.texts.items()}, "h2")
+    named = {k: f"{ORDER.index(of.name) + 1} · {text.title}" for k, text in of.texts.items()}
     asks = _in_all({k: text.asks for k, text in of.texts.items()}, "p")
     return (
         f'<a class="card" href="{of.name}.html" data-key="{of.name}" data-age="{of.age}" '
-        f'data-minutes="{minutes}">{picture(of)}<div>{title}{asks}'
+        f'data-minutes="{minutes}">{picture(of)}<div>{_in_all(named, "h2")}{asks}'
         '<p class="facts"><span class="minutes"></span><span class="age"></span>'
         '<span class="done"></span></p></div></a>'
     )

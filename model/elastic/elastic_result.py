@@ -149,7 +149,7 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def displacement(self) -> Floats:
-        """Displacement (m) of the agents' middles, shape (agents, dimension)."""
+        """Displacement (m) of agents: a row for each; of equal cells, the mean of their sides."""
         return self.found.scales.displacement * self.found.moved
 
     @cached_property

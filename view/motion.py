@@ -19,9 +19,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.goals.quantities import named
 from kaju.model.elastic.pair.cut_agents import CutAgents
-from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.outline.arc_triangles import ArcFrames, halved
-from kaju.model.outline.true_shapes import AIR, UNIT, leaf_at
+from kaju.model.outline.true_shapes import AIR, as_fine
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult, Curves, solved_scene
 from kaju.model.scene import Scene
@@ -503,7 +501,7 @@ def curves_of(
     body, places, moved = found.ground.true, [np.empty((0, 2))], [np.empty((0, 2))]
     regions: list[dict[str, Any]] = [{"solid": body.law != AIR, "lines": []}]
     for region in body.regions:
-        lines = [flattened(_as_fine(line.arcs, found.leaves), 3) for line in region.lines]
+        lines = [flattened(as_fine(line.arcs, found.leaves), 3) for line in region.lines]
         regions.append({"solid": region.solid, "lines": [len(at) + 1 for at in lines]})
         for line in lines:
             at = found.ground.edge * line
@@ -528,17 +526,3 @@ def _as_curves(points: Floats) -> Floats:
     of = np.stack([points[0::3], points[1::3], points[2::3], np.roll(points[0::3], -1, 0)], 1)
     controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
     return np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)])
-
-
-def _as_fine(arcs: Floats, leaves: LeafCells) -> Floats:
-    """Halve arcs that are longer than the leaves at them: the leaves bend them."""
-    while True:
-        frames = ArcFrames(arcs)
-        size = np.full(len(arcs), np.inf)
-        for points in (frames.start, frames.tip, frames.end):
-            leaf = leaf_at(leaves, points)
-            size = np.minimum(size, np.where(leaf < 0, np.inf, leaves.size[leaf] * UNIT))
-        long = frames.length > size
-        if not long.any():
-            return arcs
-        arcs = halved(arcs, long)

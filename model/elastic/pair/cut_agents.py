@@ -95,16 +95,14 @@ class CutAgents(PairAgents):
         first, last = (int(end[number]) for end in self.grid.bounds())
         at = np.asarray(lattice.cell_size * (np.arange(first, last) + 0.5), dtype=np.float64)
         ends = border.at[..., number, None] - at / self.ground.edge
-        beyond = np.maximum(ends, 0.0)  # (edges, 2, cuts)
+        # which part of each edge lies beyond, from 0 at its start to 1 at its end: (edges, 2, cuts)
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = (beyond[:, 1] - beyond[:, 0]) / (ends[:, 1] - ends[:, 0])
-        share = np.where(ends[:, 1] == ends[:, 0], ends[:, 0] > 0.0, share)
-        load = share.T @ border.given
-        # of a traction that grows along an edge what lies beyond is not its share alone
-        more = np.where(ends[:, 1] > ends[:, 0], 1.0, -1.0) * share * (1.0 - share)
-        load += more.T @ border.tilted
+            crossed = np.clip(np.nan_to_num(ends[:, :1] / (ends[:, :1] - ends[:, 1:])), 0.0, 1.0)
+        part = np.where(ends > 0.0, np.array([[0.0], [1.0]]), crossed)
+        share, more = (np.diff(one, axis=1)[:, 0] for one in (part, part * (part - 1.0)))
+        load = share.T @ border.given + more.T @ border.tilted
         # what lies beyond a cut is the integral of the way from it along the border, times normals
-        area = border.outward[:, number] @ (share * beyond.mean(axis=1))
+        area = border.outward[:, number] @ (share * np.maximum(ends, 0.0).mean(axis=1))
         load += area[:, None] * self.ground.weight
         some = [ends[border.held[:, k]].reshape(-1, len(at)) for k in (0, 1)]
         far = np.stack([(one > 0.0).any(axis=0) for one in some], axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from math import inf, radians, sqrt
 from typing import Any
 
@@ -101,8 +102,11 @@ class CutLoop(PairLoop):
             body.check_rounding(tolerance)
         else:
             self.patience = 4  # the peak of a neck may be found late, at another place
-            goal: Any = _Moved if isinstance(asked, Deflection) else _Peak
-            self._judge = goal(body, asked, tolerance).judge
+            if isinstance(asked, Deflection):
+                body.check_cusps(str(asked.at), goal=True)
+                self._judge = partial(self._by_deflection, asked)
+            else:
+                self._judge = _Peak(body, asked, tolerance).judge
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
@@ -142,6 +146,28 @@ class CutLoop(PairLoop):
         if judged.error <= self.tolerance:
             often = np.where(often > 1, often, 0)
         return replace(judged, first=often)
+
+    def _by_deflection(self, asked: Deflection, pair: CutPair) -> Judged:
+        """Return the error of the mean displacement of a free side, with bounds.
+
+        It is the work of a unit force on that side. With s, e the stresses of both opinions under
+        the loads, and t, z those under the force, this is ((s, t) + (e, z)) / 2 (products are those
+        of the energy) but for half the product of both gaps, as in `goals`.
+        """
+        value, off, part = [], [], np.zeros(len(pair.leaves))
+        for way in directions_of(asked.along, 2):
+            dual = CutPair(self.body.pushed(str(asked.at), way), pair.leaves)
+            both = (pair.balancing, dual.balancing), (pair.fitting, dual.fitting)
+            value.append(0.5 * sum(float(np.vdot(one.felt, other.felt)) for one, other in both))
+            off.append(0.5 * sqrt(pair.gap * dual.gap))
+            part += off[-1] * (pair.shares / pair.gap + dual.shares / dual.gap)
+        least = SMALL * float(np.abs(pair.fitting.value).max())
+        scale = max(float(np.linalg.norm(value)), least)
+        no_bound = OF_WEIGHT if self.body.estimated else ""
+        goal = Goal(asked, tuple(value), float(np.linalg.norm(off)), scale, no_bound)
+        error = goal.relative_error
+        wanted = min(AIM * self.tolerance / error, 1.0) if error > 0.0 else 0.0
+        return Judged((goal,), error, part / scale, False, wanted)
 
     def _keep(self, chosen: Flags) -> None:
         """Note the generation."""
@@ -187,37 +213,6 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
         more = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
         often[bent & stressed] = np.maximum(often[bent & stressed], more)
     return np.minimum(often, 2)
-
-
-class _Moved:
-    """The mean displacement of a free side, generation by generation, with bounds.
-
-    It is the work of a unit force on that side. With s, e the stresses of both opinions under the
-    loads, and t, z those under the force, this is ((s, t) + (e, z)) / 2 (products are those of the
-    energy) but for half the product of both gaps, as in `goals`.
-    """
-
-    def __init__(self, body: OutlinedBody, asked: Deflection, tolerance: float):
-        self._body, self._asked, self._tolerance = body, asked, tolerance
-        self._ways = directions_of(asked.along, 2)
-        body.check_cusps(str(asked.at), goal=True)
-
-    def judge(self, pair: CutPair) -> Judged:
-        """Return the error, what each leaf adds to it, and the share of it to aim at."""
-        value, off, part = [], [], np.zeros(len(pair.leaves))
-        for way in self._ways:
-            dual = CutPair(self._body.pushed(str(self._asked.at), way), pair.leaves)
-            both = (pair.balancing, dual.balancing), (pair.fitting, dual.fitting)
-            value.append(0.5 * sum(float(np.vdot(one.felt, other.felt)) for one, other in both))
-            off.append(0.5 * sqrt(pair.gap * dual.gap))
-            part += off[-1] * (pair.shares / pair.gap + dual.shares / dual.gap)
-        least = SMALL * float(np.abs(pair.fitting.value).max())
-        scale = max(float(np.linalg.norm(value)), least)
-        no_bound = OF_WEIGHT if self._body.estimated else ""
-        goal = Goal(self._asked, tuple(value), float(np.linalg.norm(off)), scale, no_bound)
-        error = goal.relative_error
-        wanted = min(AIM * self._tolerance / error, 1.0) if error > 0.0 else 0.0
-        return Judged((goal,), error, part / scale, False, wanted)
 
 
 class _Peak:

@@ -117,15 +117,15 @@ class MaterialAgent(PlacedAgent):
         self.inbox: dict[tuple[int, float, Sense], float] = {}
         """Loads to take in the next step: (direction, magnitude, sense) → copies."""
         # What the cell is, its number, and its form, as the scene and the lattice count.
-        self.kind, self.key, self.form = self.engine.seen[cell.coordinate]
+        self._kind, self._key, self._form = self.engine.seen[cell.coordinate]
         # Over each arm the box there; the engine finds it when something is handed over.
-        self.around: list[LoadBox | None] = [None] * len(self.engine.opposite)
-        self._handed: Load | None = None
-        self._sent_by: tuple[object, Any] = self.engine.usual[self.kind][self.form]
+        self._around: list[LoadBox | None] = [None] * len(self.engine.opposite)
+        self._handed: object = self
+        self._sent_by: tuple[object, Any] = self.engine.usual[self._kind][self._form]
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the neighbours: a copy meets its own, one would drag along all others."""
-        return self.__dict__ | {"around": [None] * len(self.around)}
+        return self.__dict__ | {"_around": [None] * len(self._around)}
 
     def __repr__(self) -> str:
         return (
@@ -173,6 +173,8 @@ class MaterialAgent(PlacedAgent):
 
     def take(self, load: Load) -> None:
         """Keep the own share of a load."""
+        if type(load) is not Load:
+            raise self.engine.guard.wrong(self, "take", f"gets the load, not {brief(load)}")
         direction, magnitude, copies, sense = load
         total = magnitude * copies
         self.taken[direction] += total
@@ -191,14 +193,15 @@ class MaterialAgent(PlacedAgent):
 
     def pass_on(self, load: Load) -> None:
         """Hand the other shares of a load to the neighbours, unless they are too small."""
-        if load is self._handed:
+        if load is self._handed or type(load) is not Load:
             what = "hands one load on twice; call super().pass_on(load) once for a load"
+            what = what if type(load) is Load else f"gets the load, not {brief(load)}"
             raise self.engine.guard.wrong(self, "pass_on", what)
         self._handed = load
         emissions, (_, magnitude, copies, _) = self.emissions(load), load
         known = type(emissions) is Emissions and emissions.split.get(magnitude)
         sent, ended = known or self.engine.split(self, emissions, magnitude)
-        around, passed = self.around, self.passed
+        around, passed = self._around, self.passed
         for arm, key, size, count in sent:
             passed[arm] += size * copies
             box = around[arm]

@@ -151,7 +151,8 @@ class OwnAgents:
                 f"{self.model.generation} must call super().__init__ with all of its arguments"
             )
         if type(agent) not in self.names:
-            self.names[type(agent)] = [*vars(agent), *declared([type(agent)], Declaration)]
+            known = {*vars(agent), *declared([type(agent)], Declaration)}
+            self.names[type(agent)] = sorted(n for n in known if n[0] != "_")
             for name in [name for name in vars(agent) if callable(getattr(type(agent), name, 0))]:
                 raise self.wrong(agent, name, "has set a method of this name; take another name")
             if isinstance(agent, MaterialAgent):
@@ -225,7 +226,7 @@ class OwnAgents:
         self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, **amounts: Any
     ) -> str:
         """Say which of these this body does not have, and what it has; nothing if all fit."""
-        arms, every = self.arms_of[getattr(agent, "form", None)], range(self.directions)
+        arms, every = self.arms_of[getattr(agent, "_form", None)], range(self.directions)
         whole = {"arm": (arm, arms), "direction": (direction, every)}
         fits = {name: isinstance(n, Integral) and n in known for name, (n, known) in whole.items()}
         fits["sense"] = isinstance(sense, str) and sense in self.senses

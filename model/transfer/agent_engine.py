@@ -224,7 +224,7 @@ class AgentEngine:
             sender.dropped += checked.total
             return
         sender.passed[arm] += checked.total
-        box = sender.around[arm]
+        box = sender._around[arm]
         box = self.box_over(sender, arm) if box is None else box
         key = self._put(box, checked)
         if box.agent is None:
@@ -234,7 +234,7 @@ class AgentEngine:
 
     def box_over(self, agent: MaterialAgent, arm: int) -> LoadBox:
         """Return the box into which an agent puts what it hands over an arm."""
-        step = self.steps[agent.form].get(arm)
+        step = self.steps[agent._form].get(arm)
         if step is None:
             raise self.guard.wrong(agent, "pass_on", f"has no face along direction {arm}")
         place = tuple(map(add, agent.cell.coordinate, step))
@@ -244,12 +244,12 @@ class AgentEngine:
         else:
             met = self.boxes.get(place)
             box = self.boxes[place] = LoadBox(self.called, place, kind) if met is None else met
-        agent.around[arm] = box
+        agent._around[arm] = box
         return box
 
     def emissions_of(self, agent: MaterialAgent) -> SentOut:
         """Return what an agent sends out for each newton by its shares: by sense and direction."""
-        shares, form = agent.shares, agent.form
+        shares, form = agent.shares, agent._form
         if not isinstance(shares, Shares):
             raise self.guard.wrong(agent, "shares", f"must have kaju.Shares, has {brief(shares)}")
         sent = self._sent.get((shares, form))
@@ -360,7 +360,7 @@ class AgentEngine:
         directions, magnitudes, senses = zip(*chain.from_iterable(boxes), strict=True)
         direction, magnitude = np.array(directions, dtype=np.int64), np.array(magnitudes)
         pull = np.array([sense == "pull" for sense in senses])
-        acted = np.array([(act[0], act[1].key) for act in acts], dtype=np.int64)
+        acted = np.array([(act[0], act[1]._key) for act in acts], dtype=np.int64)
         rows = np.vstack([np.repeat(acted, count, axis=0).T, direction + pull * len(self.opposite)])
         order = np.lexsort((magnitude, *rows[::-1]))
         rows = rows[:, order]
@@ -380,7 +380,7 @@ class AgentEngine:
         for agent in agents:
             self.guard.check_books(agent)
         cells, axes = self._places(agents), len(self.lattice.axes)
-        material = np.array([agent.kind for agent in agents], dtype=np.int64)
+        material = np.array([agent._kind for agent in agents], dtype=np.int64)
         kept = _table([agent.squeezed for agent in agents], axes)
         passed = _table([agent.passed for agent in agents], self.lattice.directions)
         dropped = np.array([agent.dropped for agent in agents])
@@ -462,7 +462,7 @@ class AgentEngine:
 
     def _arms_to_wakers(self, agent: MaterialAgent) -> int:
         at, wakers = agent.cell.coordinate, {waker.cell.coordinate for waker in agent.woken_by}
-        steps = self.steps[agent.form].items() if wakers else ()
+        steps = self.steps[agent._form].items() if wakers else ()
         return sum(1 << arm for arm, step in steps if tuple(map(add, at, step)) in wakers)
 
 

@@ -157,7 +157,8 @@ class LoadModel(SteppedModel):
         """Return the value of a parameter that agents declare."""
         if name in vars(self).get("parameters", ()):
             return self.parameters[name]
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        cure = "" if "course" in vars(self) else "; call super().__init__(scene) in its __init__"
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{cure}")
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse to change what the engine was made with."""

@@ -7,8 +7,9 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Self
 
+from kaju.agents.parameter import is_number
 from kaju.agents.rules import ShareRule
-from kaju.errors import StabilityError
+from kaju.errors import StabilityError, brief, require
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper, not_balanced
 
@@ -41,6 +42,8 @@ class LoadTransfer(Stepper[TransferResult]):
     ) -> None:
         self.scene, self.allow_unstable = scene, allow_unstable
         self.max_generations = max_generations
+        told = f"max_generations: must be a number from 1 upwards, got {brief(max_generations)}"
+        require(is_number(max_generations) and max_generations >= 1, told)
         self.transfer = Transfer(scene, rule)
         self.certificate: Certificate = not_known(own) if own else certify(scene, self.transfer)
         refused = self.certificate.known and not self.certificate.stable

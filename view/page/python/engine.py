@@ -164,22 +164,22 @@ def generation():
     """Let a generation act; tell what was taken, given back, done and known, and who awoke."""
     engine.begin()
     new, engine.told = list(engine.agents.values())[engine.told :], len(engine.agents)
-    born = [[agent.key, engine._arms_to_wakers(agent)] for agent in new]
-    states = [[n, a.key, getattr(a, name)] for a in new for n, name in enumerate(engine.states)]
+    born = [[agent._key, engine._arms_to_wakers(agent)] for agent in new]
+    states = [[n, a._key, getattr(a, name)] for a in new for n, name in enumerate(engine.states)]
     engine.act(order)
     engine.end()
     every, axes = range(engine.lattice.directions), range(len(engine.lattice.along))
     taken, done = [], []
     for _, agent, inbox in engine.acts:
         for (d, size, sense), copies in inbox.items():
-            taken.append([agent.key, d + len(every) * (sense == "pull"), size * copies])
+            taken.append([agent._key, d + len(every) * (sense == "pull"), size * copies])
         done.append([
-            agent.key, agent.dropped, *[agent.passed[arm] for arm in every],
+            agent._key, agent.dropped, *[agent.passed[arm] for arm in every],
             *[agent.squeezed[axis] for axis in axes], *[engine.guard.shortening(agent, axis) for axis in axes], agent.shares.widening,
         ])
     agents = list(engine.agents.values())
     for n, changes in enumerate(engine.changes.values()):
-        states += [[n, agents[number].key, value] for _, number, value in changes]
+        states += [[n, agents[number]._key, value] for _, number, value in changes]
         changes.clear()
     back, engine.back, engine.acts = engine.back, [], []
     return [born, taken, back, done, states, engine.pending]

@@ -59,8 +59,7 @@ class PosedBody:
         self.cell = 1 << min(spare, 22 if self.dimension == 2 else 16)
         self.smallest = 1 if self.resolution is None else self.cell
         self.extent = np.asarray(lattice.shape) * self.cell
-        self._collect_loads(self.stage)
-        self._scale()
+        self._collect_loads()
 
     def kinds_at(self, points: Ints) -> Ints:
         """Return the kinds of unit cells, also outside the array."""
@@ -189,10 +188,11 @@ class PosedBody:
         np.add.at(load[:, :, 1:], (leaf[at], side), moment / size[at, None, None])
         return load, inside, leaf[at], rest
 
-    def _collect_loads(self, stage: int | None) -> None:
-        """Sum the forces on the same face of a cell, in the order of their codes."""
+    def _collect_loads(self) -> None:
+        """Sum the forces on the same face of a cell, in the order of their codes, and scale all."""
         # Uneven ones stay apart: `_uneven_of` is the index of each in `_uneven`, -1 for others.
-        applied, d = self.scene.applied(stage), self.dimension
+        scene, d = self.scene, self.dimension
+        applied = scene.applied(self.stage)
         # A number for every side, or middle (-1), of cells.
         code = morton(applied.cells)
         keys = code * (2 * d + 1) + applied.direction + 1
@@ -207,10 +207,7 @@ class PosedBody:
         self._uneven_of = np.maximum(-2 - keys[order], -1)
         self._code = code[first] * self.cell**d
         self.loaded, self._direction = applied.cells[first], applied.direction[first]
-
-    def _scale(self) -> None:
-        """Choose units and divide by them; see `kaju.model.elastic.equal.problem`."""
-        scene = self.scene
+        # For the units see `kaju.model.elastic.equal.problem`.
         modulus = float(constants_of(scene)[:, 0].max())
         sides = map(scene.side_condition, scene.lattice.sides)
         self.scales = Scales.of_cells(scene, modulus, self._force, sides)

@@ -13,8 +13,7 @@ from kaju.errors import ConvergenceError, ParameterError, require
 from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.grid import Grid, grid_of
-from kaju.model.elastic.equal.problem import FaceFields
+from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.supports import is_torn
 from kaju.model.elastic.goals.quantities import AskedFor, asked
@@ -90,7 +89,20 @@ def solve_cells(
     start = perf_counter()
     check_numbers(tolerance, resolution, least=SMALLEST)
     field = None if stiffness is None else checked_stiffness(scene, stiffness)
-    grid, before = _grid(scene, stage, resolution, previous, field)
+    known, before = None if previous is None else previous.found, None
+    if not isinstance(known, CellAgents | None):
+        raise ParameterError(
+            "previous: equal cells can only start from equal cells, and this answer has agents "
+            "of many sizes; leave `previous` out"
+        )
+    # By default there are as many cells as before.
+    division = resolution or (previous.subdivision if previous is not None else 1)
+    alike = None if known is None else known.problem
+    grid = grid_of(scene, stage, division, alike, field)
+    place = grid.origin, grid.problem.kinds.shape
+    if known is not None and place == (known.origin, known.problem.kinds.shape):
+        unit = known.scales.displacement / grid.problem.scales.displacement
+        before = tuple(unit * values for values in known.solution.displacement)
     iterate = field is not None and before is not None
     solution = solve_problem(grid.problem, tolerance, before, iterate=iterate)
     if is_torn(grid.problem):
@@ -121,31 +133,6 @@ def _converged(found: CellAgents, start: float, tolerance: float | None = None) 
             result,
         )
     return result
-
-
-def _grid(
-    scene: Scene,
-    stage: int | None,
-    resolution: int | None,
-    previous: ElasticResult | None,
-    stiffness: Floats | None,
-) -> tuple[Grid, FaceFields | None]:
-    """Return the grid, and the previous displacement of its faces if its cells are the same."""
-    if previous is None:
-        return grid_of(scene, stage, resolution or 1, stiffness=stiffness), None
-    # By default there are as many cells as before.
-    found = previous.found
-    if not isinstance(found, CellAgents):
-        raise ParameterError(
-            "previous: equal cells can only start from equal cells, and this answer has agents "
-            "of many sizes; leave `previous` out"
-        )
-    division = resolution or previous.subdivision
-    grid = grid_of(scene, stage, division, found.problem, stiffness)
-    if found.origin != grid.origin or found.problem.kinds.shape != grid.problem.kinds.shape:
-        return grid, None
-    unit = found.scales.displacement / grid.problem.scales.displacement
-    return grid, tuple(unit * values for values in found.solution.displacement)
 
 
 def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:

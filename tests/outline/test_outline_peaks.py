@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import kaju
 
@@ -96,6 +97,8 @@ def test_a_peak_is_stored(tmp_path: Path) -> None:
     assert loaded.summary() == answer.summary()
     assert loaded.summary()["largest_hoop_stress_Pa"] == {"hole": answer.goals[0].value}
     assert answer.value_of(HOOP) == answer.goals[0].value
+    texts = [text.get_text() for text in kaju.plot(loaded).findobj(Text)]
+    assert any(f"error {100 * answer.goals[0].relative_error:.2g} %" in text for text in texts)
     assert any("without a proof" in note for note in loaded.notes)
 
 

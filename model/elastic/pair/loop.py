@@ -120,7 +120,7 @@ class PairLoop:
         deep = leaves.size.min() <= self.body.smallest
         gained = judged.error <= ENOUGH * self._best
         self._without_gain = 0 if gained else self._without_gain + 1
-        if leaves.dimension == 2 or len(self.trees) > 1:
+        if leaves.dimension == 2 or self.generations:
             # In space the second generation tells how much too small estimates are.
             self._best = min(self._best, judged.error)
         often = self._halvings(leaves)

@@ -239,4 +239,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", nargs="?", type=Path, default=HERE / "pages")
     pages = make(parser.parse_args().folder)
-    print(f"{len(pages)} pages; the first to open is {pages[0]}")
+    print(f"{len(pages)} pages; the first to open is {pages[0].name}")

@@ -43,7 +43,7 @@ def pack_lessons(version: str) -> None:
     """Make the lessons' pages, and pack them into one file that a teacher unpacks and opens."""
     with TemporaryDirectory() as folder:
         subprocess.run([sys.executable, ROOT / "docs" / "make_pages.py", folder], check=True)
-        print(shutil.make_archive(f"kaju-lessons-{version}", "zip", folder))
+        print("packed into", shutil.make_archive(f"kaju-lessons-{version}", "zip", folder))
 
 
 def cut(version: str) -> None:

@@ -132,7 +132,7 @@ function numbersCard(page, both, k) {
       sum += Math.hypot(...mine.map((u, a) => u[i] - theirs[a][i])); count++;
       own = Math.max(own, Math.hypot(...mine.map((u) => u[i]))); high = Math.max(high, Math.hypot(...theirs.map((u) => u[i])));
     });
-    if (!page.lesson) lines.push(t("twinSee"));
+    if (!page.lesson) lines.push(t("twinSee") + (page.twin.gap.hidden ? "" : t("gapSee")));
     lines.push(t("misfit", { a: quantity(own, "m"), b: quantity(high, "m"), n: general(100 * sum / count / (high || 1), 2) }), old ? t("solving") : t("solvedIn", { n: general(answer.seconds, 2) }));
     if (page.g < page.run.generation) lines.push(t("noTime"));
   }

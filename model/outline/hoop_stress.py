@@ -29,7 +29,6 @@ class HoopStress:
 
     leaf: Ints
     place: Floats  # shape (n, 2)
-    outward: Floats  # unit normals of the region, shape (n, 2)
     balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
     moved: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
@@ -67,7 +66,7 @@ class HoopStress:
         stretch = np.einsum(turned, d, strain, d)
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
-        values = np.column_stack([middle, d, np.einsum(turned, d, stress, d), moved])
+        values = np.column_stack([middle, np.einsum(turned, d, stress, d), moved])
         order = np.argsort(way)
         if len(order):  # a fifth or more beyond the array lies after the end, wherever it starts
             gaps = np.diff(way[order], append=way[order[0]] + whole)
@@ -81,12 +80,9 @@ class HoopStress:
         total = np.bincount(group, long)
         means = np.zeros((len(total), values.shape[1]))
         np.add.at(means, group, (long / total[group])[:, None] * values)
-        d = means[:, 2:4] / np.maximum(np.hypot(*means[:, 2:4].T), 1e-300)[:, None]
         first = np.unique(group, return_index=True)[1]
-        outward = np.stack([d[:, 1], -d[:, 0]], axis=1)
-        balanced, moved = means[:, 4:].T
         counts = _may_be_largest(pair, region)[leaf[first]]
-        return cls(leaf[first], means[:, :2], outward, balanced, moved, counts)
+        return cls(leaf[first], means[:, :2], *means[:, 2:].T, counts)
 
 
 def _may_be_largest(pair: CutPair, region: int) -> Flags:

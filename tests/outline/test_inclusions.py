@@ -235,7 +235,6 @@ def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -
     answer = kaju.solve(plate(), tolerance=0.1)
     again = kaju.load_result(answer.save(tmp_path / "grain"))
     assert again.summary() == answer.summary()
-    assert 0 < answer.summary()["agents_cut"] < answer.agents
     assert np.array_equal(again.outline_stress("grain")[1], answer.outline_stress("grain")[1])
     assert answer.area.sum() == pytest.approx(1.0)
     assert all(np.array_equal(ring[0], ring[-1]) for ring, _ in answer.found.rings())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -43,15 +43,6 @@ class CutAgents(PairAgents):
     def no_bound(self) -> str:
         """Why nothing is proved; empty if it is."""
         return NO_BOUND if self.ground.estimated else ""
-
-    @property
-    def cut(self) -> Flags:
-        """Which agents an outline cuts."""
-        mesh, size = self.opinions.fitting.mesh, self.leaves.size * UNIT
-        law, several = np.full(self.count, -1), np.zeros(self.count, dtype=np.bool_)
-        law[mesh.leaf] = mesh.law
-        several[mesh.leaf[law[mesh.leaf] != mesh.law]] = True
-        return np.asarray(several | (self.opinions.area[1] < size**2 * (1.0 - 1e-12)))
 
     @property
     def area(self) -> Floats:
@@ -234,7 +225,3 @@ class CutAgents(PairAgents):
                 "limits the error along one outline"
             )
         return notes
-
-    def history(self) -> dict[str, Any]:
-        """Return the figures of their generations."""
-        return super().history() | {"agents_cut": int(self.cut.sum())}

@@ -119,7 +119,6 @@ class CutFitting(CutField):
         way, follows = followed(near, fixed.size + 2 * len(child))
         follows[: fixed.size] |= fixed.ravel()
         free = sp.csr_array(way[: fixed.size, np.flatnonzero(~follows)])
-        self.unknowns = free.shape[1]
         dof = (2 * of[:, :, None] + np.arange(2)).reshape(-1, 12)
         pull = free.T @ force.ravel()
         found = self.settle(sp.csr_array(free[dof.ravel()]), np.zeros(dof.shape), pull)
@@ -180,7 +179,6 @@ class Balancing(CutField):
         way, _, known = sheets.way(near, 3 * len(child))
         strip = self._stripped(sheets, len(known))
         way = strip @ way
-        self.unknowns = way.shape[1]
         self.settle(way, (strip @ known).reshape(-1, 12))
 
     def _stripped(self, sheets: Sheets, count: int) -> sp.csr_array:

@@ -82,7 +82,8 @@ class HoopStress:
         np.add.at(means, group, (long / total[group])[:, None] * values)
         first = np.unique(group, return_index=True)[1]
         counts = _may_be_largest(pair, region)[leaf[first]]
-        return cls(leaf[first], means[:, :2], *means[:, 2:].T, counts)
+        balanced, moved = means[:, 2:].T
+        return cls(leaf[first], means[:, :2], balanced, moved, counts)
 
 
 def _may_be_largest(pair: CutPair, region: int) -> Flags:

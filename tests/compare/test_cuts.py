@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plates import loaded
 from plates import plate as pressed
 
 from kaju import LoadModel, Scene, solve
@@ -29,14 +30,7 @@ def test_the_rule_carries_ever_less_of_two_newtons():
     np.testing.assert_allclose(cuts.missing, 2.0 - cuts.carried)
 
 
-@pytest.mark.parametrize(
-    "how",
-    [
-        {},
-        {"resolution": 2},
-        {"tolerance": 0.2},
-    ],
-)
+@pytest.mark.parametrize("how", [{}, {"resolution": 2}, {"tolerance": 0.2}])
 def test_elasticity_carries_all_of_it_at_every_cut(how):
     cuts = solve(plate(), **how).cuts()
     assert len(cuts.at) > 5
@@ -76,6 +70,8 @@ def test_where_supports_hold_both_parts_nothing_is_called_missing():
     rollers = solve(plate(sides={"bottom": "rigid", "left": "roller", "right": "roller"})).cuts()
     np.testing.assert_allclose(rollers.missing, 0.0, atol=2e-10)  # they let slide along
     assert np.isnan(rollers.needed[:, 0]).all()
+    ledge = LoadModel(loaded("##\n##\n#=\n#.", sides={})).run().cuts("y")  # beside and below
+    assert np.isnan(ledge.needed[:, 1]).tolist() == [False, True, False, False]
 
 
 @pytest.mark.parametrize(

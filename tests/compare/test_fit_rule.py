@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from plates import plate as pressed
 
-from kaju import (
-    LoadModel,
-    PrescribedRule,
-    Reference,
-    compare,
-    fit_rule,
-    solve,
-)
+from kaju import LoadModel, PrescribedRule, Reference, compare, fit_rule, solve
 from kaju.errors import ParameterError
 
 OWN = PrescribedRule(alpha=(0.5, 0.5, 0.25), beta=0.5, threshold=0.02)
@@ -48,6 +41,9 @@ def test_coefficients_that_made_the_reference_are_found_again():
     fit = fit_rule(plate(), as_reference(LoadModel(plate(made)).run()), evaluations=200)
     assert fit.misfit[0] > 0.3
     assert fit.misfit[1] < 0.1
+    steps = plate(steps=3).replace(loading="continue")  # all at once
+    again = fit_rule(steps, fit.after.reference, evaluations=10)
+    assert again.misfit[0] == fit.misfit[0]
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,7 @@ import kaju
 from kaju import ElasticResult, solve
 from kaju.errors import ParameterError, ResultError, ResultFileError
 
-HOWS = {
-    "cells": {},
-    "finer cells": {"resolution": 3},
-    "agents": {"tolerance": 0.2},
-}
+HOWS = {"cells": {}, "finer cells": {"resolution": 3}, "agents": {"tolerance": 0.2}}
 
 
 @pytest.fixture(scope="module", params=HOWS)

@@ -12,12 +12,7 @@ from typer.testing import CliRunner
 import kaju
 from kaju.cli import app
 from kaju.errors import ParameterError, ResultError, ResultFileError
-from kaju.model.growth.growth_rules import (
-    Compliance,
-    FullyStressed,
-    GrowthRule,
-    Remodelling,
-)
+from kaju.model.growth.growth_rules import Compliance, FullyStressed, GrowthRule, Remodelling
 
 ROOT = Path(__file__).parents[2]
 BRIDGE = ROOT / "examples" / "bridge" / "bridge.toml"

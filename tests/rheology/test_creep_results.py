@@ -116,6 +116,8 @@ def test_the_command_lets_a_scene_creep(tmp_path, typed):
     assert told["displacement_left"] == pytest.approx(expected.what_stays())
     assert load_result(tmp_path / "here").what_stays() == told["displacement_left"]
     block("prescribed").save(scene)
+    own = typed("creep", scene, "--out", tmp_path / "own", "--no-pictures")
+    assert "by the prescribed rule" in own.output
     run = typed("run", scene, "--out", tmp_path / "run", "--no-pictures")
     assert "rheology takes no part" in run.output
     notes = load_result(tmp_path / "run").summary()["notes"]

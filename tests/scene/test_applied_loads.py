@@ -54,10 +54,7 @@ WITHIN = {"box": [[0.1, 0.1], [0.3, 0.2]]}
         ),
         ({"region": OVER_TWO, "force": [0, -1]}, [((i, 2), TOP, (0, -0.5)) for i in (1, 2)]),
         ({"region": OVER_PARTS, "force": [0, -3]}, [((i, 2), TOP, (0, -i)) for i in (1, 2)]),
-        (
-            {"region": OVER_PARTS, "pressure": 100.0},
-            [((i, 2), TOP, (0, -2.5 * i)) for i in (1, 2)],
-        ),
+        ({"region": OVER_PARTS, "pressure": 100.0}, [((i, 2), TOP, (0, -2.5 * i)) for i in (1, 2)]),
         ({"region": WITHIN, "force": [1, 0]}, [((i, 1), MIDDLE, (0.5, 0)) for i in (1, 2)]),
         # 0.1 m x 0.5 m x 100 Pa
         ({"side": "left", "pressure": 100.0}, [((0, j), LEFT, (5.0, 0)) for j in range(3)]),

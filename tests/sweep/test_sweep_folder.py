@@ -4,7 +4,7 @@ import json
 import sqlite3
 import sys
 import time
-from contextlib import closing
+from contextlib import closing, nullcontext
 
 import joblib
 import pandas
@@ -39,14 +39,19 @@ def test_the_folder_holds_the_table_and_says_what_it_was(tmp_path):
     assert pandas.read_parquet(out / "table.parquet").equals(table)
 
 
-def test_only_what_is_missing_is_computed(tmp_path):
+def test_only_what_is_missing_is_computed(tmp_path, monkeypatch):
     kept(tmp_path)
     with closing(sqlite3.connect(tmp_path / "sweep.sqlite")) as store, store:
         store.execute("DELETE FROM rows WHERE run % 3 = 0")
         text = json.dumps({"run": 1, "x": 1, "square": -1, "error": ""})
         store.execute("UPDATE rows SET text = ? WHERE run = 1", (text,))
     assert load_sweep(tmp_path)["run"].tolist() == [run for run in range(50) if run % 3]
+    said = []
+    monkeypatch.setattr(
+        sys.modules[sweep.__module__], "progress_line", lambda _: nullcontext(said.append)
+    )
     again = kept(tmp_path)
+    assert (said[0], said[-1]) == ("34 of 50 runs", "50 of 50 runs")
     assert again["run"].tolist() == list(range(50))
     assert again["square"].tolist() == [-1 if x == 1 else x * x for x in range(50)]
 

@@ -5,14 +5,7 @@ import pytest
 from plates import loaded, plate
 from transfer_answers import ENGINES
 
-from kaju import (
-    ElasticRule,
-    FreeBoundaryAgent,
-    LoadModel,
-    MaterialAgent,
-    PrescribedRule,
-    Shares,
-)
+from kaju import ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, PrescribedRule, Shares
 
 
 def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):

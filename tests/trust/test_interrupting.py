@@ -60,11 +60,7 @@ def test_agents_that_spawn_keep_their_generation(monkeypatch):
 
 @pytest.mark.parametrize(
     ("asked", "answer"),
-    [
-        ({}, "cells"),
-        ({"tolerance": 0.02}, "tree"),
-        ({"tolerance": 0.02, "goal": "top"}, "tree"),
-    ],
+    [({}, "cells"), ({"tolerance": 0.02}, "tree"), ({"tolerance": 0.02, "goal": "top"}, "tree")],
 )
 def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):
     hole = {"disk": {"centre": [0.1, 0.1], "radius": 0.04}, "material": "air"}

@@ -28,6 +28,7 @@ def block(youngs_modulus=1e9, ratio=0.3, load=None, **changes):
         {"youngs_modulus": 1e-300},
         {"thickness": 1e-300},
         {"load": {"side": "top", "force": [0.0, 1e300]}},
+        {"load": {"side": "top", "force": [0.0, 1e140]}},  # its energy alone
     ],
 )
 def test_numbers_that_no_computer_holds_are_refused(extreme, how):

@@ -43,6 +43,8 @@ def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_st
     assert sorted(part(ax, "material agents").get_array()) == sorted(plate().last.spawn_step)
     assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
     assert legend(ax) == ["steel", "rigid", "free boundary agent"]
+    assert ax.get_xlabel() == "x (mm)"
+    assert ax.xaxis.get_major_formatter()(0.05, 0) == "50"
     centres = np.array([tile[:4].mean(axis=0) for tile in drawn(ax, "material agents")])
     expected = plate().scene.lattice.centres(plate().last.cells)
     order = [np.lexsort(points.round(9).T) for points in (centres, expected)]
@@ -125,6 +127,7 @@ def test_a_giant_body_is_cropped_to_its_agents_and_says_so():
     assert len(drawn(ax, "material agents")) == len(giant.last.cells)
     assert "of 1\u202f000\u202f000 × 1\u202f000\u202f000 cells" in notes(ax)
     assert ax.get_xlabel() == "x − 5 km (mm)"
+    assert ax.xaxis.get_major_formatter()(5000.012, 0) == "12"
     whole = axes_of(giant, "scene")
     assert len(drawn(whole, "material steel")) < 100_000
 

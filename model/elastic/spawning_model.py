@@ -133,10 +133,7 @@ class SpawningModel(SteppedModel):
         self.running = not self.spawner.finished
         self.seconds += perf_counter() - began
 
-    @property
-    def generation(self) -> int:
-        """Steps taken."""
-        return len(self.spawner.generations)
+    generation = property(lambda model: len(model.spawner.generations), doc="Steps taken.")
 
     @property
     def error(self) -> float:

@@ -191,15 +191,9 @@ class ElasticModel(SteppedModel):
         """What the faces of all levels carry."""
         return self.engine.state
 
-    @property
-    def generation(self) -> int:
-        """Steps taken."""
-        return self.state.generation
-
-    @property
-    def threshold(self) -> float:
-        """γ (N)."""
-        return self.table.threshold
+    generation = property(lambda model: model.state.generation, doc="Steps taken.")
+    threshold = property(lambda model: model.table.threshold, doc="γ (N).")
+    space = property(lambda model: model.engine.space, doc="Where objects stand; None of arrays.")
 
     def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
         """Hand a load (N) to another face of the same level, or to a support."""
@@ -268,11 +262,6 @@ class ElasticModel(SteppedModel):
         if self.generation >= self.max_steps:
             return f"stopped after max_steps = {self.max_steps} with loads above the threshold"
         return ""
-
-    @property
-    def space(self) -> Any:
-        """The agents' network of cells; None where they are rows of arrays."""
-        return self.engine.space
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

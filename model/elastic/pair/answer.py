@@ -53,6 +53,12 @@ class PairAgents(OnCells):
         self.scene, self.stage = body.asked, body.stage
         self.scales, self.moduli = body.scales, body.moduli
         self.count = len(self.leaves)
+        self.residuals: list[float] = []  # What an iteration left is in the bounds
+        self.lower: Floats = self.leaves.lower / body.cell
+        self.size: Floats = self.leaves.size / body.cell
+        # Whether agents have two opinions, so that errors are proved: in the plane
+        self.two_minds = body.dimension == 2
+        self.method = "agents with two opinions" if self.two_minds else "bricks"
 
     @cached_property
     def opinions(self) -> Any:
@@ -62,16 +68,6 @@ class PairAgents(OnCells):
         for leaves in self._trees if found is None else ():
             found = settled(self.ground, leaves, found)
         return found
-
-    @property
-    def two_minds(self) -> bool:
-        """Whether agents have two opinions, so that errors are proved: in the plane."""
-        return self.ground.dimension == 2
-
-    @property
-    def method(self) -> str:
-        """How it was solved."""
-        return "agents with two opinions" if self.two_minds else "bricks"
 
     @property
     def no_bound(self) -> str:
@@ -89,16 +85,6 @@ class PairAgents(OnCells):
         return self.ground.scene
 
     @property
-    def lower(self) -> Floats:
-        """Lower corners of the agents."""
-        return np.asarray(self.leaves.lower / self.ground.cell)
-
-    @property
-    def size(self) -> Floats:
-        """Edges of the agents."""
-        return np.asarray(self.leaves.size / self.ground.cell)
-
-    @property
     def material(self) -> Ints:
         """Index of each agent's material, which is that of its moduli."""
         return self.leaves.kind
@@ -114,11 +100,6 @@ class PairAgents(OnCells):
     def error(self) -> float:
         """Error of the stress in the energy norm: in the plane at most, in space estimated."""
         return self.generations[-1].error
-
-    @property
-    def residuals(self) -> list[float]:
-        """What an iteration left is in the bounds."""
-        return []
 
     @cached_property
     def energies(self) -> Floats | None:

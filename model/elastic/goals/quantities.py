@@ -112,6 +112,8 @@ class Reaction(_Parsed):
 
 
 Quantity = Deflection | Stress | Reaction
+UNITS = {Deflection: ("m", "displacement"), Stress: ("Pa", "stress"), Reaction: ("N", "force")}
+"""Their units, and the scales that these are told by."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ class Goal:
         """Return its entry in a summary."""
         return {
             "value": np.asarray(self.value).tolist(),
-            "unit": {Deflection: "m", Stress: "Pa", Reaction: "N"}[type(self.quantity)],
+            "unit": UNITS[type(self.quantity)][0],
             "error_estimate": finite(self.error_estimate),
             "relative_error": finite(self.relative_error),
             "error_bound": self.error_bound,
@@ -172,8 +174,7 @@ class Goal:
 
 def unit_of(quantity: Quantity, scales: Scales) -> float:
     """Return the unit of a quantity's scaled value: m, Pa or N."""
-    units = {Deflection: scales.displacement, Stress: scales.stress, Reaction: scales.force}
-    return units[type(quantity)]
+    return float(getattr(scales, UNITS[type(quantity)][1]))
 
 
 def plain(value: Floats) -> float | Floats:

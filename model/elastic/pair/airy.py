@@ -117,7 +117,8 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
     free = np.ones((mesh.edges, 3), dtype=np.bool_)
     free[mesh.border, :2] = ~sides.given
     free[mesh.border, 2] = ~sides.given[np.arange(len(mesh.border)), mesh.side // 2]
-    whole, across, follow = number[mesh.whole], 1 - mesh.axis[mesh.whole], Entries()
+    start, end = mesh.place[mesh.ends[mesh.whole].T]
+    whole, across, follow = number[mesh.whole], np.where(end > start, 1, 0)[:, 0], Entries()
     for half, lean in zip(mesh.halves, (-1.5, 1.5), strict=True):
         follow += [(number[half, k], whole[:, k], (0.5, 0.5, 0.25)[k]) for k in range(3)]
         follow.append((number[half, across], whole[:, 2], lean))

@@ -43,7 +43,8 @@ class Sides:
     @property
     def cases(self) -> tuple[Sides, ...]:
         """What is solved for by itself: the loads, and the supports that move."""
-        if not (self.loaded and self.moved.any()):
+        forces = self.load.any() or self.body.any() or self.even.any()
+        if not (forces and self.moved.any()):
             return (self,)
         still = replace(self, moved=np.zeros_like(self.moved))
         return still, replace(self, **self.nothing("load", "body", "even"))
@@ -56,11 +57,6 @@ class Sides:
     def nothing(self, *names: str) -> dict[str, Any]:
         """Return some of the arrays with zeros in place of all values."""
         return {name: np.zeros_like(getattr(self, name)) for name in names}
-
-    @property
-    def loaded(self) -> bool:
-        """Whether forces act."""
-        return bool(self.load.any() or self.body.any() or self.even.any())
 
     @property
     def beds(self) -> Ints:

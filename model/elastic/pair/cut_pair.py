@@ -21,9 +21,8 @@ from kaju.model.outline.true_shapes import UNIT, covering
 
 from .cut_fields import Balancing, CutFitting
 from .cut_mesh import Border, CutMesh, mesh_of
-from .gap import Bounds, bounds_of
+from .gap import Bounds, bounds_of, tensors
 from .leaves import LeafCells
-from .opinions import tensors
 
 
 def loose_parts(mesh: CutMesh, border: Border, body: OutlinedBody) -> Flags:

@@ -36,6 +36,12 @@ def stress_of(strain: Floats, law: Floats) -> Floats:
     return np.concatenate([normal, shear * strain[..., d:]], axis=-1)
 
 
+def tensors(stress: Floats) -> Floats:
+    """Return stresses, normal ones and then shear, as tensors along the last two axes."""
+    at = np.array([[0, 2], [2, 1]] if stress.shape[-1] == 3 else [[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    return np.asarray(stress[..., at])
+
+
 def roots_of(law: Floats, d: int) -> tuple[Floats, Floats]:
     """Return roots of a law and of its inverse: squares of root times strain, or stress, add up."""
     value, vector = np.linalg.eigh(stress_of(np.eye(d * (d + 1) // 2), law[:, None]))

@@ -246,12 +246,6 @@ class PlaneMesh(Mesh):
     halves: Ints  # Shape (2, wholes)
     border: Ints  # The edges that are sides of the border
 
-    @property
-    def axis(self) -> Ints:
-        """0 for edges along x, 1 for those along y."""
-        start, end = self.place[self.ends.T]
-        return np.asarray((end - start)[:, 1] > 0, dtype=np.int64)
-
     @cached_property
     def _tied(self) -> tuple[sp.csr_array, Flags]:
         n, ends = self.vertices, self.ends[self.whole]

@@ -25,7 +25,7 @@ from .elements import (
     stresses,
     without_plane,
 )
-from .gap import Bounds, at_points, bounds_of, roots_of, stress_of
+from .gap import Bounds, at_points, bounds_of, roots_of, stress_of, tensors
 from .leaves import PlaneMesh
 from .levels import FieldLevel, by_laws
 
@@ -200,8 +200,3 @@ class Opinions(Fitting):
         rows = bed_rows(mesh, sides, size)
         np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", self.on_beds()[0], rows))
         return out
-
-
-def tensors(three: Floats) -> Floats:
-    """Return stresses xx, yy, xy as tensors, shape (n, 2, 2)."""
-    return np.asarray(three[:, [[0, 2], [2, 1]]])

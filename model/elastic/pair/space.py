@@ -23,7 +23,7 @@ from kaju.model.elastic.scales import ROUNDED
 from .border import support_names
 from .displacement import Fitting, held_by
 from .elements import corner_ends, gauss, on_sides, quadratic_values, side_loads, strain_rows
-from .gap import Bounds, roots_of, stress_of
+from .gap import Bounds, roots_of, stress_of, tensors
 from .leaves import followed
 from .levels import DIRECT, Blocks, FieldLevel, by_laws
 
@@ -197,8 +197,3 @@ def refuse_rubber(body: PosedBody) -> None:
 def trilinear(places: Floats) -> Floats:
     """Return the corners' trilinear functions at places, shape (n, 8)."""
     return quadratic_values(places)[:, :8]
-
-
-def tensors(six: Floats) -> Floats:
-    """Return stresses of six numbers as tensors, shape (n, 3, 3)."""
-    return np.asarray(six[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]])

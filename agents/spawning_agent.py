@@ -21,6 +21,8 @@ class SpawningAgent(Agent):
     spawn_step: int  # 0 for the first agents
     cause: float  # gap (J) of its parent; 0 for the first, NaN if it keeps neighbours alike in size
 
+    alive = property(lambda agent: agent.retired_step is None, doc="Whether it has not retired.")
+
     def __init__(self, model: Any, **birth: Any) -> None:
         super().__init__(model)
         self.__dict__.update(birth)
@@ -29,11 +31,6 @@ class SpawningAgent(Agent):
     def children(self) -> list[SpawningAgent]:
         """The agents that it spawned: none, or 4, or in three dimensions 8."""
         return [self.model.agent(row) for row in self.model.family.children(self.row)]
-
-    @property
-    def alive(self) -> bool:
-        """Whether it works, and has not been replaced by its children."""
-        return self.retired_step is None
 
     @property
     def retired_step(self) -> int | None:

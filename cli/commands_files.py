@@ -60,11 +60,13 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
     from kaju.model.transfer.stability import stability
 
     described = scene_of(scene, settings)
+    for note in () if as_json else described.notes:
+        typer.echo(f"note: {note}")
     if described.outlined or described.rule.kind == "elastic":  # nothing that loads could grow by
         _begin(described)
         words = "no mistake was found in the scene; compute it with kaju solve"
         told = {"stable": True, "verdict": words, "notes": described.notes}
-        typer.echo(json.dumps(told) if as_json else "\n  note: ".join((words, *described.notes)))
+        typer.echo(json.dumps(told) if as_json else words)
         return
     certificate = stability(described)
     radius, alone = certificate.spectral_radius, certificate.largest_share
@@ -73,6 +75,7 @@ def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None
         verdict = {
             "stable": certificate.stable,
             "verdict": certificate.verdict,
+            "notes": described.notes,
             "largest_share": alone,
             "spectral_radius": radius,
             "spectral_radius_bounds": bounds,

@@ -190,9 +190,10 @@ class CutLoop(PairLoop):
 def _unresolved(why: UnlikeError) -> SceneError:
     return SceneError(
         f"body.regions: the outlines could not be resolved ({why}). This happens if a region "
-        "covers all of the body (are its lengths in m?), if an outline nearly touches a line "
-        "between agents, or another one (move it a little), or if nothing holds a part of the "
-        "body, or it gets infinitely thin where a load acts"
+        "covers all of the body or is too small (are its lengths in m? has a drawing its width in "
+        "mm?), if an outline nearly touches a line between agents, or another one (move it a "
+        "little), or if nothing holds a part of the body, or it gets infinitely thin where a load "
+        "acts"
     )
 
 

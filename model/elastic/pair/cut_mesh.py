@@ -230,8 +230,8 @@ class Border:
             held[np.ix_(on, body.held.get(name, ()))] = True
             if name in body.sides:
                 if not on.any():
-                    ends = ", ".join(f"{x:.3g}" for x in body.edge * at.max(axis=(0, 1)))
-                    raise UnlikeError(f"{name} has no body to be loaded: it ends at ({ends}) m")
+                    reach = ", ".join(f"{x:.3g}" for x in body.edge * at.max(axis=(0, 1)))
+                    raise UnlikeError(f"{name} has no body to be loaded: it ends at ({reach}) m")
                 force, own, (slope, couple) = np.split(body.sides[name], [2, 4])
                 traction[on] = own + force / length[on].sum()
                 pull = _bent(at[on, :, 1 - axis], length[on], couple) * (1 if axis else -1)

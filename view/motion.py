@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.goals.quantities import named
 from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.outline.true_shapes import AIR, as_fine
 from kaju.model.results.mesh import corner_order
@@ -366,15 +365,12 @@ def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
 
 
 def _error_of(result: ElasticResult) -> str:
-    """Return how many agents there are, their error, bounds of the energy, and goals."""
+    """Return how many agents there are, their error, and between which bounds the energy lies."""
     words = f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %"
-    if result.energy_bounds is not None:
-        lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
-        words += ", energy " + (lower if lower == upper else f"between {lower} and {upper}")
-    for goal in (goal for goal in result.goals if len(goal.components) == 1):
-        (found,), unit, error = goal.components, goal.figures()["unit"], goal.relative_error
-        words += f"; {named(goal.quantity)}: {quantity(found, unit)} ± {100.0 * error:.2g} %"
-    return words
+    if result.energy_bounds is None:
+        return words
+    lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)
+    return f"{words}, energy " + (lower if lower == upper else f"between {lower} and {upper}")
 
 
 def growth_steps(result: GrowthResult) -> Motion:

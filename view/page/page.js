@@ -259,7 +259,7 @@ export class Page {
         this.goTo(keep);
       }
       const log = ["taken", "now", "kept", "stress"].includes(colour);
-      this.scales.set(colour, { high: high || 1, low: log ? (high || 1) * 1e-4 : colour === "spawn" ? 1 : 0, log });
+      this.scales.set(colour, { high: high || 1, low: log ? Math.max(1e-4 * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log });
     }
     return this.scales.get(colour);
   }
@@ -306,7 +306,7 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
-    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
+    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : "";
     const ruled = this.deformable && !box.w && (moved || !this.lesson) ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down

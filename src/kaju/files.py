@@ -32,6 +32,8 @@ def file_to_read(
             reason = f"its {about.st_size:,} bytes are more than {most:,}"
     except (OSError, ValueError, TypeError) as wrong:
         reason = getattr(wrong, "strerror", None) or str(wrong)
+        for ending in (".npz", ".toml") if isinstance(wrong, FileNotFoundError) else ():
+            reason += f"; there is {path}{ending}" * is_there(Path(f"{path}{ending}"))
     if reason:
         raise error(f"{key}{': ' if key else ''}{path!s:.300}: cannot be read: {reason}")
     return Path(path)

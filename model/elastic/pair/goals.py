@@ -76,29 +76,23 @@ class Goals:
 
     def judge(self, found: Settled, tolerance: float) -> Judged:
         """Return what a generation says of the goals."""
-        if not self.goals:
-            error = found.bounds.error
-            # The gap is the square of the error.
-            wanted = self._wanted(error, tolerance) ** 2
-            return Judged((), error, found.shares, found.bounds.lost, wanted)
-        duals, agents, told = list(found.duals), agents_of(found), []
-        largest, tell = _largest(agents), _told if agents.two_minds else _estimated
-        for goal in self.goals:
-            own: list[Any] = [duals.pop(0) for _ in goal.directions]
-            told.append(tell(found, goal, own, goal.read(agents), largest))
-        worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
-        open_ = [part for goal, part, _ in told if goal.relative_error > tolerance]
-        shares = np.sum(open_ or [part for _, part, _ in told], axis=0)
-        lost = (
-            rounding > ROUNDING * worst.error_estimate and worst.relative_error > SMALLEST_TOLERANCE
-        )
-        error = worst.relative_error
-        wanted = self._wanted(error, tolerance)
+        told: list[tuple[Goal, Floats, float]] = []
+        error, shares, lost = found.bounds.error, found.shares, found.bounds.lost
+        if self.goals:
+            duals, agents = list(found.duals), agents_of(found)
+            largest, tell = _largest(agents), _told if agents.two_minds else _estimated
+            for goal in self.goals:
+                own: list[Any] = [duals.pop(0) for _ in goal.directions]
+                told.append(tell(found, goal, own, goal.read(agents), largest))
+            worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
+            error = worst.relative_error
+            missed = [part for goal, part, _ in told if goal.relative_error > tolerance]
+            shares = np.sum(missed or [part for _, part, _ in told], axis=0)
+            lost = rounding > ROUNDING * worst.error_estimate and error > SMALLEST_TOLERANCE
+        # The share of its error that a generation is aimed at; the gap is the error's square.
+        wanted = AIM * tolerance / error if 0.0 < error < inf else 0.0
+        wanted **= 1 if self.goals else 2
         return Judged(tuple(goal for goal, *_ in told), error, shares, lost, wanted)
-
-    def _wanted(self, error: float, tolerance: float) -> float:
-        """Return the share of an error that a generation is aimed at."""
-        return AIM * tolerance / error if 0.0 < error < inf else 0.0
 
 
 def _estimated(

@@ -60,8 +60,8 @@ class Blocks:
 
     def own(self, shared: Floats) -> Floats:
         """Return the agents' own unknowns, shape (n, m)."""
-        own = shared[self.dof]
-        return own if self.scale is None else own * self.scale
+        own = shared[self.dof] if self.scale is None else shared[self.dof] * self.scale
+        return own if self.lighten is None else self.lighten(own)
 
     def times(self, own: Floats) -> Floats:
         """Return the agents' matrices times their own unknowns."""
@@ -76,8 +76,7 @@ class Blocks:
 
     def apply(self, shared: Floats) -> Floats:
         """Return the matrix times a vector of the shared unknowns."""
-        own = self.own(shared)
-        out = self.gather(self.times(own if self.lighten is None else self.lighten(own)))
+        out = self.gather(self.times(self.own(shared)))
         return out if self.extra is None else out + self.extra @ shared
 
     def diagonal(self) -> Floats:

@@ -40,6 +40,7 @@ NEAR_THE_END = 12
 keep more than the tolerance. Of 200 random bodies those that miss 0.03 are told by some 10,000
 agents, where they took up to 290,000; those that keep 0.1 or 0.03 come to 0.6 of it at most."""
 WINDOW = 6  # Generations over which the rate is measured by which errors fall
+TORN = "sides that meet are moved apart: the energy has no limit as agents shrink"
 MOST_AGENTS, MOST_BRICKS = 1_000_000, 400_000
 """Those in space take some 5 kB each, so about 2 GB."""
 
@@ -94,12 +95,9 @@ class PairLoop:
     def _solve(self) -> None:
         """Let the agents find their opinions, and judge these."""
         assert isinstance(self.body, PosedBody)
-        last, aims = self.last, self.goals.aims(self.last)
-        self.last = found = settled(self.body, self.leaves, last, aims)
-        if last is None and torn(found.mesh, found.sides).any():
-            self.notes.append(
-                "sides that meet are moved apart: the energy has no limit as agents shrink"
-            )
+        self.last = found = settled(self.body, self.leaves, self.last, self.goals.aims(self.last))
+        if not self.generations and torn(found.mesh, found.sides).any():
+            self.notes.append(TORN)
         self._judged = self.goals.judge(found, self.tolerance)
 
     def _keep(self, chosen: Flags) -> None:
@@ -111,8 +109,8 @@ class PairLoop:
         assert isinstance(self.body, PosedBody)
         found = copy(self.last)
         found.levels = found.duals = ()  # which take most of the memory
-        goals, notes = list(self._judged.found), list(self.notes)
-        return PairAgents(self.body, goals, list(self.generations), self.stopped, notes, found)
+        told = list(self._judged.found), list(self.generations), self.stopped, list(self.notes)
+        return PairAgents(self.body, *told, found)
 
     def _spawn(self) -> Flags:
         """Halve some agents, and return which; or say why there is no further generation."""
@@ -168,7 +166,7 @@ class PairLoop:
         largest = np.sort(free)[::-1]
         last = largest[min(int(np.searchsorted(np.cumsum(largest), goal)), len(free) - 1)]
         # Agents whose share is nearly that of the last halve, too: a body's symmetry is kept.
-        often = np.maximum(often, free >= (1.0 - 0.01) * last)
+        often = np.maximum(often, free >= 0.99 * last)
         at, budget = leaves.holding(self.body.sharp), AT_CORNERS * left
         if free[at].sum() > budget > 0.0:
             # A halving takes half of the share at the strongest of corners.

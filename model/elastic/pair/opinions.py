@@ -177,7 +177,7 @@ class Opinions(Fitting):
         if load.any() or body.any():
             self.phi += first_stress(mesh, sides, load, body, self.size)
         rest = -level.blocks.gather(self._pull())
-        self.phi += without_plane(level.blocks.own(level.solve(rest, gap)))
+        self.phi += level.blocks.own(level.solve(rest, gap))
 
     def _of_body_forces(self, before: Opinions, parent: Ints) -> Floats:
         """Return phi of the even stress of children where one grows within their parents."""

@@ -87,10 +87,11 @@ class Sheets:
         self.place = place[self.base]
         self.jump = 3 * self.points + edges
         self._close(around)
-        opens = self.linear[0].copy()
-        opens[1:] &= ~(self.linear[0, :-1] & (np.diff(self.loop) == 0))
-        self.opens, self.runs = opens, self.jump + 3 * len(self.cuts)
-        self.one = self.runs + int(opens.sum())
+        # Where free runs begin: a loop does with one, if it has any.
+        self.opens = self.linear[0] & ~np.append(False, self.linear[0, :-1])
+        self.opens[self.begins] = self.linear[0, self.begins]
+        self.runs = self.jump + 3 * len(self.cuts)
+        self.one = self.runs + int(self.opens.sum())
         self.size = self.one + 1
 
     def _around(self) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
-from kaju.errors import KajuError, ResultError
+from kaju.errors import KajuError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular
 from kaju.model.elastic.corners import sharp_corners
@@ -381,8 +381,8 @@ class ElasticResult(BodyResult):
         """
         known = self.found.along if isinstance(self.found, CutAgents) else {}
         if name not in known:
-            names = ", ".join(known) or "none has a name"
-            raise ResultError(f"outline_stress: there is no outline {name!r}; there is {names}")
+            told = f"outline_stress: there is no outline {name!r}{suggestion(str(name), known)}"
+            raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
         units, along = self.found.scales, known[name]
         return units.length * along.place, units.stress * along.moved
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError, brief
+from kaju.arrays import Flags, Floats, Ints, points_in
+from kaju.errors import ResultError
 from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
@@ -139,17 +139,7 @@ class OnCells:
 
     def located(self, points: Floats) -> tuple[Floats, Ints]:
         """Return points (m) as an array, and the cell of the body that each lies in or on."""
-        try:
-            points = np.asarray(points, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ResultError(f"points: must be numbers (m), got {brief(points)}") from error
-        d = self.grid.lattice.dimension
-        if points.ndim != 2 or points.shape[1] != d:
-            raise ResultError(
-                f"points: an array of shape (n, {d}) in metres is needed, got shape {points.shape}"
-            )
-        if not np.isfinite(points).all():
-            raise ResultError("points: must be finite numbers")
+        points = points_in(points, self.grid.lattice.dimension)
         cells, inside = body_cells(self.grid, points)
         if not inside.all():
             where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import brief
+from .errors import ResultError, brief
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,6 +19,18 @@ def without_rows(of: Any) -> str:
     arrays = {name: f"array{v.shape}" for name, v in held.items() if isinstance(v, np.ndarray)}
     told = ", ".join(f"{name}={arrays.get(name) or brief(v)}" for name, v in held.items())
     return f"{type(of).__name__}({told})"
+
+
+def points_in(given: Any, dimension: int) -> Floats:
+    """Return points (m) as an array of shape (n, dimension); refuse what is none."""
+    try:
+        points = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1] != dimension or not np.isfinite(points).all():
+        told = f"points: must be numbers (m) of shape (n, {dimension})"
+        raise ResultError(f"{told}, got {brief(given)}")
+    return points
 
 
 def first_largest(values: Floats) -> int:

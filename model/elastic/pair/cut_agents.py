@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ResultError, brief
+from kaju.arrays import Flags, Floats, Ints, points_in
+from kaju.errors import ResultError
 from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
@@ -154,9 +154,7 @@ class CutAgents(PairAgents):
 
     def material_at(self, points: Floats) -> Ints:
         """Return which of the scene's materials is at points (m), -1 outside of the body."""
-        points = np.asarray(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-            raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {brief(points)}")
+        points = points_in(points, 2)
         lattice = self.ground.asked.lattice
         extent, off = np.asarray(lattice.extent), TINY * min(lattice.extent)
         within = ((points >= -off) & (points <= extent + off)).all(axis=1)

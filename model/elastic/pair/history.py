@@ -18,7 +18,7 @@ from .airy import Airy
 from .border import Sides, check_held, sides_of
 from .displacement import way_of
 from .elements import DEEPEST_STEP, child_maps
-from .leaves import BITS, LeafCells, Mesh, PlaneMesh, corners, mesh_of
+from .leaves import LeafCells, Mesh, PlaneMesh, corners, mesh_of
 from .levels import DIRECT, FieldLevel, descent, handed_down, level_of
 from .opinions import Opinions
 from .space import SETTLED, Bricks, hats_of
@@ -155,12 +155,6 @@ class Family:
     An agent that spawns retires: its children take its place. To keep neighbours of similar
     size, a child may spawn children of its own in the same step.
 
-    Parameters
-    ----------
-    dimension : int
-    metre : float
-        Length (m) of the unit in which generations count.
-
     Attributes
     ----------
     rows : structured array, shape (agents,)
@@ -180,6 +174,8 @@ class Family:
         Rows of the agents that have not retired, along a space-filling curve.
     step : int
         Number of the last generation.
+    metre : float
+        Length (m) of the unit in which generations count.
     """
 
     def __init__(self, dimension: int, metre: float) -> None:
@@ -287,22 +283,21 @@ def trees_of(
 
     Within outlines they need not fill these (be `whole`), and halve as often as it takes.
     """
-    d, trees, sound = first.dimension, [first], False
+    d, trees = first.dimension, [first]
     for number, one in enumerate(generations):
-        leaves, size = trees[-1], np.append(one.size, 1 << 62)
-        for _ in range(1 + (BITS[d] if not whole else DEEPEST_STEP if number else 0)):
-            # The first that begins in each, and the first beyond: a smaller one is a part of it.
-            at, end = np.searchsorted(one.code, [leaves.code, leaves.code + leaves.size**d])
-            if not whole:
-                leaves, at = leaves.only(end > at), at[end > at]
-            sound = np.array_equal(leaves.code, one.code) and np.array_equal(leaves.size, one.size)
-            if sound:
-                break
-            leaves = leaves.split(size[at] < leaves.size)
-        sound = sound and not (whole and len(leaves.balanced()) > len(leaves))
+        before, code, size = trees[-1], one.code, one.size
+        at = np.maximum(np.searchsorted(before.code, code, "right") - 1, 0)
+        away, parts = code - before.code[at], before.size[at] // size
+        sound = np.all((parts > 0) & (parts & (parts - 1) == 0) & (parts * size == before.size[at]))
+        # Each is one of the parts of one before, and ends where the next begins, or before.
+        volume = np.where(parts > 0, size, 1) ** d
+        sound &= np.all((away >= 0) & (away % volume == 0) & (away < before.size[at] ** d))
+        sound &= len(code) > 0 and np.all(np.diff(code) >= volume[:-1])
+        leaves = LeafCells(corners(code, d), size, before.kind[at], code)
+        if sound and whole:
+            sound = parts.max() <= (1 << DEEPEST_STEP if number else 1)
+            sound &= volume.sum() == (before.size**d).sum() and len(leaves.balanced()) == len(code)
         if not sound:
-            break
+            raise ResultError("its agents do not stand side by side in the body")
         trees.append(leaves)
-    if not sound:
-        raise ResultError("its agents do not stand side by side in the body")
     return trees[1:]

@@ -109,9 +109,10 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   };
   if (seen) {
     const px = X(over[here]), py = Y(lists[0][here]);
-    ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
-    if (beside) paintWord(ctx, `● ${told}`, x + w + 2, y - 12, inks.ink, inks, { align: "right", font: BOLD });
-    else put(told, Math.max(px < x + w / 2 ? px + 6 + wide(told, BOLD) : px - 6, x + 2 + wide(told, BOLD)), py - 9, inks.ink, BOLD);
+    const ink = lists.length > 1 && !near ? colours[0] : inks.ink;   // of several curves it is the first one's
+    ctx.fillStyle = ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
+    if (beside) paintWord(ctx, `● ${told}`, x + w + 2, y - 12, ink, inks, { align: "right", font: BOLD });
+    else put(told, Math.max(px < x + w / 2 ? px + 6 + wide(told, BOLD) : px - 6, x + 2 + wide(told, BOLD)), py - 9, ink, BOLD);
   }
   shown.forEach((list, i) => {
     if (names?.[i] && lists.length > 1 && list.length) put(names[i], Math.min(x + w, X(over[list.length - 1])) - 3, Y(list.at(-1)) + (i ? 10 : -8), colours[i % 4], FONT);

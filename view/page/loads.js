@@ -71,7 +71,7 @@ export class Loads {
     if (hold?.ghost) this.paintGhost(view, hold);
   }
   label(view, size, [x, y], dx, dy, length, n) {
-    const { ctx, w } = view, { inks } = this.page, text = quantity(Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
+    const { ctx, w } = view, { inks } = this.page, text = quantity(size < 1e-6 * this.strongest ? 0 : Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
     ctx.font = font;
     const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, lies = Math.abs(dx) > Math.abs(dy), my = y + dy * length * 0.4 - (lies ? 14 : 0);
     for (const left of lies ? [mx - wide / 2] : [mx + 11, mx - 11 - wide]) {   // where it meets no other arrow and no other word

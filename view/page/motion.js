@@ -29,7 +29,7 @@ export class MotionPage extends Page {
     for (const load of this.whole) load.out = load.force.some((x, a) => (x > 0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 < this.edge + 0.01));   // out of the box round the body
   }
   get forces() {
-    const share = this.shares.length ? this.shares[this.g] : 1, { points, low, unit, dimension: d } = this;   // they go with what they act on
+    const share = this.shares.length ? this.shares[this.g] || 1e-9 : 1, { points, low, unit, dimension: d } = this;   // they go with what they act on
     return this.whole.map(({ cell, force, near, out }) => ({ out, cell: this.where(near).map((x, a) => cell[a] + x - (points[near * d + a] - low[a]) / unit), force: force.map((x) => share * x) }));
   }
   /** The point at rest that is nearest to a place. */

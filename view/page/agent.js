@@ -38,7 +38,8 @@ function distance(a, b) {
 }
 const NAMES = "MaterialAgent FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent Load Emission Shares Parameter State direction magnitude copies sense total arm share kept taken passed dropped squeezed index model material shares threshold generation emissions take pass_on shortening give_back turn spawn_step woken_by random super self load True False None return import range print super append hand_over uniform choice random own forward friction poisson".split(" ");
 /** The name that is meant: small letters stay small. */
-const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
+const KEYWORD = /^(and|as|class|def|elif|else|for|from|if|import|in|is|lambda|not|or|pass|return|try|while|with|yield)$/;
+const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word) && !KEYWORD.test(n)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
 
 /** What a guard of kaju says, in the reader's language; in English as it is. */
 function guarded(t, text) {
@@ -163,7 +164,7 @@ export class Workshop {
     const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.pending ? t("solving") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
     const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
-    return [choose, ...asks, out, ...bars, make("div", { className: "editor" }, this.gutter, this.field),
+    return [choose, ...asks, out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => { page.goal = null; this.run(); this.out.textContent = t("solving"); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
       ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }

@@ -30,7 +30,8 @@ test-slow: $(VENV)/.test
 EXAMPLES ?= 500
 
 stress: $(VENV)/.test
-	KAJU_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest tests/test_random_scenes.py $(WORKERS)
+	KAJU_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest tests/test_random_scenes.py $(WORKERS) \
+		--hypothesis-show-statistics
 
 # PETSc and mpi4py come from the system, for the system's Python, built for NumPy 1: an
 # environment of its own sees them.

@@ -6,11 +6,13 @@ The photograph of the page needs Debian's chromium.
 from __future__ import annotations
 
 import argparse
+import itertools
 import re
 import shutil
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from lesson_runs import broad
@@ -46,6 +48,7 @@ def main() -> None:
     lug = kaju.solve(kaju.load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
     kaju.plot(lug, "von_mises").savefig(folder / "lug.png", dpi=90)
     _bracket().savefig(folder / "bracket.png", dpi=110)
+    _stability().savefig(folder / "stability_map.png", dpi=100)
     study = beside_elasticity(kaju.load_scene(EXAMPLES / "plate.toml"), evaluations=600)
     for name, figure in pictures_beside(study).items():
         save(figure, folder / f"comparison_{name}.png")
@@ -100,6 +103,27 @@ def _bracket() -> Figure:
     ax.set_ylabel("energy (nJ): the true one lies in the band", fontsize=9)
     ax.tick_params(labelsize=8)
     ax.grid(color=LINE, lw=0.4)
+    return figure
+
+
+def _stability() -> Figure:
+    """Draw which coefficients let loads end in runs, beside the limit of the certificate."""
+    figure = new_figure((7.6, 3.6))
+    shares = 0.02 + np.arange(10) / 10
+    for ax, beta, ratio in zip(figure.subplots(1, 2), (1.0, 0.5), (0.3, 0.45), strict=True):
+        changes: dict[str, Any] = {"body.cells": [9, 9], "materials.steel.poissons_ratio": ratio}
+        changes["loads.0"] = {"cell": [4, 8], "force": [0.0, -1.0]}
+        plate = kaju.load_scene(EXAMPLES / "plate.toml", changes)
+        for ahead, friction in itertools.product(shares, shares / 2):
+            rule = kaju.PrescribedRule((0.5, ahead, friction), beta, accumulate=True)
+            model = kaju.LoadModel(plate.replace(rule=rule), allow_unstable=True, threshold=1e-6)
+            ended = model.run().last.outcome.startswith("at rest")
+            ax.plot(ahead, friction, "o" if ended else "x", color="C0" if ended else "C3", ms=5)
+        limit = 1 - 2 * 0.5 * (1 - beta) * ratio
+        ax.plot([0, limit], [limit / 2, 0], color="black", lw=1.2)
+        ax.set_title(f"β = {beta:g}, ν = {ratio:g}", fontsize=9)
+        ax.set_xlabel("ahead α₂", fontsize=9)
+        ax.set_ylabel("friction α₃", fontsize=9)
     return figure
 
 

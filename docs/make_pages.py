@@ -189,10 +189,9 @@ def picture(of: Lesson) -> str:
     """Return a lesson's body and load before the first step: it must not answer a question."""
     figure = _at_rest(of)
     ax = figure.axes[0]
-    for beside in [*figure.texts, *figure.legends, *figure.axes[1:]]:
+    legend = [ax.legend_] if ax.legend_ else []
+    for beside in [*figure.texts, *figure.legends, *figure.axes[1:], *ax.texts, *legend]:
         beside.remove()
-    for words in [*ax.texts, *([ax.legend_] if ax.legend_ else [])]:
-        words.remove()
     for part in ax.findobj(lambda one: one.get_gid() in ("nodes", "rims")):
         part.set(color="0.5", visible=part.get_gid() == "rims")  # a cut is seen
     for where in ("left", "center", "right"):

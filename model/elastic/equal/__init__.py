@@ -3,7 +3,7 @@
 In comes a scene, out come displacements of all faces of its cells, with an estimated error.
 Read `staggered` (the law), then:
 
-- `problem`, `grid`, `supports`, `cell_loads`: a scene as arrays of scaled numbers.
+- `problem`, `grid`, `supports`: a scene as arrays of scaled numbers.
 - `solver`: which way is taken; `system`: loads and solutions; `direct`: few cells by factors;
   `iterative`: many by conjugate gradients (`krylov`), with one cycle of multigrid as the
   preconditioner, rubber with pressures of its own.

@@ -1,24 +1,32 @@
-"""The grid that a scene is solved on: its own cells, or as many smaller ones as it takes."""
+"""The grid that a scene is solved on: its own cells, or as many smaller ones as it takes.
+
+A force normal to a face acts on that face, one in a cell's middle in halves on the two faces across
+it. A force *along* a free surface is a shear stress on the surface. The face that it drags lies
+half a cell below, so that it reaches the surface as a couple: u(surface) = u(below) + (h/2)(γ -
+∂u_n/∂s) with γ given. Couples load the gradients of the displacement at edges. These are exact for
+rotations of the whole body, so that no moment is lost.
+"""
 
 from __future__ import annotations
 
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.elastic.moduli import constants_of, moduli_of
 from kaju.model.elastic.scales import Scales
+from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
+from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.selection import AppliedLoads
 from kaju.model.scene.sides import SideCondition
 
-from .cell_loads import face_forces
-from .problem import ElasticProblem, FaceFields, face_zeros, rim_layer
+from .problem import ACTIVE, ElasticProblem, FaceFields, face_zeros, rim_layer
 from .supports import check_supports, slender_cell
 
 Origin = tuple[int, ...]
@@ -84,9 +92,9 @@ def problem_of(
     """Return the problem of a box of a scene's cells."""
     # `rim` is what the cells are, by the row of `constants` (Young's modulus in Pa, Poisson's
     # ratio) or AIR, RIGID, with one layer more that says what lies beyond.
-    d, moved = rim.ndim, np.zeros((rim.ndim, 2, rim.ndim))
+    d, shifts = rim.ndim, np.zeros((rim.ndim, 2, rim.ndim))
     for index, side in sides_of(scene, *scene.bounds()).items():
-        moved[divmod(index, 2)] = np.array(side.displacement or [0.0] * d) / scales.displacement
+        shifts[divmod(index, 2)] = np.array(side.displacement or [0.0] * d) / scales.displacement
     fixed, spring = _side_fields(rim, sides_of(scene, *box), scales)
     problem = ElasticProblem(
         kinds=rim,
@@ -95,7 +103,7 @@ def problem_of(
         fixed=fixed,
         spring=spring,
         surface_shear={},
-        moved=moved,
+        moved=shifts,
         scales=scales,
         plane=scene.plane,
         thickness=scene.thickness if rim.ndim == 2 else 1.0,
@@ -117,12 +125,12 @@ def _side_fields(
             layer[axis] = own
             spring[axis][tuple(layer)] = side.stiffness * scales.length / scales.modulus
         # Its faces, and the ghosts within it; rigid cells inside the array stay where they are.
-        for component, moved in enumerate(np.array(side.displacement or ()) / scales.displacement):
+        for component, shift in enumerate(np.array(side.displacement or ()) / scales.displacement):
             lines = np.moveaxis(fixed[component], axis, 0)
             if component == axis:
-                lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = moved
+                lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = shift
             else:
-                lines[beyond] = moved
+                lines[beyond] = shift
     return fixed, spring
 
 
@@ -202,3 +210,180 @@ def repeated(stiffness: Floats | None, division: int) -> Floats | None:
         for axis in range(stiffness.ndim):
             stiffness = np.repeat(stiffness, division, axis)
     return stiffness
+
+
+def face_forces(problem: ElasticProblem, loads: AppliedLoads) -> None:
+    """Add forces to the problem's faces, and the moments of those that lie unevenly on theirs."""
+    cells, direction, force = loads.cells + 1, loads.direction, loads.force / problem.scales.force
+    d = problem.dimension
+    for axis, upper in product(range(d), (0, 1)):
+        for some, share in ((direction < 0, 0.5), (direction == 2 * axis + upper, 1.0)):
+            _push(problem, axis, upper, cells[some], share * force[some, axis])
+    for side in range(2 * d):
+        for axis in (a for a in range(d) if a != side // 2):
+            here = (direction == side) & (force[:, axis] != 0.0)
+            if here.any():
+                _drag(problem, axis, side, cells[here], force[here, axis])
+    if loads.uneven is None:
+        return
+    row, part, growth = loads.uneven
+    lower, size = np.zeros((len(row), d)), np.ones(len(row))
+    growth = growth / problem.scales.force
+    moment = portions(direction[row], force[row], part, growth, lower, size)[1]
+    for side in np.unique(direction[row]).tolist():
+        here = direction[row] == side
+        _turn(problem, side, cells[row[here]], moment[here])
+
+
+class _Couples(NamedTuple):
+    """Couples on cells, about their middles: of forces along `axis` on a side."""
+
+    problem: ElasticProblem
+    axis: int
+    normal: int  # Of the side
+    upper: int  # Whether it is the upper one of the two
+    cells: Ints  # In arrays with ghosts, shape (n, d)
+    moment: Floats  # Positive from `normal` to `axis`; shape (n,)
+
+    def only(self, some: Flags) -> _Couples:
+        """Return some of them."""
+        return self._replace(cells=self.cells[some], moment=self.moment[some])
+
+    def edges(self, opposite: bool = False) -> list[Ints]:
+        """Return the edges of the side, or of the opposite one, at both ends along the axis."""
+        # An edge has the index of the cell behind it along both axes.
+        side = moved(self.cells, self.normal, self.upper ^ opposite)
+        return [moved(side, self.axis, end) for end in (0, 1)]
+
+    def beyond(self, axis: int, upper: int) -> Ints:
+        """Return the kinds of the neighbours along an axis."""
+        return np.asarray(self.problem.kinds[tuple(moved(self.cells, axis, 2 * upper - 1).T)])
+
+    def slope(self, edge: Ints, weight: Floats) -> None:
+        """Load the slope, along the normal, of the displacement along the axis."""
+        self._load_gradient(self.axis, self.normal, edge, weight)
+
+    def tilt(self, edge: Ints, weight: Floats) -> None:
+        """Load the slope, along the axis, of the displacement along the normal."""
+        self._load_gradient(self.normal, self.axis, edge, weight)
+
+    def _load_gradient(self, component: int, along: int, edge: Ints, weight: Floats) -> None:
+        force = self.problem.force[component]
+        for face, sign, there in zip(*self._faces(component, along, edge), strict=True):
+            np.add.at(force, tuple(face.T), np.where(there, sign * weight, 0.0))
+
+    def _faces(
+        self, component: int, along: int, edge: Ints
+    ) -> tuple[list[Ints], tuple[float, float], list[Flags]]:
+        """Return a component's faces before and behind edges, their signs, and whether of body."""
+        kinds, faces = self.problem.kinds, [moved(edge, along, -1), edge]
+        body = [
+            (kinds[tuple(face.T)] >= 0) | (kinds[tuple(moved(face, component, -1).T)] >= 0)
+            for face in faces
+        ]
+        return faces, (-1.0, 1.0), body
+
+    def free(self, component: int, edge: Ints) -> Flags:
+        """Tell at which edges a component has faces before and behind that are free to move."""
+        along, states = self.axis + self.normal - component, self.problem.face_states[component]
+        faces, _, (before, behind) = self._faces(component, along, edge)
+        moves = [states[tuple(face.T)] == ACTIVE for face in faces]
+        return np.asarray(before & behind & moves[0] & moves[1])
+
+    def lift(self, edge: Ints, weight: Floats) -> None:
+        """Load the slope along the normal at edges of the opposite side, also against a wall."""
+        self.slope(edge, weight)
+        before, behind = self._faces(self.axis, self.normal, edge)[2]
+        held = self.beyond(self.normal, 1 - self.upper) == RIGID
+        pull = np.where(held, (1.0 * behind - before) * weight, 0.0)
+        _bear(self, self.normal, 1 - self.upper, self.axis, -pull)
+
+    def make_up(self) -> Floats:
+        """Enter couples at the opposite side; return those that do not fit."""
+        edges = self.edges(opposite=True)
+        turns = np.stack([self.free(self.axis, e) & self.free(self.normal, e) for e in edges])
+        kind = self.beyond(self.normal, 1 - self.upper)
+        lifts = ~turns.any(axis=0) & ((kind == RIGID) | (kind >= 0))
+        for edge, turn in zip(edges, turns, strict=True):
+            share = turn / np.maximum(2 * turns.sum(axis=0), 1) * self.moment
+            self.slope(edge, share)
+            self.tilt(edge, -share)
+            self.lift(edge, np.where(lifts, 0.5 * self.moment, 0.0))
+        return np.where(lifts | turns.any(axis=0), 0.0, self.moment)
+
+    def tilt_surface(self, running: list[Flags], lost: Floats) -> None:
+        """Load the surface where it runs on; enter what is lost where it ends, or else load it."""
+        ended = lost != 0.0
+        rest = np.zeros_like(lost)
+        rest[ended] = self.only(ended)._replace(moment=lost[ended]).make_up()
+        for edge, runs_on in zip(self.edges(), running, strict=True):
+            self.tilt(edge, np.where(runs_on, -0.5 * self.moment - rest, 0.0))
+
+
+def _push(problem: ElasticProblem, axis: int, upper: int, cells: Ints, value: Floats) -> None:
+    """Add forces to faces normal to an axis, at one end of cells."""
+    np.add.at(problem.force[axis], tuple(moved(cells, axis, upper).T), value)
+
+
+def _bear(couples: _Couples, axis: int, upper: int, component: int, value: Floats) -> None:
+    """Add forces on the walls beyond cells along an axis, in halves on the ghosts' faces."""
+    ghost = moved(couples.cells, axis, 2 * upper - 1)
+    for end in (0, 1):
+        _push(couples.problem, component, end, ghost, 0.5 * value)
+
+
+def _drag(problem: ElasticProblem, axis: int, side: int, cells: Ints, value: Floats) -> None:
+    """Add forces along an axis on a side of cells, normal to another axis."""
+    # The loaded faces lie half a cell below the side, so a couple comes with the force.
+    normal, upper = divmod(side, 2)
+    couples = _Couples(problem, axis, normal, upper, cells, (upper - 0.5) * value)
+    kind = couples.beyond(normal, upper)
+    held, inside = kind == RIGID, kind >= 0
+    for end in (0, 1):
+        _push(problem, axis, end, cells, np.where(held, 0.0, 0.5) * value)
+    _bear(couples, normal, upper, axis, np.where(held, value, 0.0))
+    for edge in couples.edges():
+        couples.slope(edge, np.where(inside, 0.5 * couples.moment, 0.0))
+    # Frictionless supports take no shear, like a free surface: the body carries all of it.
+    _drag_surface(couples.only(np.isin(kind, (AIR, ROLLER, FOUNDATION))))
+
+
+def _drag_surface(couples: _Couples) -> None:
+    """Add the traction of a free surface, and the load -moment·∂u_n/∂s along it."""
+    problem, axis, normal, upper, cells, moment = couples
+    if not len(cells):
+        return
+    pair = min(axis, normal), max(axis, normal)
+    edges = [n + (a in pair) for a, n in enumerate(problem.kinds.shape)]
+    shear = problem.surface_shear.setdefault(pair, np.zeros(edges))
+    lost, running = np.zeros_like(moment), []
+    far = couples.edges(opposite=True)
+    for end, edge in enumerate(couples.edges()):
+        np.add.at(shear, tuple(edge.T), moment)
+        runs_on = couples.free(normal, edge)
+        walled = ~runs_on & (couples.beyond(axis, end) == RIGID)
+        pull = np.where(walled, (2 * end - 1) * moment, 0.0)
+        _push(problem, normal, upper, cells, pull)
+        _bear(couples, axis, end, normal, -pull)
+        lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
+        running.append(runs_on)
+        # The force on the wall acts half a cell from it: one more couple.
+        held, inner = couples.only(walled), far[end][walled]
+        before, behind = held._faces(axis, normal, inner)[2]
+        there = (before & behind) | (held.beyond(normal, 1 - upper) == RIGID)
+        held.lift(inner, np.where(there, -0.5 * held.moment, 0.0))
+    couples.tilt_surface(running, lost)
+
+
+def _turn(problem: ElasticProblem, side: int, cells: Ints, moment: Floats) -> None:
+    """Add the first moments, shape (n, d, d), of forces on a side of cells."""
+    normal, upper = divmod(side, 2)
+    axes = [axis for axis in range(problem.dimension) if axis != normal]
+    for axis in axes:
+        couples = _Couples(problem, axis, normal, upper, cells, -moment[:, normal, axis])
+        free = [couples.free(normal, edge) for edge in couples.edges()]
+        couples.tilt_surface(free, (2 - np.sum(free, axis=0)) * 0.5 * couples.moment)
+    for first, second in combinations(axes, 2):
+        twist = 0.5 * (moment[:, first, second] - moment[:, second, first])
+        for end in (0, 1):
+            _Couples(problem, first, second, end, cells, twist).make_up()

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from stored_files import rewritten
 
 import kaju
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError, ResultError, SceneError
 
 LIME = {"youngs_modulus": 1e9, "poissons_ratio": 0.0}
 HALF = LIME | {"youngs_modulus": 5e8}
@@ -97,6 +98,9 @@ def test_it_is_stored(tmp_path):
     again = kaju.load_result(answer.save(tmp_path / "answer"))
     np.testing.assert_array_equal(again.energy, answer.energy)
     np.testing.assert_array_equal(again.stiffness, answer.stiffness)
+    rewritten(tmp_path / "answer.npz", lambda arrays, _: arrays["found.factor"].put(0, 0.0))
+    with pytest.raises(ResultError, match="'factor' must be above 0"):
+        _ = kaju.load_result(tmp_path / "answer.npz").grid
 
 
 @pytest.mark.parametrize("wrong", [np.ones((6, 8)), np.ones(48), -np.ones((8, 6)), "soft", 1.0])

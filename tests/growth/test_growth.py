@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peers.optimality import POWER, VOID, Beam, Bilinear
+from plates import loaded
 from stored_files import rewritten
 from typer.testing import CliRunner
 
@@ -63,6 +64,16 @@ def test_without_a_filter_no_checkerboard_grows():
     assert not (np.abs(a + b - c - d) > 1.6).any()
 
 
+def test_a_body_with_a_hole_on_one_side_grows_otherwise_on_the_other():
+    loads = [{"cell": [i, 4], "side": "top", "force": [0.0, -0.3]} for i in (1, 7)]
+    hole = {"box": [[0.05, 0.02], [0.06, 0.03]], "material": "air"}
+    options = {"volume": 0.5, "most_steps": 6, "filter_radius": 1.5}
+    for regions in ([], [hole]):
+        model = kaju.GrowthModel(loaded([9, 5], *loads, regions=regions), **options)
+        density = model.run().density
+        assert np.allclose(density[:3], density[:-4:-1]) == (not regions)
+
+
 def test_compliance_falls_by_what_cells_feel():
     """The slope that rules are told, against the difference between two designs."""
 
@@ -93,6 +104,7 @@ def test_bone_rests_where_its_stimulus_is_met():
     # p U / x with U = σ²/(2 E x^p): at p = 1 the density is σ over the root of 2 E S.
     stimulus = STRESS**2 / (2.0 * 1e9 * 0.3**2)
     rule = Remodelling(stimulus=stimulus, lazy=0.0, powers=(1.0, 1.0), gain=0.4)
+    assert (rule.patience, Remodelling().patience) == (0, 100)
     result = tie(rule=rule, at_rest=1e-9, most_steps=200)
     np.testing.assert_allclose(result.density, 0.3, rtol=1e-5)
     lazy = Remodelling(stimulus=stimulus, lazy=0.1, powers=(1.0, 1.0))

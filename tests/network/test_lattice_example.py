@@ -1,25 +1,14 @@
 """The lattice example: it runs, and shows what its page says it shows."""
 
 import json
-import sys
-from importlib import util
 from pathlib import Path
 
 import pytest
+from scripts import script
 
 FOLDER = Path(__file__).parents[2] / "examples" / "lattice"
-
-
-def _load(file, name):
-    spec = util.spec_from_file_location(name, FOLDER / file)
-    module = util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-lattice = _load("lattice.py", "lattice")
-run = _load("run.py", "lattice_run")
+lattice = script(FOLDER / "lattice.py")
+run = script(FOLDER / "run.py")
 
 
 @pytest.mark.parametrize(

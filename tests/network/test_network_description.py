@@ -72,8 +72,7 @@ def test_inner_nodes_are_moved_by_chance_and_springs_are_bars_of_one_cross_secti
     shift = np.abs(moved.positions - triangular(4, 4, spacing=2.0).positions)
     assert np.array(moved.names)[shift.any(axis=1)].tolist() == [[1, 1], [2, 1], [2, 2]]
     assert 0.2 < shift.max() <= 0.4
-    ends = moved.positions[moved.springs]
-    long = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    long = spring_lengths_and_directions(moved.positions, moved.springs)[0]
     np.testing.assert_allclose(moved.stiffness * long, 6.0)
 
 

@@ -31,8 +31,7 @@ def free_page(of, folder):
 
 
 @pytest.mark.parametrize(
-    "lesson_name",
-    [pytest.param(n, marks=() if n in FEW else pytest.mark.slow) for n in RUNNABLE],
+    "lesson_name", [pytest.param(n, marks=() if n in FEW else pytest.mark.slow) for n in RUNNABLE]
 )
 def test_lesson_pages_show_the_same(lesson_name, opened, tmp_path):
     of = lesson(lesson_name)

@@ -1,26 +1,14 @@
 """The noodle example: it runs, and shows what its page says it shows."""
 
 import json
-import sys
-from importlib import util
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+from scripts import script
 
 FOLDER = Path(__file__).parents[2] / "examples" / "noodle_bite"
-
-
-def _load(file: str, name: str) -> ModuleType:
-    spec = util.spec_from_file_location(name, FOLDER / file)
-    module = util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-noodle = _load("noodle.py", "noodle")
+noodle = script(FOLDER / "noodle.py")
 SHORT = noodle.Meal(chews=2, hold=2.0, rest=3.0)
 
 
@@ -49,7 +37,7 @@ def test_a_held_noodle_gives_on_and_what_flowed_stays(firm, soft):
 
 
 def test_the_script_writes_pictures_and_figures(tmp_path):
-    run = _load("run.py", "noodle_bite_run")
+    run = script(FOLDER / "run.py")
     summary = run.main(["--out", str(tmp_path), "--rows", "5", "--compare", "3", "--chews", "0"])
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
     for name in ("force_time.png", "shapes.png", "nodes_and_material.png", "bite.gif"):

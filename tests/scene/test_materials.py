@@ -47,7 +47,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_scenes_share_a_file_of_materials(folder):
+def test_scenes_share_a_file_of_materials(folder, typed):
     scene = load_scene(folder / "scene.toml")
     agar, steel = scene.cell_materials
     assert (agar.name, agar.youngs_modulus, agar.poissons_ratio) == ("agar", 30e3, 0.49)
@@ -55,6 +55,7 @@ def test_scenes_share_a_file_of_materials(folder):
     assert Scene.from_toml(SCENE, folder) == scene
     again = Scene.from_toml(scene.to_toml())
     assert again == scene, "written whole, it needs no other file"
+    assert "stiff steel" in typed("materials", "--file", folder / "lab.toml").output
 
 
 def test_python_takes_the_file_too(folder):

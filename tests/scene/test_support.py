@@ -3,6 +3,7 @@
 import pytest
 from plates import loaded
 
+from kaju import solve
 from kaju.errors import SceneError, SupportError
 
 GROUND = {"bottom": "rigid"}
@@ -28,6 +29,11 @@ def test_a_body_or_a_part_that_touches_no_support_is_refused(drawing, sides, tol
     with pytest.raises(SceneError, match=told) as refused:
         loaded(drawing, sides=sides)
     assert isinstance(refused.value, SupportError) == ("none of" not in told)
+
+
+def test_what_may_slide_is_named_by_its_cell_in_the_scene():
+    with pytest.raises(SupportError, match=r"cell \(1, 0\): it could move along x"):
+        solve(loaded(".##\n.##", sides={"bottom": "roller"}))
 
 
 def test_loose_parts_in_space():

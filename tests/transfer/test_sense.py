@@ -6,6 +6,7 @@ from plates import loaded
 from transfer_answers import ENGINES, of_cells
 
 from kaju import LoadModel, PrescribedRule
+from kaju.errors import ParameterError
 
 STRAIGHT = PrescribedRule(alpha=(0.5, 0.8, 0.0), beta=1.0, threshold=0.05, sense=True)
 DOWN, UP = 2, 3
@@ -14,6 +15,13 @@ DOWN, UP = 2, 3
 def column(force, rule=STRAIGHT, cells=4, bottom="rigid"):
     sides, load = {"bottom": bottom}, {"side": "top", "force": [0.0, force]}
     return loaded([1, cells], load, sides=sides, rule=rule, allow_floating=True)
+
+
+def test_shares_are_0_or_more_with_a_sense_too(monkeypatch):
+    own = PrescribedRule.shares
+    monkeypatch.setattr(PrescribedRule, "shares", lambda *of: own(*of)._replace(forward=-0.1))
+    with pytest.raises(ParameterError, match=r"the share 'forward' = -0\.1"):
+        LoadModel(column(-1.0))
 
 
 def assert_negative(pulled, pushed):

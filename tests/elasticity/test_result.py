@@ -6,6 +6,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 from goal_bodies import plate
+from plates import loaded
 from spawning_bodies import under_a_patch
 from stored_files import rewritten
 
@@ -35,17 +36,10 @@ def test_cells_and_agents_give_one_kind_of_answer(answer):
 
 
 def test_the_largest_displacement_is_looked_for_at_corners_however_fine_the_agents():
-    bracket = kaju.Scene(
-        body={
-            "size": [0.12, 0.12],
-            "cells": [24, 24],
-            "thickness": 0.008,
-            "material": "steel",
-            "regions": [{"box": [[0.04, 0.04], [0.12, 0.12]], "material": "air"}],
-        },
-        sides={"top": "rigid"},
-        loads=[{"region": {"box": [[0.12, 0.0], [0.12, 0.04]]}, "force": [0.0, -500.0]}],
-    )
+    load = {"region": {"box": [[0.12, 0.0], [0.12, 0.04]]}, "force": [0.0, -500.0]}
+    cut = {"box": [[0.04, 0.04], [0.12, 0.12]], "material": "air"}
+    size = {"size": [0.12, 0.12], "thickness": 0.008}
+    bracket = loaded([24, 24], load, **size, regions=[cut], sides={"top": "rigid"})
     found = [solve(bracket), *(solve(bracket, tolerance=allowed) for allowed in (0.1, 0.02))]
     for one in found:
         (corner,) = np.linalg.norm(one.displacement_at([[0.12, 0.0]]), axis=1)

@@ -143,7 +143,7 @@ TREE = {
     "size": (set_to(f"{LAST}.size", lambda v: first(v, 3)), "side by side"),
     "nan": (set_to(f"{LAST}.gap", lambda v: first(v, np.nan)), "0.gap' must hold finite"),
     "missing": (lambda arrays, about: arrays.pop(f"{LAST}.chosen"), "chosen' is missing"),
-    "none": (told("found.PairAgents.generations", []), "side by side"),
+    "none": (told("found.PairAgents.generations", []), "no generation"),
     "resolution": (told("found.PairAgents.ground.resolution", "two"), "resolution"),
     "later": (told("format", 99), "in version 99"),
 }

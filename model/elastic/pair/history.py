@@ -284,6 +284,8 @@ def trees_of(
     Within outlines they need not fill these (be `whole`), and halve as often as it takes.
     """
     d, trees = first.dimension, [first]
+    if not generations:
+        raise ResultError("it holds no generation of agents")
     for number, one in enumerate(generations):
         before, code, size = trees[-1], one.code, one.size
         at = np.maximum(np.searchsorted(before.code, code, "right") - 1, 0)

@@ -76,14 +76,15 @@ def test_a_couple_bends_a_bar_as_a_beam():
     tip = solve(scene, resolution=4).displacement_at(np.array([[0.04, 0.4]]))[0, 0]
     inertia = scene.cell_materials[0].youngs_modulus * 0.5 * 0.08**3 / 12.0
     assert tip == pytest.approx(-100.0 * 0.4**2 / (2.0 * inertia), rel=0.03)
-    hole = {"disk": {"centre": [0.04, 0.2], "radius": 1e-3}, "material": "air", "outline": "true"}
-    outlined = plate({"side": "top", "couple": 100.0}, cells=(8, 40), regions=[hole])
-    goal = solve(outlined, tolerance=0.05, goal="top").goals[0]
-    assert abs(goal.value[0] - tip) < goal.error_bound < 0.05 * abs(tip)
+    hole = {"disk": {"centre": [0.04, 0.04], "radius": 1e-3}, "material": "air", "outline": "true"}
+    couple = {"side": "right", "couple": 100.0}
+    lying = plate(couple, cells=(40, 8), regions=[hole], sides={"left": "rigid"})
+    goal = solve(lying, tolerance=0.05, goal="right").goals[0]
+    assert abs(goal.value[1] + tip) < goal.error_bound < 0.05 * abs(tip)
     slope = -12.0 * 100.0 / (0.5 * 0.08**3)  # of the pressure that has this moment
     water = {"side": "top", "pressure": -0.04 * slope, "pressure_slope": [slope, 0.0]}
-    again = solve(outlined.replace(loads=[water]), tolerance=0.05, goal="top").goals[0]
-    assert again.value == pytest.approx(goal.value, abs=1e-9 * abs(tip))
+    again = solve(plate(water, cells=(8, 40), regions=[hole]), tolerance=0.05, goal="top").goals[0]
+    assert abs(again.value[0] - tip) < again.error_bound
 
 
 def test_a_couple_in_space_turns_about_its_axis():
